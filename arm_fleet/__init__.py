@@ -11,6 +11,7 @@ from arm_io import lazy
 if TYPE_CHECKING:
     from arm_fleet.fetching import Fetched, fetched
     from arm_fleet.fleet import Fleet, fleet_of
+    from arm_fleet.parts import ArmTasks
     from arm_fleet.plan import Plan, read_plan
     from arm_fleet.recordings import ArmNight, arm_nights
     from arm_fleet.simulation.recordings import Scene, write_fleet
@@ -25,6 +26,7 @@ else:
 
 __all__ = [
     "ArmNight",
+    "ArmTasks",
     "Cluster",
     "Engine",
     "Fetched",

@@ -3,38 +3,41 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from arm_fleet.judging.alarms import Alarm, Night, alarms
-from arm_fleet.judging.nights import nights_of
-from arm_fleet.judging.verdicts import Condition, Verdict, verdict_of
+from arm_fleet.judging.alarms import Alarm, corrected
+from arm_fleet.judging.verdicts import Condition, Verdict, limits_of
+from arm_fleet.parts import ArmTasks, compare, judge
 from arm_fleet.plan import Plan
-from arm_fleet.report.page import arm_file, arm_page, fleet_page
-from arm_fleet.report.tables import write_tables
-from arm_fleet.tasks.store import Record, Store
-from arm_fleet.tasks.task import State
-from arm_io import make_folder, write_text
+from arm_fleet.report.page import fleet_page
+from arm_fleet.report.tables import tables_in
+from arm_fleet.tasks.cluster import Cluster
+from arm_fleet.tasks.store import TaskLine
+from arm_io import write_text
 from arm_io.progress import Progress, Step
-from arm_model import Arm
 
 SCHEMA = "armscope.fleet/1"
+MANY = 4000
+"""Tasks from which on several processes judge: of fewer, starting them takes longer."""
+TOGETHER = 20
+"""Arms that are judged in one call of a process."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Fleet:
     """What ``armscope fleet`` returns; ``to_json`` has the layout of fleet.json.
 
-    records   of all tasks of the plan that ran, now or earlier; ran: so many of them ran now
+    tasks     all tasks of the plan that ran, now or earlier; ran: so many of them ran now
     alarms    of every night that could be compared; verdicts: of every arm, as in the plan
     """
 
     plan: Plan
     folder: Path
-    records: list[Record]
-    nights: Mapping[str, Sequence[Night]]
+    tasks: list[TaskLine]
     alarms: list[Alarm]
     verdicts: list[Verdict]
     ran: int = 0
@@ -47,9 +50,9 @@ class Fleet:
         return sorted(found, key=lambda one: one.p or 0.0)
 
     @property
-    def failed(self) -> list[Record]:
+    def failed(self) -> list[TaskLine]:
         """Tasks without a result."""
-        return [one for one in self.records if one["state"] != State.DONE]
+        return [one for one in self.tasks if not one.done]
 
     def __repr__(self) -> str:
         return f"<Fleet {self.plan.name}: {len(self.changed)} of {len(self.verdicts)} arms changed>"
@@ -66,7 +69,7 @@ class Fleet:
             "name": self.plan.name,
             "arms": [one.to_json() for one in self.verdicts],
             "changed": [one.arm for one in self.changed],
-            "tasks": len(self.records),
+            "tasks": len(self.tasks),
             "ran": self.ran,
             "failed": len(self.failed),
             "compared_nights": len(self.alarms),
@@ -75,52 +78,72 @@ class Fleet:
             "notes": list(self.notes),
         }
 
-    def write(self, progress: Progress = lambda _: None) -> dict[str, Any]:
-        """Writes all but the results themselves into the folder; returns what fleet.json says."""
-        named = {one.key: {"p": one.p, "p_corrected": one.corrected, "named": one.named} for one in self.alarms}
-        write_tables(self.folder, self.records, named)
-        shown = [one for one in self.verdicts if one.trends and one.since]
-        for k, verdict in enumerate(shown):
-            progress(Step("pages", k, len(shown), detail=verdict.arm))
-            make_folder(self.folder / "arms")
-            write_text(self.folder / arm_file(verdict.arm), arm_page(self, verdict).html())
-        write_text(self.folder / "fleet.html", fleet_page(self).html())
-        table = self.to_json()
-        write_text(self.folder / "fleet.json", json.dumps(table, indent=1, default=float) + "\n")
-        return table
-
 
 def fleet_of(
     plan: Plan,
-    store: Store,
-    records: Sequence[Record],
-    models: Mapping[str, Arm],
+    folder: Path,
+    parts: Sequence[ArmTasks],
     *,
+    workers: int = 1,
     ran: int = 0,
     notes: Sequence[str] = (),
     progress: Progress = lambda _: None,
 ) -> Fleet:
-    """The results of a plan, judged together.
+    """Judges the kept results of a plan together, and writes pages and tables into the folder.
 
-    models  arm -> its nominal model
-    InputError where a limit is no number.
+    parts    the arms as in the plan; workers: processes of this machine that judge a large fleet
+    InputError where a limit is no number, or something cannot be written.
     """
-    progress("comparing nights")
-    nights = nights_of(store, records, models)
-    found = alarms(plan, nights)
-    verdicts = []
-    for k, arm in enumerate(plan.arm):
-        progress(Step("trends", k, len(plan.arm), detail=arm.name))
-        mine = [one for one in found if one.arm == arm.name]
-        own = [one for one in records if one["arm"] == arm.name]
-        verdicts.append(verdict_of(plan, arm.name, nights[arm.name], mine, own))
-    return Fleet(
+    limits_of(plan)
+    count = len(parts)
+    with _mapping(workers if sum(len(one.keys) for one in parts) >= MANY else 1) as mapped:
+        compared = []
+        for k, one in enumerate(mapped(compare, [(plan, folder, part) for part in parts])):
+            progress(Step("comparing nights", k + 1, count))
+            compared.append(one)
+        alarms = iter(corrected([alarm for one in compared for alarm in one.alarms], plan.rate))
+        own = [[next(alarms) for _ in one.alarms] for one in compared]
+        verdicts = []
+        with tables_in(folder) as append:
+            for k, judged in enumerate(mapped(judge, [(plan, folder, *one) for one in zip(parts, own)])):
+                progress(Step("trends", k + 1, count, detail=judged.verdict.arm))
+                append(judged.tables)
+                verdicts.append(judged.verdict)
+    fleet = Fleet(
         plan=plan,
-        folder=store.folder,
-        records=list(records),
-        nights=nights,
-        alarms=found,
+        folder=folder,
+        tasks=[line for one in compared for line in one.lines],
+        alarms=[alarm for several in own for alarm in several],
         verdicts=verdicts,
         ran=ran,
         notes=tuple(notes),
     )
+    write_text(folder / "fleet.html", fleet_page(fleet).html())
+    write_text(folder / "fleet.json", json.dumps(fleet.to_json(), indent=1, default=float) + "\n")
+    return fleet
+
+
+Mapped = Callable[[Callable[..., Any], Sequence[tuple[Any, ...]]], Iterable[Any]]
+"""Function and arguments of each call -> results in their order."""
+
+
+@contextmanager
+def _mapping(workers: int) -> Iterator[Mapped]:
+    """Calls in this process, or in ``workers`` others of this machine, where the results are."""
+    if workers == 1:
+        yield lambda function, calls: (function(*one) for one in calls)
+        return
+    with Cluster(workers=workers).client() as client:
+
+        def mapped(function: Callable[..., Any], calls: Sequence[tuple[Any, ...]]) -> Iterator[Any]:
+            groups = [calls[k : k + TOGETHER] for k in range(0, len(calls), TOGETHER)]
+            futures = [client.submit(_all, function, group, pure=False) for group in groups][::-1]
+            while futures:
+                # Popped, so that Dask forgets what has been read.
+                yield from futures.pop().result()
+
+        yield mapped
+
+
+def _all(function: Callable[..., Any], calls: Sequence[tuple[Any, ...]]) -> list[Any]:
+    return [function(*one) for one in calls]

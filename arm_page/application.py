@@ -23,6 +23,7 @@ from arm_page.access import Access, Role
 from arm_page.analyses import Analyses
 from arm_page.archive import FolderArchive
 from arm_page.experiments import Experiments
+from arm_page.fleets import Fleets
 from arm_page.link import RigLink
 from arm_page.live import Viewers
 from arm_page.recordings import Recordings
@@ -53,6 +54,7 @@ class Parts:
     experiments: Experiments
     recordings: Recordings
     archive: FolderArchive
+    fleets: Fleets
     analyses: Analyses
     steering: Steering
 
@@ -82,7 +84,9 @@ class Server:
             Route("/api/archive/history", self._history),
             Route("/api/analyses", self._begin, methods=["POST"]),
             Route("/api/analyses/{job}/stop", self._stop_analysis, methods=["POST"]),
+            Route("/api/fleets", self._fleets),
             Route("/reports/{job}", self._report),
+            Route("/fleets/{fleet}/{name:path}", self._fleet),
             WebSocketRoute("/api/live", self.viewers.serve),
             Mount("/static/charts", StaticFiles(directory=VENDOR)),
             Mount("/static", StaticFiles(directory=STATIC)),
@@ -176,6 +180,9 @@ class Server:
         name = query.pop("parameter", "")
         return await self._answer(request, Role.WATCH, lambda: self._parts.archive.history(name, query))
 
+    async def _fleets(self, request: Request) -> Response:
+        return await self._answer(request, Role.WATCH, self._parts.fleets.list)
+
     async def _begin(self, request: Request) -> Response:
         def begun() -> Table:
             known = self._parts.recordings
@@ -200,6 +207,14 @@ class Server:
         try:
             analysed = self._parts.analyses.holds(name)
             path = self._parts.analyses.report(name) if analysed else self._parts.archive.report(name)
+        except InputError as error:
+            return _refusal(error, 404)
+        return FileResponse(path, headers={"content-security-policy": REPORT_POLICY})
+
+    async def _fleet(self, request: Request) -> Response:
+        """A page of a fleet, as ``_report``."""
+        try:
+            path = self._parts.fleets.file(request.path_params["fleet"], request.path_params["name"])
         except InputError as error:
             return _refusal(error, 404)
         return FileResponse(path, headers={"content-security-policy": REPORT_POLICY})

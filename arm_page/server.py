@@ -20,6 +20,7 @@ from arm_page.access import Access, hosts_of
 from arm_page.analyses import Analyses, Analysis
 from arm_page.archive import FolderArchive
 from arm_page.experiments import Experiments
+from arm_page.fleets import Fleets
 from arm_page.link import RigLink
 from arm_page.recordings import Recordings
 from arm_page.scene import chain_of_rig, scene_of
@@ -72,6 +73,7 @@ class Page:
             experiments=experiments,
             recordings=recordings,
             archive=FolderArchive(recordings),
+            fleets=Fleets(recordings),
             analyses=Analyses(self.analyses, rig.model_path, recordings.folder / "results"),
             steering=Steering(link, experiments, recordings, chain, hashlib.sha256(read_file(self.rig)).hexdigest()),
         )

@@ -10,7 +10,7 @@ corrected as Benjamini and Hochberg do (JRSS B 57 (1995) 289).
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -34,7 +34,7 @@ class Night:
     results: tuple[Stored, ...]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Alarm:
     """What one night of one arm says.
 
@@ -50,12 +50,6 @@ class Alarm:
     corrected: float = 1.0
     named: bool = False
     changes: tuple[Change, ...] = ()
-
-
-def alarms(plan: Plan, fleet: Mapping[str, Sequence[Night]]) -> list[Alarm]:
-    """Every night that can be compared, by arm and night; ``fleet``: arm -> its nights, in order."""
-    found = [one for arm, nights in fleet.items() for one in _of_arm(plan, arm, nights)]
-    return corrected(found, plan.rate)
 
 
 def corrected(found: Sequence[Alarm], rate: float) -> list[Alarm]:
@@ -74,7 +68,8 @@ def reference(plan: Plan, nights: Sequence[Night]) -> list[Night]:
     return [one for one in nights if first <= one.night <= last]
 
 
-def _of_arm(plan: Plan, arm: str, nights: Sequence[Night]) -> list[Alarm]:
+def alarms_of(plan: Plan, arm: str, nights: Sequence[Night]) -> list[Alarm]:
+    """Every night of one arm that can be compared, in order; ``nights`` likewise. Not corrected yet."""
     before = reference(plan, nights)
     found = []
     last: dict[str, Change] = {}

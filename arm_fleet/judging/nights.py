@@ -1,4 +1,4 @@
-"""Kept results of a plan as what ``comparison`` reads: per arm its nights, with identification and diagnosis."""
+"""Kept results of an arm as what ``comparison`` reads: its nights, with identification and diagnosis."""
 
 from __future__ import annotations
 
@@ -33,21 +33,19 @@ COMPARED = (
 """Entries of the results that ``comparison`` reads: of a large fleet the others would fill the memory."""
 
 
-def nights_of(store: Store, records: Sequence[Record], models: Mapping[str, Arm]) -> dict[str, list[Night]]:
-    """Arm -> its nights with results, in order.
+def nights_of(store: Store, records: Sequence[Record], model: Arm) -> list[Night]:
+    """The nights of one arm that have results, in order.
 
-    models  arm -> the nominal model, with whose structure its results were made
+    model  the nominal one of the arm, with whose structure its results were made
     """
-    found: dict[str, list[Night]] = {name: [] for name in models}
+    found = []
     for record in sorted(records, key=lambda one: str(one["night"])):
         if record["state"] == State.DONE and record["night"]:
             place = store.place(record["key"])
             results = tuple(
-                _stored(place / name, kind, models[record["arm"]])
-                for name, kind in KINDS.items()
-                if name in record["files"]
+                _stored(place / name, kind, model) for name, kind in KINDS.items() if name in record["files"]
             )
-            found[record["arm"]].append(Night(night=record["night"], key=record["key"], results=results))
+            found.append(Night(night=record["night"], key=record["key"], results=results))
     return found
 
 

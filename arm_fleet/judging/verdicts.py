@@ -42,6 +42,7 @@ class Verdict:
     actions  what to do next
     key      of the last named night, whose report shows the cause
     failed   its nights without a result: night, state, reason
+    page     path of its page relative to the folder; None: it has none
     """
 
     arm: str
@@ -56,6 +57,7 @@ class Verdict:
     actions: tuple[str, ...] = ()
     key: str | None = None
     failed: tuple[tuple[str, str, str], ...] = field(default=())
+    page: str | None = None
 
     def to_json(self) -> dict[str, Any]:
         return {

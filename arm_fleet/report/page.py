@@ -1,4 +1,4 @@
-"""fleet.html, and a page per arm that changed: each one file that opens without a network."""
+"""fleet.html: the whole fleet in one file that opens without a network."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from markupsafe import Markup
 
+from arm_fleet.report.arm import link
 from arm_fleet.report.text import tasks, verdict
 from arm_report import Chart, Panel, Report, Series, table
 from arm_report.palette import AFTER, MEASURED
-from comparison.trend import histories_chart
 
 if TYPE_CHECKING:
     from arm_fleet.fleet import Fleet
@@ -22,8 +22,8 @@ MOST_NIGHTS = 60
 """Latest nights of the map of nights."""
 MOST_ARMS = 400
 """Arms of the map of nights and of the table of all arms; fleet.json has all."""
-MOST_PANELS = 12
-"""Histories on the page of an arm."""
+MOST_FAILED = 1000
+"""Tasks without a result that are listed; tasks.parquet has all."""
 MARKS = {"named": "●", "compared": "·", "failed": "×", "reference": "○"}
 
 
@@ -31,7 +31,7 @@ def fleet_page(fleet: Fleet) -> Report:
     """The whole fleet."""
     changed = fleet.changed
     returned = [one for one in fleet.verdicts if one.since and one not in changed]
-    failed = [[one["arm"], one["night"] or "baseline", one["state"], one["reason"]] for one in fleet.failed]
+    failed = [[one.arm, one.night or "baseline", one.state, one.reason] for one in fleet.failed[:MOST_FAILED]]
     return Report(
         title=f"{fleet.plan.name}: which arms changed",
         template="arm_fleet.report/fleet.html",
@@ -53,85 +53,21 @@ def fleet_page(fleet: Fleet) -> Report:
     )
 
 
-def arm_page(fleet: Fleet, arm: Verdict) -> Report:
-    """One arm: histories of what moved, and its nights with their reports."""
-    charts = []
-    for trend in arm.trends:
-        shown = [*trend.moved, *(one for one in trend.limited if one not in trend.moved)][:MOST_PANELS]
-        if shown:
-            charts.append(
-                histories_chart(
-                    trend.histories, shown, trend.histories.what, f"{trend.histories.what}: histories of what moved"
-                )
-            )
-    return Report(
-        title=f"{arm.arm}: {arm.condition}",
-        template="arm_fleet.report/arm.html",
-        content={
-            "says": f"{arm.cause}: {arm.condition}, named {arm.since} to {arm.until}." if arm.cause else "",
-            "moved": list(arm.moved),
-            "actions": list(arm.actions),
-            "charts": charts,
-            "nights": _nights(fleet, arm),
-        },
-    )
-
-
-def arm_file(arm: str) -> str:
-    """Of the page of an arm, relative to the folder; names of arms may have spaces and colons."""
-    return f"arms/{''.join(c if c.isalnum() or c in '.+-' else '_' for c in arm)}.html"
-
-
 def _changed(fleet: Fleet, changed: list[Verdict]) -> Markup:
+    by_key = {one.key: one for one in fleet.tasks}
     rows = []
     for one in changed:
         rows.append(
             [
-                _link(arm_file(one.arm), one.arm) if one.trends else one.arm,
+                link(one.page, one.arm),
                 one.cause,
                 one.since,
                 one.moved[0] if one.moved else "",
                 f"{one.p or 0.0:.2g}",
-                _report(fleet, one.key),
+                link(by_key[one.key].report, by_key[one.key].night) if one.key in by_key else "",
             ]
         )
     return table(rows, ["arm", "cause", "named since", "how fast", "p corrected", "last night"], [4])
-
-
-def _report(fleet: Fleet, key: str | None, up: str = "") -> Markup:
-    """A link to the report of a night, where it has one."""
-    record = next((one for one in fleet.records if one["key"] == key), None)
-    if record is None:
-        return Markup()
-    name = next((file for file in ("diagnosed/report.html", "identified/report.html") if file in record["files"]), None)
-    night = Markup.escape(record["night"])
-    return night if name is None else _link(f"{up}results/{key}/{name}", record["night"])
-
-
-def _link(place: str, words: str) -> Markup:
-    return Markup('<a href="{}">{}</a>').format(place, words)
-
-
-def _nights(fleet: Fleet, arm: Verdict) -> Markup:
-    judged = {one.night: one for one in fleet.alarms if one.arm == arm.arm}
-    rows = []
-    for record in sorted((one for one in fleet.records if one["arm"] == arm.arm), key=lambda one: str(one["night"])):
-        alarm, value = judged.get(record["night"]), record["value"]
-        causes = ", ".join(
-            one["effect"].replace("_", " ") + (f" of joint {one['joint']}" if one["joint"] else "")
-            for one in value.get("causes", [])
-        )
-        rows.append(
-            [
-                _report(fleet, record["key"], "../"),
-                record["state"] if record["reason"] == "" else f"{record['state']}: {record['reason']}",
-                value.get("verdict", ""),
-                causes,
-                "" if alarm is None else f"{alarm.corrected:.2g}",
-                "named" if alarm is not None and alarm.named else "",
-            ]
-        )
-    return table(rows, ["night", "task", "verdict", "causes", "p corrected", ""], [4])
 
 
 def _named_per_night(fleet: Fleet) -> Chart | None:
@@ -152,11 +88,13 @@ def _named_per_night(fleet: Fleet) -> Chart | None:
 
 def _map(fleet: Fleet) -> Markup:
     """Arms over their latest nights, a mark in each."""
-    nights = sorted({one["night"] for one in fleet.records if one["night"]})[-MOST_NIGHTS:]
-    marks: dict[tuple[str, str], str] = {}
-    for record in fleet.records:
-        marks[record["arm"], record["night"]] = MARKS["reference" if record["state"] == "done" else "failed"]
+    nights = sorted({one.night for one in fleet.tasks if one.night})[-MOST_NIGHTS:]
+    shown = {one.arm for one in fleet.verdicts[:MOST_ARMS]}
+    marks = {
+        (one.arm, one.night): MARKS["reference" if one.done else "failed"] for one in fleet.tasks if one.arm in shown
+    }
     for one in fleet.alarms:
-        marks[one.arm, one.night] = MARKS["named" if one.named else "compared"]
+        if one.arm in shown:
+            marks[one.arm, one.night] = MARKS["named" if one.named else "compared"]
     rows = [[one.arm, *(marks.get((one.arm, night), "") for night in nights)] for one in fleet.verdicts[:MOST_ARMS]]
     return table(rows, ["arm", *(night[5:] for night in nights)])

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
+from arm_fleet.judging.alarms import Alarm
 from arm_fleet.tasks.cluster import EXTRA
 from arm_fleet.tasks.store import Record
 from arm_io import InputError, whole_path
@@ -57,19 +59,64 @@ PARAMETERS = {
 }
 
 
-def write_tables(folder: Path, records: Sequence[Record], named: Mapping[str, Row]) -> None:
-    """Writes tasks.parquet, causes.parquet and parameters.parquet, each whole or not at all.
+COLUMNS = {"tasks": TASKS, "causes": CAUSES, "parameters": PARAMETERS}
+GROUP = 100_000
+"""Rows of a row group: what is held until it is written."""
+Tables = dict[str, Any]
+"""Name of a table -> some of its rows (pyarrow.Table)."""
 
-    named  key -> p, p_corrected and named of a night (``arm_fleet.judging.alarms``)
+
+def tables_of(records: Sequence[Record], alarms: Mapping[str, Alarm]) -> Tables:
+    """The rows of some tasks; ``alarms`` by key, of nights that could be compared."""
+    nights = [one for one in records if one["night"]]
+    rows = {
+        "tasks": [_task(one, alarms.get(one["key"])) for one in records],
+        "causes": [row for one in nights for row in _causes(one)],
+        "parameters": [row for one in nights for row in _parameters(one)],
+    }
+    return {name: _table(columns, rows[name]) for name, columns in COLUMNS.items()}
+
+
+@contextmanager
+def tables_in(folder: Path) -> Iterator[Callable[[Tables], None]]:
+    """Appends rows to tasks.parquet, causes.parquet and parameters.parquet, each there at the end, or not at all.
+
     InputError where they cannot be written.
     """
-    nights = [one for one in records if one["night"]]
-    _write(folder / "tasks.parquet", TASKS, [_task(one, named.get(one["key"], {})) for one in records])
-    _write(folder / "causes.parquet", CAUSES, [row for one in nights for row in _causes(one)])
-    _write(folder / "parameters.parquet", PARAMETERS, [row for one in nights for row in _parameters(one)])
+    with ExitStack() as stack:
+        writers = {
+            name: stack.enter_context(_writer(folder / f"{name}.parquet", columns)) for name, columns in COLUMNS.items()
+        }
+
+        def append(tables: Tables) -> None:
+            for name, write in writers.items():
+                write(tables[name])
+
+        yield append
 
 
-def _task(record: Record, named: Row) -> Row:
+@contextmanager
+def _writer(path: Path, columns: Mapping[str, str]) -> Iterator[Callable[[Any], None]]:
+    arrow = optional("pyarrow", EXTRA, path)
+    parquet = optional("pyarrow.parquet", EXTRA, path)
+    pending: list[Any] = []
+    with whole_path(path) as part:
+        try:
+            with parquet.ParquetWriter(part, _schema(columns), compression="zstd") as writer:
+
+                def write(table: Any, least: int = GROUP) -> None:
+                    pending.append(table)
+                    if sum(one.num_rows for one in pending) >= least:
+                        writer.write_table(arrow.concat_tables(pending))
+                        pending.clear()
+
+                yield write
+                write(_table(columns, []), least=1)
+        except OSError as error:
+            raise InputError(path, f"cannot be written: {error}") from None
+
+
+def _task(record: Record, alarm: Alarm | None) -> Row:
     value = record["value"]
     return {
         "arm": record["arm"],
@@ -82,9 +129,9 @@ def _task(record: Record, named: Row) -> Row:
         "recording_bytes": value.get("bytes"),
         "read_bytes": value.get("read_bytes"),
         "relative_error": (value.get("relative_error") or {}).get("held_out"),
-        "p": named.get("p"),
-        "p_corrected": named.get("p_corrected"),
-        "named": named.get("named"),
+        "p": None if alarm is None else alarm.p,
+        "p_corrected": None if alarm is None else alarm.corrected,
+        "named": None if alarm is None else alarm.named,
         "seconds": record["seconds"],
         "cpu_seconds": record["cpu_seconds"],
         "peak_bytes": record["peak_bytes"],
@@ -118,19 +165,18 @@ def _words(member: Mapping[str, Any]) -> str:
     return str(member["effect"]) + ("" if member["joint"] is None else f" of joint {member['joint']}")
 
 
-def _write(path: Path, columns: Mapping[str, str], rows: Sequence[Row]) -> None:
-    arrow = optional("pyarrow", EXTRA, path)
-    parquet = optional("pyarrow.parquet", EXTRA, path)
-    schema = arrow.schema([(name, getattr(arrow, kind)()) for name, kind in columns.items()])
+def _schema(columns: Mapping[str, str]) -> Any:
+    arrow = optional("pyarrow", EXTRA, "armscope fleet")
+    return arrow.schema([(name, getattr(arrow, kind)()) for name, kind in columns.items()])
+
+
+def _table(columns: Mapping[str, str], rows: Sequence[Row]) -> Any:
+    arrow, schema = optional("pyarrow", EXTRA, "armscope fleet"), _schema(columns)
     made = {
         name: arrow.array([_cell(row[name], kind) for row in rows], schema.field(name).type)
         for name, kind in columns.items()
     }
-    with whole_path(path) as part:
-        try:
-            parquet.write_table(arrow.table(made, schema=schema), part, compression="zstd")
-        except OSError as error:
-            raise InputError(path, f"cannot be written: {error}") from None
+    return arrow.table(made, schema=schema)
 
 
 def _cell(value: Any, kind: str) -> Any:

@@ -27,9 +27,9 @@ def verdict(fleet: Fleet) -> str:
 
 def tasks(fleet: Fleet) -> str:
     """'120 tasks: 118 done, 2 timeout; 40 ran now'."""
-    states = Counter(one["state"] for one in fleet.records)
+    states = Counter(one.state for one in fleet.tasks)
     words = ", ".join(f"{count} {state}" for state, count in states.most_common())
-    return f"{len(fleet.records)} tasks: {words or 'none'}; {fleet.ran} ran now"
+    return f"{len(fleet.tasks)} tasks: {words or 'none'}; {fleet.ran} ran now"
 
 
 def text(fleet: Fleet) -> str:
@@ -44,10 +44,10 @@ def text(fleet: Fleet) -> str:
         for one in fleet.verdicts
         if one.since and one not in fleet.changed
     ]
-    for record in fleet.failed[:MOST_FAILED]:
-        lines.append(
-            f"no result: {record['arm']} {record['night'] or 'baseline'}: {record['state']}: {record['reason']}"
-        )
+    lines += [
+        f"no result: {one.arm} {one.night or 'baseline'}: {one.state}: {one.reason}"
+        for one in fleet.failed[:MOST_FAILED]
+    ]
     if len(fleet.failed) > MOST_FAILED:
         lines.append(f"no result: {len(fleet.failed) - MOST_FAILED} more; tasks.parquet has all")
     lines += [f"note: {note}" for note in fleet.notes]

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from arm_fleet.tasks.bounded import bounded
 from arm_fleet.tasks.cluster import Cluster
-from arm_fleet.tasks.store import Record, Store
+from arm_fleet.tasks.store import Store
 from arm_fleet.tasks.task import Outcome, State, Task
 from arm_fleet.tasks.version import code_version
 from arm_io import InputError
@@ -51,10 +51,11 @@ class Engine:
     ran: int = 0
     _refusing: set[str] = field(default_factory=set)
 
-    def run(self, tasks: Sequence[Task]) -> dict[str, Record]:
-        """Key -> what came of each task, now or earlier. InputError where results cannot be kept, or nobody computes.
+    def run(self, tasks: Sequence[Task]) -> None:
+        """Runs what is not settled; then the store has a record of every task.
 
         tasks  each after the one that it needs
+        InputError where results cannot be kept, or nobody computes.
         """
         waiting = {task.key: task for task in tasks if not self.store.settled(task)}
         total = len(waiting)
@@ -72,7 +73,6 @@ class Engine:
             raise InputError(
                 str(self.cluster.scheduler), f"was lost {MOST_LOSSES} times; {len(waiting)} tasks are left"
             )
-        return {task.key: record for task in tasks if (record := self.store.record(task.key)) is not None}
 
     def _collect(self, client: Client, waiting: dict[str, Task], total: int) -> None:
         """Submits all that is waiting and keeps what comes; takes each from ``waiting`` once it is kept."""

@@ -14,6 +14,7 @@ import os
 import shutil
 import tempfile
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,49 @@ from arm_io.handles import folder_to_disk, to_disk
 RECORD = "record.json"
 SCHEMA = "armscope.fleet.record/1"
 Record = dict[str, Any]
+REPORTS = ("diagnosed/report.html", "identified/report.html")
+"""Of a night, the first that is there."""
+
+
+@dataclass(frozen=True, slots=True)
+class TaskLine:
+    """What a fleet as a whole keeps of a record.
+
+    verdict, causes  of the diagnosis, in words; report: path of its page relative to the folder, "" where there is none
+    """
+
+    arm: str
+    night: str
+    key: str
+    state: str
+    reason: str
+    verdict: str = ""
+    causes: str = ""
+    report: str = ""
+
+    @property
+    def done(self) -> bool:
+        return self.state == State.DONE
+
+
+def line_of(record: Record) -> TaskLine:
+    """The line of a record."""
+    value, key = record["value"], record["key"]
+    causes = ", ".join(
+        one["effect"].replace("_", " ") + (f" of joint {one['joint']}" if one["joint"] else "")
+        for one in value.get("causes", [])
+    )
+    report = next((f"results/{key}/{name}" for name in REPORTS if name in record["files"]), "")
+    return TaskLine(
+        record["arm"],
+        record["night"],
+        key,
+        record["state"],
+        record["reason"],
+        value.get("verdict") or "",
+        causes,
+        report,
+    )
 
 
 class Store:

@@ -1,6 +1,7 @@
 // The page: who is here, what the rig does now, and which of its parts shows it.
 
 import { ArchiveView } from "./archive.js";
+import { FleetView } from "./fleet.js";
 import { ArmView } from "./arm.js";
 import { JointCharts } from "./charts.js";
 import { JointTable } from "./joints.js";
@@ -46,6 +47,7 @@ async function begin() {
     devices: new DevicesPanel($("devices"), rig.devices, { steer, fail }),
     recordings: new RecordingsView($("list"), $("details"), { joints: rig.joints, analyses: rig.analyses, steer, fail }),
     archive: new ArchiveView($("entries"), $("entry"), { fail }),
+    fleet: new FleetView($("fleets"), $("fleet-page")),
   };
   follow(take, (code) => {
     if (code === 4401) login();
@@ -153,7 +155,7 @@ async function stop() {
 }
 
 $("stop").onclick = stop;
-const VIEWS = ["live", "recordings", "archive"];
+const VIEWS = ["live", "recordings", "archive", "fleet"];
 for (const name of VIEWS)
   $(`tab-${name}`).onclick = () => {
     for (const other of VIEWS) {
@@ -172,7 +174,7 @@ addEventListener("keydown", (event) => {
     return;
   }
   if (event.ctrlKey || event.metaKey || event.altKey || event.target.closest("input, select, textarea, dialog")) return;
-  const act = { a: () => parts?.run.command("arm"), s: () => parts?.run.command("start"), l: () => $("tab-live").click(), r: () => $("tab-recordings").click(), h: () => $("tab-archive").click() }[event.key.toLowerCase()];
+  const act = { a: () => parts?.run.command("arm"), s: () => parts?.run.command("start"), l: () => $("tab-live").click(), r: () => $("tab-recordings").click(), h: () => $("tab-archive").click(), f: () => $("tab-fleet").click() }[event.key.toLowerCase()];
   act?.();
 }, { capture: true });
 

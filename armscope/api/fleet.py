@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import os
+from collections.abc import Mapping, Sequence
+from itertools import groupby
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from arm_fleet import ArmNight, Cluster, Engine, Fleet, Plan, Store, Task, arm_nights, code_version, fleet_of
+from arm_fleet import ArmNight, ArmTasks, Cluster, Engine, Fleet, Plan, Store, Task, arm_nights, code_version, fleet_of
 from arm_fleet import read_plan as _read_plan
 from arm_io import read_text
 from arm_io.progress import Progress
@@ -36,28 +38,32 @@ def fleet(
     """
     plan = plan if isinstance(plan, Plan) else _read_plan(Path(plan))
     progress("finding recordings")
-    models = {arm.name: read_model(plan.model_of(arm)) for arm in plan.arm}
+    files = {path: read_model(path) for path in {plan.model_of(arm) for arm in plan.arm}}
+    models = {arm.name: files[plan.model_of(arm)] for arm in plan.arm}
     tasks = tasks_of(plan, arm_nights(plan), models)
     store = Store(Path(out))
     engine = Engine(store, Cluster(scheduler, workers), progress)
-    records = engine.run(tasks)
-    kept = [records[task.key] for task in tasks if task.key in records]
-    found = fleet_of(plan, store, kept, models, ran=engine.ran, notes=engine.notes, progress=progress)
-    found.write(progress)
-    return found
+    engine.run([task for several in tasks.values() for task in several])
+    parts = [
+        ArmTasks(arm=name, model=models[name], keys=tuple(task.key for task in several))
+        for name, several in tasks.items()
+    ]
+    judging = workers if scheduler is None else os.cpu_count() or 1
+    return fleet_of(plan, store.folder, parts, workers=judging, ran=engine.ran, notes=engine.notes, progress=progress)
 
 
-def tasks_of(plan: Plan, nights: Sequence[ArmNight], models: dict[str, Arm]) -> list[Task]:
-    """One task per arm and night, and one per arm for its baseline where the plan adapts models to it."""
-    texts = {name: _text(arm) for name, arm in models.items()}
-    tasks: list[Task] = []
-    for arm in plan.arm:
-        mine = [one for one in nights if one.arm.name == arm.name]
-        before = None
-        if plan.adapt:
-            before = _baseline(plan, mine, texts[arm.name])
-            tasks.append(before)
-        tasks += [_task(plan, [one], texts[arm.name], before) for one in mine]
+def tasks_of(plan: Plan, nights: Sequence[ArmNight], models: Mapping[str, Arm]) -> dict[str, list[Task]]:
+    """Arm -> a task per night, after one for its baseline where the plan adapts models to it."""
+    texts: dict[int, str] = {}
+    tasks: dict[str, list[Task]] = {arm.name: [] for arm in plan.arm}
+    for name, several in groupby(nights, key=lambda one: one.arm.name):
+        mine, model = list(several), models[name]
+        if id(model) not in texts:
+            texts[id(model)] = _text(model)
+        text = texts[id(model)]
+        before = _baseline(plan, mine, text) if plan.adapt else None
+        tasks[name] = [before] if before is not None else []
+        tasks[name] += [_task(plan, [one], text, before) for one in mine]
     return tasks
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -275,6 +276,44 @@ def test_the_archive_answers_as_the_command_does_and_leads_nowhere_else(room: Ro
     (made,) = entry["reports"]
     assert made["path"] == "older/2/identified/identification.json"
     assert room.ask(made["report"])[1] == b"<p>report</p>" and room.ask("/reports/guessed")[0] == 404
+
+
+@pytest.fixture(scope="module")
+def fleet_folder(room: Room) -> Path:
+    """Results of a fleet as ``armscope fleet`` leaves them, one of another program, and one that is cut off."""
+    folder = room.folder / "recordings/line/results"
+    (folder / "arms").mkdir(parents=True)
+    table = {"schema": "armscope.fleet/1", "name": "line 4", "arms": [{}, {}, {}], "changed": ["cell-17"]}
+    counts = {"tasks": 30, "failed": 2, "compared_nights": 24, "named_nights": 5}
+    (folder / "fleet.json").write_text(json.dumps(table | counts))
+    (folder / "fleet.html").write_text('<p>fleet</p><a href="arms/cell-17.html">cell-17</a>')
+    (folder / "arms/cell-17.html").write_text("<p>an arm</p>")
+    for name, text in (("other", '{"schema": "song"}'), ("cut", '{"schema": "armscope.fl')):
+        (room.folder / "recordings" / name).mkdir()
+        (room.folder / "recordings" / name / "fleet.json").write_text(text)
+    return folder
+
+
+def test_the_fleet_is_listed_and_its_pages_open(page: Any, fleet_folder: Path) -> None:
+    page.keyboard.press("f")
+    row = page.locator("#fleets tr.choice")
+    sync_api.expect(row).to_have_count(1, timeout=SECONDS)
+    assert row.locator("td").all_inner_texts() == ["line 4", "3", "24", "2", "cell-17", "line/results"]
+    frame = page.frame_locator("#fleet-page iframe")
+    assert frame.locator("p").inner_text() == "fleet"
+    frame.locator("a").click()
+    sync_api.expect(frame.locator("p")).to_have_text("an arm", timeout=SECONDS)
+
+
+def test_the_fleet_leads_nowhere_else(room: Room, fleet_folder: Path) -> None:
+    status, (one,) = room.ask("/api/fleets", key="")
+    assert status == 200 and one["changed"] == ["cell-17"]
+    address = one["page"].removesuffix("fleet.html")
+    assert room.ask(f"{address}arms/cell-17.html")[1] == b"<p>an arm</p>"
+    (room.folder / "recordings/secret.html").write_text("secret")
+    for name in ("fleet.json", "%2e%2e/%2e%2e/secret.html", "arms", "", "none.html", "%2fetc%2fpasswd"):
+        assert room.ask(address + name)[0] == 404
+    assert room.ask("/fleets/guessed/fleet.html")[0] == 404
 
 
 def test_points_of_a_chart_keep_every_peak_of_their_frames(page: Any) -> None:

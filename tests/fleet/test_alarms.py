@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from arm_fleet.judging.alarms import Alarm, Night, alarms, corrected
+from arm_fleet.judging.alarms import Alarm, Night, alarms_of, corrected
 from arm_fleet.judging.verdicts import Condition, verdict_of
 from arm_fleet.plan import Plan
 from comparison import Stored
@@ -62,6 +62,11 @@ def fleet(
             nights.append(Night(night=_date(night)[:10], key=f"{arm}-{night}", results=tuple(results)))
         found[f"arm-{arm}"] = nights
     return found
+
+
+def alarms(plan: Plan, fleet: Mapping[str, Sequence[Night]]) -> list[Alarm]:
+    """Of all arms, corrected."""
+    return corrected([one for arm, nights in fleet.items() for one in alarms_of(plan, arm, nights)], plan.rate)
 
 
 def test_a_healthy_fleet_is_silent() -> None:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import json
 import threading
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import as_completed
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -37,6 +38,12 @@ def many(count: int, log: Path, **arguments: object) -> list[Task]:
     return [task(f"arm-{k}", x=k, log=str(log), **arguments) for k in range(count)]  # type: ignore[arg-type]
 
 
+def results(one: Engine, plan: Sequence[Task]) -> dict[str, Any]:
+    """Runs a plan; key -> what came of each task."""
+    one.run(plan)
+    return {task.key: one.store.record(task.key) for task in plan}
+
+
 def ran(log: Path) -> Counter[str]:
     """How often each task ran."""
     return Counter(log.read_text().splitlines())
@@ -64,7 +71,7 @@ def test_a_plan_goes_on_where_it_was_interrupted(dask: Processes, tmp_path: Path
     assert kept == len(kept_now()) < len(plan)
     missing = [one for one in plan if not store.settled(one)]
     first = Engine(store, cluster)
-    records = first.run(plan)
+    records = results(first, plan)
     assert first.ran == len(missing) >= len(plan) - kept
     assert records[after.key]["value"] == {"square": 104}
     states = Counter(record["state"] for record in records.values())
@@ -91,7 +98,7 @@ def test_killed_workers_lose_nothing(dask: Processes, tmp_path: Path) -> None:
 
     killer = threading.Thread(target=killing)
     killer.start()
-    records = Engine(store, Cluster(dask.address)).run(plan)
+    records = results(Engine(store, Cluster(dask.address)), plan)
     killer.join()
     assert [records[one.key]["value"]["square"] for one in plan] == [k**2 for k in range(24)]
     assert len(list(store.results.iterdir())) == 24
@@ -113,7 +120,7 @@ def test_a_scheduler_that_is_restarted(dask: Processes, tmp_path: Path) -> None:
     restarter = threading.Thread(target=restarting)
     restarter.start()
     one = Engine(store, Cluster(dask.address, patience=120.0))
-    records = one.run(plan)
+    records = results(one, plan)
     restarter.join()
     assert [records[task.key]["value"]["square"] for task in plan] == [k**2 for k in range(12)]
     twice = {name for name, times in ran(log).items() if times > 1}
@@ -133,7 +140,7 @@ def test_a_worker_with_other_code_is_refused(
     with cluster.client() as client:
         client.wait_for_workers(2, timeout=120)
     one = Engine(Store(tmp_path / "out"), cluster)
-    records = one.run(many(8, tmp_path / "log", seconds=0.05))
+    records = results(one, many(8, tmp_path / "log", seconds=0.05))
     assert {record["state"] for record in records.values()} == {"done"}
     assert len({record["worker"] for record in records.values()}) == 1
     assert len(one.notes) == 1 and "is not used: it runs code 0123456789abcdef" in one.notes[0]

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from arm_fleet.fleet import Fleet, arm_file
-from arm_fleet.judging.alarms import alarms
-from arm_fleet.judging.verdicts import verdict_of
-from arm_fleet.report.tables import write_tables
+from arm_fleet import ArmTasks, fleet_of
+from arm_fleet import fleet as judged_fleet
+from arm_fleet.judging.alarms import Alarm, Night
+from arm_fleet.report.arm import arm_file
+from arm_fleet.report.tables import tables_in, tables_of
+from arm_model import Arm, read_model
+from comparison import Stored
 from tests.fleet.test_alarms import fleet, plan
 
 
@@ -36,7 +40,10 @@ FAILED = {"state": "timeout", "reason": "took <longer>", "value": {}}
 def test_other_programs_read_the_tables(tmp_path: Path) -> None:
     records = [record("a1", "2026-01-01", "k1"), record("a1", "2026-01-02", "k2", **FAILED)]
     records.append(record("a1", "", "k0"))
-    write_tables(tmp_path, records, {"k1": {"p": 0.5, "p_corrected": 1.0, "named": False}})
+    alarm = Alarm(arm="a1", night="2026-01-01", key="k1", p=0.5)
+    with tables_in(tmp_path) as append:
+        for one in records:
+            append(tables_of([one], {"k1": alarm}))
     polars = pytest.importorskip("polars")
     tasks = polars.read_parquet(tmp_path / "tasks.parquet")
     assert tasks["state"].to_list() == ["done", "timeout", "done"] and tasks["named"].to_list() == [False, None, None]
@@ -50,26 +57,60 @@ def test_other_programs_read_the_tables(tmp_path: Path) -> None:
 
 
 def test_an_empty_fleet_has_tables_too(tmp_path: Path) -> None:
-    write_tables(tmp_path, [], {})
+    with tables_in(tmp_path):
+        pass
     parquet = pytest.importorskip("pyarrow.parquet")
     assert parquet.read_table(tmp_path / "causes.parquet").num_rows == 0
 
 
-def test_the_pages(tmp_path: Path) -> None:
-    """An arm with a gap from one night on; one night without a result; names are escaped."""
+def test_tables_are_written_by_row_groups(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """However many rows, few are held; what fails leaves nothing."""
+    monkeypatch.setattr("arm_fleet.report.tables.GROUP", 4)
+    parquet = pytest.importorskip("pyarrow.parquet")
+    with tables_in(tmp_path) as append:
+        for k in range(10):
+            append(tables_of([record("a", "2026-01-01", f"{k}")], {}))
+    read = parquet.ParquetFile(tmp_path / "tasks.parquet")
+    assert [read.metadata.row_group(k).num_rows for k in range(read.num_row_groups)] == [4, 4, 2]
+    assert read.read()["key"].to_pylist() == [f"{k}" for k in range(10)]
+    (tmp_path / "new").mkdir()
+    with pytest.raises(KeyboardInterrupt), tables_in(tmp_path / "new"):
+        raise KeyboardInterrupt
+    assert not list((tmp_path / "new").iterdir())
+
+
+def stored(folder: Path, nights: dict[str, list[Night]], arm: Arm, **more: dict[str, Any]) -> list[ArmTasks]:
+    """Results on the disk as tasks leave them; ``more``: key -> what its record has otherwise."""
+    parts = []
+    for name, its in nights.items():
+        for night in its:
+            place = folder / "results" / night.key
+            place.mkdir(parents=True)
+            for result in night.results:
+                (place / _name(result)).write_text(json.dumps(result.table))
+            files = {path.name: path.stat().st_size for path in place.iterdir()}
+            table = record(name, night.night, night.key, files=files, **more.get(night.key, {}))
+            (place / "record.json").write_text(json.dumps({"schema": "armscope.fleet.record/1", **table}))
+        parts.append(ArmTasks(arm=name, model=arm, keys=tuple(one.key for one in its)))
+    return parts
+
+
+def _name(result: Stored) -> str:
+    return {"identifications": "identification.json", "diagnoses": "diagnosis.json"}[result.what]
+
+
+@pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.slow)])
+def test_the_pages(tmp_path: Path, root: Path, monkeypatch: pytest.MonkeyPatch, workers: int) -> None:
+    """An arm with a gap from one night on; one night without a result; names are escaped; on one process or several."""
+    monkeypatch.setattr(judged_fleet, "MANY", 10)
     nights = fleet(3, 3, gap={1: lambda night: 8e-4 if night >= 7 else None})
-    wanted = plan(3)
-    found = alarms(wanted, nights)
-    records = [record(arm, one.night, one.key) for arm, its in nights.items() for one in its]
-    records[3] |= FAILED
-    records[-1]["files"] = {"diagnosed/report.html": 1}
-    own = {arm: [one for one in records if one["arm"] == arm] for arm in nights}
-    verdicts = [
-        verdict_of(wanted, arm, nights[arm], [one for one in found if one.arm == arm], own[arm]) for arm in nights
-    ]
-    result = Fleet(plan=wanted, folder=tmp_path, records=records, nights=nights, alarms=found, verdicts=verdicts)
-    table = result.write()
+    failed = nights["arm-0"][3].key
+    parts = stored(tmp_path, nights, read_model(root / "config/models/two_link.toml"), **{failed: FAILED})
+    result = fleet_of(plan(3), tmp_path, parts, workers=workers)
+    table = json.loads((tmp_path / "fleet.json").read_text())
+    assert table == json.loads(json.dumps(result.to_json(), default=float))
     assert table["changed"] == ["arm-1"] and table["failed"] == 1 and table["named_nights"] >= 5
+    assert [one["nights"] for one in table["arms"]] == [13, 14, 14]
     page = (tmp_path / "fleet.html").read_text()
     assert "1 of 3 arms are changed" in page and "backlash of joint 1" in page
     assert "took &lt;longer&gt;" in page and "took <longer>" not in page
@@ -77,3 +118,5 @@ def test_the_pages(tmp_path: Path) -> None:
     own_page = (tmp_path / arm_file("arm-1")).read_text()
     assert "step of" in own_page and "Half gap of backlash of joint 1" in own_page
     assert "no result: arm-0 2026-01-04: timeout: took <longer>" in str(result)
+    polars = pytest.importorskip("polars")
+    assert polars.read_parquet(tmp_path / "tasks.parquet")["named"].sum() == table["named_nights"]
