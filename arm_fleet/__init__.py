@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from arm_io import lazy
 
 if TYPE_CHECKING:
-    from arm_fleet.fetching import Fetched, fetched
+    from arm_fleet.fetching import fetched
     from arm_fleet.fleet import Fleet, fleet_of
     from arm_fleet.parts import ArmTasks
     from arm_fleet.plan import Plan, read_plan
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from arm_fleet.tasks.cluster import Cluster
     from arm_fleet.tasks.engine import Engine
     from arm_fleet.tasks.store import Store
-    from arm_fleet.tasks.task import Outcome, Task
+    from arm_fleet.tasks.task import Task
     from arm_fleet.tasks.version import code_version
 else:
     __getattr__ = lazy(__name__)
@@ -29,9 +29,7 @@ __all__ = [
     "ArmTasks",
     "Cluster",
     "Engine",
-    "Fetched",
     "Fleet",
-    "Outcome",
     "Plan",
     "Scene",
     "Store",

@@ -15,7 +15,7 @@ import numpy as np
 
 from arm_fleet.recordings import file_system
 from arm_io import InputError, make_folder
-from daq.recording import Index, index_of, write_stretches
+from daq.recording import Ranges
 
 LENGTH = 30.0
 """s: approximate length of a stretch."""
@@ -32,7 +32,7 @@ class Source:
     path: str
     size: int
     read: int = 0
-    index: Index | None = field(default=None, repr=False)
+    ranges: Ranges | None = field(default=None, repr=False)
 
     def span(self, start: int, end: int) -> bytes:
         """Bytes ``start`` to ``end``. InputError where they cannot be read."""
@@ -65,8 +65,8 @@ def fetched(places: Sequence[str], folder: Path, storage: Mapping[str, Any], sec
     total = 0.0
     if seconds is not None:
         for one in sources:
-            one.index = index_of(one.place, one.span, one.size)
-            total += one.index.seconds if one.index is not None else 0.0
+            one.ranges = Ranges.of(one.place, one.span, one.size)
+            total += one.ranges.seconds if one.ranges is not None else 0.0
     share = 1.0 if seconds is None else seconds / max(total, seconds)
     groups = [_local(one, share, folder / str(number)) for number, one in enumerate(sources, 1)]
     return Fetched(groups, sum(one.size for one in sources), sum(one.read for one in sources))
@@ -89,12 +89,12 @@ def _source(place: str, storage: Mapping[str, Any]) -> Source:
 
 def _local(source: Source, share: float, folder: Path) -> list[Path]:
     name = source.path.rsplit("/", 1)[-1]
-    index = source.index
-    if index is not None and share * index.seconds < index.seconds and index.seconds > LEAST:
-        spans = spread(index.seconds, share)
+    ranges = source.ranges
+    if ranges is not None and share < 1.0 and ranges.seconds > LEAST:
+        spans = spread(ranges.seconds, share)
         make_folder(folder)
         paths = [folder / f"{name.removesuffix('.mcap')}_at_{start:.0f}s.mcap" for start, _ in spans]
-        write_stretches(source.span, index, spans, paths)
+        ranges.write(spans, paths)
         return paths
     source.read = source.size
     if "://" not in source.place:

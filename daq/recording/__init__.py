@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from daq.recording.plots import plot
     from daq.recording.reader import Recording, open_recording
     from daq.recording.several import open_recordings
-    from daq.recording.stretches import Index, index_of, write_stretches
+    from daq.recording.stretches import Ranges
     from daq.recording.tables.columns import Table
     from daq.recording.tables.csv_reader import read_csv
     from daq.recording.tables.csv_time import TimeUnit
@@ -22,12 +22,11 @@ else:
 
 __all__ = [
     "Attachments",
-    "Index",
     "LongRecording",
+    "Ranges",
     "Recording",
     "Table",
     "TimeUnit",
-    "index_of",
     "ledger_table",
     "open_long",
     "open_recording",
@@ -37,6 +36,5 @@ __all__ = [
     "warnings_on",
     "write_blocks",
     "write_csv",
-    "write_stretches",
     "write_table",
 ]

@@ -40,16 +40,18 @@ OWN = ("ledger.json", "recovery.json", CHECKSUMS)
 
 
 @dataclass(frozen=True)
-class Index:
-    """What the summary of a finished recording says.
+class Ranges:
+    """A finished recording of which ranges are read, and what its summary says.
 
     name         of the file, for errors
+    read         of its bytes
     form         of its rows
     chunks       of rows, in their order; first_ns, last_ns: times of its first and last row
     attachments  where they are
     """
 
     name: str
+    read: Read
     form: RowFormat
     chunks: tuple[ChunkIndex, ...]
     attachments: tuple[AttachmentIndex, ...]
@@ -60,23 +62,39 @@ class Index:
     def seconds(self) -> float:
         return (self.last_ns - self.first_ns) * 1e-9
 
+    @staticmethod
+    def of(name: str, read: Read, size: int) -> Ranges | None:
+        """Of a file of ``size`` bytes; None where it has no intact summary, or no rows of ours."""
+        footer = read(max(0, size - FOOTER), size)
+        if len(footer) < FOOTER or footer[:9] != struct.pack("<BQ", Opcode.FOOTER, 20) or footer[-8:] != MAGIC:
+            return None
+        (start,) = struct.unpack_from("<Q", footer, 9)
+        summary = read(start, size) if len(MAGIC) < start < size - FOOTER else b""
+        if not summary or zlib.crc32(summary[:-12]) != struct.unpack("<I", summary[-12:-8])[0]:
+            return None
+        try:
+            return _ranges(name, read, list(StreamReader(BytesIO(summary), skip_magic=True).records))
+        except (McapError, ValueError, struct.error):
+            return None
 
-def index_of(name: str, read: Read, size: int) -> Index | None:
-    """The index of a file of ``size`` bytes; None where it has no intact one, or no rows of ours."""
-    footer = read(max(0, size - FOOTER), size)
-    if len(footer) < FOOTER or footer[:9] != struct.pack("<BQ", Opcode.FOOTER, 20) or footer[-8:] != MAGIC:
-        return None
-    (start,) = struct.unpack_from("<Q", footer, 9)
-    summary = read(start, size) if len(MAGIC) < start < size - FOOTER else b""
-    if not summary or zlib.crc32(summary[:-12]) != struct.unpack("<I", summary[-12:-8])[0]:
-        return None
-    try:
-        return _index(name, list(StreamReader(BytesIO(summary), skip_magic=True).records))
-    except (McapError, ValueError, struct.error):
-        return None
+    def write(self, spans: Sequence[tuple[float, float]], paths: Sequence[Path]) -> None:
+        """Writes the rows of each span as a recording of its own, with the attachments and its part of the ledger.
+
+        spans  s since the first row, from and to (exclusive); paths: of the recordings, one per span
+        InputError where the rows of a span are damaged, or there are none; DeviceFault where the disk refuses.
+        """
+        contents = _head(self)
+        ledger = contents.written_ledger()
+        losses = () if ledger is None else ledger.losses
+        files = {name: _typed(self, name, data) for name, data in contents.attachments.items() if name not in OWN}
+        for (begin, end), path in zip(spans, paths, strict=True):
+            pieces = list(_pieces(self, begin, end))
+            if not pieces:
+                raise InputError(self.name, f"has no rows from {begin:g} to {end:g} s")
+            _write(path, self.form, files, pieces, losses)
 
 
-def _index(name: str, records: Sequence[McapRecord]) -> Index | None:
+def _ranges(name: str, read: Read, records: Sequence[McapRecord]) -> Ranges | None:
     rows_of = [one for one in records if isinstance(one, Channel) and "layout" in one.metadata]
     seen = next((one for one in records if isinstance(one, Statistics)), None)
     if not rows_of or seen is None:
@@ -84,8 +102,9 @@ def _index(name: str, records: Sequence[McapRecord]) -> Index | None:
     chunks = [one for one in records if isinstance(one, ChunkIndex) and rows_of[0].id in one.message_index_offsets]
     if not chunks:
         return None
-    return Index(
+    return Ranges(
         name=name,
+        read=read,
         form=format_of(rows_of[0].metadata["layout"]),
         chunks=tuple(chunks),
         attachments=tuple(one for one in records if isinstance(one, AttachmentIndex)),
@@ -94,58 +113,41 @@ def _index(name: str, records: Sequence[McapRecord]) -> Index | None:
     )
 
 
-def write_stretches(read: Read, index: Index, spans: Sequence[tuple[float, float]], paths: Sequence[Path]) -> None:
-    """Writes the rows of each span as a recording of its own, with the attachments and its part of the ledger.
-
-    spans  s since the first row, from and to (exclusive); paths: of the recordings, one per span
-    InputError where the rows of a span are damaged, or there are none; DeviceFault where the disk refuses.
-    """
-    contents = _head(read, index)
-    ledger = contents.written_ledger()
-    losses = () if ledger is None else ledger.losses
-    files = {name: _typed(index, name, data) for name, data in contents.attachments.items() if name not in OWN}
-    for (begin, end), path in zip(spans, paths, strict=True):
-        pieces = list(_pieces(read, index, begin, end))
-        if not pieces:
-            raise InputError(index.name, f"has no rows from {begin:g} to {end:g} s")
-        _write(path, index.form, files, pieces, losses)
-
-
-def _head(read: Read, index: Index) -> Contents:
+def _head(ranges: Ranges) -> Contents:
     """The attachments, wherever they are in the file."""
-    first = index.chunks[0].chunk_start_offset
-    data = read(0, first)
-    for one in index.attachments:
+    first = ranges.chunks[0].chunk_start_offset
+    data = ranges.read(0, first)
+    for one in ranges.attachments:
         if one.offset >= first and one.name != CHECKSUMS:
-            data += read(one.offset, one.offset + one.length)
-    contents = Contents(memoryview(data), form=index.form)
+            data += ranges.read(one.offset, one.offset + one.length)
+    contents = Contents(memoryview(data), form=ranges.form)
     for part in mcap_walk.walk(contents.data):
         match part:
             case mcap_walk.File():
                 contents.attachments[part.name] = part.data
             case mcap_walk.Damage():
-                raise InputError(index.name, f"is damaged: {part.what}")
+                raise InputError(ranges.name, f"is damaged: {part.what}")
     return contents
 
 
-def _typed(index: Index, name: str, data: bytes) -> tuple[str, bytes]:
-    return next((one.media_type for one in index.attachments if one.name == name), "application/octet-stream"), data
+def _typed(ranges: Ranges, name: str, data: bytes) -> tuple[str, bytes]:
+    return next((one.media_type for one in ranges.attachments if one.name == name), "application/octet-stream"), data
 
 
 Piece = tuple[bytes, np.ndarray]
 """Content of a chunk, and its rows."""
 
 
-def _pieces(read: Read, index: Index, begin: float, end: float) -> Iterator[Piece]:
+def _pieces(ranges: Ranges, begin: float, end: float) -> Iterator[Piece]:
     """What lies within a span, chunk by chunk."""
-    low, high = (index.first_ns + round(1e9 * at) for at in (begin, end))
-    form, size = index.form, len(index.form.template)
+    low, high = (ranges.first_ns + round(1e9 * at) for at in (begin, end))
+    form, size = ranges.form, len(ranges.form.template)
     for data in _read_merged(
-        read, [one for one in index.chunks if one.message_end_time >= low and one.message_start_time < high]
+        ranges.read, [one for one in ranges.chunks if one.message_end_time >= low and one.message_start_time < high]
     ):
         for part in mcap_walk.walk(memoryview(MAGIC + data)):
             if isinstance(part, mcap_walk.Damage):
-                raise InputError(index.name, f"is damaged: {part.what}")
+                raise InputError(ranges.name, f"is damaged: {part.what}")
             if isinstance(part, mcap_walk.Rows):
                 times = part.rows["times1"][:, 0].astype(np.int64)
                 first, last = np.searchsorted(times, [low, high]).tolist()

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from arm_io import InputError
 from daq.acquisition.ledger import Loss, LossReason
-from daq.recording import Attachments, index_of, open_recording, write_stretches
+from daq.recording import Attachments, Ranges, open_recording
 from daq.recording.recorder import Recorder
-from daq.recording.stretches import NEAR, Index
+from daq.recording.stretches import NEAR
 from tests.daq.recorded import COLUMNS, LAYOUT, make_rows
 from tests.daq.test_long_recordings import RIG
 
@@ -31,8 +31,8 @@ class File:
         self.count += end - start
         return self.data[start:end]
 
-    def index(self) -> Index:
-        found = index_of("a.mcap", self.read, len(self.data))
+    def ranges(self) -> Ranges:
+        found = Ranges.of("a.mcap", self.read, len(self.data))
         assert found is not None
         return found
 
@@ -60,9 +60,9 @@ def test_a_stretch_has_the_rows_of_the_whole(
     rows = slice(*np.searchsorted(whole.wall_ns, [low, high]).tolist())
     if rows.start == rows.stop:
         with pytest.raises(InputError, match=r"a\.mcap: has no rows from"):
-            write_stretches(file.read, file.index(), [(begin, begin + length)], [path])
+            file.ranges().write([(begin, begin + length)], [path])
         return
-    write_stretches(file.read, file.index(), [(begin, begin + length)], [path])
+    file.ranges().write([(begin, begin + length)], [path])
     part = open_recording(path)
     for name in COLUMNS:
         np.testing.assert_array_equal(getattr(part, name), getattr(whole, name)[rows], err_msg=name)
@@ -76,7 +76,7 @@ def test_a_stretch_has_the_rows_of_the_whole(
 def test_only_what_is_needed_is_read(recorded: Path, tmp_path: Path) -> None:
     file = File(recorded.read_bytes())
     paths = [tmp_path / "1.mcap", tmp_path / "2.mcap"]
-    write_stretches(file.read, file.index(), [(2.0, 3.0), (15.0, 16.0)], paths)
+    file.ranges().write([(2.0, 3.0), (15.0, 16.0)], paths)
     assert [len(open_recording(path)) for path in paths] == [pytest.approx(1000, abs=1)] * 2
     assert file.count < 0.25 * len(file.data) + 2 * NEAR
 
@@ -86,7 +86,7 @@ def test_a_file_without_an_intact_summary_has_no_index(recorded: Path) -> None:
     flipped = bytearray(data)
     flipped[-100] ^= 1
     for broken in (b"", data[:20], data[:-1], bytes(flipped), data[:-8] + bytes(8)):
-        assert index_of("a.mcap", File(broken).read, len(broken)) is None
+        assert Ranges.of("a.mcap", File(broken).read, len(broken)) is None
 
 
 @settings(max_examples=20, deadline=None)
@@ -97,11 +97,11 @@ def test_a_damaged_file_never_gives_a_wrong_row(
     data, path = bytearray(recorded.read_bytes()), tmp_path_factory.mktemp("cut") / "stretch.mcap"
     data[int(place * (len(data) - 1))] ^= 1 << bit
     file, whole = File(bytes(data)), open_recording(recorded)
-    index = index_of("a.mcap", file.read, len(data))
-    if index is None:
+    ranges = Ranges.of("a.mcap", file.read, len(data))
+    if ranges is None:
         return
     try:
-        write_stretches(file.read, index, [(4.0, 12.0)], [path])
+        ranges.write([(4.0, 12.0)], [path])
     except InputError as error:
         assert "is damaged" in str(error)
         assert not list(path.parent.iterdir())
