@@ -201,7 +201,7 @@ def diagnose(
         judged=measured.judged,
         shortage=named.shortage if measured.judged else None,
         known_to=known.held_out if state.model.uncertain else None,
-        warnings=(*_warnings(arm, measured, named, structures), *_of_friction(said, extended)),
+        warnings=(*cleaned.remarks, *_warnings(arm, measured, named, structures), *_of_friction(said, extended)),
     )
 
 

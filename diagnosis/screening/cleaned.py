@@ -23,7 +23,7 @@ from diagnosis.screening.current_limit import current_limits
 from diagnosis.screening.encoder_jumps import jumps, without_jumps
 from diagnosis.screening.event import Event, Gain, united
 from diagnosis.screening.lost_triggers import MOST_ROWS, dropped_triggers, event_of, realigned_rows, unmeasured
-from diagnosis.screening.mains_hum import mains_hum, without_hum
+from diagnosis.screening.mains_hum import mains_hum, other_lines, without_hum
 
 Samples = tuple[Array, Array, Array]
 
@@ -58,6 +58,7 @@ class Screened:
     events   in raw rows; samples: t (k,) s, q (k, n) rad, i (k, n) A of every recording without them
     known    of the noise of the instruments of each recording
     counter_gaps  of every recording: rows that single counters lost, interpolated in its angles
+    remarks  what the raw rows show besides
     """
 
     recordings: tuple[Recording, ...]
@@ -65,6 +66,7 @@ class Screened:
     samples: list[Samples]
     known: list[KnownNoise]
     counter_gaps: tuple[tuple[CounterGap, ...], ...] = ()
+    remarks: tuple[str, ...] = ()
 
 
 def screened(
@@ -88,6 +90,7 @@ def screened(
         samples=[(r.t, without_jumps(r, index, events), without_hum(r, events)) for index, r in enumerate(recordings)],
         known=[known] * len(recordings),
         counter_gaps=gaps,
+        remarks=tuple(other_lines(recordings, arm)),
     )
 
 

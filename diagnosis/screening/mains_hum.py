@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
-from scipy import signal
 
 from arm_io.types import Array
 from arm_model import Arm
@@ -14,66 +12,93 @@ from arm_model.effects.sensing import MAINS_HUM
 from daq.recording import Recording
 from diagnosis.cause import Estimate
 from diagnosis.screening.event import Event, Gain
+from diagnosis.screening.spectral_line import MAINS, OVER_FLOOR, Line, above, line_near_mains, waves
 
-MAINS = (50.0, 60.0)
-"""Hz: mains frequencies, to within 1 Hz."""
-HUM_BAND = (45.0, 65.0)
-"""Hz: band in which the floor around the line is estimated."""
-HIGH_PASS = 30.0
-"""Hz: lower edge of the band in which the line is fitted, so that the motion does not enter it."""
 ONE_LINE = 1.0
 """Hz: largest difference of the frequencies of one line between recordings and joints: the mains drifts."""
-HUM_OVER_FLOOR = 40.0
-"""Power of a line over the median of its neighbours; white noise exceeds 40 once in e^28 bins."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Line:
-    """The strongest line at the mains: frequency Hz, amplitude A, its power over the floor, phase rad at t = 0.
-
-    Rms A in HUM_BAND with and without it.
-    """
-
-    frequency: float = 0.0
-    amplitude: float = 0.0
-    over_floor: float = 0.0
-    phase: float = 0.0
-    before: float = 0.0
-    after: float = 0.0
+OFF_MAINS = 0.01
+"""Of a mains frequency by which it may be off: interconnected supplies 99.5 % of a year (EN 50160)."""
+ALIASED = 3
+"""Sampling rates up to which lines of setpoints are searched for."""
+COMB = 2
+"""Lines as strong beside it, of which a line near the mains is one: of torque pulses, say, that follow one another."""
+MODULATED, SURE = 0.25, 3.0
+"""Variance of the power of a line over its square that is none of the mains, and std by which it must be so."""
 
 
 def mains_hum(recordings: Sequence[Recording], arm: Arm) -> list[Event]:
     """Spectral lines at mains frequency in the currents of joints, above the floor in every recording.
 
-    Lines of the setpoints of the arm's controller are none (``_of_setpoints``).
+    Lines of the setpoints of the arm's controller are none (``_of_setpoints``), nor are those that do not behave as the
+    mains does (``_no_mains``).
 
     One event of the whole rig where most currents show the line: what couples it in is common to them.
     """
-    every = ([_line(r.t, r.i[:, j]) for r in recordings] for j in range(recordings[0].joints))
-    found = {
-        joint: lines
-        for joint, lines in enumerate(every, 1)
-        if min(line.over_floor for line in lines) >= HUM_OVER_FLOOR
-        and np.ptp([line.frequency for line in lines]) <= ONE_LINE
-        and not any(_of_setpoints(line.frequency, arm, r.dt) for line, r in zip(lines, recordings))
-    }
+    found = {joint: lines for joint, lines in _lines(recordings, arm).items() if _no_mains(lines) is None}
     frequencies = [_frequency(lines) for lines in found.values()]
     if len(found) > max(1, recordings[0].joints / 2) and np.ptp(frequencies) <= ONE_LINE:
         return [_of_rig(found, recordings)]
     return [_of_joint(joint, lines) for joint, lines in found.items()]
 
 
-def _of_setpoints(frequency: float, arm: Arm, dt: float) -> bool:
-    """Whether sampling every dt s puts a line of the transients at setpoints within ONE_LINE of ``frequency`` Hz.
+def other_lines(recordings: Sequence[Recording], arm: Arm) -> Iterator[str]:
+    """Says which currents have a line near the mains that is neither mains hum nor one of the arm's setpoints."""
+    of_reason: dict[str, list[str]] = {}
+    for joint, lines in _lines(recordings, arm).items():
+        if why := _no_mains(lines):
+            amplitude = float(np.mean([line.amplitude for line in lines]))
+            size = f"{amplitude:.2g} {arm.joints[joint - 1].command_unit}"
+            of_reason.setdefault(why, []).append(f"{_frequency(lines):.2f} Hz at joint {joint} ({size})")
+    for why, places in of_reason.items():
+        yield f"unexplained: a line of the current, {', '.join(places)}; no mains hum, as {why}"
 
-    Lines up to the first above the sampling rate count: the servos filter those further up, which are near any
-    frequency.
+
+def _lines(recordings: Sequence[Recording], arm: Arm) -> dict[int, list[Line]]:
+    """By joint (from 1), lines near the mains of all recordings: single ones above the floor, at one frequency.
+
+    None of the setpoints of the arm's controller (``_of_setpoints``).
+    """
+    every = ([line_near_mains(r.t, r.i[:, j]) for r in recordings] for j in range(recordings[0].joints))
+    return {
+        joint: lines
+        for joint, lines in enumerate(every, 1)
+        if min(line.over_floor for line in lines) >= OVER_FLOOR
+        and max(line.beside for line in lines) < COMB
+        and np.ptp([line.frequency for line in lines]) <= ONE_LINE
+        and not any(_of_setpoints(line, arm, r.dt) for line, r in zip(lines, recordings))
+    }
+
+
+def _no_mains(lines: Sequence[Line]) -> str | None:
+    """Why the lines of all recordings at one joint are no hum of the mains; None where they may be."""
+    if any(_modulated(line) for line in lines):
+        return "its amplitude varies, as that of servos' transients at setpoints does with the motion"
+    if min(abs(_frequency(lines) / mains - 1.0) for mains in MAINS) > OFF_MAINS:
+        return f"the mains is within {OFF_MAINS:.0%} of 50 or 60 Hz"
+    return None
+
+
+def _modulated(line: Line) -> bool:
+    """Whether the amplitude of a line varies beyond doubt."""
+    return line.modulation - SURE * line.modulation_std > MODULATED
+
+
+def _of_setpoints(line: Line, arm: Arm, dt: float) -> bool:
+    """Whether sampling every dt s puts a line of the transients at setpoints within ONE_LINE of ``line``.
+
+    The servos filter lines above the sampling rate, and some of these are near any frequency: of those above the first
+    and up to ``ALIASED`` times the sampling rate, only a line counts whose amplitude may vary, as transients at
+    setpoints do with the acceleration.
     """
     if arm.controller is None:
         return False
-    lines = np.arange(1, int(arm.controller.setpoint_period / dt) + 2) / arm.controller.setpoint_period
+    period = arm.controller.setpoint_period
+    lines = np.arange(1, int(ALIASED * period / dt) + 1) / period
     seen = np.abs(lines - np.round(lines * dt) / dt)
-    return bool(np.any(np.abs(seen - frequency) <= ONE_LINE))
+    near = np.abs(seen - line.frequency) <= ONE_LINE
+    below = np.arange(len(lines)) <= int(period / dt)
+    steady = line.modulation + SURE * line.modulation_std < MODULATED
+    return bool(np.any(near & below) or (np.any(near) and not steady))
 
 
 def without_hum(recording: Recording, events: Sequence[Event]) -> Array:
@@ -83,16 +108,16 @@ def without_hum(recording: Recording, events: Sequence[Event]) -> Array:
         if event.effect != MAINS_HUM.name:
             continue
         f = next(p.value for p in event.parameters if p.name == "frequency")
-        waves = _waves(f, recording.t)
-        passed = _above(waves, recording.dt)
+        line = waves(f, recording.t)
+        passed = above(line, recording.dt)
         for joint in event.of_joints or (event.joint,):
             assert joint is not None, "hum is of joints"
-            above = _above(current[:, joint - 1], recording.dt)
-            current[:, joint - 1] -= waves @ np.linalg.lstsq(passed, above, rcond=None)[0]
+            seen = above(current[:, joint - 1], recording.dt)
+            current[:, joint - 1] -= line @ np.linalg.lstsq(passed, seen, rcond=None)[0]
     return current
 
 
-def _of_joint(joint: int, lines: Sequence[_Line]) -> Event:
+def _of_joint(joint: int, lines: Sequence[Line]) -> Event:
     return Event(
         effect=MAINS_HUM.name,
         joint=joint,
@@ -104,7 +129,7 @@ def _of_joint(joint: int, lines: Sequence[_Line]) -> Event:
     )
 
 
-def _of_rig(found: Mapping[int, Sequence[_Line]], recordings: Sequence[Recording]) -> Event:
+def _of_rig(found: Mapping[int, Sequence[Line]], recordings: Sequence[Recording]) -> Event:
     """Its parameters are those of the joint with the largest line."""
     largest = max(found, key=lambda joint: float(np.mean([line.amplitude for line in found[joint]])))
     f = float(np.median([_frequency(lines) for lines in found.values()]))
@@ -121,11 +146,11 @@ def _of_rig(found: Mapping[int, Sequence[_Line]], recordings: Sequence[Recording
     )
 
 
-def _frequency(lines: Sequence[_Line]) -> float:
+def _frequency(lines: Sequence[Line]) -> float:
     return float(np.median([line.frequency for line in lines]))
 
 
-def _parameters(lines: Sequence[_Line], frequency: float | None = None) -> list[Estimate]:
+def _parameters(lines: Sequence[Line], frequency: float | None = None) -> list[Estimate]:
     amplitudes = np.array([line.amplitude for line in lines])
     return [
         Estimate("amplitude", float(amplitudes.mean()), float(amplitudes.std() + 0.02 * amplitudes.mean()), "A"),
@@ -134,57 +159,9 @@ def _parameters(lines: Sequence[_Line], frequency: float | None = None) -> list[
     ]
 
 
-def _gain(joint: int, lines: Sequence[_Line]) -> Gain:
+def _gain(joint: int, lines: Sequence[Line]) -> Gain:
     before, after = (
         float(np.sqrt(np.mean(np.square(values))))
         for values in ([line.before for line in lines], [line.after for line in lines])
     )
     return Gain(before=before, after=after, unit="A", joint=joint)
-
-
-def _line(t: Array, current: Array) -> _Line:
-    dt = float(np.median(np.diff(t)))
-    window = signal.windows.hann(len(t))
-    spectrum = np.fft.rfft((current - current.mean()) * window, 4 * len(t))
-    frequency = np.fft.rfftfreq(4 * len(t), dt)
-    band = np.flatnonzero((frequency >= HUM_BAND[0]) & (frequency <= HUM_BAND[1]))
-    if len(band) == 0:
-        return _Line()
-    power = np.abs(spectrum[band]) ** 2
-    near = np.min(np.abs(frequency[band][:, None] - np.array(MAINS)), axis=1) < 1.0
-    top = int(np.argmax(np.where(near, power, 0.0)))
-    f = float(frequency[band[top]]) + _to_peak(power, top) * float(frequency[1])
-    waves = _waves(f, t)
-    a, b = np.linalg.lstsq(_above(waves, dt) * window[:, None], _above(current, dt) * window, rcond=None)[0]
-    line = waves @ np.array([a, b])
-    edges = [min(2 * edge * dt, most) for edge, most in zip(HUM_BAND, (0.98, 0.99))]
-    near_mains = signal.butter(4, edges, "bandpass", output="sos")
-    before, after = (float(np.std(signal.sosfiltfilt(near_mains, values))) for values in (current, current - line))
-    return _Line(
-        frequency=f,
-        amplitude=float(np.hypot(a, b)),
-        over_floor=float(power[top] / np.median(power)),
-        phase=float(np.arctan2(b, a)),
-        before=before,
-        after=after,
-    )
-
-
-def _to_peak(power: Array, top: int) -> float:
-    """Bins from ``top`` to the peak: of a parabola through the logarithms of the power beside it."""
-    if not 0 < top < len(power) - 1 or power[top - 1 : top + 2].min() <= 0.0:
-        return 0.0
-    below, at, above = np.log(power[top - 1 : top + 2])
-    return float((below - above) / (2 * (below - 2 * at + above))) if at >= max(below, above) else 0.0
-
-
-def _waves(frequency: float, t: Array) -> Array:
-    """(m, 2): sine and cosine at ``frequency`` Hz."""
-    angle = 2 * np.pi * frequency * t
-    return np.column_stack([np.sin(angle), np.cos(angle)])
-
-
-def _above(values: Array, dt: float) -> Array:
-    """(m,) or (m, k): columns above HIGH_PASS."""
-    sections = signal.butter(4, min(HIGH_PASS * 2 * dt, 0.9), "highpass", output="sos")
-    return np.asarray(signal.sosfiltfilt(sections, values, axis=0), float)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import armscope
+from arm_io.types import Array
 from arm_model import Arm, write_model
 from daq.recording import Recording, open_recording
 from daq.recording.parts import Attachments
@@ -18,7 +21,7 @@ from diagnosis.measurements.currents.design_matrix import dataset_of
 from diagnosis.report.wording import title
 from diagnosis.report.write import _cause
 from diagnosis.residual.run import residual_run
-from diagnosis.screening.mains_hum import mains_hum, without_hum
+from diagnosis.screening.mains_hum import mains_hum, other_lines, without_hum
 from identification.selection import Split
 
 RATE, JOINTS = 500.0, 6
@@ -30,13 +33,25 @@ def arm(root: Path) -> Arm:
 
 
 def _recorded(path: Path, amplitudes: dict[int, float], seed: int) -> Recording:
-    """Slow sines, noise of 5 mA, and a line at 49.96 Hz of these amplitudes (A) by joint, each with its own phase."""
+    """A line at 49.96 Hz of these amplitudes (A) by joint, each with its own phase."""
     rng = np.random.default_rng(seed)
-    t = np.arange(0.0, 10.0, 1 / RATE)
+    phases = {joint: rng.uniform(0, 6) for joint in amplitudes}
+    return _with_lines(
+        path,
+        seed,
+        lambda t, joint: amplitudes.get(joint, 0.0) * np.sin(2 * np.pi * 49.96 * t + phases.get(joint, 0.0)),
+    )
+
+
+def _with_lines(
+    path: Path, seed: int, lines: Callable[[Array, int], Array], *, rate: float = RATE, noise: float = 5e-3
+) -> Recording:
+    """Slow sines, noise (A), and ``lines`` of t (m,) s and joint."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(0.0, 10.0, 1 / rate)
     motion = np.sin(np.outer(t, rng.uniform(0.5, 1.5, JOINTS)))
-    i = motion + rng.normal(0.0, 5e-3, motion.shape)
-    for joint, amplitude in amplitudes.items():
-        i[:, joint - 1] += amplitude * np.sin(2 * np.pi * 49.96 * t + rng.uniform(0, 6))
+    i = motion + rng.normal(0.0, noise, motion.shape)
+    i += np.column_stack([lines(t, joint) for joint in range(1, JOINTS + 1)])
     write_table(path, t, {"q": motion, "i": i}, Attachments())
     return open_recording(path)
 
@@ -68,6 +83,60 @@ def test_hum_of_few_currents_is_of_their_joints(arm: Arm, tmp_path: Path, joints
     events = mains_hum([_recorded(tmp_path / "a.mcap", dict.fromkeys(joints, 0.03), 1)], arm)
     assert [event.joint for event in events] == list(joints)
     assert not any(event.of_joints for event in events)
+
+
+def _told(arm: Arm, recording: Recording) -> tuple[list[int | None], list[str]]:
+    """Joints of hum, and what is said of other lines."""
+    return [event.joint for event in mains_hum([recording], arm)], list(other_lines([recording], arm))
+
+
+@pytest.mark.parametrize("frequency", [49.48, 49.1, 60.7])
+def test_a_steady_line_beside_the_mains_is_told_as_what_it_is(arm: Arm, tmp_path: Path, frequency: float) -> None:
+    def line(t: Array, joint: int) -> Array:
+        return 0.03 * (joint == 2) * np.sin(2 * np.pi * frequency * t)
+
+    hum, (said,) = _told(arm, _with_lines(tmp_path / "a.mcap", 1, line))
+    assert hum == [] and said.startswith(f"unexplained: a line of the current, {frequency:.2f} Hz at joint 2 (0.03 A)")
+
+
+def test_a_line_that_comes_and_goes_with_the_motion_is_no_mains(arm: Arm, tmp_path: Path) -> None:
+    """Setpoints every 20 ms: transients follow the acceleration, so that nothing is at 50 Hz itself."""
+
+    def line(t: Array, joint: int) -> Array:
+        return 0.05 * (joint == 3) * np.sin(1.3 * t) * np.sin(2 * np.pi * 50.0 * t)
+
+    recording = _with_lines(tmp_path / "a.mcap", 1, line)
+    unknown = replace(arm, controller=None)
+    hum, (said,) = _told(unknown, recording)
+    assert hum == [] and "at joint 3" in said and "its amplitude varies" in said
+    assert arm.controller is not None
+    known = replace(arm, controller=replace(arm.controller, setpoint_period=0.02))
+    assert _told(known, recording) == ([], [])
+
+
+def test_one_line_of_many_is_no_mains(arm: Arm, tmp_path: Path) -> None:
+    """Pulses twice a second, as of the second recording of EMPS: lines every 2 Hz."""
+
+    def pulses(t: Array, joint: int) -> Array:
+        return np.asarray(0.5 * (joint == 1) * (np.mod(t, 0.5) < 0.002), float)
+
+    assert _told(arm, _with_lines(tmp_path / "a.mcap", 1, pulses)) == ([], [])
+
+
+def test_a_line_of_setpoints_beyond_the_sampling_rate_is_no_mains_but_hum_there_is(arm: Arm, tmp_path: Path) -> None:
+    """Setpoints every 24 ms at 983 rows/s: their 46th line is at 1916.7 Hz, and seen at 49.3 Hz."""
+    assert arm.controller is not None
+    known = replace(arm, controller=replace(arm.controller, setpoint_period=0.024))
+
+    def faint(t: Array, joint: int) -> Array:
+        return 2.5e-3 * (joint == 1) * np.sin(1.3 * t) * np.sin(2 * np.pi * 46 / 0.024 * t)
+
+    def hum(t: Array, joint: int) -> Array:
+        return 0.02 * (joint == 1) * np.sin(2 * np.pi * 49.9 * t)
+
+    ripple = _with_lines(tmp_path / "a.mcap", 1, faint, rate=983.0)
+    assert _told(known, ripple) == ([], []) and any(_told(replace(known, controller=None), ripple))
+    assert _told(known, _with_lines(tmp_path / "b.mcap", 1, hum, rate=983.0)) == ([1], [])
 
 
 def test_a_cause_of_the_rig_is_told_once_and_modelled_at_every_joint(arm: Arm, tmp_path: Path) -> None:

@@ -189,6 +189,10 @@ def simplified(state: State) -> State:
     it contains. While other causes were missing, the additional coefficients may have fitted their residual.
     """
     model = state.model
+    if not state.chosen:
+        return state
+    # as each trial below: to first order, an error of the gain takes its share of the noise with it
+    state = model.refitted(state.chosen, state.rivals)
     for substitutes, replaced in _simpler(state.chosen, model.library):
         chosen = state.chosen
         available = all(c in model.library and c.key not in model.excluded for c in substitutes)

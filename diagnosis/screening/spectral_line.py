@@ -1,0 +1,133 @@
+"""The strongest spectral line of a current near a mains frequency, and whether it behaves as the mains does."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import signal
+
+from arm_io.types import Array
+
+MAINS = (50.0, 60.0)
+"""Hz."""
+AROUND = 1.0
+"""Hz from a mains frequency within which the line is searched."""
+BAND = (45.0, 65.0)
+"""Hz: band in which the floor around the line is estimated."""
+HIGH_PASS = 30.0
+"""Hz: lower edge of the band in which the line is fitted, so that the motion does not enter it."""
+OVER_FLOOR = 40.0
+"""Power of a line over the median of its neighbours; white noise exceeds 40 once in e^28 bins."""
+AS_STRONG = 0.25
+"""Power of a line over that of the strongest, from which it counts as another beside it."""
+BLOCK = 0.5
+"""s over which the amplitude of the line is followed."""
+BESIDE = (5.0, 7.0)
+"""Hz from the line, on either side, where the noise of its amplitude is taken."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Line:
+    """The strongest line near the mains: frequency Hz, amplitude A, its power over the floor, phase rad at t = 0.
+
+    before, after  A rms in ``BAND`` with and without it
+    beside         lines about as strong elsewhere in ``BAND``, not near the mains
+    modulation     variance of its power from block to block over the square of its mean, beyond that of noise: 0 of a
+                   constant amplitude, 0.5 of one that follows a sine, 2 of one that follows a random motion
+    modulation_std its standard deviation
+    """
+
+    frequency: float = 0.0
+    amplitude: float = 0.0
+    over_floor: float = 0.0
+    phase: float = 0.0
+    before: float = 0.0
+    after: float = 0.0
+    beside: int = 0
+    modulation: float = 0.0
+    modulation_std: float = np.inf
+
+
+def line_near_mains(t: Array, current: Array) -> Line:
+    """The line of a current (m,) A at t (m,) s; zeros where there is none, as where the rate is too low."""
+    dt = float(np.median(np.diff(t)))
+    window = signal.windows.hann(len(t))
+    spectrum = np.fft.rfft((current - current.mean()) * window, 4 * len(t))
+    frequency = np.fft.rfftfreq(4 * len(t), dt)
+    band = np.flatnonzero((frequency >= BAND[0]) & (frequency <= BAND[1]))
+    power = np.abs(spectrum[band]) ** 2
+    off = np.min(np.abs(frequency[band][:, None] - np.array(MAINS)), axis=1)
+    peaks, _ = signal.find_peaks(power)
+    peaks = peaks[off[peaks] < AROUND]
+    if len(peaks) == 0:
+        return Line()
+    top = int(peaks[np.argmax(power[peaks])])
+    f = float(frequency[band[top]]) + _to_peak(power, top) * float(frequency[1])
+    line = waves(f, t)
+    a, b = np.linalg.lstsq(above(line, dt) * window[:, None], above(current, dt) * window, rcond=None)[0]
+    edges = [min(2 * edge * dt, most) for edge, most in zip(BAND, (0.98, 0.99))]
+    near_mains = signal.butter(4, edges, "bandpass", output="sos")
+    taken = line @ np.array([a, b])
+    before, after = (float(np.std(signal.sosfiltfilt(near_mains, values))) for values in (current, current - taken))
+    modulation, modulation_std = _modulation(above(current, dt), t, f)
+    return Line(
+        frequency=f,
+        amplitude=float(np.hypot(a, b)),
+        over_floor=float(power[top] / np.median(power)),
+        phase=float(np.arctan2(b, a)),
+        before=before,
+        after=after,
+        beside=_beside(power, off > AROUND, float(power[top])),
+        modulation=modulation,
+        modulation_std=modulation_std,
+    )
+
+
+def waves(frequency: float, t: Array) -> Array:
+    """(m, 2): sine and cosine at ``frequency`` Hz."""
+    angle = 2 * np.pi * frequency * t
+    return np.column_stack([np.sin(angle), np.cos(angle)])
+
+
+def above(values: Array, dt: float) -> Array:
+    """(m,) or (m, k): columns above HIGH_PASS."""
+    sections = signal.butter(4, min(HIGH_PASS * 2 * dt, 0.9), "highpass", output="sos")
+    return np.asarray(signal.sosfiltfilt(sections, values, axis=0), float)
+
+
+def _to_peak(power: Array, top: int) -> float:
+    """Bins from ``top`` to the peak: of a parabola through the logarithms of the power beside it."""
+    if power[top - 1 : top + 2].min() <= 0.0:
+        return 0.0
+    below, at, higher = np.log(power[top - 1 : top + 2])
+    return float((below - higher) / (2 * (below - 2 * at + higher))) if at > min(below, higher) else 0.0
+
+
+def _beside(power: Array, elsewhere: Array, strongest: float) -> int:
+    """Peaks of a spectrum (k,) ``elsewhere`` (k,) that are lines, and about as strong as the one near the mains."""
+    least = max(AS_STRONG * strongest, OVER_FLOOR * float(np.median(power)))
+    peaks, _ = signal.find_peaks(power, height=least)
+    return int(np.sum(elsewhere[peaks]))
+
+
+def _modulation(values: Array, t: Array, frequency: float) -> tuple[float, float]:
+    """``Line.modulation`` and its std, of values (m,) above HIGH_PASS."""
+    rows = max(1, round(BLOCK * (len(t) - 1) / float(t[-1] - t[0])))
+    count = len(t) // rows
+    if count < 4:
+        return 0.0, np.inf
+    window = np.tile(signal.windows.hann(rows), (count, 1))
+
+    def powers(at: float) -> Array:
+        turned = (values * np.exp(-2j * np.pi * at * t))[: count * rows].reshape(count, rows)
+        return np.asarray(np.abs(np.mean(window * turned, axis=1)) ** 2)
+
+    noise = float(np.mean([powers(frequency + side * off) for off in BESIDE for side in (-1.0, 1.0)]))
+    seen = powers(frequency)
+    mean = float(seen.mean()) - noise
+    if mean <= 0.0:
+        return 0.0, np.inf
+    by_noise = noise**2 + 2 * mean * noise
+    variance = float(seen.var(ddof=1))
+    return (variance - by_noise) / mean**2, float(np.sqrt(8.0 / count)) * by_noise / mean**2
