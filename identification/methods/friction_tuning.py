@@ -103,6 +103,14 @@ def tune_friction(
         if not costs[best] < np.sum(error**2) * (1 - 1e-6):
             break
         values, error, damping = trials[best], errors[best], float(np.clip(dampings[best], 1e-9, 1e3))
+    # a joint whose friction no row shows keeps that of the model
+    seen = np.linalg.norm(jacobian, axis=0) > 0.0
+    names, values, jacobian = tuple(n for n, there in zip(names, seen) if there), values[seen], jacobian[:, seen]
+    if not names:
+        raise InputError(
+            ", ".join(str(recording.path) for recording in recordings),
+            "show no joint's friction in the closed loop; they must move a joint for longer, and both ways",
+        )
     rows = _rows(motions, jacobian, error, names)
     spread = uncertainty(jacobian, rows, Fit(values, np.ones(len(error)), error, jacobian * values))
     tuned = with_parameters(arm, dict(zip(names, map(float, values))))

@@ -215,6 +215,15 @@ def test_a_frame_and_a_target_that_no_rig_states_are_fitted_together(puma: Puma,
     assert np.abs(position(start, moved.q) - moved.xyz).max() < NOISE / 100
 
 
+def test_points_without_any_noise_are_explained(puma: Puma, arm: Arm, tmp_path: Path) -> None:
+    """As of a simulation: no encoder has steps, and joint 6 does not move a target on its axis."""
+    (one, *_), _ = recordings(puma, tmp_path, Wrong(), 43)
+    smooth = one.q + 1e-4 * np.sin(np.outer(one.t, np.arange(1.0, 7.0)))
+    exact = _without_target(replace(one, q=smooth, xyz=position(chain_of(arm, (0.0, 0.0, 0.1)), smooth)))
+    result = tracked_causes(arm, [exact], [exact])
+    assert result.causes == [] and result.unexplained == []
+
+
 def test_something_that_no_effect_explains_is_said(puma: Puma, arm: Arm, tmp_path: Path) -> None:
     """A target that creeps along as the arm warms up, in the same way in every recording."""
 

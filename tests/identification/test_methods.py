@@ -70,6 +70,25 @@ def test_friction_is_tuned_from_nothing(drive: Arm, run: Recording) -> None:
     assert result.relative_error(False) < 0.2 * result.compared["the friction that the model came with"][0]
 
 
+def test_friction_that_no_row_shows_stays_as_the_model_has_it(drive: Arm, run: Recording, tmp_path: Path) -> None:
+    """A second axis, across the first, jumps once: that is no row of friction."""
+    assert drive.controller is not None and run.qref is not None
+    first = replace(drive.joints[0], alpha=np.pi / 2)
+    gains = {name: 2 * getattr(drive.controller, name) for name in ("position_gain", "velocity_gain")}
+    controller = replace(drive.controller, **gains)
+    both = replace(drive, joints=(first, drive.joints[0]), controller=controller, gravity=(0.0, 0.0, 0.0))
+    jump = 0.01 * np.clip((run.t - 6.0) / 0.02, 0.0, 1.0)
+    columns = {name: np.column_stack([getattr(run, name)[:, 0], jump]) for name in ("q", "qref")}
+    noise = 0.02 * np.random.default_rng(3).standard_normal(len(run.t))
+    write_table(tmp_path / "run.mcap", run.t, {**columns, "i": np.column_stack([run.i[:, 0], noise])}, Attachments())
+    bare = with_parameters(both, {"joint1.viscous": 0.0, "joint1.coulomb": 0.0})
+    result = identify_by("friction", [open_recording(tmp_path / "run.mcap")], bare)
+    assert {value.name for value in result.base} == {
+        f"joint1.{name}" for name in ("viscous", "coulomb_positive", "coulomb_negative")
+    }
+    assert parameter(result.arm, "joint2.viscous") == parameter(both, "joint2.viscous")
+
+
 def test_friction_of_an_unstable_loop_is_refused_in_one_line(drive: Arm, run: Recording) -> None:
     assert drive.controller is not None
     gains = tuple(1e4 * gain for gain in drive.controller.velocity_gain or ())

@@ -34,6 +34,8 @@ from identification.selection import Split
 
 ALTERNATIONS = 30
 """Fits of frame and target in turn, where neither is known: what is left of 0.1 m is below a micrometre."""
+FINEST = 1e-9
+"""M: noise of a coordinate that no tracker goes below; points of a simulation have none at all."""
 OTHER_POSES = "more varied poses: armscope calibrate --poses 40"
 
 
@@ -94,7 +96,7 @@ def tracked_causes(
         noises.append(noise)
     steps = np.array([max(encoder_step(r.q[:, j]) for r in recordings[0]) for j in range(len(arm))])
     noise = float(np.mean(noises))
-    level = float(np.hypot(noise, _zeros(start, sides[1], steps)))
+    level = max(float(np.hypot(noise, _zeros(start, sides[1], steps))), FINEST)
     points = Split(sides[0], sides[1])
     model = tracked_points(arm, points, survey, nominal=start.values, level=level, steps=steps)
     state = _sparse(selected(model, progress), model)
