@@ -13,9 +13,10 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from llvmlite import ir
 
-from arm_model.simulation.codegen import Vector
-from arm_model.simulation.engine import LANES, cores, machine_for_engine, target
+from arm_model.simulation.engine import cores
 from arm_model.simulation.kernel import module_of
+from arm_model.symbolic.codegen import Vector
+from arm_model.symbolic.machine_code import LANES, machine_for_engine, target
 from arm_model.symbolic.tape import Expr
 from arm_model.system.closed_loop_system import System
 

@@ -30,8 +30,9 @@ import numpy as np
 from arm_io.types import Array
 from arm_model.description import Arm, Cylinder
 from arm_model.model_file import read_model
-from arm_model.simulation.engine import LANES, cores
+from arm_model.simulation.engine import cores
 from arm_model.simulation.simulation import prepared, references, row_times, servo_period, simulate, simulate_batch
+from arm_model.symbolic.machine_code import LANES
 from benchmarks import simulation_peers as peers
 from benchmarks.peak_rate import operations_a_step, peak_rate
 from benchmarks.pendulum import double_pendulum, timed

@@ -63,8 +63,8 @@ def plus(a: Triple, b: Triple) -> Triple:
 
 
 def floats(values: Array) -> tuple[float, ...]:
-    """The entries as plain floats."""
-    return tuple(float(value) for value in values)
+    """The entries as plain floats, or as the expressions that they are."""
+    return tuple(values.tolist())
 
 
 def apply(matrix: Sequence[Triple], v: Triple) -> Triple:

@@ -20,7 +20,7 @@ from typing import Any
 
 from llvmlite import ir
 
-from arm_model.simulation.codegen import DOUBLE, INT, Vector, emit
+from arm_model.symbolic.codegen import DOUBLE, INT, Vector, emit
 from arm_model.symbolic.tape import Expr
 from arm_model.system.closed_loop_system import System
 

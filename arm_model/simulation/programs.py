@@ -6,7 +6,8 @@ from collections.abc import Mapping
 
 from arm_io.types import Array
 from arm_model.description import Arm
-from arm_model.simulation.engine import LANES, Program, program_of
+from arm_model.simulation.engine import Program, program_of
+from arm_model.symbolic.machine_code import LANES
 from arm_model.system.closed_loop_system import build
 from arm_model.system.warmth import warmth_knots
 

@@ -1,7 +1,7 @@
 """Expressions as a tape of single operations, each written once however often it is used (hash-consing).
 
 An ``Expr`` behaves like a number: the Newton-Euler recursion, friction laws and effects are run on it once, and what
-they computed stands on the tape, to be evaluated with numpy (``evaluate``), compiled (``arm_model.simulation.codegen``)
+they computed stands on the tape, to be evaluated with numpy (``evaluate``), compiled (``arm_model.symbolic.codegen``)
 or printed. Products by 0 and 1, sums with 0 and constants among themselves fold; operands of + and * are sorted, so
 that a b and b a are one operation.
 """
@@ -242,11 +242,16 @@ def needed(tape: Tape, outputs: Iterable[Expr], given: Container[int] = ()) -> l
     return sorted(wanted)
 
 
-def evaluate(tape: Tape, outputs: Sequence[Expr], inputs: Mapping[str, Operand]) -> list[Any]:
-    """Values of the outputs by numpy, for inputs that are numbers or arrays of one shape."""
+def evaluate(
+    tape: Tape, outputs: Sequence[Expr], inputs: Mapping[str, Operand], order: Sequence[int] | None = None
+) -> list[Any]:
+    """Values of the outputs by numpy, for inputs that are numbers or arrays of one shape.
+
+    order  ``needed(tape, outputs)``, where it is known already
+    """
     values: dict[int, Any] = {}
     with np.errstate(all="ignore"):
-        for index in needed(tape, outputs):
+        for index in needed(tape, outputs) if order is None else order:
             node = tape.nodes[index]
             if node.operation == "const":
                 values[index] = node.value

@@ -105,10 +105,18 @@ def rigid_links(
     water = hydrodynamics.torques(chain, wet, turn, q, shape.qd, shape.bias, gravity)
     rigid, added = newton_euler.mass_matrix(chain, bodies, turn, q), hydrodynamics.mass_matrix(chain, wet, turn, q)
     matrix = [[tape.expr(a) + b for a, b in zip(*rows)] for rows in zip(rigid, added)]
-    drag = [symbol(f"drag{j}") * abs(shape.qd[j]) * shape.qd[j] for j in range(n)]
-    acting = mechanics.link_torques(joints)
-    torque = [tape.expr(bias[j]) + water[j] + drag[j] + _own_friction(symbol, shape, j) + acting[j] for j in range(n)]
+    acting = on_links(symbol, mechanics, joints)
+    torque = [tape.expr(bias[j]) + water[j] + acting[j] for j in range(n)]
     return Links(shape.pulled(torque), shape.congruent(matrix))
+
+
+def on_links(symbol: Symbols, mechanics: Mechanics, joints: Joints) -> list[Expr]:
+    """(n,) torques that the joints overcome besides those of rigid links: drag, the links' own friction, effects."""
+    shape = joints.shape
+    return [
+        symbol(f"drag{j}") * abs(shape.qd[j]) * shape.qd[j] + _own_friction(symbol, shape, j) + acting
+        for j, acting in enumerate(mechanics.link_torques(joints))
+    ]
 
 
 def _bodies(symbol: Symbols, n: int) -> list[tuple[Expr, ...]]:
@@ -126,14 +134,8 @@ def _links_on_base(arm: Arm, symbol: Symbols, mechanics: Mechanics, joints: Join
     links = _on_base(arm, symbol, shape.q)
     whole = floating_base.carried(base, links, symbol, shape.qd, shape.bias)
     matrix = floating_base.matrix(base, links, symbol)
-    acting = mechanics.link_torques(joints)
-    torque = [
-        whole[DOF + j]
-        + symbol(f"drag{j}") * abs(shape.qd[j]) * shape.qd[j]
-        + _own_friction(symbol, shape, j)
-        + acting[j]
-        for j in range(n)
-    ]
+    acting = on_links(symbol, mechanics, joints)
+    torque = [whole[DOF + j] + acting[j] for j in range(n)]
     shared = [shape.pulled(row[DOF:]) for row in matrix[:DOF]]  # base and joints, (6, n)
     inner = shape.congruent([row[DOF:] for row in matrix[DOF:]])
     upper = [[*matrix[i][:DOF], *shared[i]] for i in range(DOF)]

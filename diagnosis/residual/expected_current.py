@@ -17,8 +17,8 @@ from scipy.linalg import blas
 from arm_io.types import Array
 from arm_model import Arm, Joint
 from arm_model.effects import CATALOGUE, Effect, Signals, Values, described, values_of
-from arm_model.rigid_body import curve_level, drive_mass_matrix, drive_rigid_torque
-from arm_model.system import inverse_dynamics
+from arm_model.rigid_body import curve_level
+from arm_model.system import inverse_dynamics, mass_matrix_along, rigid_torque_along
 
 Term = tuple[Effect, int | None, Values]
 
@@ -132,12 +132,12 @@ def _with_states(
             added[:, j] += effect.torque(values, replace(s, state=integrated(effect, values, s, 1.0 / rate)))
     stiff = motion_of(angle, COMPARE_BAND, rate)
     link = tuple(part.copy() for part in stiff)
-    load = drive_rigid_torque(bent, *stiff)
+    load = rigid_torque_along(bent, *stiff)
     for effect, joint, values in terms:
         if effect.spring is not None and effect.deflection is not None and joint is not None:
             for part, twist in zip(link, _twist(bent, effect, joint - 1, values, stiff[0], load[:, joint - 1], rate)):
                 part[:, joint - 1] -= twist
-    return added + drive_rigid_torque(bent, *link) - load
+    return added + rigid_torque_along(bent, *link) - load
 
 
 def _twist(
@@ -145,9 +145,9 @@ def _twist(
 ) -> tuple[Array, Array, Array]:
     spring = spring_of(effect, values)
     if spring is not None:
-        return wound_up(load, drive_mass_matrix(arm, q, rotors=False)[:, j, j], *spring, 1.0 / rate)
+        return wound_up(load, mass_matrix_along(arm, q, rotors=False)[:, j, j], *spring, 1.0 / rate)
     twist = low_pass(
-        through_gap(load, drive_mass_matrix(arm, q, rotors=False)[:, j, j], gap_of(effect, values), 1.0 / rate),
+        through_gap(load, mass_matrix_along(arm, q, rotors=False)[:, j, j], gap_of(effect, values), 1.0 / rate),
         MOTION_BAND,
         rate,
     )

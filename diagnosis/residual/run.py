@@ -20,9 +20,9 @@ from scipy import ndimage
 from arm_io.types import Array
 from arm_model import Arm, EffectTerm
 from arm_model.effects import Signals, described
-from arm_model.rigid_body import drive_mass_matrix, drive_rigid_torque
+from arm_model.rigid_body import drive_mass_matrix
 from arm_model.rigid_body.regressor import regressor
-from arm_model.system import inverse_dynamics
+from arm_model.system import inverse_dynamics, mass_matrix_along, rigid_torque_along
 from diagnosis.residual.beats import beat_variance, steps_of
 from diagnosis.residual.expected_current import (
     COLUMN_BAND,
@@ -104,7 +104,7 @@ class Run:
     @cached_property
     def by_acceleration(self) -> Array:
         """(m, n, n) A s2/rad: derivative of the expected current of joint j by the acceleration of link k."""
-        links = drive_mass_matrix(described(self.arm), self.q, rotors=False).transpose(2, 0, 1)
+        links = mass_matrix_along(described(self.arm), self.q, rotors=False).transpose(2, 0, 1)
         return (links / self.arm.joint_array("drive_constant")).transpose(1, 2, 0)
 
     @cached_property
@@ -134,7 +134,7 @@ class Run:
         slopes = np.empty((len(joints), len(self.t), len(joints))).transpose(1, 2, 0)
         for k, joint in enumerate(joints):
             moved = ((self.q + side * angle * joint, self.v + side * speed * joint) for side in (1.0, -1.0))
-            up, down = (drive_rigid_torque(bent, q, v, self.a) for q, v in moved)
+            up, down = (rigid_torque_along(bent, q, v, self.a) for q, v in moved)
             slopes[..., k] = (up - down) / (2 * (angle + speed))
         return slopes / self.arm.joint_array("drive_constant")[:, None]
 
@@ -193,7 +193,7 @@ def residual_run(
     # Columns are made from a motion smoothed further: what they have in common with the noise of the residual would
     # look like a cause.
     low, slow_v, slow_a = (low_pass(values, COLUMN_BAND, rate)[keep] for values in (position, v, a))
-    links = drive_mass_matrix(bent, low, rotors=False)
+    links = mass_matrix_along(bent, low, rotors=False)
     # friction near standstill is indeterminate, as far as the filters smear it
     coulomb = np.array([max(joint.rest_friction) for joint in arm.joints]) / constant
     slowest = ndimage.minimum_filter1d(np.abs(v), int(0.06 * rate), axis=0)[keep]
@@ -215,9 +215,9 @@ def residual_run(
         current=current,
         current_rate=thin(np.gradient(i, 1.0 / rate, axis=0)),
         expected=expected,
-        rigid=drive_rigid_torque(bent, low, slow_v, slow_a),
+        rigid=rigid_torque_along(bent, low, slow_v, slow_a),
         brisk_v=brisk[1],
-        brisk_rigid=drive_rigid_torque(bent, *brisk),
+        brisk_rigid=rigid_torque_along(bent, *brisk),
         inertia=links.diagonal(axis1=1, axis2=2),
         deviation=np.hypot(instruments, friction_std),
         noise=noise,

@@ -14,8 +14,8 @@ from llvmlite import ir
 
 from arm_model.description import Arm
 from arm_model.rigid_body import scalar
-from arm_model.simulation.codegen import DOUBLE, Vector, emit
 from arm_model.simulation.simulation import system_of
+from arm_model.symbolic.codegen import DOUBLE, Vector, emit
 from arm_model.symbolic.printing import c_function, equations, python_function
 from arm_model.symbolic.tape import Tape, derivative, evaluate, operations
 from arm_model.system.kernel_inputs import numbers

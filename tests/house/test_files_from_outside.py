@@ -23,7 +23,7 @@ OWN = {
     "arm_fleet/tasks/bounded.py": "files that its own child has written",
     "arm_fleet/tasks/store.py": "results, which it writes itself",
     "arm_fleet/simulation/recordings.py": "a file that it has just written itself",
-    "arm_model/simulation/engine.py": "compiled code in our own cache",
+    "arm_model/symbolic/machine_code.py": "compiled code in our own cache",
     "armscope/api/simulation.py": "a file that it has just written itself",
     "armscope/commands/init.py": "files of the package",
     "drivers/linux_counter.py": "attributes of the kernel",

@@ -1,0 +1,101 @@
+"""Rigid torque, mass matrix and inverse dynamics along recordings by compiled code: equal to those by numpy."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from arm_model import Arm, EffectTerm, read_model
+from arm_model.rigid_body.numeric import drive_mass_matrix, drive_rigid_torque
+from arm_model.symbolic.rows import rows_of
+from arm_model.symbolic.tape import Tape, evaluate
+from arm_model.system import along_motion, inverse_dynamics, mass_matrix_along, rigid_torque_along
+
+ROWS = along_motion.FEW + 3
+"""Not a multiple of the lanes."""
+MODELS = ("puma560", "kr300", "emps", "scara", "gantry", "underwater")
+
+
+def motion(arm: Arm) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    q, qd, qdd = np.random.default_rng(8).normal(size=(3, ROWS, len(arm)))
+    return q, qd, qdd
+
+
+@pytest.fixture(params=MODELS)
+def arm(request: pytest.FixtureRequest, root: Path) -> Arm:
+    return read_model(root / f"config/models/{request.param}.toml")
+
+
+def same(found: np.ndarray, expected: np.ndarray) -> None:
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-12 * np.abs(expected).max())
+
+
+def test_torque_and_mass_matrix_are_those_of_numpy(arm: Arm) -> None:
+    q, qd, qdd = motion(arm)
+    same(rigid_torque_along(arm, q, qd, qdd), drive_rigid_torque(arm, q, qd, qdd))
+    for rotors in (True, False):
+        same(mass_matrix_along(arm, q, rotors=rotors), drive_mass_matrix(arm, q, rotors=rotors))
+
+
+def test_another_arm_of_the_same_structure_takes_its_own_numbers(root: Path) -> None:
+    puma = read_model(root / "config/models/puma560.toml")
+    q, qd, qdd = motion(puma)
+    before = rigid_torque_along(puma, q, qd, qdd)
+    joint = puma.joints[1]
+    for other in (replace(joint, a=1.01 * joint.a), replace(joint, mass=joint.mass + 1.0), replace(joint, alpha=0.01)):
+        changed = replace(puma, joints=(puma.joints[0], other, *puma.joints[2:]))
+        found = rigid_torque_along(changed, q, qd, qdd)
+        same(found, drive_rigid_torque(changed, q, qd, qdd))
+        assert np.abs(found - before).max() > 1e-6 * np.abs(before).max()
+    same(rigid_torque_along(replace(puma, gravity=(1.0, 2.0, 3.0)), q, qd, qdd) - before, _by_gravity(puma, q))
+
+
+def _by_gravity(arm: Arm, q: np.ndarray) -> np.ndarray:
+    still = np.zeros_like(q)
+    tilted, upright = (drive_rigid_torque(one, q, still, still) for one in (replace(arm, gravity=(1.0, 2.0, 3.0)), arm))
+    return tilted - upright
+
+
+EFFECTS = (
+    EffectTerm("coulomb_friction", 2, {"coulomb": 8.0}),
+    EffectTerm("load_friction", 3, {"mu": 0.05}),
+    EffectTerm("gravity_spring", 2, {"stiffness": 5.0, "rest_angle": 0.3}),
+    EffectTerm("joint_zero_offset", 2, {"offset": 0.03}),
+    EffectTerm("base_tilt", None, {"roll": 0.02, "pitch": -0.01}),
+    EffectTerm("payload", None, {"mass": 0.7, "x": 0.01, "y": 0.02, "z": 0.1}),
+    EffectTerm("gear_ripple", 1, {"amplitude": 3e-4, "order": 3.0, "phase": 0.4}),
+    EffectTerm("hydrodynamic_drag", 1, {"drag": 3.0}),
+)
+
+
+@pytest.mark.parametrize(
+    "terms", [EFFECTS[:3], EFFECTS[3:6], EFFECTS[6:], EFFECTS], ids=["drag", "links", "uneven", "all"]
+)
+@pytest.mark.parametrize("name", ["puma560", "emps"])
+def test_inverse_dynamics_with_effects_is_that_of_few_rows(
+    root: Path, name: str, terms: tuple[EffectTerm, ...]
+) -> None:
+    arm = read_model(root / f"config/models/{name}.toml")
+    mine = tuple(replace(one, joint=one.joint and min(one.joint, len(arm))) for one in terms)
+    arm = replace(arm, effects=mine if len(arm) > 1 else mine[:1])
+    q, qd, qdd = motion(arm)
+    t = np.linspace(0.0, 5.0, ROWS)
+    parts = [slice(k, k + 100) for k in range(0, ROWS, 100)]
+    by_numpy = np.concatenate([inverse_dynamics(arm, q[p], qd[p], qdd[p], time=t[p]) for p in parts])
+    same(inverse_dynamics(arm, q, qd, qdd, time=t), by_numpy)
+
+
+def test_expressions_by_rows_are_those_of_the_tape() -> None:
+    tape = Tape()
+    x, y, shared = (tape.input(name) for name in ("x", "y", "shared"))
+    outputs = [x * shared + y.sin(), (x * y).exp().minimum(shared), tape.constant(2.0)]
+    program = rows_of(tape, outputs, ["x", "y"], ["shared"])
+    for count in (1, 7, 8, 17):
+        rows = np.random.default_rng(count).normal(size=(count, 2))
+        expected = evaluate(tape, outputs, {"x": rows[:, 0], "y": rows[:, 1], "shared": 0.7})
+        found = program(rows, np.array([0.7]))
+        assert found.shape == (count, 3)
+        np.testing.assert_allclose(found, np.column_stack(np.broadcast_arrays(*expected)), rtol=1e-14, atol=1e-15)
