@@ -7,16 +7,25 @@ what is missing in those is said on standard error, for every command; 5 done, a
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Sequence
 
 from armscope.overview import answer
 
 UNUSABLE_INPUT, DEVICE_FAILED, INTERRUPTED = 2, 3, 130
+BLAS_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+"""What numpy's linear algebra reads once, when it is loaded."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Entry point of the ``armscope`` script; always ends by SystemExit."""
+    """Entry point of the ``armscope`` script; always ends by SystemExit.
+
+    Linear algebra gets one thread where nobody stated a number: the products here are small, its threads wait for each
+    other by spinning, and on a busy machine a diagnosis took twice the processor time. Simulations use all cores.
+    """
+    if not any(name in os.environ for name in BLAS_THREADS):
+        os.environ[BLAS_THREADS[0]] = "1"
     sys.exit(run(sys.argv[1:] if arguments is None else list(arguments)))
 
 

@@ -114,21 +114,22 @@ def in_words(candidate: Candidate, joint: Joint) -> str:
 def detectable(side: Dataset, residual: Array, arm: Arm, joint: int, ripples: Sequence[Candidate]) -> list[Candidate]:
     """Those of the ripples at a joint with the strongest orders in ``residual`` (n * rows,), whitened.
 
-    The gain of a column w sin(k motor + phase) is |sum r w exp(i k motor)|^2 / (sum w^2 / 2), with w the factor of the
-    sine in the effect's law, attenuated by the filters.
+    The gain of a column w sin(k motor + phase) is ((sum r w cos k motor)^2 + (sum r w sin k motor)^2) / (sum w^2 / 2),
+    with w the factor of the sine in the effect's law, attenuated by the filters.
     """
     orders = np.array(sorted({order for c in ripples if (order := order_of(c)) is not None}))
     q, v = side.at_joint("q", joint), side.at_joint("v", joint)
     ratio = arm.joints[joint - 1].ratio
     over = 1.0 / side.at_joint("deviation", joint)
     weights = np.stack([over, over * v**2, over * side.at_joint("rigid", joint)], axis=1)
-    weighted = residual[side.of(joint)][:, None] * weights
+    weighted, squared = residual[side.of(joint)][:, None] * weights, weights**2
     power = np.zeros((len(orders), weights.shape[1]))
     cycles = orders * ratio * np.ptp(q) / (2 * np.pi)
     for row in np.flatnonzero((cycles > LEAST_CYCLES) | _whole(orders)):
-        through = passed(orders[row] * ratio * np.abs(v) / (2 * np.pi))[:, None]
-        size = np.sum((weights * through) ** 2, axis=0)
-        power[row] = np.abs(np.exp(1j * orders[row] * ratio * q) @ (weighted * through)) ** 2 / np.maximum(size, 1e-300)
+        through = passed(orders[row] * ratio * np.abs(v) / (2 * np.pi))
+        angle = orders[row] * ratio * q
+        waves = (np.cos(angle) * through) @ weighted, (np.sin(angle) * through) @ weighted
+        power[row] = (waves[0] ** 2 + waves[1] ** 2) / np.maximum(through**2 @ squared, 1e-300)
     kept: set[float] = set()
     of_motor = _whole(orders)
     families = (of_motor, STRONGEST, 0.0), (~of_motor, STRONGEST_OF_SHAFTS, LEAST_GAIN * side.rows / 2)
