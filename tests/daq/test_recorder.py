@@ -15,6 +15,7 @@ from arm_io import DeviceFault, InputError
 from daq.acquisition.ledger import Loss, LossReason
 from daq.recording import open_recording
 from daq.recording.mcap_file.writer import McapFile, create
+from daq.recording.messages.row_format import Layout
 from daq.recording.parts import Attachments
 from daq.recording.recorder import Recorder, rows_layout
 from daq.recording.tables.table import write_table
@@ -220,3 +221,12 @@ def test_a_pause_in_a_table_is_a_gap(tmp_path: Path) -> None:
     write_table(tmp_path / "t.mcap", t, {"q": q, "i": q}, Attachments())
     (gap,) = open_recording(tmp_path / "t.mcap").gaps
     assert (gap.row, gap.triggers) == (39, 0) and gap.seconds == pytest.approx(0.51)
+
+
+def test_the_text_that_begins_every_chunk_is_that_of_earlier_versions() -> None:
+    """Rows are found behind it: with one key more, every row of an earlier recording counted as damaged."""
+    earlier = (
+        '{"version":1,"joints":["carriage"],"signals":{"q":[1],"i":[1],"qref":[1]},"raw":false,"counters":[],'
+        '"inputs":[],"points":"","effort":[],"extra":[]}'
+    )
+    assert Layout.from_json(earlier).to_json() == earlier

@@ -76,7 +76,11 @@ class Layout:
         return len(self.counters) + len(self.inputs) + bool(self.points)
 
     def to_json(self) -> str:
-        return json.dumps({"version": 1, **asdict(self)}, separators=(",", ":"))
+        table = {"version": 1, **asdict(self)}
+        # every chunk of a file begins with this text: of a file without a pose it is as it was before there were any
+        if not self.pose:
+            del table["pose"]
+        return json.dumps(table, separators=(",", ":"))
 
     @staticmethod
     def from_json(text: str) -> Layout:
