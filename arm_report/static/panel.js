@@ -115,7 +115,7 @@ class PanelView {
         y: { distr: panel.log_y ? 3 : 1, dir: panel.names.length ? -1 : 1, range: (_, low, high) => this._yRange(low, high) },
       },
       axes: [
-        { ...axis, show: true, size: shown ? 30 : 6, label: shown ? (panel.dates ? undefined : panel.x) : undefined, labelSize: 20, space: panel.dates ? 90 : undefined, values: shown ? (panel.dates ? instants : panel.log_x ? decades : write) : () => [] },
+        { ...axis, show: true, size: shown ? 30 : 6, label: shown ? (panel.dates ? undefined : panel.x) : undefined, labelSize: 20, ...(panel.dates ? { space: 90 } : {}), values: shown ? (panel.dates ? instants : panel.log_x ? decades : write) : () => [] },
         panel.names.length
           ? { ...axis, size: Math.min(260, this.place.clientWidth * 0.45), grid: { show: false }, splits: () => panel.names.map((_, k) => k), values: (_, ticks) => ticks.map((k) => panel.names[k]) }
           : { ...axis, size: 58, label: panel.y, labelSize: 18, values: panel.log_y ? decades : write },

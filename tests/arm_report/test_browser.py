@@ -187,6 +187,24 @@ def test_the_arm_of_the_page_is_that_of_the_model(page: Any, root: Path) -> None
         np.testing.assert_allclose(np.array(ends), expected, atol=1e-12)
 
 
+def test_both_axes_of_a_chart_have_numbers(page: Any) -> None:
+    """Once the x axes had none, and no grid: an option without a value took the place of the library's own."""
+    inked = page.evaluate(
+        """() => {
+            const canvas = document.querySelector("#chart-cloud canvas"), outer = canvas.getBoundingClientRect();
+            const inner = document.querySelector("#chart-cloud .u-over").getBoundingClientRect();
+            const ink = (...box) => {
+                const pixels = box.map((value) => (value * canvas.width) / outer.width);
+                const { data } = canvas.getContext("2d").getImageData(...pixels);
+                return data.filter((value, k) => k % 4 === 3 && value > 0).length;
+            };
+            const left = inner.left - outer.left, below = inner.bottom - outer.top;
+            return [ink(left, below + 4, inner.width, 12), ink(left - 30, inner.top - outer.top, 26, inner.height)];
+        }"""
+    )
+    assert min(inked) > 50, inked
+
+
 def test_dates_are_written_as_iso_8601_in_utc(page: Any) -> None:
     seconds = 1_767_655_805  # 2026-01-05 23:30:05 UTC
     script = f"(s) => {{ {_text('data.js')}; return [86400, 3600, 1].map((step) => instant(s, step)); }}"

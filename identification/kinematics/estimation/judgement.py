@@ -75,6 +75,12 @@ def judged(work: Work, nominal: Chain) -> Judgement:
             lever = points.lever[~placed, None]
             orientation[part] = {when: float(np.sqrt(np.mean((off[~placed] / lever) ** 2))) for when, off in both}
         left_out += _by_run(part, runs, rows, residual, outlier)
+    was, now = before["held_out"].rms, after["held_out"].rms
+    if now >= was:
+        work.warnings.append(
+            f"the held-out error does not fall ({1e3 * was:.3g} mm before, {1e3 * now:.3g} mm after): the points show "
+            "no error of the model that a calibration removes; keep the model as it is"
+        )
     return Judgement(before, after, orientation, tuple(left_out), tuple(_failures(work, before, after, left_out)))
 
 

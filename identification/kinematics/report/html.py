@@ -16,6 +16,7 @@ from arm_report.motion import Motion
 from identification.kinematics.data.recordings import Gravity
 from identification.kinematics.estimation.calibration import Calibration
 from identification.kinematics.report.plots import circle_chart, clips_of, error_chart
+from identification.kinematics.report.write import change
 from identification.kinematics.use.iso_cube import CubeReport
 
 _LISTED = 50
@@ -67,13 +68,13 @@ def _headline(table: dict[str, Any]) -> tuple[str, bool]:
     )
     if table["failures"]:
         return "Not calibrated: " + " ".join(table["failures"]), True
-    change = (
+    fall = (
         f"falls from {_mm(rms['before'])} to {_mm(rms['after'])}"
         if better > 0
         else (f"does not fall: {_mm(rms['before'])} before, {_mm(rms['after'])} after")
     )
     return (
-        f"On all points of {where} the position error {change} rms per coordinate ({better:.2f} % better)."
+        f"On all points of {where} the position error {fall} rms per coordinate ({change(better / 100)})."
         f" The noise of the points is {_mm(table['noise'])}.",
         better <= 0,
     )

@@ -131,7 +131,7 @@ def summary(table: dict[str, Any]) -> str:
         rms, better = table["position_rms"][part], table["improvement"][part]
         lines.append(
             f"{words}  {1e3 * rms['before']:8.3f} mm -> {1e3 * rms['after']:7.3f} mm rms per coordinate "
-            f"({100 * better:.2f} % better)"
+            f"({change(better)})"
         )
         out = table["position_error"][part]["after"]["outliers"]
         if out:
@@ -158,6 +158,11 @@ def summary(table: dict[str, Any]) -> str:
         other = f" (or {', '.join(effect['indistinguishable'])})" if effect["indistinguishable"] else ""
         lines.append(f"found            {effect['title']}: {numbers}{other}")
     return "\n".join(lines)
+
+
+def change(improvement: float) -> str:
+    """A relative improvement as "99.2 % better" or "25 % worse"."""
+    return f"{100 * abs(improvement):.3g} % {'better' if improvement >= 0 else 'worse'}"
 
 
 def _rows(left_out: list[dict[str, Any]], part: str, most: int = 12) -> str:

@@ -17,7 +17,7 @@ from identification.kinematics.data.recordings import gravity_of
 from identification.kinematics.data.runs import Run, correlation_time
 from identification.kinematics.estimation.calibration import Settings, calibrate
 from identification.kinematics.models.parameters import Target
-from identification.kinematics.report.write import table_of
+from identification.kinematics.report.write import summary, table_of
 
 sys.path.insert(0, str(Path(__file__).parent))
 from arms import NOISE, TARGET, motion, puma, run_of, seen, sweeps, with_errors
@@ -64,6 +64,21 @@ def test_geometry_alone_is_left_alone(arms) -> None:
     assert set(table["parameters"][0]) == {"joint", "theta", "alpha", "a", "d", "beta", "std"}
     limits = table["limits"]["extensions"]
     assert (limits["min_gain"], limits["standard_errors"], limits["folds"]) == (0.02, 3.0, 5)
+
+
+def test_a_model_that_needs_no_calibration_is_said_to_need_none(arms) -> None:
+    """It was "calibrated", "-25.31 % better"."""
+    nominal, _ = arms
+    result = calibrate(
+        nominal,
+        [measured(nominal, nominal, "a", 1, seconds=3.0)],
+        [measured(nominal, nominal, "b", 2, seconds=3.0)],
+        [Target(TARGET)],
+        Settings(frame_known=True),
+    )
+    assert any("keep the model as it is" in warning for warning in result.warnings)
+    (line,) = [line for line in summary(table_of(nominal, result)).splitlines() if line.startswith("held-out points")]
+    assert line.endswith("% worse)")
 
 
 def test_sag_and_delay_are_found_by_name(arms) -> None:
