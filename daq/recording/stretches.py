@@ -26,7 +26,7 @@ from daq.recording.contents import Contents
 from daq.recording.mcap_file import walk as mcap_walk
 from daq.recording.mcap_file.checksums import MAGIC
 from daq.recording.mcap_file.checksums import NAME as CHECKSUMS
-from daq.recording.messages.row_format import RowFormat, format_of
+from daq.recording.messages.row_format import RowFormat, format_of, record_length
 from daq.recording.parts import Files, finish_file, open_file, write_content
 
 Read = Callable[[int, int], bytes]
@@ -152,7 +152,7 @@ def _pieces(ranges: Ranges, begin: float, end: float) -> Iterator[Piece]:
                 times = part.rows["times1"][:, 0].astype(np.int64)
                 first, last = np.searchsorted(times, [low, high]).tolist()
                 if first < last:
-                    begins = len(form.prologue)
+                    begins = record_length(part.content)
                     kept = part.content[begins + first * size : begins + last * size]
                     yield form.prologue + kept, part.rows[first:last]
 

@@ -10,6 +10,7 @@ channel, which is repeated inside every chunk (and so is covered by the chunk's 
 from __future__ import annotations
 
 import json
+import struct
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from functools import cached_property, lru_cache
@@ -187,14 +188,24 @@ class RowFormat:
         return content
 
     def unpack(self, content: bytes) -> NDArray[np.void]:
-        """The rows of a chunk's content that begins with the prologue, as a structured array without copying."""
-        if (len(content) - len(self.prologue)) % len(self.template):
+        """The rows behind the channel record with which a chunk's content begins, a structured array without copying.
+
+        That record is as long as the version that wrote it made it. ValueError: not a whole number of rows.
+        """
+        first = record_length(content)
+        if (len(content) - first) % len(self.template):
             raise ValueError("is not a whole number of rows")
-        return np.frombuffer(content, self.dtype, offset=len(self.prologue))
+        return np.frombuffer(content, self.dtype, offset=first)
 
     def message_offsets(self, topic: Topic, count: int) -> NDArray[np.uint64]:
         """(count,) where the records of ``topic`` begin in a chunk's content."""
         return (len(self.prologue) + topic.start + len(self.template) * np.arange(count)).astype(np.uint64)
+
+
+def record_length(content: bytes) -> int:
+    """Bytes of the first record of a chunk's content: opcode, length, body."""
+    (body,) = struct.unpack_from("<Q", content, 1)
+    return 9 + int(body)
 
 
 @lru_cache(maxsize=8)
