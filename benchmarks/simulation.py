@@ -11,6 +11,8 @@ MuJoCo's batch (mujoco.rollout, two threads) runs open loop without friction, wh
 peak_gflops: fused multiply-adds on all cores, measured in the same run (benchmarks/peak_rate.py). NAME_operations: of
 one Runge-Kutta step; NAME_share_of_peak: operations per second of 1000 sets over the peak. six_over_three,
 water_over_dry, floating_over_fixed: processor time of 1000 sets over that of three dry links on a fixed base.
+single_vs_double: speed in single over that in double precision; differs_single: largest difference of a joint angle
+after 10 s, rad.
 """
 
 from __future__ import annotations
@@ -24,6 +26,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
@@ -40,6 +43,7 @@ from benchmarks.report import report
 
 MODELS = Path(__file__).resolve().parent.parent / "config" / "models"
 SETS = 1000
+Result = TypeVar("Result")
 CYLINDER = Cylinder(start=(-0.3, 0.0, 0.0), end=(0.0, 0.0, 0.0), radius=0.05)
 
 
@@ -92,8 +96,24 @@ def at_the_limit(figures: dict[str, float], puma: Arm) -> None:
         for name, arm in arms.items():
             task = partial(simulate_batch, arm, move(len(arm)), row_times(2.0, 20), parameters=variations(SETS))
             seconds[name] = min(seconds[name], measured(task)[0][1])
+    in_single_precision(figures, dry)
     for name, figure in (("six", "six_over_three"), ("water", "water_over_dry"), ("floating", "floating_over_fixed")):
         figures[figure] = seconds[name] / seconds["dry"]
+
+
+def in_single_precision(figures: dict[str, float], arm: Arm) -> None:
+    """How much faster, and how far from double precision after 10 s of the move."""
+    runs = [
+        partial(simulate_batch, arm, move(len(arm)), row_times(10.0, 20), parameters=variations(SETS), single=single)
+        for single in (False, True)
+    ]
+    times = []
+    for _ in range(4):
+        (double, exact), (single, rounded) = (measured(run) for run in runs)
+        times.append((double[1], single[1]))
+    double_cpu, single_cpu = np.array(times).min(axis=0)
+    figures["single_vs_double"] = double_cpu / single_cpu
+    figures["differs_single"] = float(np.abs(exact.q - rounded.q).max())
 
 
 def against(figures: dict[str, float], puma: Arm) -> None:
@@ -160,7 +180,7 @@ def compared(
     return end
 
 
-def measured(task: Callable[[], Array]) -> tuple[tuple[float, float], Array]:
+def measured(task: Callable[[], Result]) -> tuple[tuple[float, float], Result]:
     """((s of wall time, s of processor time of all threads), result)."""
     wall, cpu = time.perf_counter(), time.process_time()
     result = task()

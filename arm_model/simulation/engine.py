@@ -34,13 +34,19 @@ class Program:
     width: int
     run: Any
     engine: Any  # owns the machine code
+    single: bool = False
+
+    @property
+    def dtype(self) -> type[np.floating[Any]]:
+        """Of the numbers of all lanes."""
+        return np.float32 if self.single else np.float64
 
 
-def _key(system: System, params: tuple[Expr, ...], width: int) -> str:
+def _key(system: System, params: tuple[Expr, ...], width: int, single: bool) -> str:
     tape = system.tape
     roots = (*system.rates, *system.next_memories, *system.commands)
     text = [
-        str(width),
+        f"{width} {single}",
         repr([(index, tape.nodes[index]) for index in needed(tape, roots)]),
         repr([[expr.index for expr in part] for part in (system.rates, system.next_memories, system.commands, params)]),
         repr((system.states, system.memories)),
@@ -48,25 +54,26 @@ def _key(system: System, params: tuple[Expr, ...], width: int) -> str:
     return key_of("\0".join(text), Path(__file__).with_name("kernel.py"))
 
 
-def program_of(system: System, width: int) -> Program:
+def program_of(system: System, width: int, *, single: bool = False) -> Program:
     """The compiled code of a system, from the cache folder, or generated and compiled now."""
     params = layout_of(system)
-    key = _key(system, params, width)
+    key = _key(system, params, width, single)
 
     def module() -> str:
         from arm_model.simulation.kernel import module_of
+        from arm_model.symbolic.codegen import DOUBLES, SINGLES
 
-        return str(module_of(system, params, width))
+        return str(module_of(system, params, width, SINGLES if single else DOUBLES))
 
     engine = engine_of(key, module)
-    return Program(system, params, width, _SIGNATURE(engine.get_function_address("run")), engine)
+    return Program(system, params, width, _SIGNATURE(engine.get_function_address("run")), engine, single)
 
 
-def aligned(*shape: int) -> Array:
+def aligned(*shape: int, dtype: type[np.floating[Any]] = np.float64) -> Array:
     """Zeros on a 64-byte boundary."""
-    size = int(np.prod(shape))
-    raw = np.zeros(size + 8)
-    offset = (-raw.ctypes.data % 64) // 8
+    size, each = int(np.prod(shape)), np.dtype(dtype).itemsize
+    raw = np.zeros(size + 64 // each, dtype)
+    offset = (-raw.ctypes.data % 64) // each
     return raw[offset : offset + size].reshape(shape)
 
 

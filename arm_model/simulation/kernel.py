@@ -20,7 +20,7 @@ from typing import Any
 
 from llvmlite import ir
 
-from arm_model.symbolic.codegen import DOUBLE, INT, Vector, emit
+from arm_model.symbolic.codegen import DOUBLE, DOUBLES, INT, Precision, Vector, emit
 from arm_model.symbolic.tape import Expr
 from arm_model.system.closed_loop_system import System
 
@@ -31,19 +31,21 @@ ROW = 5
 """Doubles per output row: Hermite weights of x0, x0', x1, x1' and the decay of the currents since the substep began."""
 
 
-def module_of(system: System, params: tuple[Expr, ...], width: int) -> ir.Module:
+def module_of(system: System, params: tuple[Expr, ...], width: int, precision: Precision = DOUBLES) -> ir.Module:
     """The LLVM module with the function ``run``.
 
-    ``params``: nodes that are given per lane (``arm_model.simulation.kernel_layout``).
+    ``params``: nodes that are given per lane (``arm_model.simulation.kernel_layout``). In single precision all arrays
+    of lanes are of single precision; what a step adds to the states is summed with compensation (Kahan 1965), without
+    which the rounding of thousands of small steps would add up.
     """
-    return _Kernel(system, params, width).module
+    return _Kernel(system, params, width, precision).module
 
 
 class _Kernel:
-    def __init__(self, system: System, params: tuple[Expr, ...], width: int) -> None:
-        self.system, self.params, self.width = system, params, width
+    def __init__(self, system: System, params: tuple[Expr, ...], width: int, precision: Precision) -> None:
+        self.system, self.params, self.width, self.precision = system, params, width, precision
         self.module = ir.Module(name="arm")
-        self.lane = ir.VectorType(DOUBLE, width) if width > 1 else DOUBLE
+        self.lane = ir.VectorType(precision.real, width) if width > 1 else precision.real
         self.pointer = self.lane.as_pointer()
         self.rates = self._function("rates", [self.pointer] * 3 + [DOUBLE, self.pointer], self._emit_rates)
         self.servo = self._function("servo", [self.pointer] * 5, self._emit_servo)
@@ -65,6 +67,10 @@ class _Kernel:
         body(builder, *function.args)
         builder.ret_void()
         return function
+
+    @property
+    def _compensated(self) -> bool:
+        return self.precision.bits < 64
 
     def _load(self, builder: ir.IRBuilder, base: Any, index: Any) -> Any:
         where = builder.gep(base, [index if not isinstance(index, int) else INT(index)])
@@ -91,14 +97,14 @@ class _Kernel:
         return [f"{name}{j}" for j in range(self.system.channels)]
 
     def _emit_rates(self, builder: ir.IRBuilder, x: Any, current: Any, params: Any, time: Any, out: Any) -> None:
-        vector = Vector(builder, self.width)
+        vector = Vector(builder, self.width, self.precision)
         given = self._given(builder, [(self.system.states, x), (self._names("current"), current)], params)
         given[self.system.tape.input("time").index] = lambda: vector.spread(time)
         for position, value in enumerate(emit(vector, self.system.tape, self.system.rates, given)):
             self._store(builder, value, out, position)
 
     def _emit_servo(self, builder: ir.IRBuilder, x: Any, memory: Any, demand: Any, params: Any, command: Any) -> None:
-        system, vector = self.system, Vector(builder, self.width)
+        system, vector = self.system, Vector(builder, self.width, self.precision)
         sources = [(system.states, x), (system.memories, memory), (self._names("demand"), demand)]
         values = emit(
             vector, system.tape, [*system.commands, *system.next_memories], self._given(builder, sources, params)
@@ -138,6 +144,8 @@ class _Kernel:
         def block(index: Any) -> None:
             lanes = self._lanes(builder, given, index)
             builder.store(INT(0), table.row)
+            for k in range(len(self.system.states) if self._compensated else 0):
+                self._store(builder, ir.Constant(self.lane, None), room["lost"], k)
             self._loop(builder, INT(0), ticks, lambda number: self._tick(builder, scalars, room, lanes, table, number))
 
         self._loop(builder, given.first, given.last, block)
@@ -199,7 +207,7 @@ class _Kernel:
         self, builder: ir.IRBuilder, scalars: dict[str, Any], room: dict[str, Any], lanes: _Lanes, time: Any
     ) -> None:
         """One classical Runge-Kutta step from x; room["next"] is its end, room["first"] the rates at its start."""
-        vector = Vector(builder, self.width)
+        vector = Vector(builder, self.width, self.precision)
         n, nx = self.system.channels, len(self.system.states)
         step = scalars["step"]
         half = builder.fmul(step, DOUBLE(0.5))
@@ -232,7 +240,14 @@ class _Kernel:
         for k in range(nx):
             slopes = [self._load(builder, room[stage[3]], k) for stage in stages]
             total = vector.fused(vector.add(slopes[1], slopes[2]), two, vector.add(slopes[0], slopes[3]))
-            self._store(builder, vector.fused(total, sixth, self._load(builder, lanes.x, k)), room["next"], k)
+            x = self._load(builder, lanes.x, k)
+            if not self._compensated:
+                self._store(builder, vector.fused(total, sixth, x), room["next"], k)
+                continue
+            added = vector.fused(total, sixth, self._load(builder, room["lost"], k))
+            reached = builder.fadd(x, added)
+            self._store(builder, builder.fsub(added, builder.fsub(reached, x)), room["lost"], k)
+            self._store(builder, reached, room["next"], k)
 
     def _rows(
         self,
@@ -245,7 +260,7 @@ class _Kernel:
         step_number: Any,
     ) -> None:
         """Writes the output rows that lie in this substep; the rates at its end are evaluated only if there are any."""
-        vector = Vector(builder, self.width)
+        vector = Vector(builder, self.width, self.precision)
         n, nx = self.system.channels, len(self.system.states)
         with builder.if_then(self._due(builder, table, step_number)):
             end_time = builder.fadd(time, scalars["step"])
@@ -327,5 +342,5 @@ class _RowTable:
 
 def _room(n: int, nx: int) -> dict[str, int]:
     """Scratch arrays of one step: rates of the four stages, states in between and at the end, currents."""
-    names = ("first", "second", "third", "fourth", "stage", "next")
+    names = ("first", "second", "third", "fourth", "stage", "next", "lost")
     return dict.fromkeys(names, nx) | {"middle": n, "end": n}

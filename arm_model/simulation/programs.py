@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from arm_io.types import Array
 from arm_model.description import Arm
 from arm_model.simulation.engine import Program, program_of
-from arm_model.symbolic.machine_code import LANES
+from arm_model.symbolic.machine_code import LANES, SINGLE_LANES
 from arm_model.system.closed_loop_system import build
 from arm_model.system.warmth import warmth_knots
 
@@ -16,7 +16,7 @@ KEPT = 128
 _kept: dict[str, Program] = {}
 
 
-def program_for(arm: Arm, inputs: Mapping[str, Array], lanes: int) -> Program:
+def program_for(arm: Arm, inputs: Mapping[str, Array], lanes: int, *, single: bool = False) -> Program:
     """The arm's equations, compiled; kept from an arm that differs from it in numbers only."""
     zero = zeros(inputs)
     joints = [
@@ -40,12 +40,12 @@ def program_for(arm: Arm, inputs: Mapping[str, Array], lanes: int) -> Program:
         for number, j in enumerate(arm.joints)
     ]
     terms = [(term.name, term.joint) for term in arm.effects]
-    width = 1 if lanes == 1 else LANES
-    key = repr((width, joints, arm.base, arm.coupling, arm.controller, terms, _base(arm), sorted(zero)))
+    width = SINGLE_LANES if single else 1 if lanes == 1 else LANES
+    key = repr((width, single, joints, arm.base, arm.coupling, arm.controller, terms, _base(arm), sorted(zero)))
     if key not in _kept:
         if len(_kept) >= KEPT:
             _kept.pop(next(iter(_kept)))
-        _kept[key] = program_of(build(arm, zero), width)
+        _kept[key] = program_of(build(arm, zero), width, single=single)
     return _kept[key]
 
 

@@ -2,23 +2,24 @@
 
 sin, cos and exp are branch-free: range reduction by a magic addition (Cody and Waite, Software Manual for the
 Elementary Functions, 1980) and the polynomials of Cephes / fdlibm, right to about 1 unit in the last place for
-arguments up to 1e5.
+arguments up to 1e5. In single precision the same polynomials, with the constants of single precision (Cephes) for the
+reduction: right to 1e-7 for arguments up to 1e3.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from llvmlite import ir
 
 from arm_model.symbolic.tape import Expr, Tape, needed
 
-DOUBLE, INT = ir.DoubleType(), ir.IntType(64)
+DOUBLE, FLOAT, INT = ir.DoubleType(), ir.FloatType(), ir.IntType(64)
 FUSE = ("contract",)  # a b + c may become one fused operation
 
-_MAGIC = 1.5 * 2.0**52  # adding it leaves the rounded integer in the low bits
 _SINE = (
     -1.66666666666666307295e-1,
     8.33333333332211858878e-3,
@@ -35,17 +36,69 @@ _COSINE = (
     2.08757008419747316778e-9,
     -1.13585365213876817300e-11,
 )
-_HALF_PI = (1.57079632673412561417, 6.07710050630396597660e-11, 2.02226624879595063154e-21)
-_LOG2 = (6.93147180369123816490e-1, 1.90821492927058770002e-10)
+
+
+@dataclass(frozen=True)
+class Precision:
+    """A floating-point format.
+
+    name    of LLVM's intrinsics; bits of a number, fraction of its bits, bias of its exponent
+    half_pi, log2   in parts that multiply by small integers exactly
+    largest         argument of exp
+    guess, steps    of the inverse square root: magic number (Lomont 2003), Newton steps
+    """
+
+    name: str
+    real: ir.Type
+    bits: int
+    fraction: int
+    bias: int
+    half_pi: tuple[float, ...]
+    log2: tuple[float, ...]
+    largest: float
+    guess: int
+    steps: int
+
+    @property
+    def magic(self) -> float:
+        """Adding it leaves the rounded integer in the low bits."""
+        return 1.5 * 2.0**self.fraction
+
+
+DOUBLES = Precision(
+    name="f64",
+    real=DOUBLE,
+    bits=64,
+    fraction=52,
+    bias=1023,
+    half_pi=(1.57079632673412561417, 6.07710050630396597660e-11, 2.02226624879595063154e-21),
+    log2=(6.93147180369123816490e-1, 1.90821492927058770002e-10),
+    largest=708.0,
+    guess=0x5FE6EB50C7B537A9,
+    steps=4,
+)
+SINGLES = Precision(
+    name="f32",
+    real=FLOAT,
+    bits=32,
+    fraction=23,
+    bias=127,
+    half_pi=(1.5703125, 4.837512969970703125e-4, 7.54978995489188216e-8),
+    log2=(0.693359375, -2.12194440e-4),
+    largest=87.0,
+    guess=0x5F375A86,
+    steps=3,
+)
 
 
 class Vector:
-    """Builds operations on vectors of ``width`` doubles in one basic block."""
+    """Builds operations on vectors of ``width`` numbers of one precision in one basic block."""
 
-    def __init__(self, builder: ir.IRBuilder, width: int) -> None:
-        self.builder, self.width = builder, width
-        self.type = ir.VectorType(DOUBLE, width) if width > 1 else DOUBLE
-        self.int_type = ir.VectorType(INT, width) if width > 1 else INT
+    def __init__(self, builder: ir.IRBuilder, width: int, precision: Precision = DOUBLES) -> None:
+        self.builder, self.width, self.precision = builder, width, precision
+        whole = ir.IntType(precision.bits)
+        self.type = ir.VectorType(precision.real, width) if width > 1 else precision.real
+        self.int_type = ir.VectorType(whole, width) if width > 1 else whole
 
     def constant(self, value: float) -> Any:
         return ir.Constant(self.type, [value] * self.width if self.width > 1 else value)
@@ -55,6 +108,8 @@ class Vector:
 
     def spread(self, scalar: Any) -> Any:
         """One double in every lane."""
+        if self.precision.bits < 64:
+            scalar = self.builder.fptrunc(scalar, self.precision.real)
         if self.width == 1:
             return scalar
         whole = self.builder.insert_element(
@@ -77,8 +132,9 @@ class Vector:
         return self.add(self.mul(a, b), c)
 
     def intrinsic(self, name: str, a: Any) -> Any:
-        """``name`` of doubles, lane by lane; llvmlite's declare_intrinsic knows no vectors."""
-        full = f"{name}.f64" if self.width == 1 else f"{name}.v{self.width}f64"
+        """``name`` lane by lane; llvmlite's declare_intrinsic knows no vectors."""
+        lanes = "" if self.width == 1 else f"v{self.width}"
+        full = f"{name}.{lanes}{self.precision.name}"
         module = self.builder.module
         function = module.globals.get(full) or ir.Function(module, ir.FunctionType(self.type, [self.type]), full)
         return self.builder.call(function, [a])
@@ -91,23 +147,25 @@ class Vector:
         return value
 
     def _rounded(self, x: Any, scale: float) -> tuple[Any, Any]:
-        """round(scale x) as a double and, in the low bits, as an integer."""
-        shifted = self.fused(x, self.constant(scale), self.constant(_MAGIC))
-        return self.builder.fsub(shifted, self.constant(_MAGIC)), self.builder.bitcast(shifted, self.int_type)
+        """round(scale x) as a number and, in the low bits, as an integer."""
+        magic = self.constant(self.precision.magic)
+        shifted = self.fused(x, self.constant(scale), magic)
+        return self.builder.fsub(shifted, magic), self.builder.bitcast(shifted, self.int_type)
 
     def sine_cosine(self, x: Any) -> tuple[Any, Any]:
         build = self.builder
         turns, bits = self._rounded(x, 2 / math.pi)
         r = x
-        for part in _HALF_PI:
+        for part in self.precision.half_pi:
             r = self.fused(turns, self.constant(-part), r)
         square = self.mul(r, r)
         sine = self.fused(self.mul(square, r), self.polynomial(square, _SINE), r)
         tail = self.mul(self.mul(square, square), self.polynomial(square, _COSINE))
         cosine = self.add(self.fused(square, self.constant(-0.5), self.constant(1.0)), tail)
         odd = build.icmp_signed("!=", build.and_(bits, self.integer(1)), self.integer(0))
-        sign_of_sine = build.shl(build.and_(bits, self.integer(2)), self.integer(62))
-        sign_of_cosine = build.shl(build.and_(build.add(bits, self.integer(1)), self.integer(2)), self.integer(62))
+        to_sign = self.integer(self.precision.bits - 2)
+        sign_of_sine = build.shl(build.and_(bits, self.integer(2)), to_sign)
+        sign_of_cosine = build.shl(build.and_(build.add(bits, self.integer(1)), self.integer(2)), to_sign)
         return (
             self._signed(build.select(odd, cosine, sine), sign_of_sine),
             self._signed(build.select(odd, sine, cosine), sign_of_cosine),
@@ -119,25 +177,26 @@ class Vector:
 
     def exp(self, x: Any) -> Any:
         build = self.builder
-        x = self.least(self.greatest(x, self.constant(-708.0)), self.constant(708.0))
+        largest = self.precision.largest
+        x = self.least(self.greatest(x, self.constant(-largest)), self.constant(largest))
         power, bits = self._rounded(x, 1 / math.log(2))
         r = x
-        for part in _LOG2:
+        for part in self.precision.log2:
             r = self.fused(power, self.constant(-part), r)
         mantissa = self.polynomial(r, [1 / math.factorial(k) for k in range(14)])
-        exponent = build.shl(build.add(bits, self.integer(1023)), self.integer(52))
+        exponent = build.shl(build.add(bits, self.integer(self.precision.bias)), self.integer(self.precision.fraction))
         return self.mul(mantissa, build.bitcast(exponent, self.type))
 
     def rsqrt(self, x: Any) -> Any:
-        """1 / sqrt(x), x normal and positive, to 1e-15 relative, without a slow division.
+        """1 / sqrt(x), x normal and positive, to 1e-15 relative (1e-7 in single precision), without a slow division.
 
         A guess from the exponent, then Newton steps.
         """
         build = self.builder
         half_bits = build.lshr(build.bitcast(x, self.int_type), self.integer(1))
-        guess = build.bitcast(build.sub(self.integer(0x5FE6EB50C7B537A9), half_bits), self.type)
+        guess = build.bitcast(build.sub(self.integer(self.precision.guess), half_bits), self.type)
         half = self.mul(x, self.constant(-0.5))
-        for _ in range(4):
+        for _ in range(self.precision.steps):
             guess = self.mul(guess, self.fused(self.mul(half, guess), guess, self.constant(1.5)))
         return guess
 

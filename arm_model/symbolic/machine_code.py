@@ -17,6 +17,8 @@ from typing import Any
 
 LANES = 8
 """Doubles per vector: one AVX-512 register, two of AVX2."""
+SINGLE_LANES = 16
+"""The same in single precision."""
 
 
 def cache_folder() -> Path:
