@@ -22,7 +22,7 @@ from identification.regression.least_squares import Method
 def with_free_friction(
     straight: Solved, method: Method, *, always: bool, progress: Progress
 ) -> tuple[Solved, list[Trial], list[Dependence]]:
-    """The fit with the friction laws that are justified, and all that was tried; ``always``: whatever shows."""
+    """The fit with the friction laws that are justified, and all that was tried; ``always``: every curve that shows."""
     problem = straight.problem
     speeds = {
         j: found
@@ -31,7 +31,7 @@ def with_free_friction(
     }
     progress("friction of free shape")
     curved = solved(with_curves(problem, speeds), method, progress) if speeds else straight
-    wider, depends = with_load_and_temperature(curved, method, always=always, progress=progress)
+    wider, depends = with_load_and_temperature(curved, method, progress)
     if not speeds:
         return wider, [], depends
     added = wider.problem.arm.effects[len(problem.arm.effects) :]

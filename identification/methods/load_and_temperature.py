@@ -44,8 +44,8 @@ WARMING = 3.0
 class Dependence:
     """Friction of a joint (from 1) over its load or its temperature: whether it ``stays`` in the model, and ``why``.
 
-    parameters: name of the coefficient -> value, std (of those that stay); temperature: degC at which the rest of the
-    joint's friction holds.
+    parameters: name of the coefficient -> value, std (of those that stay); held: the other parameters of these effects;
+    temperature: degC at which the rest of the joint's friction holds.
     """
 
     joint: int
@@ -53,6 +53,7 @@ class Dependence:
     stays: bool
     why: str
     parameters: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    held: Mapping[str, float] = field(default_factory=dict)
     temperature: float | None = None
 
     def to_json(self) -> dict[str, Any]:
@@ -60,7 +61,8 @@ class Dependence:
         table: dict[str, Any] = {"joint": self.joint, "on": self.on, "stays": self.stays, "why": self.why}
         if self.temperature is not None:
             table["temperature"] = self.temperature
-        return table | {"parameters": {k: {"value": v, "std": std} for k, (v, std) in self.parameters.items()}}
+        sizes = {name: {"value": value, "std": std} for name, (value, std) in self.parameters.items()}
+        return table | {"parameters": sizes, "held": dict(self.held)}
 
 
 @dataclass
@@ -73,10 +75,8 @@ class _Tried:
     refused: list[Dependence] = field(default_factory=list)
 
 
-def with_load_and_temperature(
-    found: Solved, method: Method, *, always: bool, progress: Progress
-) -> tuple[Solved, list[Dependence]]:
-    """The fit with friction over load and temperature where it is justified; ``always``: wherever it is identifiable.
+def with_load_and_temperature(found: Solved, method: Method, progress: Progress) -> tuple[Solved, list[Dependence]]:
+    """The fit with friction over load and temperature where it is justified.
 
     What the model has of such effects is kept, and fitted.
     """
@@ -86,7 +86,7 @@ def with_load_and_temperature(
     if not tried.terms:
         return found, tried.refused
     wider = solved(with_terms(found.problem, near, tried.terms, tried.references), method, progress)
-    stay, why = _justified(found, wider, tried, always)
+    stay, why = _justified(found, wider, tried)
     if stay:
         warm = {term.joint - 1 for term in stay if term.joint and term.name in TEMPERATURE}
         kept = {j: degc for j, degc in tried.references.items() if j in warm}
@@ -153,7 +153,7 @@ def _no_temperature(motions: Sequence[Motion], seen: Sequence[Conditions], certa
     return ""
 
 
-def _justified(found: Solved, wider: Solved, tried: _Tried, always: bool) -> tuple[list[EffectTerm], dict[int, str]]:
+def _justified(found: Solved, wider: Solved, tried: _Tried) -> tuple[list[EffectTerm], dict[int, str]]:
     """The effects that stay, with those coefficients alone that are clearly not zero, and per joint the reason."""
     known, joints = _estimates(wider), sorted({j for j, _ in _kinds(tried.terms)})
     stay: list[EffectTerm] = []
@@ -162,21 +162,23 @@ def _justified(found: Solved, wider: Solved, tried: _Tried, always: bool) -> tup
         trial = trial_of(j, found, wider, tried.slowest[j], len(joints))
         unit = "N m" if found.problem.arm.joints[j].revolute else "N"
         why[j] = f"held-out error while it slides {trial.straight:.3g} -> {trial.curve:.3g} {unit}"
-        if not (trial.stays or always):
+        if not trial.stays:
             continue
         for term in tried.terms:
             if term.joint != j + 1:
                 continue
             searched = {p.name for p in CATALOGUE[term.name].nonlinear}
             clear = {name: value for name, value in term.parameters.items() if name in searched}
-            clear |= {name: 0.0 for name in term.parameters if _is_clear(known.get(name_of(term, name)))}
+            clear |= {name: 0.0 for name in term.parameters if _is_clear(term, name, known)}
             if len(clear) > len(searched):
                 stay.append(replace(term, parameters=clear))
     return stay, why
 
 
-def _is_clear(estimate: tuple[float, float] | None) -> bool:
-    return estimate is not None and abs(estimate[0]) > CLEARLY * estimate[1]
+def _is_clear(term: EffectTerm, name: str, known: Mapping[str, tuple[float, float]]) -> bool:
+    """Whether a coefficient was identified, is clearly not zero, and can have its sign."""
+    value, std = known.get(name_of(term, name), (0.0, 1.0))
+    return abs(value) > CLEARLY * std and CATALOGUE[term.name].admits(name, value)
 
 
 def _estimates(fit: Solved) -> dict[str, tuple[float, float]]:
@@ -189,12 +191,13 @@ def _estimates(fit: Solved) -> dict[str, tuple[float, float]]:
 def _dependence(fit: Solved, tried: _Tried, stay: Sequence[EffectTerm], j: int, on: str, why: str) -> Dependence:
     own = [term for term in stay if term.joint == j + 1 and _on(term) == on]
     known = _estimates(fit)
-    names = [name_of(term, name) for term in own for name in term.parameters]
+    given = {name_of(term, name): value for term in own for name, value in term.parameters.items()}
     return Dependence(
         joint=j + 1,
         on=on,
         stays=bool(own),
         why=why,
-        parameters={name.split(".", 1)[1]: known[name] for name in names if name in known},
+        parameters={name.split(".", 1)[1]: known[name] for name in given if name in known},
+        held={name.split(".", 1)[1]: value for name, value in given.items() if name not in known},
         temperature=tried.references.get(j) if on == "temperature" else None,
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import pytest
 
 from arm_model import Arm, Joint
 from comparison.identified_friction import POINTS, curved_joints, friction_points, is_replaced
@@ -34,6 +35,24 @@ def test_friction_is_compared_within_the_range_that_both_know() -> None:
         (before, std, unit), (after, _, _) = (entry[quantity.name] for entry in entries)
         assert (std, unit) == (0.1, "N m")
         np.testing.assert_allclose(after - before, 1.0, atol=1e-9)
+
+
+def test_friction_that_depends_on_temperature_is_compared_at_one_temperature() -> None:
+    """The same joint identified at 30 and at 50 degC, with a level that falls by 0.05 N m/K."""
+    tables = [identification(0.01, 1.0, level) for level in (5.0, 4.0)]
+    for table, degc in zip(tables, (30.0, 50.0)):
+        entry = {"joint": 2, "on": "temperature", "stays": True, "temperature": degc}
+        entry["parameters"] = {"temperature_friction.coulomb": {"value": -0.05, "std": 0.001}}
+        entry["held"] = {f"temperature_friction.{name}": 0.1 for name in ("stribeck_velocity", "thinning")}
+        table["friction_dependence"] = [entry]
+    quantities, entries = friction_points(ARM, tables, {2})
+    for quantity in quantities:
+        (before, std, _), (after, _, _) = (entry[quantity.name] for entry in entries)
+        assert after == pytest.approx(before, abs=1e-9)
+        assert std == pytest.approx(np.hypot(0.1, 0.01), abs=1e-9)
+    del tables[1]["friction_dependence"]
+    _, entries = friction_points(ARM, tables, {2})
+    assert entries[1][quantities[0].name][0] - entries[0][quantities[0].name][0] == pytest.approx(-1.0)
 
 
 def test_a_curve_for_both_directions_is_compared_with_one_for_each() -> None:

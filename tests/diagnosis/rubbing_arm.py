@@ -29,6 +29,9 @@ ROTOR = np.array([1.6, 1.6, 0.7])
 LINKS = ((7.0, (0.0, 0.0, -0.04), (0.05, 0.05, 0.03)), (9.0, (0.22, 0.0, 0.0), (0.03, 0.35, 0.35)))
 FORE = (4.0, (0.15, 0.01, 0.0), (0.01, 0.08, 0.08))
 
+WAVES = np.array([7.0, 11.0, 13.0])
+"""Per turn of a joint: of a ripple of friction, as of rollers on an uneven race."""
+
 HARD = 'solreffriction="0.002 1" solimpfriction="0.999 0.9999 0.001"'
 """MuJoCo yields a little where friction holds, and more than a hump is high if left as it is."""
 
@@ -90,10 +93,20 @@ def demand(seed: int, t: np.ndarray) -> np.ndarray:
     return np.stack(found, axis=1) + [0.0, -0.5, 0.6]
 
 
-def recording(path: Path, law: Law, seed: int, *, seconds: float = 40.0, more: dict[int, float] | None = None) -> Path:
+def recording(
+    path: Path,
+    law: Law,
+    seed: int,
+    *,
+    seconds: float = 40.0,
+    more: dict[int, float] | None = None,
+    added: Law = np.zeros_like,
+    ripple: float = 0.0,
+) -> Path:
     """Writes a recording of the motion ``seed`` through a table of t, q, i, qref, as a controller logs them.
 
-    ``more``: {joint from 1: N m} additional friction, constant against the motion.
+    ``more``: {joint from 1: N m} additional friction, constant against the motion. ``added``: (3,) N m more against
+    the motion, of the speeds with their signs. ``ripple``: share of all friction that waves with the joints' angles.
     """
     bodies = [
         f'<inertial mass="{m}" pos="{c[0]} {c[1]} {c[2]}" diaginertia="{i[0]} {i[1]} {i[2]}"/>'
@@ -119,7 +132,8 @@ def recording(path: Path, law: Law, seed: int, *, seconds: float = 40.0, more: d
         torque = GAINS[0] * error + GAINS[1] * (rates[k] - state.qvel) + integral
         q[k], i[k] = state.qpos, torque
         for _ in range(EVERY):
-            machine.dof_frictionloss[:] = law(np.abs(state.qvel)) + extra
+            rubbing = law(np.abs(state.qvel)) + extra + added(state.qvel)
+            machine.dof_frictionloss[:] = rubbing * (1.0 + ripple * np.sin(WAVES * state.qpos))
             state.qfrc_applied[:] = torque
             mujoco.mj_step(machine, state)
     step = 2 * np.pi / COUNTS

@@ -77,6 +77,21 @@ def test_friction_is_right_at_other_loads_and_temperatures(identified: tuple[arm
     assert max(one.ratio for one in result.noise) < 4.0
 
 
+def test_a_second_day_that_is_only_warmer_is_no_fault(
+    identified: tuple[armscope.Identification, Path], tmp_path: Path
+) -> None:
+    result, _ = identified
+    warm = arm_at(48.0, 3.0, 10.0)
+    worn = replace(warm, friction=(FRICTION[0], (lambda v: humped(v) + 1.5,) * 2))
+    fit, held_out = (warm.record(tmp_path / f"{seed}.mcap", seed, seconds=16.0) for seed in (5, 6))
+    assert armscope.diagnose(fit, result.arm, held_out=held_out).verdict == "consistent"
+
+    fit, held_out = (worn.record(tmp_path / f"worn{seed}.mcap", seed, seconds=16.0) for seed in (5, 6))
+    found = armscope.diagnose(fit, result.arm, held_out=held_out)
+    assert [(cause.effect, cause.joint) for cause in found.causes] == [("coulomb_friction", 2)]
+    assert found.causes[0].parameters[0].value == pytest.approx(1.5, abs=0.2)
+
+
 def test_report_and_files_say_what_depends_and_what_could_not_be_seen(
     identified: tuple[armscope.Identification, Path], capsys: pytest.CaptureFixture[str]
 ) -> None:
