@@ -20,7 +20,6 @@ from arm_io.types import Array
 from arm_model.assumed_capsules import assumed_capsules
 from arm_model.capsules import moved, of_geometry, round_points
 from arm_model.description import Arm, Capsule, Joint
-from arm_model.effects.catalogue import CATALOGUE
 from arm_model.meshes import mesh_file, vertices_of
 from arm_model.rigid_body.friction_curve import nearest_line
 from arm_model.rigid_body.inertia import about_com, barycentric, transform, unphysical
@@ -292,12 +291,10 @@ def not_in_urdf(arm: Arm, form: str = "URDF") -> list[str]:
                 f"friction of joint {number} {what}; {form} has one Coulomb and one viscous coefficient: the nearest "
                 f"line is written, off by up to {off:.2g} {'N m' if joint.revolute else 'N'}"
             )
-        names = sorted({e.name for e in arm.effects if e.joint == number and CATALOGUE[e.name].conditional})
-        if names:
-            warm = "" if joint.temperature is None else f" and {joint.temperature:g} degC"
+        if joint.temperature is not None:
             found.append(
-                f"friction of joint {number} depends on more than speed ({', '.join(names)}); {form} has no place for "
-                f"that: friction without load{warm} is written"
+                f"friction of joint {number} is that at {joint.temperature:g} degC and without load; {form} has no "
+                "place for either"
             )
     if arm.effects:
         names = sorted({term.name for term in arm.effects})

@@ -107,7 +107,9 @@ def test_report_and_files_say_what_depends_and_what_could_not_be_seen(
     assert arm.joints[0].temperature is None
     assert 40.0 < (arm.joints[1].temperature or 0.0) < 55.0
     assert run(["model", str(folder / "out/model.toml"), "--out", str(folder / "arm.urdf")]) == 0
-    assert "friction without load and" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert "degC and without load; URDF has no place for either" in said
+    assert "left out: load_friction, temperature_friction" in said
 
 
 def test_neither_is_found_where_neither_is(tmp_path: Path) -> None:
