@@ -165,8 +165,14 @@ def confirmed(sight: Residuals, terms: Sequence[EffectTerm]) -> Residuals:
 
 
 def _energy(run: Run, terms: Sequence[EffectTerm]) -> float:
-    """Mean square of a run's whitened residual over all joints, with more effects."""
-    return float(np.mean((residual_with(run, terms) / run.deviation) ** 2))
+    """Mean square of a run's whitened residual over all joints, with more effects, at the constant lag that fits best.
+
+    A lag that changes looks like a time skew between both lags as long as it is not known: such a skew among the
+    ``terms`` must not speak against rows that were put where they belong.
+    """
+    y, rate = residual_with(run, terms) / run.deviation, run.current_rate / run.deviation
+    size = float(np.sum(rate**2))
+    return float(np.sum(y**2) - np.sum(y * rate) ** 2 / size if size > 0.0 else np.sum(y**2)) / y.size
 
 
 def _gain_of_realignment(original: Run, corrected: Run, terms: Sequence[EffectTerm]) -> Gain:
