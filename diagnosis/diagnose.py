@@ -245,7 +245,7 @@ def measure(arm: Arm, recordings: Recordings, cleaned: Screened, progress: Progr
 
 def extend_by(arm: Arm, measured: Measured, named: Named, recordings: Recordings) -> tuple[list[Cause], Arm]:
     """All causes, each named once, and the model extended by them."""
-    data, known = named.found.state.data, [*measured.known, *([named.resonance] if named.resonance else [])]
+    data, known = named.found.state.data, [*measured.known, *named.beside]
     events = [from_event(event, named.arm, data) for event in [*named.sight.events, *measured.events]]
     causes = [*events, *named.causes, *named.own]
     unknown = [cause for cause in measured.tracked.causes if cause not in known]
@@ -253,8 +253,7 @@ def extend_by(arm: Arm, measured: Measured, named: Named, recordings: Recordings
     extended = extend(named.base, together) if together else named.arm
     if extended is not arm and not named.own:
         extended = with_smoothing_velocities(extended, recordings.fit)
-    resonant = [named.resonance] if named.resonance else []
-    return merge([*resonant, *causes, *measured.of_links], measured.tracked.causes), extended
+    return merge([*named.beside, *causes, *measured.of_links], measured.tracked.causes), extended
 
 
 def top_speeds(named: Named) -> Array:
@@ -305,8 +304,8 @@ def _judged(structures: Sequence[Structure], shortage: Shortage | None) -> list[
 
 def _undetectable(measured: Measured, named: Named) -> list[Undetectable]:
     """Effects that these recordings could not show."""
-    resonant = [named.resonance] if named.resonance else []
-    shown = {cause.key for cause in [*named.causes, *named.own, *measured.known, *resonant]} | measured.tracked.shown
+    told = [*named.causes, *named.own, *measured.known, *named.beside]
+    shown = {cause.key for cause in told} | measured.tracked.shown
     of_currents = not_visible(named.library, named.ripples, named.found.state.data.held_out, shown, named.arm)
     link = measured.link.held_out.joints.tolist() if measured.link else []
     unjudged = [] if measured.judged else not_judged(named.arm, link)

@@ -32,6 +32,7 @@ from diagnosis.measurements.currents.model import Currents
 from diagnosis.measurements.currents.possible import impossible
 from diagnosis.measurements.currents.search import Found, search, without
 from diagnosis.measurements.currents.shortage import Shortage, shortage
+from diagnosis.measurements.near_rest.friction import friction_causes
 from diagnosis.measurements.single_axis.causes import AxisSide, axis_side, with_sharp_friction
 from diagnosis.residual.run import Run, with_own
 from diagnosis.screening.cleaned import Residuals, Screened, confirmed, realigned, residuals_of
@@ -52,7 +53,9 @@ class Named:
     library     every candidate's columns; ripples: candidates that have columns only where they stand out of the
                 residual
     found       what the search chose; axis: what a single axis with a fine encoder shows
-    causes      of the search or of the axis; resonance: a spring or a gap found in closed loop, which ``arm`` has
+    causes      of the search or of the axis
+    near_rest   friction found where joints turn or creep; resonance: a spring or a gap found in closed loop. ``arm``
+                has both
     shortage    what the held-out recordings are too short for
     own         of causes, the one whose values differ between recordings; the runs have it, ``base`` has not
     """
@@ -66,8 +69,14 @@ class Named:
     axis: AxisSide | None
     causes: list[Cause]
     shortage: Shortage | None = None
+    near_rest: tuple[Cause, ...] = ()
     resonance: Cause | None = None
     own: tuple[Cause, ...] = ()
+
+    @property
+    def beside(self) -> list[Cause]:
+        """Causes that were found beside the search, and that ``arm`` has."""
+        return [*self.near_rest, *([self.resonance] if self.resonance else [])]
 
 
 TOGETHER, SETTLED = 4, 0.9
@@ -83,11 +92,14 @@ def named_causes(
     excluded = {cause.key for cause in known if not cause.by_tracker}
     arm = extend(model, known) if known else model
     sight = residuals_of(arm, screened, progress)
-    named = _searched(arm, sight, recordings, excluded, progress)
-    if (behind := realigned(sight, named.found.state.terms)) is not sight:
-        named = _searched(arm, behind, recordings, excluded, progress)
-    if (as_recorded := confirmed(named.sight, named.found.state.terms)) is not named.sight:
-        named = _searched(arm, as_recorded, recordings, excluded, progress)
+    named = _settled(arm, sight, recordings, excluded, progress)
+    progress("judging friction near rest")
+    if near_rest := _near_rest(named, excluded):
+        # the others are searched for again, with that friction in the model
+        known, excluded = [*known, *near_rest], excluded | {cause.key for cause in near_rest}
+        arm = extend(model, known)
+        sight = residuals_of(arm, screened, progress)
+        named = replace(_settled(arm, sight, recordings, excluded, progress), near_rest=near_rest)
     if (of_recordings := _by_recording(named, recordings, excluded, progress)) is not None:
         # the closed loops of a search for resonances are of one arm for all recordings
         return of_recordings
@@ -95,12 +107,34 @@ def named_causes(
     found = _resonance(named, recordings) if has_dynamics(model) else None
     if found is None:
         return named
-    # the others are searched for again, with the resonance in the model
+    # ... and with the resonance
     arm = extend(model, [*known, found])
     terms = named.found.state.terms
     sight = confirmed(realigned(residuals_of(arm, screened, progress), terms), terms)
     excluded |= {(effect, found.joint) for effect in resonance.transmissions()}
-    return replace(_searched(arm, sight, recordings, excluded, progress), resonance=found)
+    return replace(_searched(arm, sight, recordings, excluded, progress), near_rest=near_rest, resonance=found)
+
+
+def _settled(arm: Arm, sight: Residuals, recordings: Recordings, excluded: Set[EffectKey], progress: Progress) -> Named:
+    """What is named once dropped triggers are found, or found to be another effect."""
+    named = _searched(arm, sight, recordings, excluded, progress)
+    if (behind := realigned(sight, named.found.state.terms)) is not sight:
+        named = _searched(arm, behind, recordings, excluded, progress)
+    if (as_recorded := confirmed(named.sight, named.found.state.terms)) is not named.sight:
+        named = _searched(arm, as_recorded, recordings, excluded, progress)
+    return named
+
+
+def _near_rest(named: Named, excluded: Set[EffectKey]) -> tuple[Cause, ...]:
+    """Friction that shows where joints turn or creep, beside what the search named.
+
+    Of an arm whose model is exact: what an identified model leaves over there is not known.
+    """
+    state = named.found.state
+    if named.axis or named.arm.uncertainty is not None or not named.library:
+        return ()
+    taken = [*excluded, *(cause.key for cause in named.causes)]
+    return tuple(friction_causes(state.data.map(lambda part: part.runs), state.terms, taken, tuple(named.library)))
 
 
 def _searched(

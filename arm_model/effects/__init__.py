@@ -1,6 +1,6 @@
 """The vocabulary of effects: what a simulation can get wrong, each defined once."""
 
-from arm_model.effects.catalogue import CATALOGUE, observed_by, same_columns, values_of
+from arm_model.effects.catalogue import CATALOGUE, friction_near_rest, observed_by, same_columns, values_of
 from arm_model.effects.coefficients import solved, units
 from arm_model.effects.definition import Effect, Parameter, Place, Signals, Values
 from arm_model.effects.dissipation import dissipative, driven, effect_friction, speeds, total_friction
@@ -25,6 +25,7 @@ __all__ = [
     "dissipative",
     "driven",
     "effect_friction",
+    "friction_near_rest",
     "observed_by",
     "same_columns",
     "solved",

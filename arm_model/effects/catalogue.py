@@ -27,6 +27,11 @@ def observed_by(instrument: Instrument) -> tuple[Effect, ...]:
     return tuple(effect for effect in CATALOGUE.values() if instrument in effect.observed_by)
 
 
+def friction_near_rest() -> tuple[Effect, ...]:
+    """The effects that are friction where a joint turns or creeps."""
+    return tuple(effect for effect in CATALOGUE.values() if effect.near_rest)
+
+
 def same_columns(effect: Effect) -> tuple[str, ...]:
     """Effects that name it as it names them.
 

@@ -195,6 +195,7 @@ class Effect:
     driven           its law looks at ``s.driver``, or at how the weight of that link lies
     settable         of an effect that somebody, or the day, may change between two recordings of one arm: what was done
     sparse           acts at a few instants of a recording: may also be judged by when these are
+    near_rest        friction that differs from Coulomb's only where the joint turns or creeps: judged there as well
     directional      differs between the directions of motion, or is made up for by an effect that does
     friction         its torque depends on the velocity alone: part of the joint's friction, which opposes the motion as
                      a whole (``arm_model.effects.dissipation``)
@@ -220,6 +221,7 @@ class Effect:
     driven: bool = False
     settable: str = ""
     sparse: bool = False
+    near_rest: bool = False
     directional: bool = False
     friction: bool = False
     conditional: bool = False

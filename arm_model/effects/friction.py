@@ -168,6 +168,7 @@ STRIBECK_FRICTION = Effect(
     },
     # friction at rest and in reversal is inferred from friction while moving; the law of its turn is not known
     model_error=0.1,
+    near_rest=True,
     friction=True,
     torque=lambda p, s: p.breakaway * scalar.exp(-((s.v / p.stribeck_velocity) ** 2)) * s.sign,
 )
@@ -211,6 +212,7 @@ PRESLIDING_FRICTION = Effect(
     observed_by=_AGAINST_VELOCITY,
     # as of Stribeck's
     model_error=0.1,
+    near_rest=True,
     torque=lambda p, s: p.stiffness * s.state + p.damping * _bristle_rate(p, s) - s.coulomb * s.sign,
     rate=_bristle_rate,
 )

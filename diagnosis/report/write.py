@@ -25,6 +25,7 @@ from diagnosis.measurements.currents.design_matrix import dataset_of
 from diagnosis.measurements.currents.structure_share import predictable
 from diagnosis.measurements.demands import wrist_coupling
 from diagnosis.measurements.link_encoders import model as link_encoders
+from diagnosis.measurements.near_rest import friction as near_rest
 from diagnosis.measurements.single_axis import model as single_axis
 from diagnosis.measurements.tracker import model as tracker
 from diagnosis.origins import JUDGEMENT
@@ -39,6 +40,7 @@ from identification.selection import Split, Thresholds
 SCHEMA = "armscope.diagnosis/1"
 LIMITS: dict[str, Thresholds] = {
     "currents": currents.LIMITS,
+    "near_rest": near_rest.LIMITS,
     "single_axis": single_axis.LIMITS,
     "link_encoders": link_encoders.LIMITS,
     "tracker": tracker.LIMITS,

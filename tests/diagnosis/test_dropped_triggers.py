@@ -153,7 +153,7 @@ def test_currents_are_put_back_where_they_belong() -> None:
 
 
 def test_a_skew_named_in_their_place_does_not_keep_lost_edges_from_being_found(root: Path) -> None:
-    """A search that did not know of the loss named the mean lag: with it in the model, the loss is found all the same."""
+    """A search that did not know of the loss named the mean lag; with it in the model, the loss is found."""
     sight = _sight(root, Hidden("dropped_trigger", None, {"row": 4975, "count": 4}))
     between = [EffectTerm("time_skew", None, {"delay": -2e-3})]
     (event,) = realigned(sight, between).events

@@ -55,6 +55,7 @@ ROOMS = {
         "measurements.tracker",
         "measurements.demands",
         "measurements.currents",
+        "measurements.near_rest",
         "closed_loop",
         "experiments",
         "distortion",

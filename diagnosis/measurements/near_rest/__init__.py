@@ -1,0 +1,1 @@
+"""Friction where joints turn or creep, judged passage by passage."""

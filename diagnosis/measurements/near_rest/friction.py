@@ -1,0 +1,196 @@
+"""Friction near rest: break-away level, Stribeck velocity and presliding stiffness, judged where they show.
+
+Reversals and creeping are a few moments of a recording, and few blocks of the held-out ones. Every recording, fitted or
+held out, is therefore predicted from all the others: trials and coefficients come from these, and each passage through
+rest is judged by what it gains. A law of friction near rest is named if it leaves at most a share of what another
+smoothing of the model's own friction leaves, if that is above the noise, and if the passages agree.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import optimize
+
+from arm_io.types import Array
+from arm_model import EffectTerm
+from arm_model.effects import CATALOGUE, Effect, friction_near_rest
+from diagnosis.cause import Cause, EffectKey, Estimate, confidence_of
+from diagnosis.measurements.near_rest.laws import (
+    Judged,
+    Law,
+    confused,
+    fitted_to_all,
+    judged,
+    law_of,
+    smoothing,
+    torque_of,
+)
+from diagnosis.measurements.near_rest.passages import SLIDES, STANDS, NearRest, near_rest
+from diagnosis.own_friction import with_shares
+from diagnosis.residual.expected_current import coulomb_at
+from diagnosis.residual.run import Run
+from diagnosis.selection.candidate import Candidate
+from diagnosis.units import unit_at
+from identification.selection import Split, Thresholds, p_value
+from identification.selection.cluster_covariance import cluster_covariance
+
+
+@dataclass(frozen=True, kw_only=True)
+class NearRestLimits(Thresholds):
+    """What a law of friction near rest must satisfy.
+
+    above_noise  residual over its std near rest, whatever the smoothing velocity, from which anything is searched:
+                 healthy simulated joints have 0.4 to 1.4
+    left         share of the squared residual that it may leave: where nothing is hidden, the best hump leaves 0.6 and
+                 more of what is noise anyway
+    significant  probability that so many passages gain so much by chance, over all joints and laws
+    tie          times what the best law leaves up to which another explains the passages as well
+    rises        share of a hump by which friction must rise above that of sliding: a hump that only fills up what a
+                 wider smoothing took away is another law of the turn
+    """
+
+    above_noise: float = 1.5
+    left: float = 0.5
+    significant: float = 0.01
+    tie: float = 1.25
+    rises: float = 0.2
+
+
+LIMITS = NearRestLimits()
+
+
+def friction_causes(
+    runs: Split[Sequence[Run]],
+    terms: Sequence[EffectTerm],
+    taken: Sequence[EffectKey],
+    library: Sequence[Candidate],
+) -> list[Cause]:
+    """Laws of friction near rest that recordings show beside the effects ``terms``, one per joint at most.
+
+    taken: effects that are known or excluded; library: candidates of the search, of which those that may be confused
+    with friction near rest must explain less.
+    """
+    joints = range(1, len(runs.fit[0].arm) + 1)
+    tests = len(joints) * len(friction_near_rest())
+    found = (_of_joint(runs, joint, terms, taken, library, tests) for joint in joints)
+    return [cause for cause in found if cause is not None]
+
+
+def _of_joint(
+    runs: Split[Sequence[Run]],
+    joint: int,
+    terms: Sequence[EffectTerm],
+    taken: Sequence[EffectKey],
+    library: Sequence[Candidate],
+    tests: int,
+) -> Cause | None:
+    effects = friction_near_rest()
+    drive = runs.fit[0].arm.joints[joint - 1]
+    if max(drive.rest_friction) <= 0.0 or any((effect.name, joint) in taken for effect in effects):
+        return None
+    every = near_rest([*runs.fit, *runs.held_out], joint, terms)
+    if len({one.run.name for one in every}) < 2:
+        return None
+    smooth = judged(every, smoothing(every))
+    rows = sum(len(one.residual) for one in every)
+    if smooth.energy < LIMITS.above_noise**2 * rows:
+        return None
+    laws = sorted((judged(every, law_of(every, effect)) for effect in effects), key=lambda one: one.energy)
+    best, chance = laws[0], p_value(_gains(every, smooth, laws[0]))
+    if best.energy > LIMITS.left * smooth.energy or chance * tests > LIMITS.significant:
+        return None
+    if not _rises(every, best.law):
+        return None
+    rivals = judged(every, confused(every, joint, library)) if library else None
+    if rivals is not None and rivals.energy < LIMITS.tie * best.energy:
+        return None
+    as_well = [one for one in laws[1:] if one.energy < LIMITS.tie * best.energy]
+    return _cause(every, joint, (smooth, best, as_well), min(1.0, chance * tests))
+
+
+def _gains(every: Sequence[NearRest], before: Judged, after: Judged) -> Array:
+    """(passages,) fall of the squared residual in every passage through rest."""
+    gains = []
+    for one, a, b in zip(every, before.left, after.left):
+        _, number = np.unique(one.block, return_inverse=True)
+        gains.append(np.bincount(number, weights=a**2 - b**2))
+    return np.concatenate(gains)
+
+
+def _cause(
+    every: Sequence[NearRest], joint: int, laws: tuple[Judged, Judged, Sequence[Judged]], chance: float
+) -> Cause:
+    """laws: another smoothing, the law that is named, and those that explain the passages as well."""
+    smooth, best, as_well = laws
+    assert best.law.effect is not None
+    effect, drive = CATALOGUE[best.law.effect], every[0].run.arm.joints[joint - 1]
+    weight = sum(float(np.sum(1.0 / one.std**2)) for one in every)
+    before, after = (float(np.sqrt(side.energy / weight)) for side in (smooth, best))
+    gains = _gains(every, smooth, best)
+    group = [best.law.effect, *(one.law.effect for one in as_well if one.law.effect)]
+    sentence = (
+        f"{effect.shows}: near rest, where every recording is predicted from the others, the current error of joint "
+        f"{joint} falls from {before:.3g} to {after:.3g} {drive.command_unit} rms, in {int(np.sum(gains > 0))} of "
+        f"{len(gains)} passages and one-second blocks"
+    )
+    return Cause(
+        effect=effect.name,
+        joint=joint,
+        parameters=with_shares(effect.name, estimates(every, best.law), drive),
+        confidence=confidence_of(chance),
+        before=before,
+        after=after,
+        group=tuple((name, joint) for name in group),
+        separate_by=effect.confused_with.get(group[1]) if len(group) > 1 else None,
+        evidence=sentence,
+        felt_at=joint,
+        unit=drive.command_unit,
+    )
+
+
+def estimates(every: Sequence[NearRest], law: Law) -> list[Estimate]:
+    """Parameters of a law with std, from all recordings, refined from the best trial."""
+    assert law.effect is not None
+    effect, joint = CATALOGUE[law.effect], every[0].run.arm.joints[every[0].joint - 1]
+    start = fitted_to_all(every, law)
+    free = [name for name in start if not _fixed(effect, name)]
+    size = np.array([start[name] for name in free])
+
+    def left(factor: Array) -> Array:
+        values = {**start, **dict(zip(free, (size * np.exp(factor)).tolist()))}
+        return np.concatenate([one.residual - one.of(torque_of(one, effect, values)) for one in every])
+
+    fitted = optimize.least_squares(
+        left, np.zeros(len(free)), diff_step=[1e-3] * len(free), loss="soft_l1", max_nfev=30
+    )
+    offsets = np.cumsum([0, *(int(one.block.max()) + 1 for one in every[:-1])])
+    _, block = np.unique(np.concatenate([one.block + k for one, k in zip(every, offsets)]), return_inverse=True)
+    covariance = cluster_covariance(np.asarray(fitted.jac), [left(fitted.x)], block)
+    stds = dict(zip(free, np.sqrt(np.diag(covariance) + effect.model_error**2)))
+    values = {**start, **dict(zip(free, size * np.exp(fitted.x)))}
+    return [
+        Estimate(p.name, float(values[p.name]), float(values[p.name] * stds.get(p.name, 0.0)), unit_at(joint, p.unit))
+        for p in effect.parameters
+        if p.name in values
+    ]
+
+
+def _rises(every: Sequence[NearRest], law: Law) -> bool:
+    """Whether friction is somewhere larger near rest than while sliding, if the law says so."""
+    assert law.effect is not None
+    effect, values = CATALOGUE[law.effect], fitted_to_all(every, law)
+    if not effect.linear:
+        return True
+    speed, drive = np.geomspace(STANDS / 10.0, SLIDES, 100), every[0].run.arm.joints[every[0].joint - 1]
+    grid = replace(every[0], v=speed)
+    own = grid.sign(drive.sign_velocity)
+    total = coulomb_at(drive, speed, own) * own + torque_of(grid, effect, values)
+    more = float(np.max(total - coulomb_at(drive, speed, np.ones_like(speed))))
+    return more > LIMITS.rises * max(values.get(p.name, 0.0) for p in effect.linear)
+
+
+def _fixed(effect: Effect, name: str) -> bool:
+    return any(p.name == name and p.fixed for p in effect.parameters)

@@ -1,0 +1,150 @@
+"""Rows in which a joint turns or creeps, and what friction may do there.
+
+The search gives a row near standstill the std of all of the joint's Coulomb friction, because what friction does there
+depends on more than the velocity. That is right where a joint stands. Where it passes through rest, or creeps, friction
+is known but for the law by which it turns, and less of it is unknown: the share ``TURN`` of what it lacks to the
+friction of sliding. Friction is evaluated at the full rate and then filtered as the residual is, because a reversal
+lasts no longer than the filters.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from arm_io.types import Array
+from arm_model import Arm, EffectTerm, Joint
+from arm_model.effects import Effect, Signals, Values
+from diagnosis.residual.expected_current import (
+    COMPARE_BAND,
+    MOTION_BAND,
+    coulomb_at,
+    integrated,
+    low_pass,
+    motion_of,
+    rate_of,
+    true_angle,
+)
+from diagnosis.residual.noise import angle_noise
+from diagnosis.residual.run import CREEP, ROWS_PER_SECOND, Run, kept, residual_with
+
+TURN = 0.3
+"""Share of what friction lacks to its value while sliding that may be otherwise: laws of the turn, as tanh(v / w) and
+v / hypot(v, w), differ by less once their widths agree."""
+SLIDES = 6.0 * CREEP
+"""rad/s (m/s): a joint that is faster slides, and the search judges its friction."""
+STANDS, STANDS_FOR = CREEP / 2.0, 0.12
+"""rad/s (m/s) and s: a joint that is slower for longer stands."""
+SMEARED, AFTER_REST = 0.03, 0.04
+"""s before and after a slow instant that filters spread it over; s about a standstill that are left out."""
+SPEED_NOISE = STANDS / 3.0
+"""rad/s (m/s): std of the speed by the encoder above which a joint is not judged near rest."""
+UNMEASURED = 1e4
+"""Deviation of a row over the noise of its instruments from which nobody measured it."""
+
+
+@dataclass(frozen=True)
+class NearRest:
+    """One joint of one recording near rest: r rows.
+
+    run, joint  where (joint from 1); v (k,) rad/s: speed of the motor at the rate of the recording
+    rows (m,)   which of the run's rows these are; block (r,): number of the passage and its second
+    residual    (r,) A over std, conditional on all causes; std (r,) A
+    """
+
+    run: Run
+    joint: int
+    v: Array
+    rows: NDArray[np.bool_]
+    block: NDArray[np.intp]
+    residual: Array
+    std: Array
+
+    def of(self, torque: Array) -> Array:
+        """(r, ...) over std: what a friction torque (k, ...) N m at the rate of the recording adds to the current."""
+        rate = rate_of(self.run.raw[0])
+        amperes = low_pass(torque, COMPARE_BAND, rate)[kept(rate)][self.rows] / self._drive.drive_constant
+        return np.asarray((amperes.T / self.std).T, float)
+
+    def sign(self, width: Array | float) -> Array:
+        """(k, ...) direction of the motion, of the smoothing velocities ``width``."""
+        v = self.v[:, None] if np.ndim(width) else self.v
+        return np.asarray(v / np.hypot(v, width), float)
+
+    def smoothed(self, width: Array) -> Array:
+        """(k, w) N m: the joint's friction with other smoothing velocities (w,), less that of the model."""
+        own = self.sign(self._drive.sign_velocity)
+        turned = [coulomb_at(self._drive, self.v, sign) * sign for sign in self.sign(width).T]
+        return np.stack(turned, axis=1) - (coulomb_at(self._drive, self.v, own) * own)[:, None]
+
+    def of_law(self, effect: Effect, values: Mapping[str, float], width: float | None = None) -> Array:
+        """(k,) N m: the law of an effect of friction at a smoothing velocity, by default the model's."""
+        assert effect.torque is not None
+        sign = self.sign(self._drive.sign_velocity if width is None else width)
+        s = Signals(q=np.zeros_like(self.v), v=self.v, sign=sign, coulomb=coulomb_at(self._drive, self.v, sign))
+        p = Values(dict(values))
+        if effect.rate is not None:
+            s = replace(s, state=integrated(effect, p, s, 1.0 / rate_of(self.run.raw[0])))
+        return np.asarray(effect.torque(p, s), float)
+
+    @property
+    def _drive(self) -> Joint:
+        return self.run.arm.joints[self.joint - 1]
+
+
+def near_rest(runs: Sequence[Run], joint: int, terms: Sequence[EffectTerm]) -> list[NearRest]:
+    """A joint near rest in each recording under its arm with ``terms``; none where its speed is not known so finely."""
+    found = [_of_run(run, joint, terms) for run in runs if run.powered and _known_speed(run, joint)]
+    return [one for one in found if one.rows.any()]
+
+
+def _known_speed(run: Run, joint: int) -> bool:
+    """Whether the encoder shows the speed of a joint to a fraction of that at which it stands."""
+    t, q = run.raw
+    position = float(angle_noise(q[:, [joint - 1]])[0])
+    band = min(MOTION_BAND, rate_of(t) / 2)
+    return position * 2 * np.pi * np.sqrt(band**3 / 3 / (rate_of(t) / 2)) < SPEED_NOISE
+
+
+def _of_run(run: Run, joint: int, terms: Sequence[EffectTerm]) -> NearRest:
+    t, q = run.raw
+    rate, j = rate_of(t), joint - 1
+    v = motion_of(true_angle(_with(run, terms), q), MOTION_BAND, rate)[1][:, j]
+    instruments = run.instruments[:, j]
+    stands = _spread(_longer(np.abs(v) < STANDS, STANDS_FOR * rate), AFTER_REST * rate)
+    slow = _spread(np.abs(v) < SLIDES, SMEARED * rate)
+    rows = (slow & ~stands)[kept(rate)] & (run.deviation[:, j] < UNMEASURED * instruments)
+    passage, _ = ndimage.label(rows)
+    one = NearRest(
+        run=run,
+        joint=joint,
+        v=v,
+        rows=rows,
+        block=(passage * len(rows) + np.arange(len(rows)) // ROWS_PER_SECOND)[rows],
+        residual=np.zeros(0),
+        std=np.ones(int(rows.sum())),
+    )
+    drive = run.arm.joints[j]
+    lacking = max(drive.rest_friction) * (1.0 - np.abs(one.sign(drive.sign_velocity)))
+    std = np.hypot(instruments[rows], TURN * one.of(lacking))
+    return replace(one, residual=residual_with(run, terms)[rows, j] / std, std=std)
+
+
+def _with(run: Run, terms: Sequence[EffectTerm]) -> Arm:
+    return replace(run.arm, effects=(*run.arm.effects, *terms, *run.own))
+
+
+def _longer(here: NDArray[np.bool_], rows: float) -> NDArray[np.bool_]:
+    """Where ``here`` holds for more than so many rows on end."""
+    label, count = ndimage.label(here)
+    length = np.bincount(label, minlength=count + 1)
+    return np.asarray(here & (length[label] > rows))
+
+
+def _spread(here: NDArray[np.bool_], rows: float) -> NDArray[np.bool_]:
+    """``here`` and so many rows before and after."""
+    return np.asarray(ndimage.maximum_filter1d(here.astype(np.uint8), 2 * int(rows) + 1) > 0)

@@ -1,0 +1,128 @@
+"""Friction near rest, hidden in an axis that moves fast and reverses.
+
+Named where only passages through rest show it, and not where friction merely turns by another law.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import pytest
+
+from arm_model import Arm, Joint
+from diagnosis.cause import Cause
+from diagnosis.measurements.near_rest.friction import friction_causes
+from diagnosis.residual.run import Run, residual_run
+from identification.selection import Split
+
+RATE, ROTOR, COULOMB, VISCOUS, WIDTH, NOISE, COUNT = 500.0, 2.0, 10.0, 5.0, 0.01, 0.1, 2e-5
+Friction = Callable[[np.ndarray, np.ndarray], np.ndarray]
+"""(k,) N m at speeds v (k,) rad/s and times t (k,) s."""
+
+
+def _slides(turn: Callable[[np.ndarray], np.ndarray]) -> Friction:
+    return lambda v, t: COULOMB * turn(v)
+
+
+def _hump(breakaway: float, speed: float) -> Friction:
+    return lambda v, t: (COULOMB + breakaway * np.exp(-((v / speed) ** 2))) * np.tanh(v / WIDTH)
+
+
+def _bristles(stiffness: float) -> Friction:
+    """LuGre, by explicit steps far shorter than its own time."""
+
+    def friction(v: np.ndarray, t: np.ndarray) -> np.ndarray:
+        z, torque, fine = 0.0, np.empty_like(v), 20
+        for k, speed in enumerate(v.tolist()):
+            for _ in range(fine):
+                rate = speed - stiffness * abs(speed) * z / COULOMB
+                z += rate / (RATE * fine)
+            torque[k] = stiffness * z + 10.0 * rate
+        return torque
+
+    return friction
+
+
+def _runs(friction: Friction) -> Split[Sequence[Run]]:
+    """Two recordings fitted and one held out, of an axis that reverses often and never creeps for long."""
+    runs: list[Run] = []
+    for seed in range(3):
+        rng, t = np.random.default_rng(seed), np.arange(0.0, 12.0, 1 / RATE)
+        rates = 2 * np.pi * np.array([0.31, 0.53, 0.83]) * rng.uniform(0.9, 1.1, 3)
+        phases = np.outer(t, rates) + rng.uniform(0, 6, 3)
+        size = np.array([0.3, 0.15, 0.1])
+        q, v, a = np.sin(phases) @ size, np.cos(phases) @ (size * rates), -np.sin(phases) @ (size * rates**2)
+        i = ROTOR * a + VISCOUS * v + friction(v, t) + NOISE * rng.normal(size=len(t))
+        q = np.round(q / COUNT) * COUNT
+        runs.append(residual_run(f"{seed}", _axis(), t, q[:, None], i[:, None]))
+    return Split(runs[:2], runs[2:])
+
+
+def _axis() -> Arm:
+    joint = Joint(
+        convention="placed",
+        axis=(0.0, 0.0, 1.0),
+        xyz=(0.0, 0.0, 0.0),
+        rpy=(0.0, 0.0, 0.0),
+        gear=1.0,
+        torque_constant=1.0,
+        rotor_inertia=ROTOR,
+        coulomb=(COULOMB, COULOMB),
+        viscous=(VISCOUS, VISCOUS),
+        sign_velocity=WIDTH,
+    )
+    return Arm("axis", (joint,))
+
+
+def _named(friction: Friction) -> list[Cause]:
+    return friction_causes(_runs(friction), (), (), ())
+
+
+@pytest.mark.parametrize(("breakaway", "speed"), [(4.0, 0.05), (3.0, 0.08)])
+def test_a_hump_that_only_reversals_show_is_named_with_its_size(breakaway: float, speed: float) -> None:
+    (cause,) = _named(_hump(breakaway, speed))
+    assert cause.key == ("stribeck_friction", 1) and cause.group == (("stribeck_friction", 1),)
+    found = {p.name: p for p in cause.parameters}
+    for name, true in (("breakaway", breakaway), ("stribeck_velocity", speed)):
+        assert abs(found[name].value - true) < 2 * found[name].std < 0.5 * true, name
+    assert cause.after < 0.7 * cause.before
+
+
+def test_friction_that_builds_up_gradually_is_named_with_its_stiffness() -> None:
+    (cause,) = _named(_bristles(2000.0))
+    assert cause.key == ("presliding_friction", 1)
+    found = {p.name: p for p in cause.parameters}
+    assert abs(found["stiffness"].value - 2000.0) < 2 * found["stiffness"].std < 1000.0
+
+
+@pytest.mark.parametrize(
+    "turn",
+    [
+        lambda v: np.tanh(v / WIDTH),
+        lambda v: np.tanh(v / (0.3 * WIDTH)),
+        lambda v: v / np.hypot(v, 2.0 * WIDTH),
+        lambda v: 2 / np.pi * np.arctan(v / (0.4 * WIDTH)),
+    ],
+)
+def test_friction_that_turns_by_another_law_is_no_cause(turn: Callable[[np.ndarray], np.ndarray]) -> None:
+    assert _named(_slides(turn)) == []
+
+
+def test_a_joint_that_stands_shows_nothing() -> None:
+    """Where a joint stands, stiction holds any torque up to the level of break-away."""
+
+    def held(v: np.ndarray, t: np.ndarray) -> np.ndarray:
+        return np.where(np.abs(v) < 1e-3, 0.8 * COULOMB * np.sin(7 * t), COULOMB * np.tanh(v / WIDTH))
+
+    runs = []
+    for seed in range(3):
+        rng, t = np.random.default_rng(seed), np.arange(0.0, 10.0, 1 / RATE)
+        phase = np.clip(t % 2.5 - 1.0, 0.0, 1.5) / 1.5
+        go = np.where(t // 2.5 % 2, -1.0, 1.0)
+        base = np.where(t // 2.5 % 2, 0.5, 0.0)
+        q = base + go * 0.5 * phase**3 * (10 - 15 * phase + 6 * phase**2)
+        v = np.gradient(q, t)
+        i = ROTOR * np.gradient(v, t) + VISCOUS * v + held(v, t) + NOISE * rng.normal(size=len(t))
+        runs.append(residual_run(f"{seed}", _axis(), t, np.round(q / COUNT)[:, None] * COUNT, i[:, None]))
+    assert friction_causes(Split(runs[:2], runs[2:]), (), (), ()) == []
