@@ -12,6 +12,7 @@ from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.measurements.currents.model import State
 from diagnosis.measurements.currents.unexplained import noise_ratio
 from diagnosis.selection.design import Dataset
+from diagnosis.selection.waves import wave_of
 from identification.selection import Split
 
 
@@ -28,7 +29,13 @@ def structures_of_fit(left: Array, fit: Dataset, structures: Sequence[Structure]
     (n,): times the noise that a residual may be (``known_to``).
     """
     return [
-        Structure(Signal.CURRENT, joint, NO_VARIABLE, 0.0, f"{ratio:.1f} times the noise, in fitted recordings")
+        Structure(
+            Signal.CURRENT,
+            joint,
+            wave_of(left, fit, joint) or NO_VARIABLE,
+            0.0,
+            f"{ratio:.1f} times the noise, in fitted recordings",
+        )
         for joint, ratio in _above_in_fit(left, fit, structures, allowed).items()
     ]
 

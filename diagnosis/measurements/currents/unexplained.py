@@ -24,6 +24,7 @@ from diagnosis.residual.noise import quiet_noise
 from diagnosis.selection.design import Dataset, Pair
 from diagnosis.selection.model_uncertainty import Significance
 from diagnosis.selection.regression import Fitted, fit_gain, gain_of, residual_with
+from diagnosis.selection.waves import wave_of
 from identification.selection import Split, p_value
 
 
@@ -77,7 +78,8 @@ def _most_likely(shapes: Sequence[Shape], fitted: Fitted, held_out: Dataset, joi
     significant = [(p_value(gain), k) for k, gain in enumerate(gains) if gain.sum() > LIMITS.likely_share * before]
     p, best = min(significant, default=(1.0, 0))
     if p > LIMITS.likely_p:
-        return Structure(Signal.CURRENT, joint, NO_VARIABLE, 0.0, f"{ratio:.1f} times the noise")
+        against = wave_of(fitted.held_out, held_out, joint) or NO_VARIABLE
+        return Structure(Signal.CURRENT, joint, against, 0.0, f"{ratio:.1f} times the noise")
     return Structure(Signal.CURRENT, joint, shapes[best].name, float(gains[best].sum()) / before)
 
 

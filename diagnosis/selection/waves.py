@@ -1,0 +1,43 @@
+"""The frequency of a residual that no variable predicts: a servo that oscillates does so at one, in every recording."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import ndimage, signal
+
+from arm_io.types import Array
+from diagnosis.residual.expected_current import COMPARE_BAND
+from diagnosis.residual.run import ROWS_PER_SECOND
+from diagnosis.selection.design import Dataset
+from diagnosis.selection.regression import by_recording
+
+SLOWEST = 2.0
+"""Hz: below it, a residual may follow the motion."""
+WIDTH = 0.5
+"""Hz on either side of a frequency that belong to it: an oscillation that friction stops and starts again is not
+sharp."""
+SHARE = 0.35
+"""Of the power above SLOWEST that must lie there: of noise in the band of comparison, a twentieth does."""
+PEAK = 2.0
+"""Times the power of as wide a band below it: harmonics of a slow motion fall with the frequency."""
+SECONDS = 4.0
+"""Length of the segments of a spectrum, and the shortest recording that has one."""
+
+
+def wave_of(residual: Array, side: Dataset, joint: int) -> str | None:
+    """``a wave of 5.0 Hz`` in the whitened residual (n * rows,) of a joint (from 1) of all recordings; else None."""
+    power, rows = np.zeros(0), round(SECONDS * ROWS_PER_SECOND)
+    for values in by_recording(residual, side):
+        if len(values) >= rows:
+            frequency, own = signal.welch(values[:, joint - 1], ROWS_PER_SECOND, nperseg=rows)
+            power = own * len(values) + (power if len(power) else 0.0)
+    if not len(power):
+        return None
+    band = (frequency >= SLOWEST) & (frequency <= COMPARE_BAND)
+    inside = np.where(band, power, 0.0)
+    half = round(WIDTH * SECONDS)
+    top = int(np.argmax(ndimage.uniform_filter1d(inside, 2 * half + 1, mode="constant")))
+    here, below = slice(max(0, top - half), top + half + 1), slice(max(0, top - 3 * half - 1), max(0, top - half))
+    if inside[here].sum() < SHARE * inside.sum() or inside[here].sum() < PEAK * power[below].sum():
+        return None
+    return f"a wave of {float(np.average(frequency[here], weights=inside[here])):.1f} Hz"
