@@ -293,8 +293,7 @@ def _in_loop(verified: Verified, data: Split[Dataset], reported: Sequence[int | 
     """What the closed loop leaves above the noise with all causes, where its controller is that of the arm."""
     if not faithful(verified.compared["held_out"], verified.along["held_out"]):
         return []
-    after = {side: [one for _, one in pairs] for side, pairs in verified.compared.items()}
-    return clear_errors(after, {"fit": data.fit.runs, "held_out": data.held_out.runs}, reported)
+    return clear_errors(verified.compared, {"fit": data.fit.runs, "held_out": data.held_out.runs}, reported)
 
 
 def _judged(structures: Sequence[Structure], shortage: Shortage | None) -> list[Structure]:

@@ -53,11 +53,14 @@ LIMITS = VerdictLimits()
 
 
 def clear_errors(
-    compared: Mapping[str, Sequence[Compared]], runs: Mapping[str, Sequence[Run]], reported: Sequence[int | None]
+    compared: Mapping[str, Sequence[tuple[Compared, Compared]]],
+    runs: Mapping[str, Sequence[Run]],
+    reported: Sequence[int | None],
 ) -> list[Structure]:
     """What the closed loop leaves clearly above the noise, at joints (from 1) that are not ``reported`` already.
 
-    compared, runs: by "fit" and "held_out", each recording in closed loop with all causes, and all recordings.
+    compared, runs: by "fit" and "held_out", each recording in closed loop without the causes and with all of them, and
+    all recordings.
     """
     found: dict[tuple[int, str], tuple[float, str]] = {}
     for side, several in compared.items():
@@ -65,11 +68,11 @@ def clear_errors(
             continue
         noise = np.mean([run.noise for run in runs[side]], axis=0)
         for against, most, ratios in (
-            (NO_VARIABLE, LIMITS.loop, _medians(_below(one, noise) for one in several)),
+            (NO_VARIABLE, LIMITS.loop, _medians(_below(after, noise) for _, after in several)),
             (
                 f"frequencies of {COMPARE_BAND:.0f} to {HIGHEST:.0f} Hz",
                 LIMITS.loop_band,
-                _medians(map(_above, several)),
+                _above_medians(several),
             ),
         ):
             for joint, ratio in enumerate(ratios.tolist(), 1):
@@ -82,7 +85,16 @@ def clear_errors(
     ]
 
 
-def _medians(parts: Iterator[Array] | map[Array]) -> Array:
+def _above_medians(several: Sequence[tuple[Compared, Compared]]) -> Array:
+    """(n,) medians from COMPARE_BAND to HIGHEST: the simulation moved as a whole, or what it has without the causes.
+
+    Setpoints that come later move transients. What follows the angles, as cogging does, stays where it is.
+    """
+    whole, parts = zip(*(_above(*pair) for pair in several))
+    return np.minimum(_medians(iter(whole)), _medians(iter(parts)))
+
+
+def _medians(parts: Iterator[Array]) -> Array:
     """(n,) root of the median of the blocks' mean squares (blocks, n); 0 where there are too few."""
     blocks = np.concatenate(list(parts))
     enough = np.sum(np.isfinite(blocks), axis=0) >= LEAST_BLOCKS
@@ -97,26 +109,33 @@ def _below(one: Compared, noise: Array) -> Array:
     return _of_blocks(error, one.known[: len(error)], ROWS_PER_SECOND)
 
 
-def _above(one: Compared) -> Array:
-    """(blocks, n) mean square of the error from COMPARE_BAND to HIGHEST over the noise, taken for white.
+def _above(before: Compared, one: Compared) -> tuple[Array, Array]:
+    """(blocks, n) mean squares of the error from COMPARE_BAND to HIGHEST over the noise, taken for white.
 
-    The instants of the setpoints are not recorded: the simulation is moved to where its transients are those measured.
+    The instants of the setpoints are not recorded: the simulation is moved to where its transients are those measured;
+    first as a whole, then only what it is without the causes.
     """
     rate = rate_of(one.t)
     if rate < 4 * COMPARE_BAND:
-        return np.full((0, one.current.shape[1]), np.nan)
+        none = np.full((0, one.current.shape[1]), np.nan)
+        return none, none
     half = rate / 2
     sections = signal.butter(3, [COMPARE_BAND / half, min(HIGHEST / half, 0.9)], btype="band", output="sos")
     _, response = signal.sosfreqz(sections, 2000)
     noise = np.maximum(scatter(one.current) * np.sqrt(np.mean(np.abs(response) ** 4)), 1e-12)
-    measured, simulated = (
-        signal.sosfiltfilt(sections, current, axis=0) / noise for current in (one.current, one.simulated_current)
+    measured, simulated, without = (
+        signal.sosfiltfilt(sections, current, axis=0) / noise
+        for current in (one.current, one.simulated_current, before.simulated_current)
     )
     end = round(END_SECONDS * rate)
     lag = lag_of(measured[end:-end], simulated[end:-end], rate)
-    moved = CubicSpline(one.t, simulated)(np.clip(one.t - lag, one.t[0], one.t[-1]))
-    error = (measured - moved)[end:-end]
-    return _of_blocks(error, np.ones(error.shape, bool), round(rate))
+
+    def left(moving: Array) -> Array:
+        moved = CubicSpline(one.t, moving)(np.clip(one.t - lag, one.t[0], one.t[-1])) + (simulated - moving)
+        error = (measured - moved)[end:-end]
+        return _of_blocks(error, np.ones(error.shape, bool), round(rate))
+
+    return left(simulated), left(without)
 
 
 def _of_blocks(values: Array, known: NDArray[np.bool_], rows: int) -> Array:
