@@ -245,7 +245,7 @@ KEYS = (
 )
 
 
-@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(name=st.sampled_from(["identification", "diagnosis", "kinematics"]), key=st.sampled_from(KEYS), value=values)
 def test_any_table_becomes_a_row(tmp_path: Path, name: str, key: str, value: object) -> None:
     tables = {

@@ -36,7 +36,7 @@ def _mujoco(a: np.ndarray, r: float, kind: str, b: str) -> float:
     return float(mujoco.mj_geomDistance(model, data, 0, 1, FAR, None))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(a=st.tuples(point, point), b=st.tuples(point, point), r=st.tuples(radius, radius))
 def test_capsules_are_as_far_apart_as_mujoco_says(a: tuple, b: tuple, r: tuple) -> None:
     one, other = np.array(a), np.array(b)
@@ -48,7 +48,7 @@ def test_capsules_are_as_far_apart_as_mujoco_says(a: tuple, b: tuple, r: tuple) 
     assert found == pytest.approx(expected, abs=1e-6) or (found < 0.0 and expected < 0.0)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(a=st.tuples(point, point), middle=point, half=st.tuples(radius, radius, radius), r=radius)
 def test_capsule_and_box_are_as_far_apart_as_mujoco_says(a: tuple, middle: tuple, half: tuple, r: float) -> None:
     one, centre, size = np.array(a), np.array(middle), np.array(half)

@@ -250,7 +250,7 @@ def _plain(value: Any) -> bool:
     return not isinstance(value, str) or ("\0" not in value and value == value.encode(errors="replace").decode())
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(json_like)
 def test_data_is_plain_or_refused(data: Any) -> None:
     if _plain(data):

@@ -103,7 +103,7 @@ def test_a_broken_mesh_is_refused_in_one_line(tmp_path: Path, name: str, data: b
     assert "\n" not in str(caught.value)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(st.sampled_from([".stl", ".obj", ".dae"]), st.binary(max_size=300))
 def test_whatever_bytes_a_mesh_has_are_refused_or_read(tmp_path_factory, ending: str, data: bytes) -> None:
     path = tmp_path_factory.getbasetemp() / f"any{ending}"
@@ -121,7 +121,7 @@ def outside(capsule: Capsule, points: np.ndarray) -> float:
     return float((nearest - capsule.radius).max()) - length / 2000
 
 
-@settings(max_examples=6, deadline=None)
+@settings(max_examples=6)
 @given(arrays(float, st.tuples(st.integers(1, 12), st.just(3)), elements=st.floats(-1, 1, width=32)))
 def test_a_capsule_encloses_its_points(points: np.ndarray) -> None:
     assert outside(round_points(points), points) <= 1e-6

@@ -103,7 +103,7 @@ def differing(arm: Arm, seed: int) -> Arm:
     return replace(arm, joints=tuple(other(joint) for joint in arm.joints))
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 @given(seed=st.integers(0, 10**6))
 def test_random_arms_are_read_as_mujoco_reads_them_and_come_back_changed(
     seed: int, tmp_path_factory: pytest.TempPathFactory
@@ -239,7 +239,7 @@ def test_a_tip_chooses_the_branch(original: Path, tmp_path: Path) -> None:
     assert [joint.name for joint in read_model(out).joints] == ["shoulder", "elbow"]
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(place=st.integers(0, len(ARM) - 1), junk=st.binary(max_size=3))
 def test_torn_files_are_refused_in_one_line_or_read(
     place: int, junk: bytes, tmp_path_factory: pytest.TempPathFactory

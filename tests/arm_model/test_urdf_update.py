@@ -82,7 +82,7 @@ def test_only_the_numbers_of_a_changed_link_change(original: Path, tmp_path: Pat
     close(read_model(tmp_path / "new.urdf"), changed)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(seed=st.integers(0, 10**6))
 def test_random_numbers_come_back(seed: int, tmp_path_factory: pytest.TempPathFactory) -> None:
     """Of every kind, with links that take the place of what is fixed to them; all else is word for word the same."""
@@ -145,7 +145,7 @@ def test_another_file_is_refused(old: str, new: str, complaint: str, original: P
     assert not (tmp_path / "new.urdf").exists()
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(place=st.integers(0, len(URDF) - 1), junk=st.binary(max_size=3))
 def test_torn_files_are_refused_in_one_line_or_read(
     place: int, junk: bytes, tmp_path_factory: pytest.TempPathFactory

@@ -8,7 +8,7 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from markupsafe import Markup
 
@@ -59,7 +59,6 @@ def report(words: str, chart: Chart | None = None, *, joints: tuple[str, ...] = 
     return Report(title=words, template="tests.arm_report/page.html", content=content, joints=joints)
 
 
-@settings(deadline=None)
 @given(TEXT)
 def test_words_stay_words(words: str) -> None:
     page = checked(report(words).html())

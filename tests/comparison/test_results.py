@@ -167,7 +167,7 @@ json_values = st.recursive(
 )
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     schema=st.sampled_from(["armscope.identification/1", "armscope.diagnosis/1"]),
     key=st.sampled_from(["base_parameters", "causes", "not_visible", "blocks", "held_directions", "method"]),

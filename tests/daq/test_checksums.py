@@ -91,7 +91,7 @@ def test_no_part_of_a_record_is_left_out(file: bytes) -> None:
         data[place] = file[place]
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(share=st.floats(0, 1, exclude_max=True), bit=st.integers(0, 7))
 def test_info_and_recover_tell_any_flipped_bit(
     file: bytes, tmp_path_factory: pytest.TempPathFactory, share: float, bit: int

@@ -106,7 +106,7 @@ def test_extra_columns_are_kept_on_request(tmp_path: Path) -> None:
 NUMBERS = st.floats(-1e15, 1e15) | st.just(math.nan)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     rows=st.lists(st.tuples(*[NUMBERS] * 8), min_size=2, max_size=20),
     steps=st.lists(st.floats(1e-9, 1e3), min_size=20, max_size=20),
@@ -187,7 +187,7 @@ def test_times_that_do_not_look_like_seconds_are_asked_about(tmp_path: Path, tim
     assert len(read_csv(write(tmp_path, rows_of(times)), unit=TimeUnit.NS).t) == len(times)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     st.sampled_from(list(TimeUnit)),
     st.lists(st.integers(1, 2_000_000_000), min_size=2, max_size=30),

@@ -92,7 +92,7 @@ def test_a_file_without_its_end_has_all_its_rows(original: Original) -> None:
     assert not as_it_is.finished and as_it_is.notes and len(as_it_is) == ROWS - LOSS.rows
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(share=st.floats(0, 1))
 def test_truncated_anywhere(original: Original, share: float) -> None:
     data = original.finished[: int(share * len(original.finished))]
@@ -105,7 +105,7 @@ def test_truncated_anywhere(original: Original, share: float) -> None:
     check(recording, complete=complete, sure=len(data) >= head)
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(
     whole=st.booleans(),
     hits=st.lists(st.tuples(st.floats(0, 1, exclude_max=True), st.integers(1, 255)), min_size=1, max_size=4),
@@ -134,7 +134,7 @@ def test_the_count_in_the_head_is_found_behind_damage(original: Original) -> Non
     assert recording.number[0] == CHUNK and recording.ledger.losses[0] == Loss(0, CHUNK, LossReason.DAMAGED)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(start=st.floats(0, 1), length=st.integers(1, 40_000), seed=st.integers(0, 99))
 def test_a_stretch_overwritten(original: Original, start: float, length: int, seed: int) -> None:
     """As by a broken block of the disk: zeros (seed 0) or rubbish."""
@@ -161,7 +161,7 @@ def test_a_landmark_is_found_wherever_the_windows_of_the_search_end(
         assert len(recording) >= ROWS - LOSS.rows - 3 * CHUNK
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(rubbish=st.binary(max_size=300), with_magic=st.booleans())
 def test_other_files_are_refused(original: Original, rubbish: bytes, with_magic: bool) -> None:
     path = original.folder / "other.mcap"

@@ -104,7 +104,7 @@ def test_a_bag_comes_back(file: Path, tmp_path: Path) -> None:
     assert back.provenance["current_unit"] == "A"
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 @given(st.data())
 def test_parquet_and_mat_come_back_to_the_last_bit(data: st.DataObject) -> None:
     rows, joints = data.draw(st.integers(2, 40)), data.draw(st.integers(1, 4))

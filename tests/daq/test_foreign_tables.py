@@ -303,7 +303,7 @@ def _sample(kind: str, folder: Path) -> Path:
 
 
 @pytest.mark.parametrize("kind", ["db3", "mcap", "parquet", "mat", "csv"])
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(st.data())
 def test_torn_files_are_refused_in_one_line_or_read(kind: str, data: st.DataObject) -> None:
     """Cut anywhere, or with a byte changed: rows, or InputError; never another exception."""
@@ -325,7 +325,7 @@ def test_torn_files_are_refused_in_one_line_or_read(kind: str, data: st.DataObje
             assert "\n" not in str(error)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.text(max_size=300))
 def test_any_text_as_a_mapping_or_a_table(text: str) -> None:
     with tempfile.TemporaryDirectory() as folder:

@@ -143,9 +143,7 @@ WHOLE = f"rate = 1000\n{HUGE_REPEAT.format(3)}" + (
 )
 
 
-@settings(
-    max_examples=100, deadline=None, phases=[Phase.explicit, Phase.generate], suppress_health_check=list(HealthCheck)
-)
+@settings(max_examples=100, phases=[Phase.explicit, Phase.generate], suppress_health_check=list(HealthCheck))
 @given(where=st.lists(st.tuples(st.integers(0, 200), ODD), min_size=1, max_size=3))
 @example(where=[(1, "1e6"), (1, "1e6"), (76, "1e6")])  # a million seconds, each further beyond the limits than the last
 def test_odd_numbers_in_an_experiment(lab: Lab, session: Any, where: list[tuple[int, str]]) -> None:
@@ -292,7 +290,6 @@ class Noise:
 
 @settings(
     max_examples=80,
-    deadline=None,
     phases=[Phase.explicit, Phase.generate],  # the daemon keeps its state from example to example: nothing to shrink
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )

@@ -100,7 +100,7 @@ def test_numbers_are_kept_as_runs(pieces: list[tuple[list[int], bool]]) -> None:
     assert (runs[1:, 0] > runs[:-1, 1] + 1).all() and Found(runs, True).rows == len(every)
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(rows=st.integers(1, 30_000), seed=st.integers(0, 99))
 def test_a_thinned_line_has_the_extremes_of_all_rows(rows: int, seed: int) -> None:
     random = np.random.default_rng(seed)

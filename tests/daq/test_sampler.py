@@ -82,7 +82,7 @@ def test_the_counters_are_preset_to_the_pose_in_which_the_experiment_starts() ->
     numbered=st.booleans(),
     ticks=st.booleans(),
 )
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 def test_the_ledger_balances_and_no_row_is_shifted_whatever_is_lost(
     unseen: list[int],
     analog_unseen: list[int],

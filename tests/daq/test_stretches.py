@@ -49,7 +49,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(begin=st.floats(0, 19), length=st.floats(0.002, 20))
 def test_a_stretch_has_the_rows_of_the_whole(
     recorded: Path, tmp_path_factory: pytest.TempPathFactory, begin: float, length: float
@@ -89,7 +89,7 @@ def test_a_file_without_an_intact_summary_has_no_index(recorded: Path) -> None:
         assert Ranges.of("a.mcap", File(broken).read, len(broken)) is None
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(place=st.floats(0, 1), bit=st.integers(0, 7))
 def test_a_damaged_file_never_gives_a_wrong_row(
     recorded: Path, tmp_path_factory: pytest.TempPathFactory, place: float, bit: int

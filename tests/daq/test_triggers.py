@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from daq.acquisition.trigger_index import SETTLE, Indexer
@@ -47,7 +47,6 @@ def _run(indexer: Indexer, rows: tuple[np.ndarray, ...], cuts: list[int]) -> tup
     ticks=st.booleans(),
     cuts=st.lists(st.integers(1, 60), min_size=1, max_size=5),
 )
-@settings(deadline=None)
 def test_missed_edges_are_found_wherever_the_batches_are_cut(
     seed: int, gaps: list[int], widths: list[int], jitter: float, drift: float, ticks: bool, cuts: list[int]
 ) -> None:

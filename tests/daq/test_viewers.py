@@ -117,7 +117,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory, root: Path) -> Path:
     return path
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(data=st.data())
 def test_damage_costs_no_row_but_those_it_hits(whole: Path, data: st.DataObject) -> None:
     """Cut anywhere behind the head, or a byte changed there: what recover keeps is a part of what was there."""

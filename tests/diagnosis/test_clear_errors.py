@@ -65,7 +65,7 @@ def test_what_lasts_is_told_with_its_band_and_size(side: str, hertz: float, agai
     assert clear_errors(compared, RUNS, [2]) == []  # reported already
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(lag=st.floats(-0.019, 0.019), seed=st.integers(0, 99))
 def test_lag_between_currents_of_the_band(lag: float, seed: int) -> None:
     rng = np.random.default_rng(seed)

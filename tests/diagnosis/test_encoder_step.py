@@ -31,7 +31,7 @@ RATES = st.sampled_from([100.0, 125.0, 250.0, 500.0, 1000.0])
 SEEDS = st.integers(0, 1000)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     bits=st.integers(10, 23), ratio=st.floats(1.0, 4.0), offset=st.floats(-4, 4), rate=RATES, seed=SEEDS, noise=SEEDS
 )
@@ -46,7 +46,7 @@ def test_the_step_of_any_encoder_behind_any_gear(
     assert encoder_step(_counted(q, step, offset)) == pytest.approx(step, rel=1e-3)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     bits=st.integers(10, 20),
     digits=st.integers(3, 9),
@@ -67,7 +67,7 @@ def test_a_count_that_was_printed_is_the_count_or_its_last_digit(
     assert encoder_step(q) == pytest.approx(max(step, last), rel=0.02)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(rate=RATES, seed=SEEDS, noise=st.sampled_from([0.0, 1e-6, 1e-4]))
 def test_angles_without_steps_have_none(rate: float, seed: int, noise: float) -> None:
     """Their noise is their scatter."""

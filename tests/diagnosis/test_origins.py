@@ -227,7 +227,7 @@ FINDINGS = st.lists(
 ORIGINS = st.sampled_from([one for one in TABLE.origin if one.scope == "joint"])
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(findings=FINDINGS, absent=st.frozensets(st.sampled_from(JOINTED)), origin=ORIGINS, data=st.data())
 def test_supporting_evidence_never_lowers_an_origin(findings, absent, origin, data) -> None:
     supporting = data.draw(st.sampled_from([s for s in sorted(origin.signs) if TABLE.present(origin, s) > 1.0]))
@@ -243,7 +243,7 @@ def test_supporting_evidence_never_lowers_an_origin(findings, absent, origin, da
     assert likelihood(origin, surer, TABLE) >= after
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(findings=FINDINGS, data=st.data())
 def test_the_order_of_causes_is_irrelevant(findings, data) -> None:
     mixed = data.draw(st.permutations(findings))

@@ -42,7 +42,7 @@ def test_few_blocks_never_look_certain() -> None:
     assert p_value(np.array([1.0, -2.0])) == 1.0
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(st.lists(st.integers(-100, 300).filter(bool), min_size=2, max_size=9))
 def test_p_values_are_never_smaller_than_the_exact_ones(gains: list[int]) -> None:
     values = np.array(gains) / 100

@@ -194,7 +194,7 @@ in_time, late = st.floats(0.05, 0.1), st.floats(1.25, 1.95)
 
 
 @given(delays=st.lists(st.one_of(in_time, in_time, late, st.none()), max_size=40))
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 def test_no_good_value_of_another_sync(delays: list[float | None]) -> None:
     rounds = played([USUAL, USUAL, *delays])
     assert len(rounds) == len(delays) + 4
@@ -204,7 +204,7 @@ def test_no_good_value_of_another_sync(delays: list[float | None]) -> None:
 
 
 @given(delays=st.lists(st.one_of(in_time, in_time, in_time, st.none()), max_size=40))
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 def test_a_lost_answer_costs_its_own_row_and_no_other(delays: list[float | None]) -> None:
     for one, delay in zip(played([USUAL, *delays]), [USUAL, *delays]):
         assert one.quality == [Quality.MISSING if delay is None else Quality.GOOD]
@@ -213,7 +213,7 @@ def test_a_lost_answer_costs_its_own_row_and_no_other(delays: list[float | None]
 @given(
     frames=st.lists(st.tuples(st.sampled_from([cia.SYNC, cia.TPDO1 + 3, cia.TPDO1 + 4, 0x7FF]), st.binary(max_size=8)))
 )
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 def test_frames_of_another_form_are_no_answers(frames: list[tuple[int, bytes]]) -> None:
     heard, since = Heard((3,)), None
     for at, (identifier, data) in enumerate(frames):

@@ -22,7 +22,7 @@ from drivers.us_digital_ad4b import protocol as ad4b
 from drivers.us_digital_qsb import protocol as qsb
 from drivers.val_terminal import protocol as val
 
-bounded = settings(max_examples=40, deadline=None)
+bounded = settings(max_examples=40)
 
 
 def pieces(data: bytes, cuts: list[int]) -> list[bytes]:

@@ -31,7 +31,7 @@ def play(delays: list[float], pace: float, quick: int = 200) -> np.ndarray:
 
 
 @given(delays=st.lists(st.floats(0.0, 0.08), min_size=1, max_size=60), slower=st.sampled_from([1.0, 0.9999, 0.97, 0.6]))
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 def test_the_delay_is_known_from_the_count(delays: list[float], slower: float) -> None:
     true, estimated = play(delays, slower * FASTEST).T
     assert np.abs(estimated - true).max() < 0.001 + 0.05 * true.max()

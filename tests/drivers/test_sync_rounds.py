@@ -40,7 +40,7 @@ def play(delays: list[float | None]) -> list[tuple[int, int | None]]:
 
 
 @given(delays=st.lists(st.one_of(st.none(), st.floats(0.0, 4.5)), min_size=1, max_size=40))
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 def test_no_value_of_another_round(delays: list[float | None]) -> None:
     got = play(delays)
     assert all(value is None or value == sent for sent, value in got)

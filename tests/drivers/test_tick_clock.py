@@ -35,7 +35,7 @@ def test_late_answers_do_not_bend_the_line(ppm: float) -> None:
     ppm=st.floats(-100, 100),
     restart=st.integers(0, 30),
 )
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 def test_told_times_never_go_back_and_are_right_within_a_round_trip(
     trips: list[tuple[int, float]], ppm: float, restart: int
 ) -> None:

@@ -27,7 +27,7 @@ def run(seed: int, *, jitter: float, ppm: float = 100.0) -> tuple[np.ndarray, np
     away=st.floats(0.3, 0.7),
     ppm=st.floats(-200, 200),
 )
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_lost_edges_and_spikes_never_shift_the_rest(
     seed: int, lost: set[int], spikes: set[int], away: float, ppm: float
 ) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from arm_io import InputError
@@ -19,7 +19,6 @@ def _experiment(segments: list[dict]) -> Experiment:
     )
 
 
-@settings(deadline=None)
 @given(
     st.lists(
         st.tuples(st.sampled_from([1, 2]), st.floats(-3, 3), st.floats(0.05, 1.0)),

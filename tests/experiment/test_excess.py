@@ -110,7 +110,7 @@ def flat(segments: list[dict[str, Any]]) -> list[dict[str, Any]]:
     return found
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=80)
 @given(motions)
 def test_what_is_repeated_is_what_is_written_out(segments: list[dict[str, Any]]) -> None:
     short, long = demand_of(experiment(segments)), demand_of(experiment(flat(segments)))
@@ -121,7 +121,7 @@ def test_what_is_repeated_is_what_is_written_out(segments: list[dict[str, Any]])
     np.testing.assert_allclose(short.end, long.end, atol=1e-9)
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=80)
 @given(motions, st.data())
 def test_bounds_hold_on_every_stretch(segments: list[dict[str, Any]], data: st.DataObject) -> None:
     demand = demand_of(experiment(segments))
@@ -137,7 +137,7 @@ def test_bounds_hold_on_every_stretch(segments: list[dict[str, Any]], data: st.D
     assert (np.stack(found) <= reach + 1e-9 * (1 + np.abs(reach))).all()
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(motions, st.integers(0, 3), st.integers(0, 1), st.floats(-0.2, 0.2), st.sampled_from([64, 512, 1 << 15]))
 def test_the_verdict_is_that_of_a_look_at_every_instant(
     segments: list[dict[str, Any]], kind: int, joint: int, beyond: float, block: int

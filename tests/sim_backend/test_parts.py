@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
@@ -63,7 +63,6 @@ def test_uniforms_are_uniform() -> None:
     assert stats.kstest(drawn, "uniform").pvalue > 1e-3
 
 
-@settings(deadline=None)
 @given(blocks=st.lists(st.integers(0, 30), max_size=40), keep=st.integers(1, 25))
 def test_history_holds_the_newest_rows(blocks: list[int], keep: int) -> None:
     history, rows = History((2,), keep), np.empty((0, 2))

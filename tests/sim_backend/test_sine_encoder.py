@@ -58,7 +58,7 @@ def _motion(seed: int, samples: int) -> NDArray:
     return np.cumsum(speed)[:, None] * 2 * np.pi / LINES
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     seed=st.integers(0, 2**32),
     sine_gain=st.floats(0.7, 1.3),
@@ -87,7 +87,7 @@ def test_edges_are_those_of_comparators_and_decoder_clocked_through(
     assert (counts - counts[0] == clocked).all()
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(seed=st.integers(0, 2**32), mode=st.sampled_from(list(CounterMode)), stride=st.integers(1, 500))
 def test_counts_give_the_angle_back_within_one_count(seed: int, mode: CounterMode, stride: int) -> None:
     """However coarsely it is sampled, and through reversals: nothing is lost between samples."""

@@ -22,7 +22,7 @@ def tracker_of(when: np.ndarray, drift: float, offset: float) -> TrackerFile:
     return TrackerFile("tracker.csv", offset + (1 + drift) * when, np.column_stack((number, number, number)))
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(
     seed=st.integers(0, 10**6),
     drift=st.floats(-2e-5, 2e-5),

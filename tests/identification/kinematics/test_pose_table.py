@@ -115,7 +115,7 @@ def test_import_says_that_poses_need_no_import(tmp_path: Path, root: Path, capsy
     assert "armscope calibrate" in capsys.readouterr().err
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(text=st.text(alphabet='q123xyz,.-e\n\r"; \tn', max_size=80), head=st.booleans())
 def test_any_text_is_a_table_or_an_input_error(tmp_path: Path, text: str, head: bool) -> None:
     path = tmp_path / "any.csv"
