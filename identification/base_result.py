@@ -41,12 +41,41 @@ class BaseValue:
 
 
 @dataclass(frozen=True, kw_only=True)
+class JointFit:
+    """Parameters of the arm on the base (``arm_model.parameters``), and errors of its joints' torques.
+
+    Errors (n,) N m, N rms on held-out rows as in ``BaseIdentification``; torque_rms: of the drives.
+    """
+
+    parameters: Sequence[BaseValue]
+    torque_rms: Array
+    before_rms: Array
+    after_rms: Array
+    fit_rms: Array
+
+    def to_json(self) -> list[dict[str, Any]]:
+        """Errors, an entry per joint."""
+        return [
+            {
+                "joint": j + 1,
+                "torque_rms": float(self.torque_rms[j]),
+                "error_rms": {
+                    "fit": float(self.fit_rms[j]),
+                    "held_out": {"before": float(self.before_rms[j]), "after": float(self.after_rms[j])},
+                },
+            }
+            for j in range(len(self.torque_rms))
+        ]
+
+
+@dataclass(frozen=True, kw_only=True)
 class BaseIdentification:
     """Parameters of a floating base, and errors of its wrench: (6,) N and N m rms, surge to yaw.
 
     arm         with the parameters that the data determine; model: as given
     thrust_rms  wrench of the thrusters along the held-out motion
     before_rms  held-out error of the model as given; after_rms: with the parameters found; fit_rms: on fitted rows
+    joints      the arm on the base; what it contradicts of friction and water is changed in ``arm``
     runs        wrenches and motion of the held-out rows, by recording
     """
 
@@ -59,6 +88,7 @@ class BaseIdentification:
     before_rms: Array
     after_rms: Array
     fit_rms: Array
+    joints: JointFit
     runs: Sequence[Wrenches] = ()
 
     def to_json(self) -> dict[str, Any]:
@@ -82,6 +112,8 @@ class BaseIdentification:
             "held_out": self.held_out if isinstance(self.held_out, str) else list(self.held_out),
             "parameters": [value.to_json() for value in self.parameters],
             "degrees": degrees,
+            "arm_parameters": [value.to_json() for value in self.joints.parameters],
+            "joints": self.joints.to_json(),
             "warnings": self.warnings,
         }
 
@@ -106,14 +138,19 @@ class BaseIdentification:
                 value.unit,
                 "" if value.identifiable else "not identifiable",
             )
-            for value in self.parameters
+            for value in (*self.parameters, *(one for one in self.joints.parameters if one.std is not None))
         ]
         errors = [
             (name, f"{self.thrust_rms[k]:.3g}", f"{self.before_rms[k]:.3g}", f"{self.after_rms[k]:.3g}")
             for k, name in enumerate(DEGREES)
         ]
+        of_joints = zip(self.joints.torque_rms, self.joints.before_rms, self.joints.after_rms)
+        errors += [
+            (f"joint {j}", f"{torque:.3g}", f"{before:.3g}", f"{after:.3g}")
+            for j, (torque, before, after) in enumerate(of_joints, 1)
+        ]
         head = ("parameter", "value", "std", "model", "unit", "")
-        error_head = ("rms, N or N m", "thrust", "error before", "after")
+        error_head = ("rms, N or N m", "drives", "error before", "after")
         return "\n".join(
             [
                 *text_table(rows, head, numbers=(1, 2, 3), keep=(0, 1, 2)),

@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from arm_io.types import Array
 from arm_model import Arm
@@ -84,7 +85,7 @@ class Rows:
         """N: largest dead zone of a thruster, by the parameter's name, that a fit tries."""
         return 0.0 if self.table is None else self.table.largest(_thruster_of(name))
 
-    def part(self, taken: Array) -> Rows:
+    def part(self, taken: NDArray[np.bool_]) -> Rows:
         """Some of the rows (mask (k,)), with their blocks numbered anew."""
         block = np.unique(self.block[taken], return_inverse=True)[1]
         return replace(

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from arm_model import Arm
 from arm_model.effects import described
@@ -41,8 +42,14 @@ def sides(arm: Arm, fit: Sequence[Recording], held_out: Sequence[Recording], *, 
     rows = rows_of(arm, runs, faults=faults)
     if held:
         return Sides(rows, rows_of(arm, held, faults=faults), False, held)
+    last = late_rows(rows)
+    return Sides(rows.part(~last), rows.part(last), True, runs)
+
+
+def late_rows(rows: Rows) -> NDArray[np.bool_]:
+    """(k,) the last rows of each run, which judge a fit of the others."""
     last = np.zeros(len(rows.t), bool)
     for number in np.unique(rows.run):
         mine = np.flatnonzero(rows.run == number)
         last[mine[int((1 - HELD_OUT) * len(mine)) :]] = True
-    return Sides(rows.part(~last), rows.part(last), True, runs)
+    return last

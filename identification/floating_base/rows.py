@@ -43,7 +43,7 @@ class BaseRun:
 
     position        (m, 3) m of the body frame's origin in the world
     base            attitude, velocity and its rate, body frame
-    q, qd, qdd      (m, n) of the joints
+    q, qd, qdd      (m, n) of the joints; torque (m, n) N m, N of their drives
     demand          (m, thrusters) N, within their limits
     thrust          (m, thrusters) N per unit of each gain: what the demands give, behind their time constants
     constants       (thrusters,) s
@@ -58,6 +58,7 @@ class BaseRun:
     q: Array
     qd: Array
     qdd: Array
+    torque: Array
     demand: Array
     thrust: Array
     constants: tuple[float, ...]
@@ -93,8 +94,9 @@ def base_run(recording: Recording, arm: Arm) -> BaseRun:
         raise InputError(recording.path, f"has {recording.joints} joints, the model has {len(arm)}")
     measured = all(name in recording.extra for name in VELOCITY_COLUMNS)
     names += VELOCITY_COLUMNS if measured else ()
-    columns = np.column_stack([recording.q, *(recording.extra[name] for name in names)])
+    columns = np.column_stack([recording.q, *(recording.extra[name] for name in names), recording.i])
     t, dt, columns = _gridded(recording, columns)
+    columns, torque = columns[:, : -len(arm)], columns[:, -len(arm) :] * arm.joint_array("drive_constant")
     n, m = len(arm), len(thrusters)
     q, pose, demand = columns[:, :n], columns[:, n : n + 7], columns[:, n + 7 : n + 7 + m]
     limits = np.array([thruster.limits for thruster in thrusters]).reshape(m, 2)
@@ -114,7 +116,21 @@ def base_run(recording: Recording, arm: Arm) -> BaseRun:
     base = BaseRows(attitude, velocity, np.gradient(velocity, dt, axis=0))
     kept = slice(round(ENDS / dt), len(t) - round(ENDS / dt), max(1, round(1 / (ROWS_PER_SECOND * dt))))
     block = ((t[kept] - t[kept][0]) // BLOCK_SECONDS).astype(np.intp)
-    return BaseRun(recording.path.name, dt, position, base, q, qd, qdd, demand, thrust, constants, kept, block)
+    return BaseRun(
+        recording.path.name,
+        dt,
+        position,
+        base,
+        q,
+        qd,
+        qdd,
+        _low_pass(torque, MOTION_BAND, dt),
+        demand,
+        thrust,
+        constants,
+        kept,
+        block,
+    )
 
 
 def _gridded(recording: Recording, columns: Array) -> tuple[Array, float, Array]:

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from arm_io.types import Array
 from arm_model.moving_base import beyond
@@ -31,7 +32,7 @@ class ThrustTable:
     ahead: Array
     astern: Array
 
-    def of(self, rows: Array) -> ThrustTable:
+    def of(self, rows: NDArray[np.bool_]) -> ThrustTable:
         """Some of the rows (mask (k,))."""
         return ThrustTable(self.allocation, self.zone, self.ahead[rows], self.astern[rows])
 

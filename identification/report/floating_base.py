@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,7 +14,7 @@ from arm_report import Report, table
 from identification.floating_base import charts
 
 if TYPE_CHECKING:
-    from identification.base_result import BaseIdentification
+    from identification.base_result import BaseIdentification, BaseValue
 
 
 def report(result: BaseIdentification) -> Report:
@@ -32,7 +33,9 @@ def report(result: BaseIdentification) -> Report:
             "wrenches": charts.wrench_charts(runs),
             "parts": charts.parts_chart(runs[0]) if runs else None,
             "thrusters": charts.thruster_chart(result.model, result.arm, runs) if runs else None,
-            "values": _values(result),
+            "values": _values(result.parameters),
+            "joint_errors": _joint_errors(result),
+            "arm_values": _values([value for value in result.joints.parameters if value.std is not None]),
             "vehicle": charts.motion_charts(runs),
         },
     )
@@ -69,7 +72,16 @@ def _errors(result: BaseIdentification) -> Markup:
     return table(rows, head, range(1, 6))
 
 
-def _values(result: BaseIdentification) -> Markup:
+def _joint_errors(result: BaseIdentification) -> Markup:
+    fit, rows = result.joints, []
+    for j, joint in enumerate(result.arm.joints):
+        sizes = (fit.torque_rms, fit.fit_rms, fit.before_rms, fit.after_rms)
+        unit = "N m" if joint.revolute else "N"
+        rows.append([f"joint {j + 1}", *(f"{size[j]:.3g} {unit}" for size in sizes)])
+    return table(rows, ("joint", "drive, rms", "fitted", "held out, before", "held out, after"), range(1, 5))
+
+
+def _values(values: Sequence[BaseValue]) -> Markup:
     rows = [
         [
             value.name,
@@ -78,7 +90,7 @@ def _values(result: BaseIdentification) -> Markup:
             f"{value.nominal:.4g}",
             Markup('<span class="u">{}</span>').format(value.unit),
         ]
-        for value in result.parameters
+        for value in values
     ]
-    weak = [k for k, value in enumerate(result.parameters) if not value.identifiable]
+    weak = [k for k, value in enumerate(values) if not value.identifiable]
     return table(rows, ("parameter", "value", "± 2 std", "model", "unit"), (1, 2, 3), weak)

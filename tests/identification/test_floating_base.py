@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from arm_io import InputError
-from arm_model import Arm, read_model
+from arm_model import Arm, parameter, read_model, with_parameters
 from arm_model.motion import VELOCITY_COLUMNS
 from arm_model.tables import base_parameters
 from daq.recording import Recording, open_recording
@@ -18,8 +18,9 @@ from diagnosis.floating_base import diagnose_base
 from diagnosis.report import write_base_diagnosis
 from examples.rov_recordings import MODEL, recordings
 from identification.floating_base import identify_base
+from identification.floating_base.joints import arm_parameters
 
-CHANGES = {"thruster3.gain": 0.6, "base.quadratic_drag_surge": 220.0, "arm.payload": 0.3}
+CHANGES = {"thruster3.reverse": 0.6, "base.quadratic_drag_surge": 220.0, "arm.payload": 0.3}
 
 
 @pytest.fixture(scope="module")
@@ -90,11 +91,12 @@ def test_thruster_drag_and_payload_are_named_together(arm: Arm, changed: list[Re
         assert abs(named[name].value - value) < max(4 * named[name].std, 0.01 * value), name
     assert [one.thruster for one in found.thrusters if one.verdict == "differs"] == [3]
     entries = {entry["effect"]: entry for entry in found.to_json()["causes"]}
-    assert entries["thruster_gain"]["thruster"] == 3
+    assert entries["thruster_reverse"]["thruster"] == 3
     assert "arm_payload" in entries
     assert "base_quadratic_drag_surge" in entries
 
 
+@pytest.mark.slow
 def test_a_weak_direction_and_a_dead_zone_are_named(arm: Arm, tmp_path: Path) -> None:
     changes = {"thruster2.forward": 0.8, "thruster2.reverse": 0.4, "thruster6.dead_zone": 0.7}
     fit, held_out = map(open_recording, recordings(tmp_path / "weak", changes))
@@ -117,6 +119,25 @@ def test_a_weak_direction_and_a_dead_zone_are_named(arm: Arm, tmp_path: Path) ->
     assert {path.stem for path in (tmp_path / "why/pictures").iterdir()} == charts
     assert all(f'id="chart-{name}"' in page for name in charts)
     assert diagnose_base([fit], read_model(tmp_path / "why/model.toml"), held_out=[held_out]).verdict == "consistent"
+
+
+def test_friction_of_the_arm_is_found_while_it_floats(arm: Arm, tmp_path: Path) -> None:
+    changes = {"joint1.viscous": 0.12, "joint2.coulomb": 0.2}
+    fit, held_out = map(open_recording, recordings(tmp_path, changes))
+    result = identify_base([fit], arm, held_out=[held_out])
+    truth = arm_parameters(with_parameters(arm, changes))
+    known = {one.name: one for one in result.joints.parameters if one.std is not None}
+    for name, one in known.items():
+        assert one.std is not None
+        assert abs(one.value - truth[name]) < 4 * one.std, name
+    assert {"link1.izz", "link2.izz", "link2.drag_coefficient"} <= {
+        one.name for one in known.values() if one.identifiable
+    }
+    assert (result.joints.after_rms < 0.2 * result.joints.before_rms).all()
+    for name, value in changes.items():
+        assert known[name].identifiable
+        assert parameter(result.arm, name) == known[name].value != value
+    assert parameter(result.arm, "joint2.viscous") == parameter(arm, "joint2.viscous"), "not contradicted"
 
 
 def test_what_is_missing_is_said(arm: Arm, sound: list[Recording]) -> None:
@@ -148,4 +169,5 @@ def test_written_files_read_back(arm: Arm, changed: list[Recording], tmp_path: P
     np.testing.assert_allclose(identified.runs[0].needed - identified.runs[0].thrust, identified.runs[0].after)
     better = read_model(tmp_path / "identified/model.toml")
     assert better.floating is not None
-    assert better.floating.thruster[2].gain == pytest.approx(0.6, abs=0.02)
+    assert better.floating.thruster[2].gain == pytest.approx(1.0, abs=0.02)
+    assert better.floating.thruster[2].reverse == pytest.approx(0.6, abs=0.02)
