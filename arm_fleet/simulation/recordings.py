@@ -123,11 +123,15 @@ def plan_table(lives: Sequence[Life]) -> dict[str, Any]:
 def _all(
     scene: Scene, run: int, lives: Sequence[Life], nights: int, healthy: tuple[Motion, Readings, Demand]
 ) -> Iterator[tuple[Life, int, tuple[Array, Array, Array], float]]:
-    """Arm, night, its (rows, J) angles, currents and demands without noise, and change of current over the noise."""
-    motion, readings, _ = healthy
-    still = readings.q[0], readings.current[0], motion.demand
+    """Arm, night, its (rows, J) angles, currents and demands without noise, and change of current over the noise.
+
+    The change is against the same arm before it wears: a gear whose teeth are flexible differs from a rigid one
+    without any gap.
+    """
     for wear in {life.wear: None for life in lives}:
         mine = [life for life in lives if life.wear == wear]
+        motion, readings, _ = healthy if wear is None else _simulated(scene, run, wear, np.zeros(1))
+        still = readings.q[0], readings.current[0], motion.demand
         if wear is None:
             yield from ((life, night, still, 0.0) for life in mine for night in range(nights))
             continue
