@@ -1,10 +1,14 @@
 """What a fleet costs: overhead per task, arm-nights per hour with 1 and 2 workers, bytes and memory.
 
 Overhead: tasks that compute nothing, one worker. ``dask_ms`` is Dask alone (a function in the worker), ``process_ms``
-the process of its own that each task has, in the same thread, ``task_ms`` all of it with the result on the disk.
-Arm-nights: identification and diagnosis of two recordings of 12 s of the simulated two-link arm, without reports;
-``efficiency_2`` is time with one worker over twice the time with two. On a machine that others use, wall times say
-little; ``night_cpu_s`` is processor time of a task.
+the process of its own that each task has, in the same thread, ``task_ms`` all of it with the result on the disk;
+``task_cpu_ms`` is the processor time of all processes together.
+Arm-nights: identification and diagnosis of two recordings of 12 s of the simulated two-link arm, without reports. Rates
+are those while every worker computes: of each worker from its first result to its last. ``efficiency_2`` is the rate
+of two workers over twice that of one. On a machine that others use, wall times say little; ``night_cpu_s`` is
+processor time of a task.
+Reading: shares of the bytes of a recording of 5 minutes and of 30 minutes that a task asks for (``seconds`` = 180).
+Judging: the same nights as results of many arms, per arm and night.
 
 Run as ``python -m benchmarks.fleet [--json]``.
 """
@@ -13,6 +17,7 @@ from __future__ import annotations
 
 import tempfile
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -22,7 +27,11 @@ if TYPE_CHECKING:
     from arm_fleet import Task
 
 # Processes of tasks import this module, as they do any main module: what takes time to import stands in functions.
-EMPTY, ARMS, NIGHTS = 60, 2, 6
+EMPTY, ARMS, NIGHTS = 100, 2, 10
+ROWS = 250
+"""Per s of the long recordings."""
+COPIES = 30
+"""Arms that are judged: the same results under other names."""
 
 
 def empty(number: int) -> Task:
@@ -55,13 +64,27 @@ def overhead(folder: Path) -> dict[str, float]:
     for number in range(EMPTY):
         bounded(empty(number), {})
     process = time.perf_counter() - began
-    moments: list[float] = []
-    Engine(Store(folder), Cluster(), lambda _: moments.append(time.perf_counter())).run(
-        [empty(k) for k in range(EMPTY)]
-    )
-    # From the first task that is kept on: starting the worker and the server of its processes is no part of a task.
-    task = (moments[-1] - moments[0]) / (EMPTY - 1)
-    return {"dask_ms": 1e3 * dask / EMPTY, "process_ms": 1e3 * process / EMPTY, "task_ms": 1e3 * task}
+    moments: list[tuple[float, float]] = []
+    engine = Engine(Store(folder), Cluster(), lambda _: moments.append((time.perf_counter(), cpu())))
+    engine.run([empty(k) for k in range(EMPTY)])
+    # From the first tasks that are kept on: starting the worker and the server of its processes is no part of a task.
+    begun = EMPTY // 10
+    task, used = ((last - first) / (EMPTY - 1 - begun) for first, last in zip(moments[begun], moments[-1]))
+    milliseconds = {"dask_ms": dask / EMPTY, "process_ms": process / EMPTY, "task_ms": task, "task_cpu_ms": used}
+    return {name: 1e3 * value for name, value in milliseconds.items()}
+
+
+def cpu() -> float:
+    """s of processor time of this process and of all below it, ended or not."""
+    import psutil
+
+    total = 0.0
+    this = psutil.Process()
+    for one in (this, *this.children(recursive=True)):
+        with suppress(psutil.NoSuchProcess):
+            times = one.cpu_times()
+            total += times.user + times.system + times.children_user + times.children_system
+    return total
 
 
 class Counting:
@@ -102,35 +125,96 @@ def nights(folder: Path) -> dict[str, float]:
         "bytes_read_to_plan_per_recording": counting.read / len(each),
         "bytes_per_recording": size / len(each),
     }
-    walls, records = {}, []
+    rates: dict[int, float] = {}
     for workers in (1, 2):
-        walls[workers], records = ran(plan, folder / f"results{workers}", workers)
-        figures[f"nights_per_hour_{workers}"] = 3600 / walls[workers]
-    figures["efficiency_2"] = walls[1] / (2 * walls[2])
-    figures["night_cpu_s"] = sum(one["cpu_seconds"] for one in records) / len(records)
-    figures["night_peak_mb"] = max(one["peak_bytes"] for one in records) / 1e6
-    figures["result_kb"] = sum(sum(one["files"].values()) for one in records) / len(records) / 1e3
+        rates[workers], tasks = ran(plan, folder / f"results{workers}", workers)
+        figures[f"nights_per_hour_{workers}"] = 3600 * rates[workers]
+    figures["efficiency_2"] = rates[2] / (2 * rates[1])
+    figures["night_cpu_s"] = sum(tasks["cpu_seconds"]) / len(tasks["cpu_seconds"])
+    figures["night_peak_mb"] = max(tasks["peak_bytes"]) / 1e6
+    results = folder / "results2/results"
+    figures["result_kb"] = sum(file.stat().st_size for file in results.rglob("*")) / len(tasks["key"]) / 1e3
     return figures
 
 
-def ran(plan: Path, out: Path, workers: int) -> tuple[float, list[dict]]:
-    """s of wall time per arm-night once all workers have begun, and the records."""
+def ran(plan: Path, out: Path, workers: int) -> tuple[float, dict[str, list]]:
+    """Arm-nights per s of all workers while they compute, and the table of tasks."""
+    from pyarrow import parquet
+
     import armscope
 
-    moments: list[float] = []
+    moments: dict[str, float] = {}
 
     def progress(sentence: str) -> None:
         if getattr(sentence, "stage", "") == "tasks":
-            moments.append(time.perf_counter())
+            moments[getattr(sentence, "detail", "")] = time.perf_counter()
 
-    result = armscope.fleet(plan, out, workers=workers, progress=progress)
-    return (moments[-1] - moments[workers - 1]) / (len(moments) - workers), result.records
+    armscope.fleet(plan, out, workers=workers, progress=progress)
+    tasks = parquet.read_table(out / "tasks.parquet").to_pydict()
+    ended: dict[str, list[float]] = {}
+    for arm, night, worker in zip(tasks["arm"], tasks["night"], tasks["worker"]):
+        ended.setdefault(worker, []).append(moments[f"{arm} of {night}"])
+    return sum((len(its) - 1) / (max(its) - min(its)) for its in ended.values() if len(its) > 1), tasks
+
+
+def reading(folder: Path) -> dict[str, float]:
+    """Share of the bytes of long recordings that a task asks for."""
+    import numpy as np
+
+    from arm_fleet import fetched
+    from daq.recording import Attachments, write_table
+
+    figures = {}
+    for minutes in (5, 30):
+        t = np.arange(60 * minutes * ROWS) / ROWS
+        q = np.sin(np.outer(t, [1.0, 2.0])) + 1e-3 * np.random.default_rng(1).normal(size=(len(t), 2))
+        path = folder / f"{minutes}.mcap"
+        write_table(path, t, {"q": q, "i": q, "qref": q}, Attachments())
+        found = fetched([str(path)], folder / str(minutes), {}, 180.0)
+        figures[f"bytes_read_share_{minutes}_min"] = found.read / found.size
+    return figures
+
+
+def judging(folder: Path) -> dict[str, float]:
+    """ms of processor time and kB of memory per arm and night."""
+    import json
+    import shutil
+    import tracemalloc
+
+    from arm_fleet import ArmTasks, fleet_of, read_plan
+    from arm_fleet.tasks.store import RECORD
+    from arm_model import read_model
+
+    plan, arm = read_plan(folder / "plan.toml"), read_model(folder / "model.toml")
+    records = [json.loads(path.read_text()) for path in (folder / "results2/results").glob(f"*/{RECORD}")]
+    parts, out = [], folder / "judged"
+    for copy in range(COPIES):
+        keys = []
+        for record in (one for one in records if one["arm"] == records[0]["arm"]):
+            key = f"{copy}-{record['key']}"
+            shutil.copytree(folder / "results2/results" / record["key"], out / "results" / key)
+            text = json.dumps(record | {"arm": f"arm-{copy}", "key": key})
+            (out / "results" / key / RECORD).write_text(text)
+            keys.append(key)
+        parts.append(ArmTasks(arm=f"arm-{copy}", model=arm, keys=tuple(keys)))
+    count = sum(len(one.keys) for one in parts)
+    plan = plan.model_copy(update={"arm": tuple(plan.arm[0].model_copy(update={"name": one.arm}) for one in parts)})
+    began = time.process_time()
+    fleet_of(plan, out, parts)
+    used = time.process_time() - began
+    tracemalloc.start()
+    fleet = fleet_of(plan, out, parts)
+    held, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert len(fleet.tasks) == count
+    return {"judging_ms": 1e3 * used / count, "judged_kb": held / count / 1e3, "judging_peak_mb": peak / 1e6}
 
 
 def main() -> None:
     """Measures and prints."""
     with tempfile.TemporaryDirectory() as folder:
-        figures = overhead(Path(folder, "empty")) | nights(Path(folder, "fleet"))
+        fleet = Path(folder, "fleet")
+        figures = overhead(Path(folder, "empty")) | nights(fleet) | reading(fleet) | judging(fleet)
     report(figures)
 
 
