@@ -24,6 +24,8 @@ MOST_ARMS = 400
 """Arms of the map of nights and of the table of all arms; fleet.json has all."""
 MOST_FAILED = 1000
 """Tasks without a result that are listed; tasks.parquet has all."""
+NOT_REACHED = "is not reached at the present trend"
+"""Of a limit: such sentences are counted, not listed."""
 MARKS = {"named": "●", "compared": "·", "failed": "×", "reference": "○"}
 
 
@@ -31,6 +33,7 @@ def fleet_page(fleet: Fleet) -> Report:
     """The whole fleet."""
     changed = fleet.changed
     returned = [one for one in fleet.verdicts if one.since and one not in changed]
+    limits = [(one.arm, s) for one in fleet.verdicts for s in one.moved if ": limit " in s]
     failed = [[one.arm, one.night or "baseline", one.state, one.reason] for one in fleet.failed[:MOST_FAILED]]
     return Report(
         title=f"{fleet.plan.name}: which arms changed",
@@ -43,7 +46,8 @@ def fleet_page(fleet: Fleet) -> Report:
             "changed": _changed(fleet, changed) if changed else None,
             "actions": [(one.arm, one.actions) for one in fleet.verdicts if one.actions],
             "returned": [f"{one.arm}: {one.cause}, named {one.since} to {one.until}" for one in returned],
-            "limits": [(one.arm, s) for one in fleet.verdicts for s in one.moved if ": limit " in s],
+            "limits": [(arm, s) for arm, s in limits if NOT_REACHED not in s],
+            "not_reached": sum(NOT_REACHED in s for _, s in limits),
             "chart": _named_per_night(fleet),
             "nights": _map(fleet),
             "marks": MARKS,
