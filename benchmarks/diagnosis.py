@@ -1,6 +1,6 @@
 """Time and memory of ``armscope diagnose`` over the length of the recordings, the joints and the causes.
 
-    python -m benchmarks.diagnosis [--json] [--minutes 2 20] [--joints 2 4 6 8] [--causes 0 1 2 3]
+    python -m benchmarks.diagnosis [--json] [--minutes 2 20] [--joints 2 4 6 8] [--causes 0 1 2 3] [--stages]
 
 Each diagnosis is a process of its own, from the command line to the written report: wall time, processor time of
 all its threads, and the largest resident set that the operating system saw of it. Two thirds of the minutes are fitted,
@@ -10,6 +10,8 @@ minutes_M_*      six joints, one cause, M minutes in all
 joints_N_*       N joints, one cause, 2 minutes: the Puma without its last joints, or with more joints like its fifth
 causes_K_*       six joints, K causes, 2 minutes
 *_wall_s, *_cpu_s, *_rss_mb, *_causes_named
+stage_S_cpu_s    with --stages: processor time of each stage of a diagnosis of 2 minutes, six joints and one cause, as
+                 the progress names them (those of one kind together), its imports before and its report behind
 longest_over_linear  processor time per minute of recording of the longest over that of the shortest; 1 or less is
                      linear or better
 
@@ -56,6 +58,9 @@ def main() -> None:
         print(case.name, file=sys.stderr)
         with tempfile.TemporaryDirectory(prefix="armscope-") as folder:
             figures |= {f"{case.name}_{name}": value for name, value in diagnosed(case, Path(folder)).items()}
+    if options.stages:
+        with tempfile.TemporaryDirectory(prefix="armscope-") as folder:
+            figures |= stages(Case("stages"), Path(folder))
     if len(options.minutes) > 1:
         short, long = min(options.minutes), max(options.minutes)
         per_minute = [figures[f"minutes_{m:g}_cpu_s"] / m for m in (short, long)]
@@ -69,7 +74,37 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--minutes", type=float, nargs="*", default=[2.0, 20.0])
     parser.add_argument("--joints", type=int, nargs="*", default=[2, 4, 6, 8])
     parser.add_argument("--causes", type=int, nargs="*", default=[0, 1, 2, 3])
+    parser.add_argument("--stages", action="store_true", help="processor time of each stage too")
     return parser.parse_args()
+
+
+def stages(case: Case, folder: Path) -> dict[str, float]:
+    """Processor time of the stages of one diagnosis in this process, from its imports to its report."""
+    subprocess.run([sys.executable, "-m", "benchmarks.diagnosis_recordings", *case.arguments(folder)], check=True)
+    spent: dict[str, float] = {}
+    stage, since = "imports", time.process_time()
+
+    def begins(sentence: str) -> None:
+        nonlocal stage, since
+        now = time.process_time()
+        spent[stage] = spent.get(stage, 0.0) + now - since
+        # "detection experiment for added mass of joint 3" is one of a kind
+        stage, since = "_".join(sentence.split(" for ")[0].split(":")[0].split()), now
+
+    from armscope.api.diagnosis import fit_and_held_out
+    from armscope.api.reading import fixed_model
+    from diagnosis import diagnose
+    from diagnosis.report import write_diagnosis
+
+    begins("reading")
+    arm = fixed_model(folder / "model.toml", "this")
+    fit, held_out, _ = fit_and_held_out(*(sorted(folder.glob(f"{part}_*.mcap")) for part in ("fit", "held_out")))
+    begins("screening")
+    result = diagnose(arm, fit, held_out, progress=begins)
+    begins("tables")
+    write_diagnosis(folder / "result", result, fit, held_out, progress=begins)
+    begins("end")
+    return {f"stage_{name}_cpu_s": seconds for name, seconds in spent.items()}
 
 
 def diagnosed(case: Case, folder: Path) -> dict[str, float]:
