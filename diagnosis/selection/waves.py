@@ -1,4 +1,4 @@
-"""The frequency of a residual that no variable predicts: a servo that oscillates does so at one, in every recording."""
+"""The frequency of a residual that no variable predicts: what oscillates by itself has one, in every recording."""
 
 from __future__ import annotations
 
