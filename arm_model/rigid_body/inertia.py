@@ -12,6 +12,8 @@ import numpy as np
 from arm_io.types import Array
 
 PARAMETERS = ("mass", "mx", "my", "mz", "ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+ROUNDING = 64 * np.finfo(float).eps
+"""Of an inertia about the com, relative to that about the origin, after some changes of frame."""
 _UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 _ABOUT_COM = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))  # xx yy zz xy yz xz, as model files have it
 
@@ -49,11 +51,14 @@ def barycentric(mass: float, com: tuple[float, ...], inertia: tuple[float, ...])
 def about_com(parameters: Array) -> tuple[float, tuple[float, float, float], tuple[float, ...]]:
     """mass, com, inertia about the com (xx, yy, zz, xy, yz, xz) from (10,).
 
-    The com of a massless body is its origin.
+    The com of a massless body is its origin. Entries that are rounding errors of the terms they come from are 0: a mass
+    point far from the origin has no inertia, and no negative one.
     """
     mass, moment = float(parameters[0]), parameters[1:4]
     com = moment / mass if mass != 0.0 else np.zeros(3)
-    centred = tensor(parameters[4:]) - mass * _parallel_axis(com)
+    about_origin, carried = tensor(parameters[4:]), mass * _parallel_axis(com)
+    centred = about_origin - carried
+    centred[np.abs(centred) < ROUNDING * max(np.abs(about_origin).max(), np.abs(carried).max())] = 0.0
     x, y, z = (float(value) for value in com)
     return mass, (x, y, z), tuple(float(centred[i, j]) for i, j in _ABOUT_COM)
 

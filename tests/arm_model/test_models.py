@@ -12,6 +12,8 @@ from arm_io import InputError
 from arm_model.description import Arm
 from arm_model.model_file import read_model
 from arm_model.rigid_body import kinematics, numeric
+from arm_model.rigid_body.inertia import about_com, barycentric, transform, unphysical
+from arm_model.rigid_body.kinematics import roll_pitch_yaw
 from arm_model.simulation.simulation import simulate
 from arm_model.system import dynamics
 from arm_model.urdf import read_urdf, write_urdf
@@ -153,3 +155,17 @@ def test_bad_urdf_gets_one_line(tmp_path: Path, text: str, said: str) -> None:
     with pytest.raises(InputError, match=said) as caught:
         read_urdf(tmp_path / "arm.urdf")
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("inertia", [(0.0,) * 6, (2e-3, 2e-3, 0.0, 0.0, 0.0, 0.0), (3e-3, 1e-3, 2e-3, 0.0, 0.0, 0.0)])
+def test_bodies_at_the_edge_of_what_is_possible_stay_possible_in_other_frames(inertia: tuple[float, ...]) -> None:
+    """A mass point, a rod and a plate, seen from frames a metre away: what ``calibrate`` writes, ``model`` reads."""
+    random = np.random.default_rng(4)
+    for _ in range(50):
+        body = barycentric(2.5811357047759587, tuple(random.normal(size=3)), inertia)
+        for _ in range(3):
+            pose = roll_pitch_yaw(tuple(random.uniform(-3, 3, 3)))
+            pose[:3, 3] = random.normal(size=3)
+            body = transform(body, pose)
+        mass, _, about = about_com(body)
+        assert unphysical(mass, about) is None
