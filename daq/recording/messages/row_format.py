@@ -117,8 +117,13 @@ class RowFormat:
     prologue  channel record with the layout, with which every chunk begins
     """
 
-    def __init__(self, layout: Layout) -> None:
+    def __init__(self, layout: Layout, text: str | None = None) -> None:
+        """``text``: the layout in JSON as a file has it, whose length its prologues have; None: as it is written now.
+
+        A file of an older version has keys fewer than ``Layout``.
+        """
         self.layout = layout
+        self._text = layout.to_json() if text is None else text
         self.topics: list[Topic] = []
         self.template = bytearray()
         self._fields: dict[str, tuple[object, int]] = {}
@@ -162,7 +167,7 @@ class RowFormat:
             Channel(topic.channel, topic.name, "cdr", {"offered_qos_profiles": ""}, types.index(topic.type) + 1)
             for topic in self.topics
         ]
-        channels[0].metadata["layout"] = self.layout.to_json()
+        channels[0].metadata["layout"] = self._text
         return channels
 
     @property
@@ -212,7 +217,7 @@ def record_length(content: bytes) -> int:
 def format_of(layout_json: str) -> RowFormat:
     """The format of a layout in JSON (made once, for the chunks of a file). ValueError: not a layout."""
     try:
-        return RowFormat(Layout.from_json(layout_json))
+        return RowFormat(Layout.from_json(layout_json), layout_json)
     except (TypeError, KeyError, AttributeError) as error:
         raise ValueError(f"not a layout: {error}") from None
 
