@@ -28,8 +28,10 @@ from diagnosis.closed_loop.comparison import (
     before_and_after,
     compare,
     faithful,
+    has_demand,
     with_smoothing_velocities,
 )
+from diagnosis.closed_loop.model_errors import spreads
 from diagnosis.confidence import stated
 from diagnosis.find_causes import Named, Progress, Recordings, has_dynamics, named_causes
 from diagnosis.last_gate import idle_limits
@@ -181,7 +183,8 @@ def diagnose(
         *(measured.link.unexplained if measured.link else []),
         *measured.tracked.unexplained,
     ]
-    unexplained += _in_loop(verified, state.data, [one.joint for one in (*structures, *unexplained)])
+    reported = [one.joint for one in (*structures, *unexplained)]
+    unexplained += _in_loop(verified, extended, recordings, state.data, reported)
     left = {one.joint: one.ratio for one in ratios(state.data.held_out.runs, state.fitted.held_out)}
     return Diagnosis(
         arm=arm,
@@ -289,11 +292,22 @@ def _structures(measured: Measured, named: Named) -> list[Structure]:
     return named.found.unexplained.structures if measured.judged else []
 
 
-def _in_loop(verified: Verified, data: Split[Dataset], reported: Sequence[int | None]) -> list[Structure]:
-    """What the closed loop leaves above the noise with all causes, where its controller is that of the arm."""
+def _in_loop(
+    verified: Verified, extended: Arm, recordings: Recordings, data: Split[Dataset], reported: Sequence[int | None]
+) -> list[Structure]:
+    """What the closed loop leaves above the noise and the model's own uncertainty, if its controller is the arm's."""
     if not faithful(verified.compared["held_out"], verified.along["held_out"]):
         return []
-    return clear_errors(verified.compared, {"fit": data.fit.runs, "held_out": data.held_out.runs}, reported)
+    runs = {"fit": data.fit.runs, "held_out": data.held_out.runs}
+    sides = {"fit": recordings.fit, "held_out": recordings.held_out}
+
+    def spread(side: str) -> list[list[Compared]]:
+        looped = [(r, run) for r, run in zip(sides[side], runs[side]) if has_demand(r)]
+        return spreads(
+            extended, [r for r, _ in looped], [run for _, run in looped], [one for _, one in verified.compared[side]]
+        )
+
+    return clear_errors(verified.compared, runs, reported, spread)
 
 
 def _judged(structures: Sequence[Structure], shortage: Shortage | None) -> list[Structure]:

@@ -7,7 +7,7 @@ seconds with errors of ten times the noise where nothing is wrong.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -56,28 +56,29 @@ def clear_errors(
     compared: Mapping[str, Sequence[tuple[Compared, Compared]]],
     runs: Mapping[str, Sequence[Run]],
     reported: Sequence[int | None],
+    spread: Callable[[str], Sequence[Sequence[Compared]]] = lambda _: (),
 ) -> list[Structure]:
     """What the closed loop leaves clearly above the noise, at joints (from 1) that are not ``reported`` already.
 
     compared, runs: by "fit" and "held_out", each recording in closed loop without the causes and with all of them, and
-    all recordings.
+    all recordings. spread: of a side, what the uncertainty of the model makes of the loops with all causes
+    (``model_errors.spreads``); limits are above the noise and that together.
     """
     found: dict[tuple[int, str], tuple[float, str]] = {}
     for side, several in compared.items():
         if not several:
             continue
-        noise = np.mean([run.noise for run in runs[side]], axis=0)
-        for against, most, ratios in (
-            (NO_VARIABLE, LIMITS.loop, _medians(_below(after, noise) for _, after in several)),
-            (
-                f"frequencies of {COMPARE_BAND:.0f} to {HIGHEST:.0f} Hz",
-                LIMITS.loop_band,
-                _above_medians(several),
-            ),
-        ):
-            for joint, ratio in enumerate(ratios.tolist(), 1):
+        noise = np.mean([run.noise for run in runs[side]], axis=0), [scatter(one.current) for _, one in several]
+        ratios = _ratios(several, *noise)
+        if not any(np.any(ratio > most) for _, most, ratio in ratios):
+            continue
+        drawn = [_ratios([(one, one) for one in loops], *noise) for loops in spread(side)]
+        for band, (against, most, of_joints) in enumerate(ratios):
+            known = [one[band][2] ** 2 for one in drawn]
+            allowed = np.sqrt(1.0 + np.mean(known, axis=0)) if known else np.ones(len(of_joints))
+            for joint, (ratio, times) in enumerate(zip(of_joints.tolist(), allowed.tolist()), 1):
                 key = joint, against
-                if joint not in reported and ratio > max(most, found.get(key, (0.0, ""))[0]):
+                if joint not in reported and ratio > max(most * times, found.get(key, (0.0, ""))[0]):
                     found[key] = ratio, side
     return [
         Structure(Signal.CLOSED_LOOP, joint, against, 0.0, f"{ratio:.1f} times the noise, in {SIDES[side]} recordings")
@@ -85,12 +86,26 @@ def clear_errors(
     ]
 
 
-def _above_medians(several: Sequence[tuple[Compared, Compared]]) -> Array:
+Pairs = Sequence[tuple[Compared, Compared]]
+
+
+def _ratios(several: Pairs, noise: Array, white: Sequence[Array]) -> list[tuple[str, float, Array]]:
+    """Of both bands: name, limit, and per joint (n,) the median error over the noise.
+
+    noise: (n,) A, below COMPARE_BAND; white: (n,) A per recording, of a row of its measured currents.
+    """
+    return [
+        (NO_VARIABLE, LIMITS.loop, _medians(_below(after, noise) for _, after in several)),
+        (f"frequencies of {COMPARE_BAND:.0f} to {HIGHEST:.0f} Hz", LIMITS.loop_band, _above_medians(several, white)),
+    ]
+
+
+def _above_medians(several: Pairs, white: Sequence[Array]) -> Array:
     """(n,) medians from COMPARE_BAND to HIGHEST: the simulation moved as a whole, or what it has without the causes.
 
     Setpoints that come later move transients. What follows the angles, as cogging does, stays where it is.
     """
-    whole, parts = zip(*(_above(*pair) for pair in several))
+    whole, parts = zip(*(_above(*pair, own) for pair, own in zip(several, white)))
     return np.minimum(_medians(iter(whole)), _medians(iter(parts)))
 
 
@@ -109,8 +124,8 @@ def _below(one: Compared, noise: Array) -> Array:
     return _of_blocks(error, one.known[: len(error)], ROWS_PER_SECOND)
 
 
-def _above(before: Compared, one: Compared) -> tuple[Array, Array]:
-    """(blocks, n) mean squares of the error from COMPARE_BAND to HIGHEST over the noise, taken for white.
+def _above(before: Compared, one: Compared, white: Array) -> tuple[Array, Array]:
+    """(blocks, n) mean squares of the error from COMPARE_BAND to HIGHEST over the noise of a row, ``white`` (n,) A.
 
     The instants of the setpoints are not recorded: the simulation is moved to where its transients are those measured;
     first as a whole, then only what it is without the causes.
@@ -122,7 +137,7 @@ def _above(before: Compared, one: Compared) -> tuple[Array, Array]:
     half = rate / 2
     sections = signal.butter(3, [COMPARE_BAND / half, min(HIGHEST / half, 0.9)], btype="band", output="sos")
     _, response = signal.sosfreqz(sections, 2000)
-    noise = np.maximum(scatter(one.current) * np.sqrt(np.mean(np.abs(response) ** 4)), 1e-12)
+    noise = np.maximum(white * np.sqrt(np.mean(np.abs(response) ** 4)), 1e-12)
     measured, simulated, without = (
         signal.sosfiltfilt(sections, current, axis=0) / noise
         for current in (one.current, one.simulated_current, before.simulated_current)

@@ -187,15 +187,6 @@ def test_a_model_that_is_off_by_what_it_says_names_nothing() -> None:
     assert 4.0 < of_known < 14.0 and of_known < of_exact
 
 
-def test_what_a_model_left_over_hides_as_much_and_no_more() -> None:
-    known = uncertainty_of("model_uncertainty.json", (), np.zeros((0, 0)), (8.0,))
-    model = replace(_model(), uncertainty=known)
-    for viscous, named in (((165.0, 240.0), []), ((20.0, 380.0), ["friction_asymmetry"])):
-        samples = [_record(Carriage(viscous=viscous), 1)], [_record(Carriage(viscous=viscous), 2)]
-        found = axis_side(model, *samples, two_fold=False)
-        assert found is not None and [cause.effect for cause in found.causes] == named
-
-
 def test_the_same_rows_on_both_sides_are_refused(
     root: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -64,6 +64,11 @@ def test_the_same_load_in_both_is_one_value(arm: Arm, tmp_path: Path) -> None:
             *("current_offset", 1, Day(offset=(0.1, 0.0)), Day(offset=(-0.05, 0.0)), (0.1, -0.05)),
             marks=pytest.mark.slow,
         ),
+        ("viscous_friction", 1, Day(viscous=(2.0, 0.0)), Day(viscous=(0.7, 0.0)), (2.0, 0.7)),
+        pytest.param(
+            *("viscous_friction", 2, Day(viscous=(0.0, 3.0)), Day(viscous=(0.0, -1.0)), (3.0, -1.0)),
+            marks=pytest.mark.slow,
+        ),
         ("coulomb_friction", 1, Day(coulomb=(2.0, 0.0)), Day(coulomb=(0.7, 0.0)), (2.0, 0.7)),
     ],
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -12,12 +13,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import armscope
+from arm_model import parameter, read_model
+from arm_model.tables import uncertainty_of
 from daq.recording import Recording, open_recording
 from daq.recording.parts import Attachments
 from daq.recording.tables.table import write_table
 from diagnosis.cause import NO_VARIABLE, Signal
 from diagnosis.closed_loop.clear_errors import LIMITS, clear_errors
 from diagnosis.closed_loop.comparison import Compared
+from diagnosis.closed_loop.model_errors import drawn
 from diagnosis.closed_loop.setpoint_phase import lag_of
 from diagnosis.residual.expected_current import rate_of
 from diagnosis.residual.run import kept
@@ -63,6 +67,28 @@ def test_what_lasts_is_told_with_its_band_and_size(side: str, hertz: float, agai
     assert "times the noise, in " + {"fit": "fitted", "held_out": "held-out"}[side] in found.size
     assert float(found.size.split()[0]) > max(LIMITS.loop, LIMITS.loop_band)
     assert clear_errors(compared, RUNS, [2]) == []  # reported already
+
+
+@pytest.mark.parametrize("hertz", [5.0, 47.0])
+def test_what_the_model_may_be_off_by_is_no_clear_error(hertz: float) -> None:
+    """Loops of arms that the model may be: as far from its own as the error, or a tenth of that."""
+    wave = 0.1 * np.sin(2 * np.pi * hertz * T)
+    compared = {side: [_twice(_compared(wave))] for side in RUNS}
+    for share, told in ((1.0, 0), (0.1, 1)):
+        drawn = [_compared(share * k * wave, seed=k + 2) for k in (-1, 1)]
+        quiet = [[replace(one, current=one.current * [0.0, 1.0])] for one in drawn]
+        assert len(clear_errors(compared, RUNS, [], lambda _, loops=quiet: loops)) == told
+
+
+def test_arms_are_drawn_as_the_model_says(root: Path) -> None:
+    arm = read_model(root / "config/starters/csv/model.toml")
+    names = ("joint1.coulomb", "link2.mx")
+    covariance = np.array([[0.04, 0.01], [0.01, 0.0225]])
+    assert drawn(arm) == []
+    several = drawn(replace(arm, uncertainty=uncertainty_of("model_uncertainty.json", names, covariance)), 500)
+    values = np.array([[parameter(one, name) for name in names] for one in several])
+    np.testing.assert_allclose(values.mean(axis=0), [parameter(arm, name) for name in names], atol=0.03)
+    np.testing.assert_allclose(np.cov(values.T), covariance, atol=0.006)
 
 
 @settings(max_examples=10)

@@ -29,6 +29,7 @@ class Day:
     gain: tuple[float, float] = (1.0, 1.0)
     offset: tuple[float, float] = (0.0, 0.0)
     coulomb: tuple[float, float] = (0.0, 0.0)
+    viscous: tuple[float, float] = (0.0, 0.0)
 
 
 def motion(seed: int, seconds: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -65,7 +66,7 @@ def torque(q: np.ndarray, v: np.ndarray, a: np.ndarray, day: Day) -> np.ndarray:
             arm = own + joints[link] - joints[joint]
             total[:, joint] += mass * (arm[:, 0] * felt[:, 1] - arm[:, 1] * felt[:, 0]) + about * turn[:, link]
     sign = v / np.hypot(v, WIDTH)
-    return total + ROTOR * a + VISCOUS * v + (COULOMB + day.coulomb) * sign
+    return total + ROTOR * a + (VISCOUS + day.viscous) * v + (COULOMB + day.coulomb) * sign
 
 
 def recorded(path: Path, seed: int, day: Day, *, seconds: float = 12.0) -> Recording:

@@ -1,8 +1,8 @@
 """What a single axis shows of the errors of its model, where the model says how well it is known.
 
 The residual of an axis is not whitened: here it is in units of the noise that its encoder and its current leave in it.
-Rows count less, the more the model left over on the recordings that it was identified from, and any one effect may
-explain ``LOOKS_ALIKE`` of that although nothing changed, as among the currents of an arm.
+What the model left over on the recordings that it was identified from hides nothing: at the full rate the laws of the
+effects themselves tell it apart, and it is what such a model lacks.
 """
 
 from __future__ import annotations
@@ -17,7 +17,6 @@ from arm_model import Arm, parameter, with_parameters
 from diagnosis.measurements.single_axis.columns import COMPARE_BAND, ROWS_PER_SECOND, Rows, rows_of
 from diagnosis.residual.noise import scatter
 from diagnosis.selection.beyond_model import Evidence
-from diagnosis.selection.model_uncertainty import LOOKS_ALIKE
 from identification.selection import Split
 
 Samples = Sequence[tuple[Array, Array, Array]]
@@ -29,16 +28,14 @@ class ModelErrors:
 
     directions  (m, r) A: change of the residual for one standard deviation of each independent error
     noise       A: of a row
-    left_over   squared residual per row, in units of the noise, that the model left when it was identified
     """
 
     directions: Split[Array]
     noise: float
-    left_over: float
 
     def chance(self, x: Split[Array], free: Split[Array], rows: Split[Rows]) -> float:
         """Probability that columns x (m, k) A look as they do without their effect, beside those of other causes."""
-        return self.evidence(free, rows).chance(self._weighted(x), self._of_left_over)
+        return self.evidence(free, rows).chance(self._weighted(x))
 
     def evidence(self, free: Split[Array], rows: Split[Rows]) -> Evidence:
         """Residuals and the columns ``free`` (m, b) A of the other causes; rows at one place and speed are a block."""
@@ -53,19 +50,16 @@ class ModelErrors:
 
     def exact(self) -> ModelErrors:
         """Of a model without any."""
-        return replace(self, directions=self.directions.map(lambda own: own[:, :0]), left_over=0.0)
+        return replace(self, directions=self.directions.map(lambda own: own[:, :0]))
 
     def _weighted(self, values: Split[Array]) -> Array:
-        return np.concatenate(list(values)) / (self.noise * np.sqrt(1.0 + self.left_over))
-
-    def _of_left_over(self, own: Array) -> Array:
-        return np.asarray(LOOKS_ALIKE * len(own) * self.left_over / (1.0 + self.left_over) * own.T @ own)
+        return np.concatenate(list(values)) / self.noise
 
 
 def model_errors(arm: Arm, samples: Split[Samples], rows: Split[Rows], block_seconds: float) -> ModelErrors | None:
     """Of an arm of one joint whose ``rows`` these samples are; None where nothing is stated."""
     known = arm.uncertainty
-    if known is None or not (known.parameters or any(known.left_over)):
+    if known is None or not known.parameters:
         return None
     values = np.array([parameter(arm, name) for name in known.parameters])
     directions = []
@@ -76,10 +70,8 @@ def model_errors(arm: Arm, samples: Split[Samples], rows: Split[Rows], block_sec
         np.column_stack([np.empty((len(side.residual), 0)), *(one[k] - side.residual for one in directions)])
         for k, side in enumerate(rows)
     ]
-    drive = float(arm.joint_array("drive_constant")[0])
     noise = float(np.hypot(rows.fit.noise, _of_current(samples)))
-    left = (known.left_over[0] / drive / noise) ** 2 if known.left_over else 0.0
-    return ModelErrors(Split(changes[0], changes[1]), noise, left)
+    return ModelErrors(Split(changes[0], changes[1]), noise)
 
 
 def _of_current(samples: Split[Samples]) -> float:

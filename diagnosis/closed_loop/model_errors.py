@@ -1,0 +1,59 @@
+"""How far the closed loop of a model that says how well it is known may be from the arm's, by that alone.
+
+Arms are drawn from what is known of the parameters, and each runs the demands: the spread of their currents about the
+model's own is what a comparison in closed loop cannot hold against the arm.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from arm_io import InputError
+from arm_model import Arm, parameter, with_parameters
+from daq.recording import Recording
+from diagnosis.closed_loop.comparison import Compared, compare
+from diagnosis.residual.run import Run
+
+DRAWS = 8
+"""Arms: their spread is known to a quarter, the limits that it widens are no finer."""
+SEED = 0
+"""Of the draws: the same recordings have the same verdict."""
+
+
+def drawn(arm: Arm, count: int = DRAWS) -> list[Arm]:
+    """Arms as the uncertainty of ``arm`` has them; empty where it states nothing of its parameters."""
+    known = arm.uncertainty
+    if known is None or not known.parameters:
+        return []
+    root, random = known.directions, np.random.default_rng(SEED)
+    values = np.array([parameter(arm, name) for name in known.parameters])
+    return [
+        with_parameters(arm, dict(zip(known.parameters, (values + root @ draw).tolist())))
+        for draw in random.standard_normal((count, root.shape[1]))
+    ]
+
+
+def spreads(
+    arm: Arm, recordings: Sequence[Recording], runs: Sequence[Run], nominal: Sequence[Compared]
+) -> list[list[Compared]]:
+    """Per arm drawn: each recording's closed loop by ``arm``, with the loop of the drawn arm for a measurement.
+
+    nominal: the loops of ``arm``. An arm whose loop is not stable is left out.
+    """
+    found = []
+    for other in drawn(arm):
+        try:
+            loops = [compare(recording, other, run) for recording, run in zip(recordings, runs)]
+        except InputError:  # no body, or no friction, has the values that were drawn
+            continue
+        both = [
+            replace(own, current=loop.simulated_current, angle=loop.simulated_angle)
+            for own, loop in zip(nominal, loops)
+            if loop is not None
+        ]
+        if len(both) == len(nominal):
+            found.append(both)
+    return found
