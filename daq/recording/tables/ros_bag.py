@@ -15,7 +15,7 @@ import numpy as np
 from arm_io import InputError
 from arm_io.files import open_regular
 from arm_io.optional import optional
-from daq.recording.tables.bag_messages import JOINT_STATE, columns_of, fields_of, parts, stamp_of
+from daq.recording.messages.bag_messages import JOINT_STATE, columns_of, fields_of, parts, stamp_of
 from daq.recording.tables.columns import Chunk, Exact
 from daq.recording.tables.mapping import Mapping
 
