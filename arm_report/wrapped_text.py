@@ -8,7 +8,7 @@ import sys
 from arm_report.terminal_table import line_width
 
 _NUMBER = re.compile(r"[(\[]?[-+]?\.?\d\S*")
-_ONE_UNIT = r"(?:[kmuµ]?(?:g|m|N|A|V|s|rad|Hz|degC)\d?|1|%|rpm|rows|counts)"
+_ONE_UNIT = r"(?:[kmuµ]?(?:g|m|N|A|V|s|rad|Hz|degC|K)\d?|1|%|rpm|rows|counts)"
 _UNIT = re.compile(rf"\(?{_ONE_UNIT}(?:/\(?{_ONE_UNIT})*\)?[,.;:)]*")
 _JOINTS = frozenset(("+-", "->", "="))
 """What stands between two numbers that belong together."""
