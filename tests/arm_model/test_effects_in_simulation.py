@@ -15,6 +15,7 @@ from arm_model.rigid_body import numeric
 from arm_model.sensing import recorded
 from arm_model.simulation.simulation import row_times, simulate, simulate_batch
 from arm_model.system import dynamics
+from arm_model.tables import constant_temperatures
 from arm_model.tracking import tracked
 from tests.arm_model.pumas import swing, three_links
 
@@ -253,6 +254,9 @@ def test_every_effect_simulates(puma: Arm, name: str) -> None:
     if effect.cylinder:
         joints = [replace(joint, cylinder=Cylinder((-0.4, 0.0, 0.0), (0.0, 0.0, 0.0), 0.05)) for joint in arm.joints]
         arm = replace(arm, joints=tuple(joints))
+    if name == "temperature_friction":
+        joints = [replace(joint, temperature=20.0) for joint in arm.joints]
+        arm = replace(arm, joints=tuple(joints), temperatures=constant_temperatures(45.0, len(arm)))
     bent = replace(arm, effects=(EffectTerm(name, 2 if effect.per_joint else None, middle),))
     bare, motion = (simulate(a, swing(len(arm)), duration=0.5, rate=200) for a in (arm, bent))
     same = {"joint1.viscous": np.full(2, parameter(arm, "joint1.viscous"))}

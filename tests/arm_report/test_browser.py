@@ -213,13 +213,13 @@ def test_dates_are_written_as_iso_8601_in_utc(page: Any) -> None:
 
 
 def test_print_and_pages_without_scripts_show_pictures(browser: Any, page: Any, written: Path) -> None:
-    assert not page.is_visible("#chart-currents img")
+    assert not page.is_visible("#chart-currents .still")
     page.emulate_media(media="print")
-    assert page.is_visible("#chart-currents img") and not page.is_visible("#chart-currents canvas >> nth=0")
+    assert page.is_visible("#chart-currents .still") and not page.is_visible("#chart-currents canvas >> nth=0")
     assert not page.is_visible("#joints")
     with watched(browser, java_script_enabled=False, color_scheme="dark") as plain:
         plain.goto(written.as_uri())
-        assert plain.is_visible("#chart-currents img") and plain.is_visible("#chart-cloud img")
+        assert plain.is_visible("#chart-currents .still") and plain.is_visible("#chart-cloud .still")
 
 
 def test_it_runs_under_the_policy_of_the_control_room_and_in_a_notebook(browser: Any, written: Path) -> None:

@@ -94,7 +94,8 @@ def test_the_ledger_balances_and_no_row_is_shifted_whatever_is_lost(
     numbered: bool,
     ticks: bool,
 ) -> None:
-    spurious = [edge for edge in spurious if not any(abs(edge - other) < 12 for other in analog_unseen + dropped)]
+    # Without clock and numbers, an edge too many cancels one that was missed within one reading (10 ms) and 2 rows.
+    spurious = [edge for edge in spurious if not any(abs(edge - other) <= 12 for other in analog_unseen + dropped)]
     unseen, analog_unseen = _apart(unseen), _apart(analog_unseen)
     analog: dict[str, Any] = {"unseen": analog_unseen, "spurious": spurious, "latency": latency, "jitter": jitter}
     # Which of two neighbours was missed, and which only not delivered, cannot be known, and need not be.

@@ -34,7 +34,16 @@ def _subclasses(of: type[Thresholds]) -> Iterator[type[Thresholds]]:
 def test_the_file_has_every_threshold(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("diagnosis.report.write._signals", lambda result: [])
     block = json.loads(json.dumps(table_of(_nothing_found(), [], [])))["limits"]
-    assert set(block) == {"currents", "single_axis", "link_encoders", "tracker", "demands", "closed_loop", "verdict"}
+    assert set(block) == {
+        "currents",
+        "near_rest",
+        "single_axis",
+        "link_encoders",
+        "tracker",
+        "demands",
+        "closed_loop",
+        "verdict",
+    }
     for name, limits in LIMITS.items():
         applied = {field.name for field in fields(limits) if getattr(limits, field.name) is not None}
         assert set(block[name]) == applied

