@@ -66,7 +66,12 @@ def sentence(one: Movement, histories: Histories) -> str:
     parts = [_onset(onset, unit, histories) for onset in one.onsets]
     if sum(onset.shape == "drift" for onset in one.onsets) > 1 and one.drift is not None:
         parts.append(f"now drifts by {_size(MONTH * one.drift[0], MONTH * one.drift[1])}{unit} per {MONTH:.0f} days")
-    return f"{words}: {one.first[0]:.4g} -> {one.last[0]:.4g}{unit}; {'; '.join(parts)}"
+    return f"{words}: {level(*one.first)} -> {level(*one.last)}{unit}; {'; '.join(parts)}"
+
+
+def level(value: float, std: float) -> str:
+    """Four significant digits; 0 for what is a thousandth of its std and less: a rounding error."""
+    return "0" if abs(value) <= 1e-3 * std else f"{value:.4g}"
 
 
 def _onset(onset: Onset, unit: str, histories: Histories) -> str:

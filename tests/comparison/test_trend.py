@@ -21,6 +21,7 @@ from comparison.trend.forecast import reach
 from comparison.trend.history import History
 from comparison.trend.movement import movement_of
 from comparison.trend.selection import Moved, select
+from comparison.trend.text import level
 from tests.arm_archive.lab import diagnosis, identification
 
 QUANTITIES = 24
@@ -181,3 +182,8 @@ def test_what_does_not_belong_together_is_refused(lab: Path, tmp_path: Path) -> 
     for wrong in ("joint3.coulomb", "x=", "=3", "x=+0%", "x=nan"):
         with pytest.raises(InputError, match="--limit: must be NAME=VALUE"):
             Limit.of(wrong)
+
+
+def test_a_rounding_error_reads_zero() -> None:
+    """A gap that began at none read "-1.46e-19 -> 0.0008 rad"."""
+    assert [level(-1.46e-19, 2e-5), level(0.0, 0.0), level(8e-4, 2e-5)] == ["0", "0", "0.0008"]
