@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from arm_model.effects import (
+    conditional_friction,
     description_errors,
     friction,
     position,
@@ -17,7 +18,17 @@ from arm_model.effects.observation import Instrument
 
 CATALOGUE: dict[str, Effect] = {
     effect.name: effect
-    for family in (friction, water, position, transmission, description_errors, wrist, sensing, tracking)
+    for family in (
+        friction,
+        conditional_friction,
+        water,
+        position,
+        transmission,
+        description_errors,
+        wrist,
+        sensing,
+        tracking,
+    )
     for effect in family.EFFECTS
 }
 

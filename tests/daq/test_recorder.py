@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import os
 import threading
 from pathlib import Path
@@ -16,7 +15,6 @@ from arm_io import DeviceFault, InputError
 from daq.acquisition.ledger import Loss, LossReason
 from daq.recording import open_recording
 from daq.recording.mcap_file.writer import McapFile, create
-from daq.recording.messages.row_format import Layout, RowFormat, format_of
 from daq.recording.parts import Attachments
 from daq.recording.recorder import Recorder, rows_layout
 from daq.recording.tables.table import write_table
@@ -222,27 +220,3 @@ def test_a_pause_in_a_table_is_a_gap(tmp_path: Path) -> None:
     write_table(tmp_path / "t.mcap", t, {"q": q, "i": q}, Attachments())
     (gap,) = open_recording(tmp_path / "t.mcap").gaps
     assert (gap.row, gap.triggers) == (39, 0) and gap.seconds == pytest.approx(0.51)
-
-
-def test_the_text_that_begins_every_chunk_is_that_of_earlier_versions() -> None:
-    """Rows are found behind it: with one key more, every row of an earlier recording counted as damaged."""
-    earlier = (
-        '{"version":1,"joints":["carriage"],"signals":{"q":[1],"i":[1],"qref":[1]},"raw":false,"counters":[],'
-        '"inputs":[],"points":"","effort":[],"extra":[]}'
-    )
-    assert Layout.from_json(earlier).to_json() == earlier
-
-
-def test_rows_of_a_layout_with_fewer_keys_are_read() -> None:
-    """Recordings of an older version: their layouts do not have the keys that came after, and are shorter."""
-    layout = Layout(joints=("a",), signals={"q": (1,)}, raw=False)
-    table = json.loads(layout.to_json())
-    of_before = json.dumps({key: value for key, value in table.items() if key not in ("pose", "extra", "effort")})
-    old = format_of(of_before)
-    columns = {name: np.zeros((3, *old.dtype[name].shape), old.dtype[name].base) for name in (*old.columns, "velocity")}
-    columns["q"][:, 0] = [0.1, 0.2, 0.3]
-    content = bytes(old.pack(columns, np.arange(3)))
-    assert of_before.encode() in content and len(of_before) < len(layout.to_json())
-    np.testing.assert_array_equal(format_of(of_before).unpack(content)["q"][:, 0], [0.1, 0.2, 0.3])
-    written_now = RowFormat(layout).pack(columns, np.arange(3))
-    np.testing.assert_array_equal(format_of(layout.to_json()).unpack(bytes(written_now)), old.unpack(content))

@@ -10,9 +10,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mcap.opcode import Opcode
 from mcap.reader import make_reader
 
 import armscope
+from daq.recording.messages.row_format import format_of
 
 EARLIER = Path(__file__).parent / "written_earlier"
 
@@ -43,3 +45,16 @@ def test_the_layout_is_written_as_it_was(name: str) -> None:
     assert summary is not None
     (written,) = [one.metadata["layout"] for one in summary.channels.values() if "layout" in one.metadata]
     assert armscope.open(EARLIER / name).layout.to_json() == written
+
+
+def test_rows_are_found_behind_a_layout_of_any_length() -> None:
+    """A version that follows may say more in its layout, one before said less."""
+    form = format_of('{"version":1,"joints":["a"],"signals":{"q":[1]},"raw":false}')
+    columns = {
+        name: np.zeros((3, *form.dtype[name].shape), form.dtype[name].base) for name in (*form.columns, "velocity")
+    }
+    columns["q"][:, 0] = [0.1, 0.2, 0.3]
+    rows = bytes(form.pack(columns, np.arange(3)))[len(form.prologue) :]
+    for length in (0, 5, 400):
+        content = bytes([Opcode.CHANNEL]) + length.to_bytes(8, "little") + bytes(length) + rows
+        np.testing.assert_array_equal(form.unpack(content)["q"][:, 0], [0.1, 0.2, 0.3])

@@ -78,7 +78,7 @@ class Layout:
 
     def to_json(self) -> str:
         table = {"version": 1, **asdict(self)}
-        # every chunk of a file begins with this text: of a file without a pose it is as it was before there were any
+        # earlier versions find the rows behind a text of just the length that they would write: without a pose, no key
         if not self.pose:
             del table["pose"]
         return json.dumps(table, separators=(",", ":"))
@@ -117,13 +117,8 @@ class RowFormat:
     prologue  channel record with the layout, with which every chunk begins
     """
 
-    def __init__(self, layout: Layout, text: str | None = None) -> None:
-        """``text``: the layout in JSON as a file has it, whose length its prologues have; None: as it is written now.
-
-        A file of an older version has keys fewer than ``Layout``.
-        """
+    def __init__(self, layout: Layout) -> None:
         self.layout = layout
-        self._text = layout.to_json() if text is None else text
         self.topics: list[Topic] = []
         self.template = bytearray()
         self._fields: dict[str, tuple[object, int]] = {}
@@ -167,7 +162,7 @@ class RowFormat:
             Channel(topic.channel, topic.name, "cdr", {"offered_qos_profiles": ""}, types.index(topic.type) + 1)
             for topic in self.topics
         ]
-        channels[0].metadata["layout"] = self._text
+        channels[0].metadata["layout"] = self.layout.to_json()
         return channels
 
     @property
@@ -217,7 +212,7 @@ def record_length(content: bytes) -> int:
 def format_of(layout_json: str) -> RowFormat:
     """The format of a layout in JSON (made once, for the chunks of a file). ValueError: not a layout."""
     try:
-        return RowFormat(Layout.from_json(layout_json), layout_json)
+        return RowFormat(Layout.from_json(layout_json))
     except (TypeError, KeyError, AttributeError) as error:
         raise ValueError(f"not a layout: {error}") from None
 

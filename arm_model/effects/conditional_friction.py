@@ -1,0 +1,168 @@
+"""Friction that depends on load, temperature or time, beside that over speed and position (``friction``)."""
+
+from __future__ import annotations
+
+from arm_model.effects.definition import Effect, Parameter, Place, geometric
+from arm_model.effects.friction import AGAINST_VELOCITY, hump
+from arm_model.effects.observation import Excitation, Instrument, Observation, Scale, Variable
+from arm_model.rigid_body import scalar
+
+_SOURCE = "Bittencourt, Gunnarsson, J. Dyn. Sys. Meas. Control 134(5), 051013, 2012"
+
+LOAD_FRICTION = Effect(
+    name="load_friction",
+    place=Place.MECHANICS,
+    parameters=(
+        Parameter(
+            "mu",
+            "1",
+            (0.02, 0.2),
+            True,
+            "friction as a share of the transmitted torque",
+            noun="load friction coefficient",
+        ),
+    ),
+    equation="tau = mu |tau_load| sign(q')",
+    shows="a step at reversal that grows with the gravity load",
+    confused_with={
+        "torque_constant": "poses with and without payload",
+        "current_nonlinearity": "poses with and without payload",
+    },
+    observed_by={Instrument.CURRENT: Observation(against=Variable.LOAD)},
+    excited_by=Excitation.LOAD,
+    conditional=True,
+    torque=lambda p, s: p.mu * scalar.absolute(s.load) * s.sign,
+)
+
+LOAD_BREAKAWAY = Effect(
+    name="load_breakaway",
+    place=Place.MECHANICS,
+    parameters=(
+        Parameter(
+            "share",
+            "1",
+            (0.02, 0.2),
+            True,
+            "friction at low speed beyond load friction, as a share of the transmitted torque",
+            signed=True,
+            noun="load-dependent break-away friction",
+        ),
+        Parameter(
+            "stribeck_velocity",
+            "rad/s",
+            (0.01, 0.2),
+            False,
+            "velocity at which it has fallen to 1/e",
+            search=geometric(0.01, 0.2, 6),
+            scale=Scale.SPEED,
+            shares=geometric(0.01, 0.3, 6),
+        ),
+    ),
+    equation=f"tau = s |tau_load| exp(-(q'/vs)^2) sign(q')   (as {_SOURCE}, with the exponent 2)",
+    shows="a hump at low speed that grows with the load",
+    confused_with={"load_friction": "slow and fast motion under the same load"},
+    observed_by={Instrument.IDENTIFICATION: Observation(against=Variable.LOAD)},
+    excited_by=Excitation.LOAD,
+    conditional=True,
+    torque=lambda p, s: p.share * scalar.absolute(s.load) * hump(p, s) * s.sign,
+)
+
+TEMPERATURE_FRICTION = Effect(
+    name="temperature_friction",
+    place=Place.MECHANICS,
+    parameters=(
+        Parameter(
+            "coulomb", "N m/K", (0.01, 0.2), True, "change of Coulomb friction", signed=True, noun="Coulomb friction"
+        ),
+        Parameter(
+            "viscous",
+            "N m s/(rad K)",
+            (0.02, 0.5),
+            True,
+            "change of the viscous coefficient at the joint's reference temperature",
+            signed=True,
+            noun="viscous friction",
+        ),
+        Parameter(
+            "breakaway",
+            "N m/K",
+            (0.01, 0.2),
+            True,
+            "change of the friction above Coulomb's at low speed",
+            signed=True,
+            noun="break-away friction",
+        ),
+        Parameter(
+            "stribeck_velocity",
+            "rad/s",
+            (0.01, 0.5),
+            False,
+            "velocity at which the last has fallen to 1/e",
+            search=geometric(0.01, 0.5, 6),
+            scale=Scale.SPEED,
+            shares=geometric(0.02, 0.5, 5),
+        ),
+        Parameter(
+            "thinning",
+            "K",
+            (15.0, 60.0),
+            False,
+            "rise of temperature after which the viscous part changes by 1/e of what it did (grease becomes thin)",
+            search=(15.0, 25.0, 60.0),
+        ),
+    ),
+    equation="tau = W (F + S exp(-(q'/vs)^2)) sign(q') + B T (1 - exp(-W/T)) q',  W = temperature - reference   "
+    f"({_SOURCE}, whose vs depends on temperature, too)",
+    shows="friction that changes as the motor warms up",
+    confused_with={"friction_drift": "a cold start after a warm one", "torque_constant": "friction without load"},
+    observed_by={Instrument.IDENTIFICATION: Observation(against=Variable.VELOCITY)},
+    excited_by=Excitation.SPEED,
+    conditional=True,
+    torque=lambda p, s: (
+        s.warmer * (p.coulomb + p.breakaway * hump(p, s)) * s.sign
+        + p.viscous * p.thinning * (1 - scalar.exp(-s.warmer / p.thinning)) * s.v
+    ),
+)
+
+FRICTION_DRIFT = Effect(
+    name="friction_drift",
+    place=Place.MECHANICS,
+    parameters=(
+        Parameter(
+            "fraction",
+            "1",
+            (0.05, 0.5),
+            True,
+            "share of the Coulomb friction that disappears as the arm warms up",
+            most=1.0,
+            noun="loss of {} of the Coulomb friction",
+        ),
+        Parameter(
+            "time_constant",
+            "s",
+            (3.0, 600.0),
+            False,
+            "time constant of the warm-up",
+            search=geometric(3.0, 600.0, 6),
+        ),
+        Parameter(
+            "difference",
+            "1",
+            (0.01, 0.3),
+            True,
+            "by how much a larger share disappears while moving positive, and a smaller one while moving negative",
+            signed=True,
+            term="difference between directions",
+            term_share=0.3,
+        ),
+    ),
+    equation="tau = -(a + d sign(q')) F (1 - exp(-t/T)) sign(q')",
+    shows="the same move needs less torque each time",
+    confused_with={"torque_constant": "one cycle repeated, with holds"},
+    observed_by=AGAINST_VELOCITY,
+    torque=lambda p, s: (
+        -(p.fraction + p.difference * s.sign) * s.coulomb * (1 - scalar.exp(-s.t / p.time_constant)) * s.sign
+    ),
+)
+
+EFFECTS = (LOAD_FRICTION, LOAD_BREAKAWAY, TEMPERATURE_FRICTION, FRICTION_DRIFT)
