@@ -6,13 +6,17 @@ Named where only passages through rest show it, and not where friction merely tu
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from arm_model import Arm, Joint
+from arm_model.effects import CATALOGUE
 from diagnosis.cause import Cause
-from diagnosis.measurements.near_rest.friction import friction_causes
+from diagnosis.measurements.near_rest.friction import _rises, friction_causes
+from diagnosis.measurements.near_rest.laws import fitted_to_all, law_of
+from diagnosis.measurements.near_rest.passages import near_rest
 from diagnosis.residual.run import Run, residual_run
 from identification.selection import Split
 
@@ -107,6 +111,16 @@ def test_friction_that_builds_up_gradually_is_named_with_its_stiffness() -> None
 )
 def test_friction_that_turns_by_another_law_is_no_cause(turn: Callable[[np.ndarray], np.ndarray]) -> None:
     assert _named(_slides(turn)) == []
+
+
+def test_a_hump_that_all_recordings_together_do_not_have_is_none() -> None:
+    """The trials that are judged come from all recordings but one; together they may fit no hump at all."""
+    runs = _runs(_slides(lambda v: np.tanh(v / WIDTH)))
+    every = near_rest([*runs.fit, *runs.held_out], 1, ())
+    law = law_of(every, CATALOGUE["stribeck_friction"])
+    no_hump = replace(law, column=[-np.abs(part) * np.sign(one.residual) for one, part in zip(every, law.column)])
+    assert fitted_to_all(every, no_hump)["breakaway"] == 0.0
+    assert not _rises(every, no_hump)
 
 
 def test_a_joint_that_stands_shows_nothing() -> None:

@@ -112,10 +112,10 @@ def confused(every: Sequence[NearRest], joint: int, library: Sequence[Candidate]
 
 
 def fitted_to_all(every: Sequence[NearRest], law: Law) -> dict[str, float]:
-    """Parameters of the trial that fits all recordings best."""
+    """Parameters of the trial that fits all recordings best; coefficients of 0 where another smoothing does as well."""
     assert law.effect is not None
     trial, c = _fitted(*(part.sum(axis=0) for part in _products(every, law)))
-    return {**law.values[trial], **{p.name: c for p in CATALOGUE[law.effect].linear if c > 0.0}}
+    return {**law.values[trial], **{p.name: c for p in CATALOGUE[law.effect].linear}}
 
 
 def torque_of(one: NearRest, effect: Effect, values: dict[str, float]) -> Array:
