@@ -7,7 +7,7 @@ BIN    := $(VENV)/bin
 export OPENBLAS_NUM_THREADS ?= 1
 STAMP  := $(VENV)/.installed
 
-.PHONY: demo test test-slow blind foreign confidence soak lint types bench site clean
+.PHONY: demo test test-slow explore blind foreign confidence soak lint types bench site clean
 
 $(STAMP): pyproject.toml constraints.txt
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "armscope needs Python 3.11 or later")'
@@ -23,6 +23,10 @@ test: $(STAMP)
 
 test-slow: $(STAMP)
 	$(BIN)/python -m pytest -m slow
+
+# The properties of the suite on examples that nobody has seen: `make test` draws the same ones every time.
+explore: $(STAMP)
+	grep -rl '^@given\|^    @given' tests | xargs $(BIN)/python -m pytest -m 'not slow' -n 2 --dist loadgroup --hypothesis-profile=explore
 
 blind: $(STAMP)
 	$(BIN)/python -m tests.blind

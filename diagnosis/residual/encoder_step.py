@@ -90,6 +90,7 @@ def _refined(steps: Array, multiples: Array) -> Array:
     """(s,) steps fitted to distances (k,), ascending, which are nearly whole multiples of each.
 
     Twice as many distances at a time: a step that is known by short ones is precise enough to count the longer ones.
+    Then all of them twice more: a distance may have been counted with a step that the others corrected since.
     """
     count = 1
     while True:
@@ -97,7 +98,7 @@ def _refined(steps: Array, multiples: Array) -> Array:
         whole = np.maximum(np.rint(taken / steps[:, None]), 0.0)
         squares = np.sum(whole**2, axis=1)
         steps = np.where(squares > 0.0, whole @ taken / np.where(squares > 0.0, squares, 1.0), steps)
-        if count >= len(multiples):
+        if count >= 4 * len(multiples):
             return steps
         count *= 2
 
