@@ -13,6 +13,7 @@ import json
 import os
 import shutil
 import tempfile
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,6 +26,8 @@ from arm_io.handles import folder_to_disk, to_disk
 RECORD = "record.json"
 SCHEMA = "armscope.fleet.record/1"
 Record = dict[str, Any]
+ABANDONED = 3600.0
+"""s after its last change from which on an unfinished result is removed; another fleet may write one."""
 REPORTS = ("diagnosed/report.html", "identified/report.html")
 """Of a night, the first that is there."""
 
@@ -78,7 +81,8 @@ class Store:
         self.results = folder / "results"
         check_folder(self.results)
         for part in self.results.glob(".*.part"):
-            shutil.rmtree(part, ignore_errors=True)
+            if _untouched(part) > ABANDONED:
+                shutil.rmtree(part, ignore_errors=True)
 
     def place(self, key: str) -> Path:
         """The folder of a result."""
@@ -136,6 +140,14 @@ class Store:
         except OSError as error:
             raise InputError(self.folder, f"results cannot be written: {error.strerror or error}") from None
         return record
+
+
+def _untouched(part: Path) -> float:
+    """s since something in an unfinished result changed; 0 where it is gone, or finished by now."""
+    try:
+        return time.time() - max(path.stat().st_mtime for path in (part, *part.rglob("*")))
+    except OSError:
+        return 0.0
 
 
 def _record(task: Task, outcome: Outcome) -> Record:

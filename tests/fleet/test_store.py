@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -74,6 +76,9 @@ def test_what_a_killed_writer_left_is_removed(tmp_path: Path) -> None:
     part = tmp_path / "results/.key.abc.part"
     part.mkdir(parents=True)
     (part / RECORD).write_text("{")
+    assert Store(tmp_path) and part.exists(), "another fleet may be writing it"
+    for path in (part / RECORD, part):
+        os.utime(path, (time.time() - 4000.0,) * 2)
     assert Store(tmp_path) and not part.exists()
 
 
