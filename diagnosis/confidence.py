@@ -22,7 +22,10 @@ from diagnosis.cause import Cause, Signal, Support
 
 TABLE = Path(__file__).with_name("confidence.json")
 SIGNALS = (Signal.CURRENT, Signal.ANGLE, Signal.CLOSED_LOOP)
-"""Of causes that the bank has cases of; confidence in what tracker and link encoders show is 1 - p."""
+"""Of causes that the bank has cases of.
+
+Confidence in what tracker and link encoders show is 1 - p, and no larger than the largest that was counted.
+"""
 LARGEST = 1e3
 """Of a ratio: what is beyond says no more."""
 
@@ -48,12 +51,17 @@ def support_of(cause: Cause, left: Mapping[int, float], names: int, unexplained:
 
 
 def stated(causes: Sequence[Cause], left: Mapping[int, float], unexplained: int) -> list[Cause]:
-    """The causes with the confidence that names with such evidence deserve: at most 1 - p of their gain."""
+    """The causes with the confidence that names with such evidence deserve: at most 1 - p of their gain.
+
+    What no case of the bank shows is stated with no larger confidence than was counted anywhere.
+    """
     found = []
     for cause in causes:
         if cause.signal in SIGNALS:
             support = support_of(cause, left, len(causes), unexplained)
             cause = replace(cause, confidence=min(support.significance, deserved(support)), support=support)
+        else:
+            cause = replace(cause, confidence=min(cause.confidence, _table()["steps"][-1]["confidence"]))
         found.append(cause)
     return found
 

@@ -1,6 +1,7 @@
 """``make confidence``: cases with known answers, the table of confidence fitted to them, and its reliability diagram.
 
-run   adds the names of new cases to the bank: foreign arms by both protocols, and the Puma
+run   adds the names of new cases to the bank: foreign arms by both protocols, and the Puma; a case that is in it is
+      replaced
 add   adds those of files that ``tests.foreign.proving_ground --out`` wrote
 fit   fits ``diagnosis/confidence.json`` on one half of the bank, judges it on the other, and draws the diagram
 """
@@ -14,7 +15,7 @@ import subprocess
 import sys
 import tempfile
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import as_completed
 from pathlib import Path
 
@@ -22,7 +23,7 @@ import numpy as np
 
 from diagnosis.confidence import TABLE
 from tests.confidence import bank, diagram
-from tests.confidence.bank import BANK, PUMA_KINDS, Name
+from tests.confidence.bank import Name
 from tests.confidence.fit import fitted, halves, reliability, stated
 from tests.executors import executor
 
@@ -33,10 +34,10 @@ EDGES = (0.0, 0.5, 0.8, 0.9, 0.95, 0.975, 1.0001)
 
 def main() -> None:
     options = _options()
-    if options.do in ("run", "add"):
-        new = [name for file in options.files for name in bank.of_foreign(file)]
-        new += _run(options.seed, options.cases, options.workers, options.scheduler) if options.do == "run" else []
-        _keep(new)
+    if options.do == "add":
+        _add(options.files, options.commit)
+    if options.do == "run":
+        _run(options)
     names = bank.read()
     table = fitted(halves(names)[0])
     figures = judged(table, names)
@@ -82,41 +83,40 @@ def _draw(table: dict, names: Sequence[Name]) -> None:
     diagram.draw(DIAGRAM, rows)
 
 
-def _keep(new: Sequence[Name]) -> None:
-    """Adds names to the bank; a case that is in it already is replaced."""
-    cases = {(name.suite, name.seed, name.case) for name in new}
-    old = bank.read() if BANK.exists() else []
-    kept = [name for name in old if (name.suite, name.seed, name.case) not in cases]
-    commit = subprocess.run(["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, capture_output=True, text=True)
-    together = sorted([*kept, *new], key=lambda one: (one.suite, one.seed, one.case, one.effect, one.joint or 0))
-    bank.write(together, commit.stdout.strip())
+def _add(files: Sequence[Path], commit: str) -> None:
+    for file in files:
+        bank.write(bank.replaced(bank.read(), bank.of_foreign(file, commit)))
 
 
-def _run(seed: int, cases: int, workers: int, scheduler: str | None) -> list[Name]:
-    """Names of new cases, ``cases`` of every kind."""
+def _run(options: argparse.Namespace) -> None:
+    """Names of new cases, each written to the bank as soon as it is there: a run of hours may be stopped."""
+    chosen = bank.puma_chosen(options.seed, options.cases, options.only)
+    with executor(options.workers, options.scheduler) as pool:
+        jobs = [pool.submit(bank.of_puma, case, options.commit) for case in chosen]
+        for number, done in enumerate(as_completed(jobs), 1):
+            bank.write(bank.replaced(bank.read(), found := done.result()))
+            print(f"puma {number:3}/{len(jobs)} {_line(found)}", file=sys.stderr, flush=True)
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder, "foreign.json")
-        line = [
-            "-m",
-            "tests.foreign.proving_ground",
-            "--seed",
-            seed,
-            "--cases",
-            cases,
-            "--workers",
-            workers,
-            "--out",
-            out,
-            *([] if scheduler is None else ["--scheduler", scheduler]),
-        ]
-        subprocess.run([sys.executable, *map(str, line)], cwd=ROOT, check=True)
-        names = list(bank.of_foreign(out))
-    with executor(workers, scheduler) as pool:
-        jobs = [pool.submit(bank.of_puma, seed, kind, number) for kind in PUMA_KINDS for number in range(cases)]
-        for done in as_completed(jobs):
-            names += done.result()
-            print(f"puma: {len(done.result())} names", flush=True)
-    return names
+        words = {"seed": options.seed, "cases": options.cases, "workers": options.workers, "out": out}
+        words |= {} if options.scheduler is None else {"scheduler": options.scheduler}
+        line = [word for name, value in words.items() for word in (f"--{name}", str(value))]
+        only = ["--only", *options.only] if options.only else []
+        command = [sys.executable, "-m", "tests.foreign.proving_ground", *line, *only]
+        subprocess.run(command, cwd=ROOT, check=True, stdout=sys.stderr)
+        _add([out] if out.exists() else [], options.commit)
+
+
+def _line(found: Mapping[bank.Key, Sequence[Name]]) -> str:
+    """A case and what was named in it."""
+    said = (f"{one.effect}@{one.joint or '-'} {'right' if one.right else 'WRONG'}" for n in found.values() for one in n)
+    return f"{', '.join(case for _, _, case in found)}: {', '.join(said) or 'nothing named'}"
+
+
+def _head() -> str:
+    """The commit of this checkout."""
+    head = subprocess.run(["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, capture_output=True, text=True, check=True)
+    return head.stdout.strip()
 
 
 def _options() -> argparse.Namespace:
@@ -125,10 +125,14 @@ def _options() -> argparse.Namespace:
     parser.add_argument("files", nargs="*", type=Path, help="with add: outcomes of tests.foreign.proving_ground")
     parser.add_argument("--seed", type=int, default=0, help="of the new cases: one that the bank has not")
     parser.add_argument("--cases", type=int, default=20, help="of every kind, suite and protocol")
+    parser.add_argument("--only", nargs="+", metavar="WORD", default=[], help="cases whose name has this in it")
+    parser.add_argument("--commit", default=None, help="of the code that is judged; default: this checkout's")
     parser.add_argument("--workers", type=int, default=os.cpu_count())
     parser.add_argument("--scheduler", metavar="tcp://HOST:PORT", help="instead: the workers of a Dask scheduler")
     parser.add_argument("--json", action="store_true", help="print the figures as one flat JSON object")
-    return parser.parse_args()
+    options = parser.parse_args()
+    options.commit = options.commit or _head()
+    return options
 
 
 if __name__ == "__main__":

@@ -1,10 +1,13 @@
-"""The bank: one row per name that a diagnosis gave, with its evidence and whether it was right."""
+"""The bank: one row per name that a diagnosis gave, with its evidence and whether it was right.
+
+A case is known by its suite, seed and name; a case in which nothing was named has no row.
+"""
 
 from __future__ import annotations
 
 import json
 import tempfile
-from collections.abc import Iterable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -20,13 +23,14 @@ from tests.blind.score import right
 
 BANK = Path(__file__).with_name("bank.json")
 PUMA_KINDS = ("singles", "weak", "pairs", "empties")
+Key = tuple[str, int, str]
 
 
 @dataclass(frozen=True)
 class Name:
     """One name.
 
-    suite: foreign-first, foreign-second or puma; seed and case: where it is from
+    suite: foreign-first, foreign-second or puma; seed and case: where it is from; commit: of the code that gave it
     """
 
     suite: str
@@ -36,6 +40,12 @@ class Name:
     joint: int | None
     right: bool
     support: Support
+    commit: str
+
+    @property
+    def key(self) -> Key:
+        """Of its case."""
+        return self.suite, self.seed, self.case
 
 
 def read(path: Path = BANK) -> list[Name]:
@@ -44,38 +54,51 @@ def read(path: Path = BANK) -> list[Name]:
     return [Name(**{**row, "support": Support(**row["support"])}) for row in rows]
 
 
-def write(names: Sequence[Name], commit: str, path: Path = BANK) -> None:
-    """One row per line, so that a difference shows what changed."""
-    rows = ",\n ".join(json.dumps(asdict(name)) for name in names)
-    path.write_text(f'{{"commit": {json.dumps(commit)},\n"names": [\n {rows}\n]}}\n', encoding="utf-8")
+def write(names: Sequence[Name], path: Path = BANK) -> None:
+    """One row per line, sorted, so that a difference shows what changed."""
+    ordered = sorted(names, key=lambda one: (*one.key, one.effect, one.joint or 0))
+    rows = ",\n ".join(json.dumps(asdict(name)) for name in ordered)
+    path.write_text(f'{{"names": [\n {rows}\n]}}\n', encoding="utf-8")
 
 
-def of_foreign(path: Path) -> Iterable[Name]:
-    """Of what ``tests.foreign.proving_ground --out`` wrote."""
-    content = json.loads(path.read_text(encoding="utf-8"))
+def replaced(old: Sequence[Name], new: Mapping[Key, Sequence[Name]]) -> list[Name]:
+    """Names with those of the new cases; of a case that is there already none is kept, also if it has no name now."""
+    return [name for name in old if name.key not in new] + [name for names in new.values() for name in names]
+
+
+def of_foreign(path: Path, commit: str) -> dict[Key, list[Name]]:
+    """Per case of what ``tests.foreign.proving_ground --out`` wrote."""
+    content, found = json.loads(path.read_text(encoding="utf-8")), {}
     for outcome in content["outcomes"]:
-        suite = f"foreign-{outcome['protocol']}"
-        for (effect, joint, _, was_right), support in zip(outcome["named"], outcome["supports"]):
-            if support is not None:
-                yield Name(suite, content["seed"], outcome["name"], effect, joint, was_right, Support(**support))
+        key = (f"foreign-{outcome['protocol']}", content["seed"], outcome["name"])
+        if outcome["crashes"]:
+            continue
+        found[key] = [
+            Name(*key, effect, joint, was_right, Support(**support), commit)
+            for (effect, joint, _, was_right), support in zip(outcome["named"], outcome["supports"])
+            if support is not None
+        ]
+    return found
 
 
-def of_puma(seed: int, kind: str, number: int) -> list[Name]:
+def puma_chosen(seed: int, count: int, only: Sequence[str]) -> list[PumaCase]:
+    """``count`` cases of every kind of the other suite; with ``only``, those with one of its words in their name."""
+    every = (case for kind in PUMA_KINDS for case in puma_cases(kind, seed, count))
+    return [case for case in every if not only or any(word in case.name for word in only)]
+
+
+def of_puma(case: PumaCase, commit: str) -> dict[Key, list[Name]]:
     """Of one case of the other suite."""
-    case = list(puma_cases(kind, seed, number + 1))[number]
+    key = ("puma", case.key[0], case.name)
     with tempfile.TemporaryDirectory() as folder:
-        return _named(case, seed, Path(folder))
-
-
-def _named(case: PumaCase, seed: int, folder: Path) -> list[Name]:
-    _, hidden = generate(case, folder)
-    result = diagnose(read_model(MODEL), *read_recordings(folder))
+        _, hidden = generate(case, Path(folder))
+        result = diagnose(read_model(MODEL), *read_recordings(Path(folder)))
     left = [(one["effect"], one["joint"]) for one in hidden]
     names = []
     for cause in result.causes:
-        key = next((key for key in left if right(cause, *key)), None)
-        if key is not None:
-            left.remove(key)
+        fits = next((place for place in left if right(cause, *place)), None)
+        if fits is not None:
+            left.remove(fits)
         if cause.support is not None:
-            names.append(Name("puma", seed, case.name, *cause.key, key is not None, cause.support))
-    return names
+            names.append(Name(*key, *cause.key, fits is not None, cause.support, commit))
+    return {key: names}

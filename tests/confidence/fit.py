@@ -22,6 +22,8 @@ A small bank must not turn that round.
 """
 LEAST = 8
 """Names per step of the table."""
+SUREST, COUNTED = 0.97, 100
+"""98 % is stated only of a range with so many names of which 98 of 100 were right; fewer names state less."""
 Array = np.ndarray
 
 
@@ -64,23 +66,27 @@ def _logistic(x: Array, right: Array) -> tuple[float, Array]:
 
 
 def _steps(score: Array, right: Array) -> list[dict[str, float]]:
-    """Ranges of the score, lowest first, each with one share of right names; it rises from step to step.
-
-    Confidence is (right + 1) / (names + 2), Laplace's rule of succession: 98 % need 48 names without an error, or 148
-    with two.
-    """
+    """Ranges of the score, lowest first, each with one share of right names; it rises from step to step."""
     groups = np.array_split(np.arange(len(score)), max(len(score) // LEAST, 1))
     counts = np.array([len(group) for group in groups], float)
     shares = np.array([right[group].mean() for group in groups])
-    level = isotonic_regression(shares, weights=counts).x
+    rising = isotonic_regression(shares, weights=counts).x
     steps = []
-    for value in np.unique(level):
-        inside = np.concatenate([group for group, one in zip(groups, level) if one == value])
+    for value in np.unique(rising):
+        inside = np.concatenate([group for group, one in zip(groups, rising) if one == value])
         names, hits = len(inside), float(right[inside].sum())
         start = float(score[inside[0]])
-        stated = round((hits + 1) / (names + 2), 3)
-        steps.append({"from": round(start, 4), "confidence": stated, "names": names, "right": int(hits)})
+        steps.append({"from": round(start, 4), "confidence": level(names, hits), "names": names, "right": int(hits)})
     return steps
+
+
+def level(names: int, right: float) -> float:
+    """The confidence that a count states: (right + 1) / (names + 2), Laplace's rule of succession.
+
+    Of fewer than ``COUNTED`` names, or less than 98 of 100 right, ``SUREST`` at most.
+    """
+    stated = round((right + 1) / (names + 2), 3)
+    return stated if names >= COUNTED and right >= 0.98 * names else min(stated, SUREST)
 
 
 def stated(table: dict[str, Any], name: Name) -> float:

@@ -22,6 +22,7 @@ from PIL import Image
 from armscope.application import DONE
 from armscope.cli import UNUSABLE_INPUT, run
 from tests.foreign.random_arms import stranger
+from tests.foreign.written import flaws
 
 METHODS = ("ols", "irls", "iv", "didim", "motor-link", "sequence", "friction")
 FORMS = ("text", "latex", "python", "c")
@@ -29,7 +30,10 @@ FORMS = ("text", "latex", "python", "c")
 
 @dataclass(frozen=True)
 class Ended:
-    """How a command ended: its exit status (None: by an exception), standard error or traceback."""
+    """How a command ended: its exit status (None: by an exception), standard error or traceback.
+
+    ``flaws`` of the files that all commands wrote stand as one more command that has no exit status.
+    """
 
     command: str
     status: int | None
@@ -56,7 +60,16 @@ def called(*arguments: object) -> Ended:
 
 
 def through_every_command(seed: int, folder: Path) -> Iterator[Ended]:
-    """Each command on the arm of this seed; those that need a file that another refused to write are left out."""
+    """Each command on the arm of this seed, then what cannot be opened of all that they wrote.
+
+    Commands that need a file that another refused to write are left out.
+    """
+    yield from _commands(seed, folder)
+    if found := flaws(folder):
+        yield Ended("written", None, "\n".join(found))
+
+
+def _commands(seed: int, folder: Path) -> Iterator[Ended]:
     arm, rng = stranger(seed), np.random.default_rng([seed, 1])
     model, real = arm.write(folder)
     yield (first := called("model", model))
@@ -68,7 +81,11 @@ def through_every_command(seed: int, folder: Path) -> Iterator[Ended]:
     fit, held_out = yield from _recorded(seed, model, real, folder)
     if fit is None or held_out is None:
         return
-    yield from _analysed(arm.urdf, rng, model, fit, held_out, folder)
+    yield from _read(fit, folder)
+    if arm.urdf:
+        fit = folder / "imported.mcap"
+    yield from _analysed(rng, model, fit, held_out, folder)
+    yield from _compared(model, fit, held_out, folder)
 
 
 def _converted(model: Path, folder: Path) -> Iterator[Ended]:
@@ -96,15 +113,15 @@ def _recorded(seed: int, model: Path, real: Path, folder: Path) -> Iterator[Ende
     return recorded
 
 
-def _analysed(
-    urdf: bool, rng: np.random.Generator, model: Path, fit: Path, held_out: Path, folder: Path
-) -> Iterator[Ended]:
-    yield called("info", fit)
-    yield called("plot", fit, "--out", folder / "run.svg")
-    yield called("export", fit, "--out", folder / "run.csv")
+def _read(recording: Path, folder: Path) -> Iterator[Ended]:
+    yield called("info", recording)
+    yield called("plot", recording, "--out", folder / "run.svg")
+    yield called("export", recording, "--out", folder / "run.csv")
     yield called("import", folder / "run.csv", "--out", folder / "imported.mcap")
-    if urdf:
-        fit = folder / "imported.mcap"
+    yield called("recover", recording, "--out", folder / "recovered.mcap")
+
+
+def _analysed(rng: np.random.Generator, model: Path, fit: Path, held_out: Path, folder: Path) -> Iterator[Ended]:
     chosen = ("--model", model, "--held-out", held_out)
     yield called("identify", fit, *chosen, "--check")
     for method in ("wls", rng.choice(METHODS)):
@@ -119,6 +136,17 @@ def _analysed(
         if (written := folder / name / "model.toml").exists():
             yield called("model", written)
             yield called("simulate", "--model", written, "--like", fit, "--out", folder / "again.mcap")
+
+
+def _compared(model: Path, fit: Path, held_out: Path, folder: Path) -> Iterator[Ended]:
+    """Recordings and results against each other, and the index of all of them."""
+    yield called("compare", fit, held_out, "--model", model, "--out", folder / "compared")
+    results = [one for one in sorted(folder.glob("identified_*")) if (one / "identification.json").exists()]
+    if len(results) > 1:
+        yield called("compare", *results[:2], "--json")
+        yield called("trend", *results[:2], results[0], "--out", folder / "trend")
+    yield called("archive", folder)
+    yield called("archive", folder, "parameters", "--json")
 
 
 @contextmanager

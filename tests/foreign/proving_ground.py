@@ -37,6 +37,8 @@ def main() -> None:
     ]
     say = sys.stderr if options.json else sys.stdout
     print(f"seed {options.seed}, {len(chosen)} cases", file=say, flush=True)
+    if not chosen:
+        return
     outcomes: list[Outcome] = []
     with executor(options.workers, options.scheduler) as pool:
         running = [pool.submit(judged, case, options.cache, options.keep) for case in chosen]

@@ -13,6 +13,7 @@ from PIL import Image
 
 from tests.foreign.commands import called, through_every_command, unrendered
 from tests.foreign.random_arms import stranger
+from tests.foreign.written import flaws
 
 
 @pytest.mark.filterwarnings("error::UserWarning")
@@ -52,3 +53,27 @@ def test_pictures_that_are_left_out_can_be_read() -> None:
     with unrendered():
         Figure().savefig(picture, format="png")
     assert Image.open(picture).size == (1, 1)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "flaw"),
+    [
+        ("a.json", '{"rms": NaN}', "NaN in JSON"),
+        ("a.json", '{"rms": [1.0, Infinity]}', "Infinity in JSON"),
+        ("a.json", '{"rms": ', "Expecting value"),
+        ("a.toml", "mass = [1.0, nan]", "nan in TOML"),
+        ("a.toml", "mass = ", "Invalid value"),
+        ("a.csv", "t,q1\n0.0,1.0\n0.1", "line 3 has 1 fields, the header 2"),
+        ("a.html", "<html><body><p>half", "no whole page"),
+        ("a.html", "<html><body><table><td>nan</td></table></body></html>", "has nan in a table"),
+        ("a.urdf", "<robot><link>", "no element found"),
+        ("a.mcap.active", "", "left behind half written"),
+    ],
+)
+def test_what_cannot_be_opened_is_a_flaw(name: str, text: str, flaw: str, tmp_path: Path) -> None:
+    (tmp_path / "well.json").write_text('{"rms": [1.0, null]}')
+    (tmp_path / "well.html").write_text("<html><body><br><td>0.1</td></body></html>")
+    assert flaws(tmp_path) == []
+    (tmp_path / name).write_text(text)
+    (found,) = flaws(tmp_path)
+    assert found.startswith(name) and flaw in found
