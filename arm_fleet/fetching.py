@@ -94,8 +94,13 @@ def _local(source: Source, share: float, folder: Path) -> list[Path]:
         spans = spread(ranges.seconds, share)
         make_folder(folder)
         paths = [folder / f"{name.removesuffix('.mcap')}_at_{start:.0f}s.mcap" for start, _ in spans]
-        ranges.write(spans, paths)
-        return paths
+        try:
+            ranges.write(spans, paths)
+        except InputError:
+            # Damaged in a stretch: of the whole recording the intact rows are read, and the others counted as lost.
+            pass
+        else:
+            return paths
     source.read = source.size
     if "://" not in source.place:
         return [Path(source.place)]

@@ -62,6 +62,20 @@ def test_short_recordings_are_read_as_they_are(tmp_path: Path) -> None:
     assert open_recording(two[0]).duration == pytest.approx(30 * 100 / 102, abs=0.1)
 
 
+def test_a_recording_that_is_damaged_in_a_stretch_is_read_whole(tmp_path: Path) -> None:
+    """Its intact rows are examined; the others are losses, not silence."""
+    file = long_recording(tmp_path / "a.mcap")
+    data = bytearray(file.read_bytes())
+    begins = len(data) // 20
+    data[begins : begins + 64] = bytes(64)
+    file.write_bytes(data)
+    found = fetched([str(file)], tmp_path / "cut", {}, 60.0)
+    assert found.groups == [[file]] and found.read == found.size
+    run = open_recording(file)
+    assert run.ledger is not None
+    assert 0 < run.ledger.lost < 40_000 and len(run) + run.ledger.lost == 40_000
+
+
 def test_what_is_not_there(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"none\.mcap: cannot be read"):
         fetched([str(tmp_path / "none.mcap")], tmp_path, {}, 180.0)
