@@ -1,7 +1,8 @@
 """The stream of a page: frames and state over a WebSocket, as fast as the browser takes them and no faster.
 
-The browser answers each message once it has drawn it (or, hidden, not at all); the next one is sent then. A slow
-browser gets fewer, larger messages, and costs no memory: frames wait in one ring for all (``arm_page.frames.Ring``).
+The browser answers each message once it has drawn it (or, hidden, not at all). Two messages may be on their way: the
+next one is there when the last is drawn, so that every repaint has new frames. A slow browser gets fewer, larger
+messages, and costs no memory: frames wait in one ring for all (``arm_page.frames.Ring``).
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 import asyncio
 import json
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 from starlette.websockets import WebSocket, WebSocketDisconnect
@@ -18,6 +20,8 @@ from arm_page.link import RigLink
 
 DRAW_SECONDS = 0.02
 STATE_SECONDS = 0.25
+AHEAD = 2
+"""Messages that a browser is sent before it has drawn the first of them."""
 MOST_BYTES = 1000
 """Of a message from the browser."""
 
@@ -68,24 +72,37 @@ class Viewers:
             task.cancel()
 
     async def _stream(self, socket: WebSocket, token: str) -> None:
+        """Until the browser has gone, or may not look on."""
+        free = asyncio.BoundedSemaphore(AHEAD)
+        tasks = [asyncio.create_task(self._send(socket, token, free)), asyncio.create_task(_drawn(socket, free))]
+        try:
+            done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
+        for task in done:
+            task.result()
+
+    async def _send(self, socket: WebSocket, token: str, free: asyncio.Semaphore) -> None:
         number, shown, run = 0, "", ""
         while True:
-            if self._access.role(token) is None:
-                await socket.close(4401, "log in again")
-                return
-            parts = []
-            state = self._state_json()
-            if state != shown:
-                parts.append(f'"state":{state}')
-                shown = state
-            now_run, last, frames = self._link.frames.since(number)
-            if frames or now_run != run:
-                parts.append(f'"run":{json.dumps(now_run)},"frames":[{",".join(frames)}]')
-                number, run = last, now_run
-            if parts:
-                await socket.send_text("{" + ",".join(parts) + "}")
-                await socket.receive_text()
-            await asyncio.sleep(DRAW_SECONDS)
+            await free.acquire()
+            parts: list[str] = []
+            while not parts:
+                await asyncio.sleep(DRAW_SECONDS)
+                if self._access.role(token) is None:
+                    await socket.close(4401, "log in again")
+                    return
+                state = self._state_json()
+                if state != shown:
+                    parts.append(f'"state":{state}')
+                    shown = state
+                now_run, last, frames = self._link.frames.since(number)
+                if frames or now_run != run:
+                    parts.append(f'"run":{json.dumps(now_run)},"frames":[{",".join(frames)}]')
+                    number, run = last, now_run
+            await socket.send_text("{" + ",".join(parts) + "}")
 
     def _state_json(self) -> str:
         """The state, encoded once for all browsers."""
@@ -95,3 +112,11 @@ class Viewers:
             text = json.dumps(self._state() | {"viewers": self.watching}, separators=(",", ":"))
             self._encoded = text, now
         return text
+
+
+async def _drawn(socket: WebSocket, free: asyncio.BoundedSemaphore) -> None:
+    """Makes room for a message with each that the browser has drawn; an answer to none counts for nothing."""
+    while True:
+        await socket.receive_text()
+        with suppress(ValueError):
+            free.release()

@@ -47,6 +47,7 @@ def scene_of(rig: Rig, chain: Chain | None, visuals: Sequence[Visual] = ()) -> T
         "rate": None if rig.trigger is None else rig.trigger.rate,
         "trigger": None if rig.trigger is None else rig.trigger.source,
         "joints": joints,
+        "home": _home(rig),
         "devices": [{"name": device.name, "driver": device.driver} for device in rig.device],
         "tracker": None if tracker is None else {"target": list(tracker.target), "placed": _placed(rig)},
         "space": None if rig.space is None else rig.space.model_dump(),
@@ -56,6 +57,13 @@ def scene_of(rig: Rig, chain: Chain | None, visuals: Sequence[Visual] = ()) -> T
             for one in visuals
         ],
     }
+
+
+def _home(rig: Rig) -> list[float]:
+    """rad (m): where the joints are drawn before they are measured: at 0, or at the limit next to it."""
+    if rig.limits.position is None:
+        return [0.0] * rig.joints
+    return [min(max(0.0, low), high) for low, high in rig.limits.position]
 
 
 def _placed(rig: Rig) -> bool:

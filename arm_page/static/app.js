@@ -125,7 +125,7 @@ function legend(distance) {
   const entries = last.q ? [entry(state === "running" ? "measured" : "measured last", "measured")] : [];
   if (last.d) entries.push(entry("demanded", "demand"));
   if (last.p) entries.push(entry("tracker's point", "bad"), entry("model's point", "good", distance === null ? "" : `${number(distance, 2, 1e3)} mm apart`));
-  if (!last.q) entries.push(el("span", { class: "quiet" }, "no rows yet: they come while an experiment runs"));
+  if (!last.q && parts.arm) entries.push(entry("nothing measured yet", "unknown", `drawn with all joints at 0${rig.home.some(Boolean) ? " or their limit next to it" : ""}; rows come while an experiment runs`));
   $("legend").replaceChildren(...entries);
 }
 

@@ -1,15 +1,18 @@
 // The arm in 3D: measured, demanded, previewed; the tracker's point beside the model's.
 
 import {
-  BoxGeometry, BufferGeometry, CapsuleGeometry, Color, DirectionalLight, EdgesGeometry, GridHelper,
-  Group, HemisphereLight, Line, LineBasicMaterial, LineSegments, Matrix4, Mesh, MeshStandardMaterial, OrbitControls,
+  Box3, BoxGeometry, BufferGeometry, CapsuleGeometry, Color, DirectionalLight, EdgesGeometry, GridHelper,
+  Group, HemisphereLight, Line, LineBasicMaterial, LineSegments, Matrix4, Mesh, MeshLambertMaterial, OrbitControls,
   PerspectiveCamera, Scene, SphereGeometry, Vector3, WebGLRenderer,
 } from "./vendor/three.js";
 import { loadMeshes } from "./meshes.js";
 import { colour, whenThemeChanges } from "./page.js";
+import { Resolution } from "./resolution.js";
 
 const matrix = (rows) => new Matrix4().set(...rows.flat());
 const UP = new Vector3(0, 1, 0);
+const SIDE = new Vector3(0.58, -0.76, 0.29).normalize();
+const POSES = 150;
 
 /** One drawing of the arm; `pose(q)` puts it where the joints are. Frames and coupling as arm_clearance.Chain has them. */
 class Figure {
@@ -87,33 +90,38 @@ export class ArmView {
     // Without a graphics card every pixel is computed, at each frame: one sample of each, and no finer than the page.
     const slow = inSoftware();
     this.renderer = new WebGLRenderer({ antialias: !slow });
-    this.renderer.setPixelRatio(slow ? 1 : Math.min(devicePixelRatio, 2));
+    const finest = slow ? 1 : Math.min(devicePixelRatio, 2);
+    this.renderer.setPixelRatio(finest);
+    this.resolution = new Resolution((share) => this._pixels(finest * share), () => this.render());
     place.append(this.renderer.domElement);
     this.controls = new OrbitControls(this.camera, this.renderer.domElement);
     this.controls.addEventListener("change", () => this.draw());
+    this.controls.addEventListener("start", () => (this.turned = true));
     const sun = new DirectionalLight("#fff", 1.6);
     sun.position.set(2, -3, 5);
     this.scene.add(new HemisphereLight("#fff", "#8895a5", 1.7), sun);
     this.materials = {
-      measured: new MeshStandardMaterial({ roughness: 0.55, metalness: 0.05 }),
+      measured: new MeshLambertMaterial(),
       // A thin core, seen through the measured arm: the two differ by less than a link is thick.
-      demanded: new MeshStandardMaterial({ transparent: true, opacity: 0.6, depthTest: false, depthWrite: false }),
-      previewed: new MeshStandardMaterial({ transparent: true, opacity: 0.5, depthWrite: false }),
-      tracked: new MeshStandardMaterial({ emissiveIntensity: 0.7 }),
-      modelled: new MeshStandardMaterial({ emissiveIntensity: 0.7 }),
+      demanded: new MeshLambertMaterial({ transparent: true, opacity: 0.6, depthTest: false, depthWrite: false }),
+      previewed: new MeshLambertMaterial({ transparent: true, opacity: 0.5, depthWrite: false }),
+      tracked: new MeshLambertMaterial({ emissiveIntensity: 0.7 }),
+      modelled: new MeshLambertMaterial({ emissiveIntensity: 0.7 }),
     };
     const arm = description.arm;
     this.measured = new Figure(arm, this.materials.measured, this.scene);
     this.demanded = new Figure(arm, this.materials.demanded, this.scene, 0.35);
     this.previewed = new Figure(arm, this.materials.previewed, this.scene);
-    this.reach = this._reach(arm);
+    this.reach = reach(this.measured, description);
+    this.measured.pose(description.home);
+    this.known = false;
     this.tracked = this._ball(this.materials.tracked);
     this.modelled = this._ball(this.materials.modelled);
     this.path = new Line(new BufferGeometry(), new LineBasicMaterial());
     this.path.visible = false;
     this.scene.add(this.path);
     this._surroundings(description.space);
-    this._look();
+    this._resize();
     this._recolour();
     whenThemeChanges(() => this._recolour());
     new ResizeObserver(() => this._resize()).observe(place);
@@ -122,9 +130,16 @@ export class ArmView {
     loadMeshes(description.meshes, solid, fixed, () => this.draw()).then((shown) => (place.dataset.meshes = shown));
   }
 
-  /** Measured and demanded joints (null: not known), tracker's point in the base frame; returns their distance, m. */
+  /**
+   * Measured and demanded joints (null: not known), tracker's point in the base frame; returns their distance, m.
+   * Until something is measured the arm is drawn pale, at its home pose.
+   */
   show(q, demand, point) {
     if (q) this.measured.pose(q);
+    if (q && !this.known) {
+      this.known = true;
+      this._recolour();
+    }
     if (demand) this.demanded.pose(demand);
     else this.demanded.root.visible = false;
     const target = this.description.tracker?.target;
@@ -163,34 +178,42 @@ export class ArmView {
 
   /** Draws once before the next repaint, however often it is asked to. */
   draw() {
+    this.resolution.moving();
     if (this.waiting) return;
     this.waiting = true;
     requestAnimationFrame(() => {
       this.waiting = false;
-      this.renderer.render(this.scene, this.camera);
+      this.render();
     });
   }
 
-  _reach(arm) {
-    this.measured.pose(arm.sliding.map(() => 0));
-    const origin = new Vector3().setFromMatrixPosition(matrix(arm.base));
-    const lengths = [...arm.before, ...arm.after].map((rows) => Math.hypot(rows[0][3], rows[1][3], rows[2][3]));
-    this.measured.root.visible = false;
-    return { centre: origin, length: Math.max(lengths.reduce((a, b) => a + b, 0), 0.3) };
+  render() {
+    const timed = this.resolution.timed(), begun = performance.now();
+    this.renderer.render(this.scene, this.camera);
+    if (!timed) return;
+    // Reading a pixel waits until all of them are computed.
+    const gl = this.renderer.getContext();
+    gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));
+    this.resolution.took(performance.now() - begun);
+  }
+
+  _pixels(ratio) {
+    this.renderer.setPixelRatio(ratio);
+    this.place.dataset.ratio = ratio;
   }
 
   _ball(material) {
-    const ball = new Mesh(new SphereGeometry(this.reach.length * 0.019, 20, 14), material);
+    const ball = new Mesh(new SphereGeometry(this.reach.size * 0.014, 20, 14), material);
     ball.visible = false;
     this.scene.add(ball);
     return ball;
   }
 
   _surroundings(space) {
-    const width = Math.max(1, Math.ceil(this.reach.length * 1.2)) * 2;
+    const width = Math.max(1, Math.ceil(this.reach.size)) * 2;
     this.grid = new GridHelper(width, width * 4);
     this.grid.rotation.x = Math.PI / 2;
-    this.grid.position.z = space?.floor ?? Math.min(0, this.reach.centre.z);
+    this.grid.position.z = space?.floor ?? Math.min(0, this.description.arm.base[2][3]);
     this.scene.add(this.grid);
     this.boxes = new LineBasicMaterial();
     for (const box of space?.box ?? []) {
@@ -201,16 +224,23 @@ export class ArmView {
     }
   }
 
+  /** From the side, so near that every place that the arm can reach is in the picture. */
   _look() {
-    const { centre, length } = this.reach;
-    this.controls.target.copy(centre).add(new Vector3(0, 0, length * 0.2));
-    this.camera.position.copy(this.controls.target).add(new Vector3(0.85, -1.15, 0.42).multiplyScalar(length));
+    const { points, centre } = this.reach;
+    const forward = SIDE.clone().negate(), right = forward.clone().cross(this.camera.up).normalize(), up = right.clone().cross(forward);
+    const high = Math.tan((this.camera.fov * Math.PI) / 360), wide = high * this.camera.aspect;
+    const distances = points.map((point) => {
+      const from = point.clone().sub(centre);
+      return Math.max(Math.abs(from.dot(right)) / wide, Math.abs(from.dot(up)) / high) - from.dot(forward);
+    });
+    this.controls.target.copy(centre);
+    this.camera.position.copy(centre).addScaledVector(SIDE, 1.04 * Math.max(...distances));
     this.controls.update();
   }
 
   _recolour() {
     this.scene.background = new Color(colour("paper"));
-    this.materials.measured.color.set(document.documentElement.dataset.theme === "dark" ? "#9fb2c6" : "#8c9fb3");
+    this.materials.measured.color.set(colour(this.known ? "measured" : "unknown"));
     this.materials.demanded.color.set(colour("demand"));
     this.materials.previewed.color.set(colour("accent"));
     for (const [name, shade] of [["tracked", "bad"], ["modelled", "good"]]) {
@@ -231,6 +261,27 @@ export class ArmView {
     this.renderer.setSize(width, height);
     this.camera.aspect = width / height;
     this.camera.updateProjectionMatrix();
+    if (!this.turned) this._look();
     this.draw();
   }
+}
+
+/** Where a figure can be: points of its links over poses within the limits, above the floor; their middle and extent, m. */
+function reach(figure, { arm, joints, space }) {
+  const points = [], box = new Box3();
+  let state = 1;
+  const random = () => (state = (state * 48271) % 0x7fffffff) / 0x7fffffff;
+  for (let k = 0; k < POSES; k++) {
+    figure.pose(joints.map((joint, n) => {
+      const [low, high] = joint.position ?? (arm.sliding[n] ? [-0.5, 0.5] : [-Math.PI, Math.PI]);
+      return low + (high - low) * random();
+    }));
+    figure.root.updateWorldMatrix(true, true);
+    const ends = arm.bodies.flatMap((body) => [body.start, body.end].map((end) => figure.links[body.link].localToWorld(new Vector3(...end))));
+    const there = [...ends, figure.point(arm.tool)];
+    if (there.every((point) => point.z >= (space?.floor ?? -Infinity) - 0.05)) points.push(...there);
+  }
+  points.push(new Vector3().setFromMatrixPosition(matrix(arm.base)));
+  box.setFromPoints(points);
+  return { points, centre: box.getCenter(new Vector3()), size: Math.max(box.getSize(new Vector3()).length() / 2, 0.3) };
 }

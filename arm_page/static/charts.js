@@ -5,6 +5,8 @@ import { Columns } from "./columns.js";
 import { colour, el, jointColour, whenThemeChanges, words } from "./page.js";
 
 const KEPT = 1500;
+/** 30 s on 400 pixels: one pixel in 75 ms. */
+const LEAST_MS = 60;
 const faded = (hex) => `${hex}40`;
 
 /** A chart of `place` whose size follows it; `series` as uPlot has them, after the time. */
@@ -23,6 +25,7 @@ class Strip {
 
   show(data) {
     this.data = data;
+    this.plot.toggleAttribute("data-empty", !data[0].length);
     this.chart.setData(data);
   }
 
@@ -124,10 +127,10 @@ export class JointCharts {
     if (this.frames.length > 2 * KEPT) this.frames = this.frames.slice(-KEPT);
   }
 
-  /** As `show`, but at most a third of the time is spent on it: on a slow computer the arm in 3D goes first. */
+  /** As `show`, but not before the curves move by a pixel, and at most a third of the time: the arm in 3D goes first. */
   follow() {
     const begin = performance.now();
-    if (begin - this.shownAt < 3 * this.cost) return;
+    if (begin - this.shownAt < Math.max(3 * this.cost, LEAST_MS)) return;
     this.show();
     this.cost = performance.now() - begin;
     this.shownAt = begin;

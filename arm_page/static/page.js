@@ -16,7 +16,7 @@ export const $ = (id) => document.getElementById(id);
 
 /** A number for reading: so many decimals, '–' for none; `times` scales it. */
 export const number = (value, digits = 3, times = 1) =>
-  value === null || value === undefined || !Number.isFinite(value) ? "–" : (value * times).toFixed(digits).replace("-", "−");
+  value === null || value === undefined || !Number.isFinite(value) ? "–" : (value * times).toFixed(digits).replace(/^-(?=[0.]*$)/, "").replace("-", "−");
 
 export const count = (value) => (value === null || value === undefined ? "–" : value.toLocaleString("en").replaceAll(",", " "));
 

@@ -98,6 +98,9 @@ def preview(page: Any, name: str) -> None:
 
 def test_a_run_is_previewed_armed_started_recorded_and_opened(page: Any, room: Room) -> None:
     before = set((room.folder / "recordings").glob("*.mcap"))
+    if not before:
+        assert "nothing measured yet" in page.inner_text("#legend")
+        assert page.locator(".plot[data-empty]").count() == 2
     preview(page, "short")
     facts = page.inner_text("#run")
     assert "Within the limits" in facts and "1 waist" in facts and "2 shoulder" not in facts
@@ -155,6 +158,57 @@ def test_a_page_closed_during_a_run_and_opened_again_shows_it_and_can_stop_it(
         again.wait_for_function("document.querySelector('#joints').innerText.includes('mrad')")
         again.click("#stop")
         state(again, "idle")
+
+
+def test_before_the_first_run_the_arm_is_drawn_and_said_not_to_be_measured(page: Any) -> None:
+    """Of a page whose server has seen no row: the answer of a rig at rest, drawn beside the page's own view."""
+    shown = page.evaluate(
+        """async () => {
+          const { ArmView } = await import("/static/arm.js");
+          const rig = await (await fetch("/api/rig")).json();
+          const place = document.createElement("div");
+          place.style.cssText = "position: fixed; left: 0; top: 0; width: 700px; height: 300px; z-index: 9";
+          document.body.append(place);
+          const view = new ArmView(place, rig), pale = () => "#" + view.materials.measured.color.getHexString();
+          await new Promise((done) => setTimeout(done, 400));
+          const before = [view.measured.root.visible, pale()];
+          // Other poses within the limits than those that the view was fitted to.
+          const outside = [];
+          for (let k = 0; k < 200; k++) {
+            view.show(rig.joints.map(({ position: [low, high] }) => low + (high - low) * Math.random()), null, null);
+            view.scene.updateMatrixWorld(true);
+            view.measured.capsules.forEach(([, mesh]) => {
+              const seen = mesh.getWorldPosition(view.camera.position.clone()).project(view.camera);
+              if (Math.max(Math.abs(seen.x), Math.abs(seen.y)) > 1) outside.push([seen.x, seen.y]);
+            });
+          }
+          const style = getComputedStyle(document.documentElement);
+          const colours = ["unknown", "measured"].map((name) => style.getPropertyValue(`--${name}`).trim());
+          return { before, after: pale(), outside, home: rig.home, colours };
+        }"""
+    )
+    unknown, measured = shown["colours"]
+    assert shown["before"] == [True, unknown] and shown["after"] == measured != unknown
+    assert shown["home"] == [0.0] * 6 and shown["outside"] == []
+
+
+def test_slow_frames_get_fewer_pixels_and_a_still_picture_all(page: Any) -> None:
+    shares = page.evaluate(
+        """async () => {
+          const { Resolution } = await import("/static/resolution.js");
+          const shares = [], drawn = [];
+          const resolution = new Resolution((share) => shares.push(share), () => drawn.push(shares.at(-1)));
+          const frame = (ms) => { resolution.moving(); resolution.took(ms); };
+          [40, 40, 40, 40, 15].forEach(frame);
+          const still = () => new Promise((done) => setTimeout(done, 600));
+          await still();
+          frame(15);
+          [3, 3, 3, 3].forEach(frame);
+          await still();
+          return { shares, drawn };
+        }"""
+    )
+    assert shares == {"shares": [0.7, 0.5, 1, 0.5, 0.7, 1], "drawn": [1]}
 
 
 def test_what_the_guard_would_refuse_cannot_be_armed(page: Any, room: Room) -> None:
