@@ -125,7 +125,7 @@ def _same(effect: Effect) -> str:
             "In currents it is indistinguishable from {}: an ambiguity group.",
         ),
         (effect.special_cases, "It contains {} as a special case; the simpler effect is named where it suffices."),
-        (effect.near_cases, "While poses differ little, {} is nearly the same."),
+        (effect.near_cases, "While poses or times differ little, {} is nearly the same."),
         *(
             (seen.aliases, f"To the {instrument} it is the same as {{}}.")
             for instrument, seen in effect.observed_by.items()

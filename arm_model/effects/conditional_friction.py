@@ -158,8 +158,12 @@ FRICTION_DRIFT = Effect(
     ),
     equation="tau = -(a + d sign(q')) F (1 - exp(-t/T)) sign(q')",
     shows="the same move needs less torque each time",
-    confused_with={"torque_constant": "one cycle repeated, with holds"},
+    confused_with={
+        "torque_constant": "one cycle repeated, with holds",
+        "coulomb_friction": "a start from cold, and one cycle repeated",
+    },
     observed_by=AGAINST_VELOCITY,
+    near_cases=("coulomb_friction",),
     torque=lambda p, s: (
         -(p.fraction + p.difference * s.sign) * s.coulomb * (1 - scalar.exp(-s.t / p.time_constant)) * s.sign
     ),

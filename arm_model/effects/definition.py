@@ -87,6 +87,8 @@ class Parameter:
                    belongs to the law itself
     term_share     of a coefficient of a term: largest share of what law and term explain that may be the term's. With
                    more, it is no next order, and another law is at work
+    lasts          of a term of time: s until which the law is known to change, as long as the longest recording; from
+                   then on it stays as it is
     chain          value of the kinematic chain that it changes: theta, alpha, a, d or beta of its joint
     tracker_prior  prior standard deviation where only tracked points show it, in ``unit`` (``inverse``: of its
                    reciprocal)
@@ -111,6 +113,7 @@ class Parameter:
     own: bool = False
     term: str = ""
     term_share: float = 0.0
+    lasts: bool = False
     chain: str = ""
     tracker_prior: float | None = None
     noun: str = ""
@@ -186,7 +189,7 @@ class Effect:
     aliases          effects that may as well be it, whatever is recorded; two that name each other have the same
                      columns
     special_cases    simpler effects of the catalogue that it contains
-    near_cases       simpler effects that it nearly contains, while poses differ little
+    near_cases       simpler effects that it nearly contains, while poses or times differ little
     model_error      relative error of its first-order column
     link_parameters  its columns are this many barycentric parameters of its joint's link (of the last one, for the
                      whole arm): mass, first moments, inertia about the frame's origin; 0: they follow from its law
@@ -285,6 +288,10 @@ class Effect:
         """
         shows = self.observed_by[instrument].shows or self.shows
         return shows if isinstance(shows, str) else shows(Values(values), unit)
+
+    def lasting(self, term: str) -> Parameter | None:
+        """Of a next-order term of time, the parameter that says how long it lasts; None: a term of something else."""
+        return next((p for p in self.parameters if p.term == term and p.lasts), None)
 
     @property
     def screened(self) -> bool:

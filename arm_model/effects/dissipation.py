@@ -51,24 +51,35 @@ def speeds(arm: Arm, joint: int, top: float = 0.0) -> Array:
     return np.unique(np.concatenate([[0.0, 1e-6 * end], own, *(np.linspace(0.0, up, POINTS) for up in ends if up > 0)]))
 
 
-def effect_friction(effect: Effect, given: dict[str, float], v: Array, direction: int) -> Array:
-    """(k,) N m (N) against the motion, of a friction effect at speeds v (k,) >= 0 in a direction (1 or -1)."""
-    seen = Signals(v=direction * v, sign=float(direction))
+def effect_friction(effect: Effect, given: dict[str, float], v: Array, direction: int, t: float = 0.0) -> Array:
+    """(k,) N m (N) against the motion, of a friction effect at speeds v (k,) >= 0 in a direction (1 or -1).
+
+    t: s since the start of the recording or the simulation.
+    """
+    seen = Signals(v=direction * v, sign=float(direction), t=t)
     law = effect.torque
     assert law is not None, "a friction effect has a torque"
     return np.broadcast_to(np.asarray(direction * law(values_of(effect, given), seen), float), v.shape)
 
 
-def total_friction(arm: Arm, joint: int, v: Array, direction: int) -> Array:
-    """(k,) N m (N) against the motion, of all friction of a joint (from 0) at speeds v (k,) >= 0 in a direction."""
+def total_friction(arm: Arm, joint: int, v: Array, direction: int, t: float = 0.0) -> Array:
+    """(k,) N m (N) against the motion, of all friction of a joint (from 0) at speeds v (k,) >= 0 in a direction.
+
+    t: s since the start of the recording or the simulation.
+    """
     drive, side = arm.joints[joint], 0 if direction > 0 else 1
     own = drive.ratio * drive.coulomb[side] + drive.ratio**2 * drive.viscous[side] * v
     if drive.friction_curve is not None:
         own = own + curve_at(drive.friction_curve, v, direction)
     terms = friction_terms(arm, joint)
     return np.asarray(
-        own + sum(effect_friction(CATALOGUE[term.name], term.parameters, v, direction) for term in terms), float
+        own + sum(effect_friction(CATALOGUE[term.name], term.parameters, v, direction, t) for term in terms), float
     )
+
+
+def _least_in_time(arm: Arm, joint: int, v: Array, direction: int) -> Array:
+    """(k,) N m (N): total friction at the start, or when all that changes has changed, whichever is less."""
+    return np.minimum(*(total_friction(arm, joint, v, direction, t) for t in (0.0, np.inf)))
 
 
 def least_friction(arm: Arm, joint: int, top: float = 0.0) -> tuple[float, float]:
@@ -77,7 +88,7 @@ def least_friction(arm: Arm, joint: int, top: float = 0.0) -> tuple[float, float
     Negative where it drives the joint there; never by rounding alone.
     """
     v = speeds(arm, joint, top)
-    both = {direction: total_friction(arm, joint, v, direction) for direction in (1, -1)}
+    both = {direction: _least_in_time(arm, joint, v, direction) for direction in (1, -1)}
     scale = max(float(np.abs(values).max()) for values in both.values())
     direction = min(both, key=lambda d: float(both[d].min()))
     at = int(np.argmin(both[direction]))
@@ -112,7 +123,7 @@ def dissipative(arm: Arm, top: Sequence[float] | Array | None = None) -> Arm:
     joints = list(arm.joints)
     for j in driven(arm, top):
         v = speeds(arm, j, 0.0 if top is None else float(top[j]))
-        joints[j] = _projected(joints[j], v, [total_friction(arm, j, v, direction) for direction in (1, -1)])
+        joints[j] = _projected(joints[j], v, [_least_in_time(arm, j, v, direction) for direction in (1, -1)])
     return replace(arm, joints=tuple(joints))
 
 

@@ -17,6 +17,41 @@ AGAINST_VELOCITY = {
     Instrument.SINGLE_AXIS: Observation(against=Variable.VELOCITY),
 }
 
+WITH_TIME = "change with time"
+
+
+def _with_time(unit: str, typical: tuple[float, float]) -> tuple[Parameter, Parameter]:
+    """The next-order term of friction that changes evenly while an arm is recorded, as a cold one that warms up."""
+    return (
+        Parameter(
+            "change",
+            unit,
+            typical,
+            True,
+            "change per second of a recording",
+            signed=True,
+            term=WITH_TIME,
+            # of friction that grows from nothing, a constant explains three quarters
+            term_share=0.2,
+        ),
+        Parameter(
+            "until",
+            "s",
+            (0.0, 600.0),
+            False,
+            "time after which it stays as it is: that of the longest recording",
+            term=WITH_TIME,
+            lasts=True,
+            noun="end of its change",
+        ),
+    )
+
+
+def changed(p: Values, s: Signals) -> Any:
+    """By how much a coefficient has changed since the start of a recording."""
+    return p.change * scalar.minimum(s.t, p.until)
+
+
 VISCOUS_FRICTION = Effect(
     name="viscous_friction",
     place=Place.MECHANICS,
@@ -26,12 +61,13 @@ VISCOUS_FRICTION = Effect(
             "N m s/rad",
             (0.2, 10.0),
             True,
-            "missing viscous coefficient",
+            "missing viscous coefficient, at the start of a recording",
             signed=True,
             noun="viscous friction",
         ),
+        *_with_time("N m/rad", (0.01, 1.0)),
     ),
-    equation="tau = B q'",
+    equation="tau = (B + b min(t, te)) q'",
     settable="not the same in all recordings",
     shows="error proportional to velocity",
     confused_with={"time_skew": "two speeds", "hydrodynamic_drag": "two speeds"},
@@ -39,7 +75,7 @@ VISCOUS_FRICTION = Effect(
     excited_by=Excitation.SPEED,
     directional=True,
     friction=True,
-    torque=lambda p, s: p.viscous * s.v,
+    torque=lambda p, s: (p.viscous + changed(p, s)) * s.v,
 )
 
 COULOMB_FRICTION = Effect(
@@ -51,7 +87,7 @@ COULOMB_FRICTION = Effect(
             "N m",
             (0.1, 15.0),
             True,
-            "missing Coulomb friction, mean of both directions",
+            "missing Coulomb friction, mean of both directions, at the start of a recording",
             signed=True,
             noun="Coulomb friction",
         ),
@@ -66,8 +102,9 @@ COULOMB_FRICTION = Effect(
             own=True,
             noun="difference between directions",
         ),
+        *_with_time("N m/s", (0.01, 1.0)),
     ),
-    equation="tau = F (1 + s sign(q')) sign(q')",
+    equation="tau = (F + f min(t, te)) (1 + s sign(q')) sign(q')",
     settable="not the same in all recordings",
     shows="a step where the velocity changes sign",
     confused_with={
@@ -77,7 +114,7 @@ COULOMB_FRICTION = Effect(
     observed_by=AGAINST_VELOCITY,
     directional=True,
     friction=True,
-    torque=lambda p, s: p.coulomb * (1 + p.skew * s.sign) * s.sign,
+    torque=lambda p, s: (p.coulomb + changed(p, s)) * (1 + p.skew * s.sign) * s.sign,
 )
 
 FRICTION_ASYMMETRY = Effect(

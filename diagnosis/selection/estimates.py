@@ -42,11 +42,8 @@ def estimates(
         slope = np.array([moved.get(name, 0.0) for moved in (*by_coefficient, *by_parameter)])
         std = float(np.sqrt(max(float(slope @ covariance @ slope), 0.0)))
         unit = unit_at(joint, parameter.unit, parameter.name) if joint else parameter.unit
-        rows.append(
-            Estimate(
-                name, value, float(np.hypot(std, 0.0 if parameter.whole or parameter.own else share * abs(value))), unit
-            )
-        )
+        exact = parameter.whole or parameter.own or parameter.lasts
+        rows.append(Estimate(name, value, float(np.hypot(std, 0.0 if exact else share * abs(value))), unit))
     return rows
 
 

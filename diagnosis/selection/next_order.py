@@ -11,6 +11,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from arm_io.types import Array
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Columns, Pair
@@ -21,20 +23,37 @@ SAME = 0.01
 """Relative difference of two orders that are multiples."""
 
 
-def next_orders(chosen: Candidate, coefficients: Array) -> Iterator[Candidate]:
-    """The chosen candidate, of coefficients (k,), with each of the terms that it does not have yet."""
+def next_orders(chosen: Candidate, coefficients: Array, seconds: float) -> Iterator[Candidate]:
+    """The chosen candidate, of coefficients (k,), with each of the terms that it does not have yet.
+
+    seconds: length of the longest recording, after which a term of time stays as it is.
+    """
     effect, values = chosen.definition, chosen.parameters(coefficients.tolist())
     shape = dict(chosen.shape)
     if effect.span is not None and effect.terms:
         shape[effect.span.name] = values[effect.span.name]
     for term in effect.terms:
         if term not in chosen.terms:
-            yield replace(chosen, shape=tuple(shape.items()), terms=(*chosen.terms, term))
+            lasts = effect.lasting(term)
+            until = () if lasts is None else ((lasts.name, seconds),)
+            yield replace(chosen, shape=(*shape.items(), *until), terms=(*chosen.terms, term))
 
 
 def of_last_term(own: Pair) -> Pair:
     """The column of a candidate's last term, of all its columns."""
     return own.map(lambda columns: Columns(columns.x[:, -1:], columns.where))
+
+
+def small_term(candidate: Candidate, parts: Array, most: float) -> bool:
+    """Whether what the last term does is at most ``most`` times what the law does (rms), of parts (N, k).
+
+    Time begins anywhere: what of a term of time is like the law belongs to the law.
+    """
+    law, term = parts[:, :-1].sum(axis=1), parts[:, -1]
+    if candidate.definition.lasting(candidate.terms[-1]) is not None:
+        common = float(law @ term / max(float(law @ law), 1e-300)) * law
+        law, term = law + common, term - common
+    return bool(np.sum(term**2) <= most**2 * np.sum(law**2))
 
 
 def term_share(candidate: Candidate) -> float:

@@ -69,8 +69,8 @@ def test_says_by_which_instrument_it_is_observed_what_excites_it_and_where_its_p
 
 
 def _found(parameter: Parameter) -> bool:
-    """How an estimator finds it: as a coefficient, by the plane that it spans, by a search, or from the joint."""
-    return parameter.linear or parameter.span is not None or bool(parameter.search) or parameter.own
+    """How an estimator finds it: as a coefficient, by its plane, by a search, or from joint or recordings."""
+    return parameter.linear or parameter.span is not None or bool(parameter.search) or parameter.own or parameter.lasts
 
 
 @pytest.mark.parametrize("effect", CATALOGUE.values(), ids=CATALOGUE.keys())

@@ -5,7 +5,7 @@ The arm and what is wrong with it are a few lines of numpy (``tests.diagnosis.nu
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -29,9 +29,11 @@ def _rubbing(positive: Friction, negative: Friction) -> tuple:
 HEALTHY = _rubbing(straight(6.0, 5.0), straight(4.0, 5.0))
 
 
-def _diagnosed(arm: NumpyArm, folder: Path, curve: Friction | None = None) -> armscope.Diagnosis:
+def _diagnosed(
+    arm: NumpyArm, folder: Path, curve: Friction | None = None, coulomb: Sequence[tuple[float, float]] = COULOMB
+) -> armscope.Diagnosis:
     fit, held_out = (arm.record(folder / f"{seed}.mcap", seed) for seed in (1, 2))
-    return armscope.diagnose(fit, model(COULOMB, VISCOUS, curve), held_out=held_out)
+    return armscope.diagnose(fit, model(coulomb, VISCOUS, curve), held_out=held_out)
 
 
 def _named(result: armscope.Diagnosis) -> list[tuple[str, int | None]]:
@@ -80,6 +82,17 @@ def test_drift_of_friction_brings_no_asymmetry(tmp_path: Path) -> None:
     assert sizes["time_constant"] == pytest.approx(6.0, rel=0.05)
     by_direction = (sizes["fraction"] + sizes["difference"]) * 6.0, (sizes["fraction"] - sizes["difference"]) * 4.0
     assert by_direction == pytest.approx((1.5, 1.5), rel=0.05)
+
+
+@pytest.mark.parametrize("size", [-0.3, pytest.param(1.5, marks=pytest.mark.slow)])
+def test_friction_that_changes_while_it_is_recorded_is_no_drift(size: float, tmp_path: Path) -> None:
+    """Friction that is wrong from the start on, and grows evenly: a drift begins at nothing."""
+    law = _at_joint_2(lambda q, v, t, load: size * (0.6 + 0.8 * t / 20.0) * np.tanh(v / REST))
+    arm = NumpyArm(_rubbing(straight(5.0, 5.0), straight(5.0, 5.0)), torque=law)
+    result = _diagnosed(arm, tmp_path, coulomb=(COULOMB[0], (5.0, 5.0)))
+    assert _named(result) == [("coulomb_friction", 2)] and result.verdict == "explained"
+    assert _sizes(result) == pytest.approx({"coulomb": 0.6 * size, "change": 0.04 * size, "until": 19.8}, rel=0.03)
+    assert result.to_json()["causes"][0]["terms"] == [{"term": "change with time", "parameters": ["change"]}]
 
 
 def test_both_orders_of_an_encoder_are_one_cause(tmp_path: Path) -> None:

@@ -105,6 +105,11 @@ def test_one_set_of_friction_for_files_and_commands(tmp_path: Path) -> None:
     falling = replace(carriage(), joints=(replace(carriage().joints[0], viscous=-30.0),))
     assert driven(falling, [0.3]) == [] and driven(falling, [0.5]) == [0]
     assert driven(dissipative(falling, [0.5]), [0.5]) == []
+    # at the start it opposes the motion; when its change has ended it would drive
+    terms = {"coulomb": -2.0, "change": -0.5, "until": 20.0}
+    fading = replace(carriage(), effects=(EffectTerm("coulomb_friction", 1, terms),))
+    assert driven(fading) == [0] and driven(dissipative(fading)) == []
+    assert driven(replace(fading, effects=(replace(fading.effects[0], parameters={**terms, "until": 10.0}),))) == []
 
 
 @pytest.mark.parametrize("rate", [4, 10, 16])

@@ -28,7 +28,7 @@ from diagnosis.selection.bodies import body_of, link_of
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Columns, Dataset, Pair
 from diagnosis.selection.model_uncertainty import ModelUncertainty, Significance
-from diagnosis.selection.next_order import harmonics, is_harmonic, next_orders, of_last_term, term_share
+from diagnosis.selection.next_order import harmonics, is_harmonic, next_orders, of_last_term, small_term, term_share
 from diagnosis.selection.regression import Fitted, best_of_each, fit_together, score
 from diagnosis.selection.ripple_orders import detectable
 from identification.selection import MeasurementModel, Score, Split, p_value
@@ -117,7 +117,7 @@ class Currents(MeasurementModel[Candidate, State]):
             score(c, of_last_term(self.columns(c)), state.fitted, state.data.held_out)
             for k, (chosen, own) in enumerate(zip(state.chosen, state.coefficients))
             if not is_harmonic(chosen, state.chosen[:k])
-            for c in next_orders(chosen, own)
+            for c in next_orders(chosen, own, self._seconds)
         ]
         scores += [
             score(c, self.library[c], state.fitted, state.data.held_out)
@@ -222,6 +222,17 @@ class Currents(MeasurementModel[Candidate, State]):
         state = State(self, tuple(chosen), self.data, rivals)
         return corrected(state) if chosen else state
 
+    def with_terms(self, state: State, chosen: Candidate, rival: Candidate) -> State:
+        """With a rival in the place of a chosen candidate, and with the first of its terms that is admissible."""
+        others = self.without(chosen, state).fitted
+        sharp, place = refined(rival, others, self.data.fit), state.chosen.index(chosen)
+        trial = _replaced(state, chosen, sharp)
+        for with_term in next_orders(sharp, trial.coefficients[place], self._seconds):
+            own = of_last_term(self.columns(with_term))
+            if self.admissible(score(with_term, own, trial.fitted, trial.data.held_out), trial):
+                return _replaced(trial, sharp, refined(with_term, others, self.data.fit))
+        return trial
+
     def _swapped(self, state: State, joints: Sequence[int]) -> State | None:
         """With a rival, and the next-order terms of its law, in the place of a cause of one of the ``joints``.
 
@@ -233,22 +244,11 @@ class Currents(MeasurementModel[Candidate, State]):
             for rival in (one.candidate for one in state.rivals[c.key] if one.candidate.definition.terms):
                 if rival.key in self._taken(state):
                     continue
-                trial = self._with_terms(replace(state, rivals={**state.rivals, rival.key: ()}), c, rival)
+                trial = self.with_terms(replace(state, rivals={**state.rivals, rival.key: ()}), c, rival)
                 # first-order columns screen: only what they show is evaluated exactly
                 if _left(trial) < least and _left(exact := self.refitted(trial.chosen, trial.rivals)) < least:
                     best, least = exact, _left(exact)
         return best
-
-    def _with_terms(self, state: State, chosen: Candidate, rival: Candidate) -> State:
-        """With a rival in the place of a chosen candidate, and with the first of its terms that is admissible."""
-        others = self.without(chosen, state).fitted
-        sharp, place = refined(rival, others, self.data.fit), state.chosen.index(chosen)
-        trial = _replaced(state, chosen, sharp)
-        for with_term in next_orders(sharp, trial.coefficients[place]):
-            own = of_last_term(self.columns(with_term))
-            if self.admissible(score(with_term, own, trial.fitted, trial.data.held_out), trial):
-                return _replaced(trial, sharp, refined(with_term, others, self.data.fit))
-        return trial
 
     def _next_order(self, score: Score[Candidate], state: State) -> bool:
         """Whether a term is smaller than its effect, and explains no more than a next order of what the two explain."""
@@ -260,8 +260,12 @@ class Currents(MeasurementModel[Candidate, State]):
         # a law that is free to move follows much of a cube or a kink: with the term, the law must still be the larger
         sharp = refined(score.candidate, others.fitted, self.data.fit)
         own = _replaced(state, chosen, sharp).coefficients[state.chosen.index(chosen)]
-        parts = self.columns(sharp).fit.x * own
-        return bool(np.sum(parts[:, -1] ** 2) <= self.limits.next_order**2 * np.sum(parts[:, :-1].sum(axis=1) ** 2))
+        return small_term(sharp, self.columns(sharp).fit.x * own, self.limits.next_order)
+
+    @property
+    def _seconds(self) -> float:
+        """s of the longest recording."""
+        return max(float(run.t[-1]) for part in self.data for run in part.runs)
 
     def _of_inertia(self, body: Candidate) -> Pair:
         """The columns that a body has in addition to those of a mass point: its inertia."""

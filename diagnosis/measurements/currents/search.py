@@ -186,7 +186,8 @@ def simplified(state: State) -> State:
     """The state with fewer or simpler effects in the place of others, if the held-out residual hardly grows.
 
     Two special cases of an effect at one joint are replaced by that effect; an effect is replaced by a simpler one that
-    it contains. While other causes were missing, the additional coefficients may have fitted their residual.
+    it contains. While other causes were missing, the additional coefficients may have fitted their residual. A simpler
+    one with a next-order term of its own takes its place if it leaves less.
     """
     model = state.model
     if not state.chosen:
@@ -205,13 +206,33 @@ def simplified(state: State) -> State:
             [*others[:place], *substitutes, *others[place:]],
             {**state.rivals, **{c.key: rivals for c in substitutes}},
         )
-        left, left_by_trial = (float(np.sum(one.fitted.held_out**2)) for one in (state, trial))
+        left, left_by_trial = _held_out_left(state), _held_out_left(trial)
         noise = float(state.data.held_out.rows)
         # where much is left that no effect explains, more coefficients follow some of it
         beyond = max(left - noise * len(model.arm), 0.0) if _friction_alone(substitutes, replaced) else 0.0
         if left_by_trial - left < max(model.limits.min_gain * noise, model.limits.follows * beyond):
             state = trial
+        elif (better := _by_next_order(state, substitutes, replaced[0], left)) is not None:
+            state = better
     return state
+
+
+def _by_next_order(state: State, substitutes: Sequence[Candidate], cause: Candidate, left: float) -> State | None:
+    """The state with a near case of a cause and a next-order term of its law, if that leaves less than ``left``."""
+    (substitute, *others) = substitutes
+    if others or substitute.effect not in cause.definition.near_cases or not substitute.definition.terms:
+        return None
+    trial = state.model.with_terms(replace(state, rivals={**state.rivals, substitute.key: ()}), cause, substitute)
+    # first-order columns screen: only what they show is evaluated exactly
+    if _held_out_left(trial) >= left:
+        return None
+    exact = state.model.refitted(trial.chosen, trial.rivals)
+    return exact if _held_out_left(exact) < left else None
+
+
+def _held_out_left(state: State) -> float:
+    """Squared held-out residual, in units of the noise variance."""
+    return float(np.sum(state.fitted.held_out**2))
 
 
 def _friction_alone(*candidates: Sequence[Candidate]) -> bool:
