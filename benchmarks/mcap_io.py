@@ -56,7 +56,7 @@ def make_rows(count: int) -> Rows:
 
 def in_blocks(rows: Rows, size: int = 200) -> Iterator[Rows]:
     """As the sampler hands them over."""
-    names = [name for name in rows.__dataclass_fields__ if getattr(rows, name) is not None]
+    names = [name for name in rows.__dataclass_fields__ if name != "extra" and getattr(rows, name) is not None]
     for start in range(0, len(rows), size):
         yield Rows(**{name: getattr(rows, name)[start : start + size] for name in names})
 

@@ -9,7 +9,7 @@ import numpy as np
 from drivers.protocols import Block, Quality
 
 
-def empty(counters: int = 0, inputs: int = 0, *, points: bool = False) -> Block:
+def empty(counters: int = 0, inputs: int = 0, *, points: bool = False, readings: int = 0) -> Block:
     """A block of no rows."""
     none = np.empty(0, np.int64)
     return Block(
@@ -20,15 +20,18 @@ def empty(counters: int = 0, inputs: int = 0, *, points: bool = False) -> Block:
         np.empty((0, counters), np.int64) if counters else None,
         np.empty((0, inputs)) if inputs else None,
         np.empty((0, 3)) if points else None,
+        np.empty((0, readings)) if readings else None,
     )
 
 
-def join(blocks: Sequence[Block], counters: int = 0, inputs: int = 0, *, points: bool = False) -> Block:
+def join(
+    blocks: Sequence[Block], counters: int = 0, inputs: int = 0, *, points: bool = False, readings: int = 0
+) -> Block:
     """The rows of all blocks, in order; each has the columns named here."""
     if len(blocks) == 1:
         return blocks[0]
     if not blocks:
-        return empty(counters, inputs, points=points)
+        return empty(counters, inputs, points=points, readings=readings)
 
     def all_of(column: str) -> np.ndarray:
         return np.concatenate([getattr(block, column) for block in blocks])
@@ -41,6 +44,7 @@ def join(blocks: Sequence[Block], counters: int = 0, inputs: int = 0, *, points:
         all_of("counts") if counters else None,
         all_of("volts") if inputs else None,
         all_of("points") if points else None,
+        all_of("readings") if readings else None,
     )
 
 

@@ -46,6 +46,7 @@ __all__ = [
     "PositionTracker",
     "QuadratureCounter",
     "Quality",
+    "Readings",
     "Reconnecting",
     "TriggerInput",
 ]
@@ -118,6 +119,7 @@ class Block:
     counts  (n, counters) int64: raw register values, or None
     volts   (n, inputs) float64 V: at the input, or None
     points  (n, 3) float64 m: tracker's frame, NaN where the beam was broken, or None
+    readings (n, k) float64: values of ``Readings``, NaN where there is none, or None
     quality (n, counters + inputs + 1 if points) uint8: Quality bits, in that order of columns
     """
 
@@ -128,6 +130,7 @@ class Block:
     counts: NDArray[np.int64] | None = None
     volts: NDArray[np.float64] | None = None
     points: NDArray[np.float64] | None = None
+    readings: NDArray[np.float64] | None = None
 
     def __len__(self) -> int:
         return len(self.number)
@@ -278,6 +281,17 @@ class PositionTracker(Protocol):
     memory: int  # samples
 
     def recall(self) -> Block: ...
+
+
+@runtime_checkable
+class Readings(Protocol):
+    """An instrument that sends numbers on its own time, such as a vehicle's navigation: by ``read`` (Latched).
+
+    It cannot be triggered: each reading goes to the row that is nearest to it in time, other rows have NaN.
+    """
+
+    readings: tuple[str, ...]  # their names, which become columns of the recording; SI units
+    rate: float  # Hz, set
 
 
 @runtime_checkable

@@ -15,7 +15,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field, field_validator
 
-from arm_io import DeviceFault
+from arm_io import DeviceFault, InputError
 from arm_io.table import Rate, Table
 from arm_io.types import Array
 from drivers import RigContext
@@ -69,6 +69,11 @@ class Tracker:
 
     def __init__(self, name: str, config: Config, world: World) -> None:
         self.name, self.config, self._world = name, config, world
+        if world.plant.thrusters is not None:
+            raise InputError(
+                name,
+                "stands on the ground, and the rig's arm floats; sim_backend.navigation gives the pose of its base",
+            )
         self.rate, self.memory = config.rate, config.memory
         self._noise = noise.keys(world.settings.seed, f"points of {name}", 3)
         self._outlier_noise = noise.keys(world.settings.seed, f"outliers of {name}", 4)

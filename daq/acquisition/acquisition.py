@@ -243,6 +243,7 @@ class Acquisition:
             i=currents(calibration, joined.volts),
             points=joined.points,
             qref=demand,
+            extra={name: joined.readings[:, k] for k, (_, name) in enumerate(self.bench.columns.readings)},
         )
 
     def _make_join(self) -> None:

@@ -13,7 +13,7 @@ from drivers import extend
 from drivers.protocols import Block, Quality
 
 Table = dict[str, NDArray[Any]]
-VALUES = ("counts", "volts", "points")
+VALUES = ("counts", "volts", "points", "readings")
 MISSING = int(Quality.MISSING)  # numpy looks an enum member over at every operation
 
 
@@ -25,7 +25,7 @@ class Stream:
     quality   columns of the joined quality that it fills
     required  a trigger without a row of this device is lost; a tracker's missing point is a value missing
     by_time   the device makes rows on its own time: the nearest serves a trigger. Other triggers that it is the nearest
-              to get it too, marked STALE, but for a tracker's point, which is MISSING there
+              to get it too, marked STALE, but for a tracker's point and readings, which are MISSING there
     served    host time of the newest row that has served a trigger by time
     presets   channel -> count that its register was set to, where it was
     """
@@ -38,7 +38,8 @@ class Stream:
         counters = [i for i, (owner, _) in enumerate(columns.counters) if owner == name]
         inputs = [i for i, (owner, _) in enumerate(columns.inputs) if owner == name]
         points = [0, 1, 2] if columns.tracker == name else []
-        self.columns = {k: slice(v[0], v[-1] + 1) for k, v in zip(VALUES, (counters, inputs, points)) if v}
+        readings = [i for i, (owner, _) in enumerate(columns.readings) if owner == name]
+        self.columns = {k: slice(v[0], v[-1] + 1) for k, v in zip(VALUES, (counters, inputs, points, readings)) if v}
         first_input = len(columns.counters)
         last = first_input + len(columns.inputs)
         self.quality = np.array(counters + [first_input + i for i in inputs] + [last] * bool(points), int)
@@ -47,7 +48,7 @@ class Stream:
         self.newest = -1  # index of the newest row that was indexed
         self.rows = 0
         self.served = -1
-        self.repeat = Quality.MISSING if points else Quality.STALE
+        self.repeat = Quality.MISSING if points or readings else Quality.STALE
         self.pairs: list[tuple[int, int]] = []  # tick and host time, one a block, for the fit of the clocks
         self._widths = [columns.widths[i] for i in counters]
         self._last: list[int | None] = [presets.get(columns.counters[i][1]) for i in counters]

@@ -36,6 +36,7 @@ class Joined:
     counts: NDArray[np.int64]
     volts: NDArray[np.float64]
     points: NDArray[np.float64] | None
+    readings: NDArray[np.float64]
     quality: NDArray[np.uint8]
 
 
@@ -71,6 +72,8 @@ class Join:
     def begin_at(self, host_ns: int) -> None:
         """Rows of triggers before this host time are not of this run."""
         self._begin = host_ns
+        for stream in self.others:
+            stream.served = host_ns - round(self.period_ns)
 
     def lose_device(self, name: str, why: str) -> None:
         """No more rows come from this device; the join no longer waits for it."""
@@ -127,6 +130,8 @@ class Join:
                 horizon = min(horizon, max(stream.newest, self.clock.newest - self.patience))
             elif self.clock.ready is not None:
                 horizon = min(horizon, self._horizon_by_time(stream))
+                if stream.repeat == MISSING:  # whether a reading is nearer to a trigger than to the next one
+                    horizon = min(horizon, self.clock.newest - 1)
         return horizon
 
     def _horizon_by_time(self, stream: Stream) -> int:
@@ -180,6 +185,7 @@ class Join:
             "counts": np.zeros((n, len(self.columns.counters)), np.int64),
             "volts": np.full((n, len(self.columns.inputs)), np.nan),
             "points": np.full((n, 3), np.nan),
+            "readings": np.full((n, len(self.columns.readings)), np.nan),
         }
         quality = np.full((n, self.columns.quality), MISSING, np.uint8)
         for stream in (self.clock, *self.others):
@@ -189,9 +195,10 @@ class Join:
                 continue
             elif stream.by_time:
                 rows = stream.ready
-                place, first = nearest(rows["host"], table["host"], stream.served)
+                place, first = nearest(rows["host"], self._known_triggers(table), stream.served)
+                place, first = place[:n], first[:n]
                 flag = np.where(first, 0, int(stream.repeat)).astype(np.uint8)
-                stream.served = int(rows["host"][place[-1]])
+                stream.served = max([stream.served, *rows["host"][place[first]][-1:].tolist()])
             else:
                 rows, place = stream.ready, places[stream.name]
                 flag = np.where(rows["index"][place] == table["index"], 0, MISSING).astype(np.uint8)
@@ -211,8 +218,15 @@ class Join:
             values["counts"],
             values["volts"],
             values["points"] if self.columns.tracker is not None else None,
+            values["readings"],
             quality,
         )
+
+    def _known_triggers(self, table: Table) -> NDArray[np.int64]:
+        """Host times of the triggers of these rows and of those after them, which a row may be nearer to."""
+        assert self.clock.ready is not None
+        later = int(np.searchsorted(self.clock.ready["index"], table["index"][-1], side="right"))
+        return np.concatenate([table["host"], self.clock.ready["host"][later:]])
 
     def _without_empty(self, rows: Joined) -> Joined | None:
         """A row without a single value is none.
@@ -228,7 +242,8 @@ class Join:
         kept = ~empty
         number, host, tick = (column[kept] for column in (rows.number, rows.host, rows.tick))
         points = None if rows.points is None else rows.points[kept]
-        return Joined(number, host, tick, rows.counts[kept], rows.volts[kept], points, rows.quality[kept])
+        values = rows.counts[kept], rows.volts[kept], points, rows.readings[kept]
+        return Joined(number, host, tick, *values, rows.quality[kept])
 
     def _account_for_losses(self, horizon: int, present: NDArray[np.int64]) -> None:
         """Every trigger of next..horizon is a row or a loss with a reason."""

@@ -6,14 +6,14 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from typing import cast
+from typing import TypeGuard, cast
 
 from arm_io import DeviceFault, InputError
 from daq.acquisition.device_stream import Stream
 from daq.acquisition.polling import PolledDevice, Poller, sleep_until
 from daq.rig.bench import Bench
 from drivers import empty
-from drivers.protocols import Block, EdgeSource, Latched, Plan, Polled, PositionTracker, TriggerInput
+from drivers.protocols import Block, Device, EdgeSource, Latched, Plan, Polled, PositionTracker, Readings, TriggerInput
 
 
 class Intake:
@@ -54,13 +54,18 @@ class Intake:
         device, rate = self.bench.devices[name], self.plan.rate
         if name in self.pollers:
             rate = min(rate, 1e9 / self.pollers[name].period_ns)
-        elif isinstance(device, PositionTracker) and self.plan.source is not EdgeSource.TRACKER:
+        elif self._own_time(device):
             rate = device.rate
         else:
             return self.plan
         rows = None if self.plan.rows is None else math.ceil(self.plan.rows * rate / self.plan.rate)
         source = EdgeSource.POLL if name in self.pollers else self.plan.source
         return replace(self.plan, source=source, rate=rate, rows=rows)
+
+    def _own_time(self, device: Device) -> TypeGuard[PositionTracker | Readings]:
+        """Whether its rows are joined by their time: trackers, unless they make the trigger, and readings."""
+        tracks = isinstance(device, PositionTracker) and self.plan.source is not EdgeSource.TRACKER
+        return tracks or isinstance(device, Readings)
 
     def arm_afresh(self) -> None:
         """Just before the start: where edges come already (a free-running line), all numbering begins anew."""
@@ -131,8 +136,7 @@ class Intake:
         bench, device = self.bench, self.bench.devices[name]
         period = 1.0 / self.plan.rate
         polled = isinstance(device, Polled) and (self.plan.source is EdgeSource.POLL or not isinstance(device, Latched))
-        # A tracker cannot be triggered: unless it makes the trigger itself, its points are joined by their time.
-        by_time = polled or (isinstance(device, PositionTracker) and self.plan.source is not EdgeSource.TRACKER)
+        by_time = polled or self._own_time(device)
         stream = Stream(name, bench.columns, period * 1e9, by_time=by_time, presets=bench.presets.get(name, {}))
         if polled:
             ceiling = bench.identities[name].max_rate or self.plan.rate

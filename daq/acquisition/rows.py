@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ class Rows:
     q         (n, J) float64 rad (m): joint angles, motor encoder over gear ratio; NaN where missing
     i         (n, J) float64 A: motor currents, positive drives the joint positive; NaN where missing
     qref      (n, J) float64 rad (m), or None where the controller does not report it
+    extra     further columns by name, (n,) float64 (``drivers.protocols.Readings``); NaN in rows without a reading
     """
 
     number: NDArray[np.int64]
@@ -36,6 +37,7 @@ class Rows:
     i: NDArray[np.float64]
     points: NDArray[np.float64] | None = None
     qref: NDArray[np.float64] | None = None
+    extra: dict[str, NDArray[np.float64]] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.number)

@@ -21,7 +21,7 @@ from daq.recording.mcap_file import writer as mcap_writer
 from daq.recording.mcap_file.writer import McapFile
 from daq.recording.messages import ros2_messages
 from daq.recording.messages.row_format import POSE_COLUMNS, Layout, RowFormat
-from daq.recording.messages.viewers import places_in, viewer_channels, viewer_schemas
+from daq.recording.messages.viewers import UNKNOWN_POSE, held, places_in, viewer_channels, viewer_schemas
 
 
 @dataclass(frozen=True)
@@ -143,12 +143,13 @@ def ledger_table(ledger: LedgerSummary) -> dict:
 class Derivatives:
     """What viewers need in addition to the measured columns.
 
-    Of the joints velocity (difference quotient) and effort (torque); of a floating base its pose.
+    Of the joints velocity (difference quotient) and effort (torque); of a floating base its newest known pose.
     """
 
     def __init__(self, layout: Layout) -> None:
         self._effort = np.array(layout.effort)
         self._pose = [layout.extra.index(name) for name in POSE_COLUMNS] if layout.pose else []
+        self._newest_pose = UNKNOWN_POSE
         self._q: NDArray[np.float64] | None = None
         self._wall_ns = 0
 
@@ -161,7 +162,8 @@ class Derivatives:
         if len(self._effort) and "i" in piece:
             derived["torque"] = piece["i"] * self._effort
         if self._pose:
-            derived["base_pose"] = piece["extra"][:, self._pose]
+            derived["base_pose"] = held(piece["extra"][:, self._pose], self._newest_pose)
+            self._newest_pose = derived["base_pose"][-1]
         self._q, self._wall_ns = q[-1:], int(wall_ns[-1])
         return derived
 

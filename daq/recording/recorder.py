@@ -21,7 +21,7 @@ from arm_io import DeviceFault
 from daq.acquisition.ledger import LedgerSummary, Loss, LossReason
 from daq.acquisition.rows import Rows
 from daq.recording.mcap_file.writer import Progress, as_json
-from daq.recording.messages.row_format import Layout, format_of
+from daq.recording.messages.row_format import POSE_COLUMNS, Layout, format_of
 from daq.recording.messages.viewers import Viewers
 from daq.recording.parts import Attachments, Derivatives, finish_file, open_file, write_chunk, write_pictures
 
@@ -37,17 +37,29 @@ def rows_layout(
     tracker: bool = False,
     demand: bool = False,
     effort: Sequence[float] = (),
+    extra: Sequence[str] = (),
 ) -> Layout:
     """The layout of a recording of ``Rows``: names of joints, counters and inputs.
 
     Whether there are points and demands.
 
     effort  (J,) joint torque per motor ampere, N m/A (N/A), where it is known: fills the effort in /joint_states
+    extra   names of further columns
     """
     everyone = tuple(range(1, len(joints) + 1))
     signals = {"q": everyone, "i": everyone} | ({"qref": everyone} if demand else {})
     points = "tracker" if tracker else ""
-    return Layout(tuple(joints), signals, True, tuple(counters), tuple(inputs), points, tuple(effort))
+    return Layout(
+        tuple(joints),
+        signals,
+        True,
+        tuple(counters),
+        tuple(inputs),
+        points,
+        tuple(effort),
+        tuple(extra),
+        pose=set(POSE_COLUMNS) <= set(extra),
+    )
 
 
 class Recorder:
@@ -216,17 +228,21 @@ class Recorder:
 
     def _write(self, blocks: list[Rows]) -> None:
         columns = _columns(blocks, self.layout)
+        poses: list[NDArray[np.float64]] = []
         for start in range(0, len(columns["number"]), self._chunk_rows):
             piece = {name: values[start : start + self._chunk_rows] for name, values in columns.items()}
+            piece |= self._derive(piece)
+            poses += [piece["base_pose"]] if self.layout.pose else []
             try:
-                write_chunk(self._file, self._format, piece | self._derive(piece))
+                write_chunk(self._file, self._format, piece)
                 self._recorded += len(piece["number"])
             except OSError as error:
                 with self._change:
                     self._lose(piece["number"], LossReason.DISK, str(error.strerror))
         if self._viewers is not None:
             with contextlib.suppress(OSError):  # rows that met the same disk are counted above; pictures are not data
-                for content in self._viewers.contents(columns["q"], columns["wall_ns"]):
+                pose = np.concatenate(poses) if self.layout.pose else None
+                for content in self._viewers.contents(columns["q"], columns["wall_ns"], pose):
                     write_pictures(self._file, content)
         # A disk that refuses to sync will refuse the end of the file, too, and is reported there.
         with contextlib.suppress(OSError):
@@ -249,7 +265,10 @@ def _columns(blocks: list[Rows], layout: Layout) -> dict[str, NDArray]:
     names = {"points": "xyz"}
     required = {"qref": "qref" in layout.signals, "points": bool(layout.points)}
     columns = {}
-    for name in Rows.__dataclass_fields__:
+    if layout.extra:
+        further = [np.column_stack([block.extra[name] for name in layout.extra]) for block in blocks]
+        columns["extra"] = np.concatenate(further)
+    for name in (name for name in Rows.__dataclass_fields__ if name != "extra"):
         pieces = [getattr(block, name) for block in blocks]
         if required.get(name, True):
             width = 3 if name == "points" else len(layout.joints)

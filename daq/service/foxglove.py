@@ -18,8 +18,8 @@ from arm_io import DeviceFault
 from daq.recording.messages import ros2_messages
 from daq.recording.messages.cdr import Message, fillable, stamps
 from daq.recording.messages.row_format import JOINT_TOPICS, POINT_TOPIC, POSE_FRAME, POSE_TOPIC
-from daq.recording.messages.viewers import DESCRIPTION_TOPIC, TF_TOPIC, frame_names, frame_poses
-from daq.service.row_block import Columns, pose_of
+from daq.recording.messages.viewers import DESCRIPTION_TOPIC, TF_TOPIC, UNKNOWN_POSE, frame_names, frame_poses
+from daq.service.row_block import Columns, poses_of
 
 if TYPE_CHECKING:
     import foxglove
@@ -43,7 +43,7 @@ class LiveView:
         self._context = foxglove.Context()
         self._joints = list(joints)
         self._topics: dict[str, _Topic] = {}
-        self._next_ns = 0
+        self._next_ns, self._base_pose = 0, UNKNOWN_POSE
         try:
             self._server = foxglove.start_server(name=name, host=HOST, port=port, context=self._context)
         except (OSError, RuntimeError) as error:
@@ -55,7 +55,10 @@ class LiveView:
         """Shows rows of a block, ``RATE`` a second of acquisition time; NaN is a gap."""
         wall_ns = columns["wall_ns"]
         if len(wall_ns) and int(wall_ns[0]) < self._next_ns - 1_000_000_000:
-            self._next_ns = 0  # an older recording than the last
+            self._next_ns, self._base_pose = 0, UNKNOWN_POSE  # an older recording than the last
+        poses = poses_of(columns, self._base_pose)
+        if len(poses):
+            self._base_pose = poses[-1]
         for row in range(len(wall_ns)):
             if int(wall_ns[row]) < self._next_ns:
                 continue
@@ -63,7 +66,7 @@ class LiveView:
             for name in (*JOINT_TOPICS, "xyz", "points"):
                 if name in columns:
                     self._topic(name).send(int(wall_ns[row]), columns[name][row])
-            pose = pose_of(columns, row)
+            pose = poses[row] if len(poses) and np.isfinite(poses[row]).all() else None
             if pose is not None:
                 self._topic("base_pose").send(int(wall_ns[row]), pose)
             if self._frames is not None and np.isfinite(columns["q"][row]).all():

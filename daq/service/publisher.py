@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from daq.recording.messages import ros2_messages
 from daq.recording.messages.cdr import fillable, stamps
 from daq.recording.messages.row_format import POSE_FRAME
-from daq.service.row_block import MEDIA_TYPE, Columns, describe, encode, pose_of
+from daq.recording.messages.viewers import UNKNOWN_POSE
+from daq.service.row_block import MEDIA_TYPE, Columns, describe, encode, poses_of
 from daq.service.zenoh_session import Keys
 
 if TYPE_CHECKING:
@@ -85,6 +86,7 @@ class Publisher:
         self._columns: Columns = {}
         self._next_joint_state = 0.0
         self._joint_state.forget()
+        self._base_pose = UNKNOWN_POSE
         return self._run.hex
 
     @property
@@ -111,6 +113,9 @@ class Publisher:
             self._description = describe(columns, self._joints)
             self._columns = {name: values[:0] for name, values in columns.items()}
         self._put(columns, rows, last=False)
+        poses = poses_of(columns, self._base_pose)
+        if len(poses):
+            self._base_pose = poses[-1]
         now = time.monotonic()
         if now >= self._next_joint_state and "q" in columns:
             self._next_joint_state = now + JOINT_STATE_SECONDS
@@ -118,10 +123,9 @@ class Publisher:
             self._joint_states.put(message)
             if self._ros is not None:
                 self._ros.put(message)
-            pose = pose_of(columns, -1)
-            if pose is not None:
+            if np.isfinite(self._base_pose).all():
                 data, fields = self._pose
-                fields["stamp"], fields["pose"] = stamps(columns["wall_ns"][-1:]), pose
+                fields["stamp"], fields["pose"] = stamps(columns["wall_ns"][-1:]), self._base_pose
                 self._poses.put(bytes(data))
 
     def finish(self) -> None:

@@ -36,6 +36,7 @@ from numpy.typing import NDArray
 
 from daq.acquisition.rows import Rows
 from daq.recording.messages.row_format import POSE_COLUMNS
+from daq.recording.messages.viewers import held
 
 HEAD = struct.Struct("<4sHHIIQQ16sQ")
 MAGIC = b"ARMR"
@@ -81,8 +82,8 @@ class RowBlock:
 
 def columns_of(rows: Rows) -> dict[str, NDArray]:
     """The columns of a block of the sampler, under the names that they have in a Recording."""
-    columns = {name: getattr(rows, name) for name in Rows.__dataclass_fields__}
-    return {name: values for name, values in columns.items() if values is not None}
+    columns = {name: getattr(rows, name) for name in Rows.__dataclass_fields__ if name != "extra"}
+    return rows.extra | {name: values for name, values in columns.items() if values is not None}
 
 
 def describe(columns: Columns, joints: Sequence[str]) -> bytes:
@@ -187,9 +188,11 @@ def _size(length: int) -> int:
     return int(length)
 
 
-def pose_of(columns: Columns, row: int) -> NDArray[np.float64] | None:
-    """(7,) x y z m, quaternion x y z w of a floating base in one row; None where the columns or its values lack it."""
+def poses_of(columns: Columns, before: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(rows, 7) x y z m, quaternion x y z w of a floating base, the last known values where a row lacks them.
+
+    ``before`` (7,) those of the block before. (0, 7) where the columns lack it.
+    """
     if not all(name in columns for name in POSE_COLUMNS):
-        return None
-    pose = np.array([columns[name][row] for name in POSE_COLUMNS], float)
-    return pose if np.isfinite(pose).all() else None
+        return np.empty((0, len(POSE_COLUMNS)))
+    return held(np.column_stack([columns[name] for name in POSE_COLUMNS]), before)

@@ -144,6 +144,7 @@ class Run:
             tracker=bench.columns.tracker is not None,
             demand=controller is not None and controller.demand(np.zeros(1)) is not None,
             effort=_torque_per_ampere(model, rig.joint),
+            extra=[name for _, name in bench.columns.readings],
         )
         identities = {name: asdict(identity) for name, identity in bench.identities.items()}
         attachments = Attachments(

@@ -137,13 +137,22 @@ def _gridded(recording: Recording, columns: Array) -> tuple[Array, float, Array]
     where = recording.path
     if len(recording) < 2 or recording.t[-1] - recording.t[0] < 4 * ENDS + 2 * BLOCK_SECONDS:
         raise InputError(where, f"is too short; at least {4 * ENDS + 2 * BLOCK_SECONDS:g} s are needed")
+    # instruments of their own rates: from the first row that all have begun before, to the last that all go beyond
+    known = [recording.t[np.isfinite(column)] for column in columns.T]
+    if not all(len(one) for one in known):
+        raise InputError(where, "has a column of joints, pose or thrusters without any value")
+    first, last = max(one[0] for one in known), min(one[-1] for one in known)
+    if first - recording.t[0] > HOLE or recording.t[-1] - last > HOLE:
+        raise InputError(
+            where,
+            f"has an instrument that is silent for more than {HOLE:g} s at the beginning or the end; cut it there",
+        )
     grid, dt = uniform_grid(recording.t)
+    grid = grid[(grid >= first) & (grid <= last)]
     if len(grid) > MOST_ROWS:
         raise InputError(where, f"has {len(grid)} rows; at most {MOST_ROWS} at a time are taken for a floating base")
     if dt > 1 / (4 * MOTION_BAND):
         raise InputError(where, f"has {1 / dt:.3g} rows/s; at least {4 * MOTION_BAND:g} are needed")
-    if not np.isfinite(columns).any(axis=0).all():
-        raise InputError(where, "has a column of joints, pose or thrusters without any value")
     values, far = on_grid(recording.t, columns, grid, dt)
     if far.max() > HOLE / 2:
         raise InputError(where, f"has a hole of more than {HOLE:g} s in q, pose or thrusters; use the part before it")

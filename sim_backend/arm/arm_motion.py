@@ -21,6 +21,7 @@ from arm_model.simulation import Stepper, references, servo_period
 from experiment import Experiment, demand_of
 from sim_backend.arm.signals import CHUNK_ROWS, Steps
 from sim_backend.arm.stopping import StoppedDemand
+from sim_backend.arm.vehicle import ThrusterSines, at_home, moored, rows_of
 
 ROWS_PER_TICK = 4
 """Rows of the motion in one servo period."""
@@ -29,14 +30,16 @@ ROWS_PER_TICK = 4
 class Standing:
     """Brakes on, no current, from ``row`` on.
 
-    The motors at ``theta`` (n,) rad (over their gears), the joints at ``q``.
+    The motors at ``theta`` (n,) rad (over their gears), the joints at ``q``; a floating base moored at ``base``, a row
+    of ``vehicle.rows_of``, or at the world's origin.
     """
 
     still_from = 0.0
     current_lag = math.inf
 
-    def __init__(self, arm: Arm, theta: Array, q: Array, row: int = 0) -> None:
+    def __init__(self, arm: Arm, theta: Array, q: Array, row: int = 0, base: Array | None = None) -> None:
         self._instruments = Instruments(arm)
+        self._base = moored(base) if base is not None else None if arm.floating is None else at_home(arm.thrusters)
         self._theta, self._q, self._row = theta, q, row
         self.current_delay = self._instruments.current_delay
         self.step_ns = round(servo_period(arm) * 1e9 / ROWS_PER_TICK)
@@ -46,7 +49,8 @@ class Standing:
         self._row += CHUNK_ROWS
         rows, nothing = (CHUNK_ROWS, 1), np.zeros((CHUNK_ROWS, len(self._theta)))
         q, theta = np.tile(self._q, rows), np.tile(self._theta, rows)
-        return self._instruments.see(Motion(times, q, nothing, theta, nothing, nothing, nothing, theta))
+        seen = self._instruments.see(Motion(times, q, nothing, theta, nothing, nothing, nothing, theta))
+        return seen if self._base is None else replace(seen, base=np.tile(self._base, rows))
 
     def state(self) -> object:
         return self._row
@@ -65,9 +69,10 @@ class Servoed:
     Brakes come on between two chunks, at or after ``still_from``.
     """
 
-    def __init__(self, arm: Arm, experiment: Experiment, hold: float) -> None:
+    def __init__(self, arm: Arm, experiment: Experiment, hold: float, sines: ThrusterSines | None = None) -> None:
+        """sines: what the thrusters of a floating base are asked for while the motion lasts."""
         assert arm.controller is not None
-        self._arm, self._hold = arm, hold
+        self._arm, self._hold, self._sines = arm, hold, sines
         self._instruments = Instruments(arm)
         self._deceleration = np.array(experiment.full_acceleration)
         self._asked = demand_of(experiment)
@@ -83,19 +88,29 @@ class Servoed:
     def advance(self) -> Steps:
         first, ticks = self._stepper.tick, CHUNK_ROWS // ROWS_PER_TICK
         if self._braked is None and self._last is not None and first * self._stepper.period >= self.still_from:
-            self._braked = Standing(self._arm, self._last.qm[-1], self._last.q[-1], first * ROWS_PER_TICK)
+            base = None if self._last.base is None else rows_of(self._last.base)[-1]
+            self._braked = Standing(self._arm, self._last.qm[-1], self._last.q[-1], first * ROWS_PER_TICK, base)
         if self._braked is not None:
             return self._braked.advance()
         rows = np.arange(first * ROWS_PER_TICK, first * ROWS_PER_TICK + CHUNK_ROWS, dtype=np.float64)
         times = rows * (self._stepper.period / ROWS_PER_TICK)
-        self._last = self._stepper.advance(references(self._arm, self._demand, first, ticks), times)
+        self._last = self._stepper.advance(self._references(first, ticks), times)
         if not np.isfinite(self._last.q).all():
             raise DeviceFault(
                 self._arm.name,
                 f"its simulation left all bounds before t = {times[-1]:.3g} s; give each joint a rotor inertia, less "
                 "friction or a weaker servo",
             )
-        return self._instruments.see(self._last)
+        seen = self._instruments.see(self._last)
+        return seen if self._last.base is None else replace(seen, base=rows_of(self._last.base))
+
+    def _references(self, first: int, ticks: int) -> Array:
+        """(ticks, n) of the joints, with what is added to the demands of thrusters behind them."""
+        joints = references(self._arm, self._demand, first, ticks)
+        if self._sines is None:
+            return joints
+        t: Array = np.arange(first, first + ticks, dtype=np.float64) * self._stepper.period
+        return np.concatenate([joints, self._sines(t, self.still_from - self._hold)], axis=1)
 
     def state(self) -> object:
         braked = None if self._braked is None else self._braked.state()

@@ -16,7 +16,7 @@ from pydantic import ValidationError
 from arm_io import InputError
 from arm_io.toml import one_line
 from arm_io.types import Array
-from arm_model import Arm, Controller, Joint, on_fixed_base, read_model
+from arm_model import Arm, Controller, Joint, read_model
 from arm_model.effects import check_terms
 from arm_model.rigid_body import regeared
 from arm_model.rigid_body.inertia import about_com, barycentric
@@ -25,6 +25,7 @@ from arm_model.tracking import latency, target_at
 from experiment import Experiment, Payload, demand_of, excesses
 from sim_backend.arm.arm_motion import Instruments, Servoed, Standing
 from sim_backend.arm.signals import Mover
+from sim_backend.arm.vehicle import ThrusterSines, ThrusterTable
 
 FREE, ROUNDING = 1e15, 1e-9
 """rad (m): no stop, and by how much a position may be beyond one."""
@@ -39,6 +40,12 @@ class SimulatedArm:
         self.arm, self._hold, self.encoder_lines = arm, hold, encoder_lines
         self.rest = np.zeros(len(arm))
         self.tracker_latency = latency(arm)
+        self.thrusters = None if arm.floating is None else arm.thrusters
+        self._driven: tuple[ThrusterTable, int] | None = None
+
+    def excite(self, table: ThrusterTable, seed: int) -> None:
+        """What the thrusters of a floating base are asked for, beside keeping station, while an experiment lasts."""
+        self._driven = (table, seed)
 
     def standing(self, pose: Array) -> Mover:
         return Standing(self.arm, pose, pose)
@@ -61,7 +68,11 @@ class SimulatedArm:
         if experiment.setup.drives_off:
             return Standing(self.arm, np.array(experiment.start), np.array(experiment.start))
         arm = self.arm if experiment.setup.payload is None else with_payload(self.arm, experiment.setup.payload)
-        return Servoed(arm, experiment, self._hold)
+        sines = None
+        if self._driven is not None and self.thrusters:
+            table, seed = self._driven
+            sines = ThrusterSines(table, self.thrusters, seed, experiment.name)
+        return Servoed(arm, experiment, self._hold, sines)
 
     def target(self, position: Array, point: tuple[float, float, float]) -> Array:
         return target_at(self.arm, position, point)
@@ -92,7 +103,7 @@ def read_arm(path: Path, known: Path | None, drives: Drives, hold: float) -> Sim
 
     InputError where it cannot be moved.
     """
-    arm = on_fixed_base(read_model(path), path, "a simulated rig")
+    arm = read_model(path)
     check_terms(arm, path)
     Instruments(arm)  # refuses what cannot be simulated
     tuned = arm

@@ -37,6 +37,7 @@ class Steps:
     q, qd    link side, rad, rad/s
     motor    motor angle, rad, and its rate, with the gear's sign
     current  A, in the motor's own sense
+    base     (m, 13 + thrusters) of a floating base (``sim_backend.arm.vehicle``); None where it is fixed
     """
 
     q: Array
@@ -44,6 +45,7 @@ class Steps:
     motor: Array
     motor_rate: Array
     current: Array
+    base: Array | None = None
 
 
 class Mover(Protocol):
@@ -99,6 +101,7 @@ class Run:
         self._hall_noise = noise.keys(electronics.seed, "transducer", joints)
         rows = int(KEEP * 1e9 / mover.step_ns)
         self._q, self._qd, self._motor, self._rate, self._current = (History((joints,), rows) for _ in range(5))
+        self._base: History | None = None
         slots = int(KEEP * 1e9 / electronics.noise_period_ns)
         self._passed = tuple(History((joints,), slots, np.int64) for _ in self._lines)
         self._marks: deque[_Mark] = deque(maxlen=8)
@@ -131,6 +134,15 @@ class Run:
         """(k, n) rad, link side."""
         self._extend(at)
         return self._hermite(self._q, self._qd, at)
+
+    def base(self, at: Times) -> Array:
+        """(k, 13 + thrusters) of the floating base, linear between steps; (k, 0) where it is fixed."""
+        self._extend(at if at.size else np.zeros(1, np.int64))
+        if self._base is None:
+            return np.empty((len(at), 0))
+        before, part = self._between(at)
+        low = self._base[before]
+        return np.asarray(low + part[:, None] * (self._base[before + 1] - low))
 
     def edges_passed(self, at: Times) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Edges of lines A and B that the motors are past, (k, n) each; see ``sine_encoder``."""
@@ -174,7 +186,7 @@ class Run:
             self._marks.pop()
         if self._marks and self._begun and self._horizon() > at:
             mark = self._marks.pop()
-            for history in (self._q, self._qd, self._motor, self._rate, self._current):
+            for history in self._histories():
                 history.truncate(mark.row)
             for history in self._passed:
                 history.truncate(mark.slot)
@@ -211,6 +223,11 @@ class Run:
             )
             self._keep(self.mover.advance())
 
+    def _histories(self) -> list[History]:
+        """Those with a row per step of the mover."""
+        every = (self._q, self._qd, self._motor, self._rate, self._current, self._base)
+        return [history for history in every if history is not None]
+
     def _horizon(self) -> int:
         """ns: the motion is known up to this time."""
         return (self._motor.end - 1) * self.mover.step_ns
@@ -226,6 +243,11 @@ class Run:
         self._qd.append(steps.qd)
         self._motor.append(steps.motor)
         self._rate.append(steps.motor_rate)
+        if steps.base is not None:
+            if self._base is None:
+                self._base = History(steps.base.shape[1:], self._q.keep)
+                self._base.restart(self._q.end - len(steps.base))
+            self._base.append(steps.base)
         self._count_edges()
 
     def _count_edges(self) -> None:
@@ -253,7 +275,7 @@ class Run:
         """Forgets the time up to shortly before ``to``: the arm is at standstill, and no signal was read."""
         row = to // self.mover.step_ns - 2
         self._marks.clear()
-        for history in (self._q, self._qd, self._motor, self._rate, self._current):
+        for history in self._histories():
             history.restart(row)
         for history in self._passed:
             history.restart(row * self.mover.step_ns // self._electronics.noise_period_ns + 1)

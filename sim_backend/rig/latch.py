@@ -154,6 +154,7 @@ class Latch:
             counts=values.counts,
             volts=values.volts,
             points=values.points,
+            readings=values.readings,
         )
 
 
@@ -165,12 +166,13 @@ def rows_of(block: Block, rows: slice) -> Block:
 def joined(blocks: list[Block]) -> Block:
     """The rows of blocks of one device, at least one block."""
     first = blocks[0]
-    counts, volts, points = (column is not None for column in (first.counts, first.volts, first.points))
-    return join(blocks, counts, volts, points=points)
+    counts, volts, points, readings = (column is not None for column in _columns(first)[4:])
+    return join(blocks, counts, volts, points=points, readings=readings)
 
 
 def _columns(block: Block) -> tuple[NDArray | None, ...]:
-    return (block.number, block.host, block.tick, block.quality, block.counts, block.volts, block.points)
+    values = (block.counts, block.volts, block.points, block.readings)
+    return (block.number, block.host, block.tick, block.quality, *values)
 
 
 _NONE = np.empty(0, np.int64)

@@ -11,6 +11,7 @@ from pydantic import Field
 
 from arm_io.table import NoSeconds, Seconds, Table
 from arm_model import Controller
+from sim_backend.arm.vehicle import ThrusterTable
 from sim_backend.electronics.electronics import EncoderTable, TransducerTable
 from sim_backend.rig.faults import Fault
 
@@ -27,6 +28,7 @@ class Simulation(Table):
     stamp_jitter  s by which the host's stamps are late (magnitude of a normal): interrupts
     controller    the servos; left out: those of the rig's model. For models that have none, as URDF files
     rotor_inertia kg m2 at the motor, per joint, of joints whose model has none
+    thrusters     what drives the thrusters of a floating base beside its station keeping
     """
 
     model: str | None = None
@@ -39,4 +41,5 @@ class Simulation(Table):
     rotor_inertia: list[Annotated[float, Field(ge=0)]] = Field(default_factory=list)
     encoder: EncoderTable = EncoderTable()
     transducer: TransducerTable = TransducerTable()
+    thrusters: ThrusterTable = ThrusterTable()
     fault: list[Fault] = Field(default_factory=list)

@@ -38,12 +38,14 @@ class Plant(Protocol):
     standing       a mover that holds the pose (n,) rad with the brakes on
     moving         a mover that follows an experiment; ``loadable`` says what it cannot do, "" where all is well
     tracker_latency  s by which what a tracker says of the target is late
+    thrusters      of a floating base; None: the base is fixed
     target         (k, 3) m: a point of the last link's frame in the base frame, at link-side joint positions (k, n)
     """
 
     encoder_lines: Array
     rest: Array
     tracker_latency: float
+    thrusters: int | None
 
     def standing(self, pose: Array) -> Mover: ...
     def loadable(self, experiment: Experiment) -> str: ...
@@ -95,6 +97,10 @@ class World:
     def joint_position(self, at: Times) -> Array:
         """(k, n) rad, link side, at times (k,)."""
         return self._signal(lambda run, t: run.joint_position(t), at)
+
+    def base(self, at: Times) -> Array:
+        """(k, 13 + thrusters) of a floating base at times (k,): position, attitude, velocity, demands."""
+        return self._signal(lambda run, t: run.base(t), at)
 
     def target(self, at: Times, point: tuple[float, float, float]) -> Array:
         """(k, 3) m in the base frame at times (k,): where a point of the last link's frame is, as a tracker sees it."""
@@ -248,6 +254,7 @@ def _make_world(context: RigContext) -> World:
     path, known = _models(settings, context)
     drives = Drives(context.gears, context.counts, settings.controller, tuple(settings.rotor_inertia))
     plant = read_arm(path, known, drives, settings.settle + settings.hold)
+    plant.excite(settings.thrusters, settings.seed)
     try:
         world = World(settings, plant, clock)
     except ValueError as error:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,9 +13,7 @@ from mcap_ros2.decoder import DecoderFactory
 
 from armscope.cli import run
 from daq.recording import open_recording
-from daq.service import Publisher, keys_of
 from daq.service.replay import columns_of
-from daq.service.row_block import pose_of
 from examples.rov_recordings import recordings
 
 MODEL = "config/models/rov_arm.toml"
@@ -73,28 +70,6 @@ def test_viewers_see_the_vehicle_move(swing: Path) -> None:
 
 def _numbers(position: Any, rotation: Any) -> list[float]:
     return [position.x, position.y, position.z, rotation.x, rotation.y, rotation.z, rotation.w]
-
-
-def test_the_pose_is_published(swing: Path) -> None:
-    """On Zenoh, beside the joint states; NaN is no pose."""
-    recording = open_recording(swing)
-    columns = {name: values[:40] for name, values in columns_of(recording).items()}
-    sent: dict[str, list[bytes]] = {}
-
-    class Session:
-        """Keeps what is put under each key."""
-
-        def declare_publisher(self, key: str, **_: object) -> Any:
-            return SimpleNamespace(put=sent.setdefault(key, []).append)
-
-    keys = keys_of("rov")
-    publisher = Publisher(cast(Any, Session()), keys, recording.layout.joints)
-    publisher.publish(columns)
-    (data,) = sent[keys.base_pose]
-    pose = np.frombuffer(data[-56:])
-    expected = [recording.extra[f"base_{name}"][39] for name in ("x", "y", "z", "qx", "qy", "qz", "qw")]
-    np.testing.assert_array_equal(pose, expected)
-    assert pose_of({**columns, "base_x": np.full(40, np.nan)}, 0) is None
 
 
 @pytest.mark.slow

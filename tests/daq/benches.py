@@ -51,12 +51,13 @@ def make_rig(
 def joined(blocks: list[Rows]) -> Rows:
     """All rows of a run in one."""
     assert blocks
-    names = Rows.__dataclass_fields__
+    names = [name for name in Rows.__dataclass_fields__ if name != "extra"]
     return Rows(
+        extra={name: np.concatenate([block.extra[name] for block in blocks]) for name in blocks[0].extra},
         **{
             n: None if getattr(blocks[0], n) is None else np.concatenate([getattr(block, n) for block in blocks])
             for n in names
-        }
+        },
     )
 
 

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -134,6 +135,40 @@ def test_joint_state_reads_as_ros_message(server: zenoh.Session, server_rig: Rig
     np.testing.assert_array_equal(a.position, rows(last_a - 9, 10).q[-1])
     np.testing.assert_array_equal(b.position, rows(last_b - 9, 10).q[-1])
     np.testing.assert_allclose(b.velocity, (b.position - a.position) / ((stamp_b - stamp_a) * 1e-9))
+
+
+def test_the_pose_of_a_floating_base_reads_as_ros_message(server: zenoh.Session, server_rig: Rig) -> None:
+    """The newest known value of each instrument: position with every tenth row, attitude with every second."""
+    store = get_typestore(Stores.ROS2_JAZZY)
+    publisher = Publisher(server, KEYS, JOINTS)
+
+    def afloat(first: int) -> Rows:
+        one = rows(first, 4)
+        every = {"base_x": 10, "base_y": 10, "base_z": 10, "base_qw": 2, "base_qx": 2, "base_qy": 2, "base_qz": 2}
+        extra = {
+            name: np.where(one.number % step == 0, one.number + 0.5 + k, np.nan)
+            for k, (name, step) in enumerate(every.items())
+        }
+        return replace(one, extra=extra)
+
+    messages: list[Any] = []
+    with open_session(server_rig, listen=False) as session:
+        newest = session.declare_subscriber(KEYS.base_pose)
+        await_watched_key(server, KEYS.base_pose, session)
+        deadline, first = time.monotonic() + 10, 0
+        while len(messages) < 3:
+            assert time.monotonic() < deadline
+            publisher.publish(columns_of(afloat(first)))
+            first += 4
+            while (sample := newest.try_recv()) is not None:
+                messages.append(store.deserialize_cdr(sample.payload.to_bytes(), "geometry_msgs/msg/PoseStamped"))
+    for message in messages:
+        last = (message.header.stamp.sec * 10**9 + message.header.stamp.nanosec - 10**18) // 10**6
+        fix, turn = last - last % 10, last - last % 2
+        assert message.header.frame_id == "world"
+        position, rotation = message.pose.position, message.pose.orientation
+        assert (position.x, position.y, position.z) == (fix + 0.5, fix + 1.5, fix + 2.5)
+        assert (rotation.w, rotation.x, rotation.y, rotation.z) == (turn + 3.5, turn + 4.5, turn + 5.5, turn + 6.5)
 
 
 def await_watched_key(server: zenoh.Session, key: str, _: zenoh.Session) -> None:

@@ -27,6 +27,7 @@ from drivers.protocols import (
     Polled,
     PositionTracker,
     QuadratureCounter,
+    Readings,
     TriggerInput,
 )
 from tests.drivers.conformance_channels import (
@@ -34,6 +35,7 @@ from tests.drivers.conformance_channels import (
     lines_are_known_and_made_safe,
     outputs_keep_their_range_and_are_made_safe,
     presets_are_shown_and_registers_wrap,
+    readings_have_names_of_their_own,
     the_arm_may_always_be_stopped,
     the_tracker_recalls_its_points,
     volts_are_within_range_or_marked,
@@ -47,7 +49,8 @@ def check(specimen: Specimen) -> list[str]:
     """Asks for everything; returns the names of the promises that this device's shapes make. Raises AssertionError."""
     closed = specimen.make()
     promises: list[Callable[[Specimen], None]] = [closed_device, life_cycle, says_who_it_is, knows_its_ceiling]
-    if isinstance(closed, Latched) and not isinstance(closed, PositionTracker | QuadratureCounter | AnalogInput):
+    with_values = PositionTracker | QuadratureCounter | AnalogInput | Readings
+    if isinstance(closed, Latched) and not isinstance(closed, with_values):
         raise AssertionError(f"{closed.name} makes rows without any values")
     shapes: list[tuple[type, Callable[[Specimen], None]]] = [
         (Latched, rows_are_numbered_from_zero_at_every_arming),
@@ -59,6 +62,7 @@ def check(specimen: Specimen) -> list[str]:
         (DigitalOutput, lines_are_known_and_made_safe),
         (AnalogOutput, outputs_keep_their_range_and_are_made_safe),
         (PositionTracker, the_tracker_recalls_its_points),
+        (Readings, readings_have_names_of_their_own),
         (ArmController, the_arm_may_always_be_stopped),
     ]
     promises += [promise for shape, promise in shapes if isinstance(closed, shape)]

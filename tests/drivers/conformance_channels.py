@@ -26,6 +26,7 @@ from drivers.protocols import (
     PositionTracker,
     QuadratureCounter,
     Quality,
+    Readings,
 )
 from tests.drivers.specimen import Specimen, assert_well_formed, latched_rows, open_one, refuses, shape_of
 
@@ -181,6 +182,15 @@ def the_tracker_recalls_its_points(specimen: Specimen) -> None:
         assert (np.diff(block.number) > 0).all() and (len(block) == 0 or block.number[0] >= 0)
     finally:
         device.close()
+
+
+def readings_have_names_of_their_own(specimen: Specimen) -> None:
+    device = specimen.make()
+    assert isinstance(device, Readings)
+    assert device.rate > 0
+    assert device.readings
+    assert len(set(device.readings)) == len(device.readings)
+    assert all(name.isidentifier() for name in device.readings)
 
 
 def the_arm_may_always_be_stopped(specimen: Specimen) -> None:

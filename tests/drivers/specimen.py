@@ -20,6 +20,7 @@ from drivers.protocols import (
     PositionTracker,
     QuadratureCounter,
     Quality,
+    Readings,
 )
 
 ALL_BITS = int(sum(Quality))
@@ -88,10 +89,12 @@ def assert_well_formed(block: Block, device: object) -> None:
     assert block.quality.dtype == np.uint8
     assert block.quality.shape == (n, counters + inputs + points), f"quality is {block.quality.shape}"
     assert (block.quality <= ALL_BITS).all()
+    readings = len(device.readings) if isinstance(device, Readings) else 0
     for name, width, dtype in (
         ("counts", counters, np.int64),
         ("volts", inputs, np.float64),
         ("points", 3 * points, float),
+        ("readings", readings, float),
     ):
         column = getattr(block, name)
         if width:
@@ -116,6 +119,7 @@ def latched_rows(specimen: Specimen, device: Latched, rows: int = 20) -> Block:
         if sum(map(len, blocks)) >= rows:
             break
     counters, inputs, points = shape_of(device)
-    block = join(blocks, counters, inputs, points=points)
+    readings = len(device.readings) if isinstance(device, Readings) else 0
+    block = join(blocks, counters, inputs, points=points, readings=readings)
     assert len(block) >= rows, f"{len(block)} rows came, {rows} were awaited"
     return block

@@ -19,6 +19,7 @@ import drivers
 import sim_backend
 from drivers import RigContext
 from drivers.protocols import Device, EdgeSource, Plan
+from sim_backend import navigation
 from sim_backend.protocol.wires import Wires
 from sim_backend.rig.clock import FastClock
 from tests.daq import instruments
@@ -158,6 +159,15 @@ def simulated(name: str, options: dict[str, Any], root: Path) -> Iterator[Specim
 
 
 @contextmanager
+def aboard(root: Path) -> Iterator[Specimen]:
+    """Instruments of the simulated vehicle, on their own time."""
+    context = RigContext(simulation={"pace": "fast"}, model=root / "config/models/rov_arm.toml")
+    config = navigation.Config(gives=["position", "rates"], rate=100.0)
+    navigation.make("first", config, context)  # the rig's clock becomes the simulation's
+    yield Specimen(lambda: navigation.make("imu", config, context), TIMER, 100.0, wait=context.clock.sleep)
+
+
+@contextmanager
 def in_memory(kind: str) -> Iterator[Specimen]:
     """The instruments of the tests of daq, which must not promise less than a real device."""
     context = RigContext(simulation={"own_time": True})
@@ -192,6 +202,11 @@ def test_streaming_tracker_of_the_simulated_rig(root: Path) -> None:
         assert "rows_are_numbered_from_zero_at_every_arming" in check(specimen)
 
 
+def test_instruments_of_the_simulated_vehicle(root: Path) -> None:
+    with aboard(root) as specimen:
+        assert "readings_have_names_of_their_own" in check(specimen)
+
+
 @pytest.mark.parametrize("kind", instruments.KINDS)
 def test_instrument_of_the_tests(kind: str) -> None:
     with in_memory(kind) as specimen:
@@ -206,4 +221,4 @@ def test_no_driver_is_left_out() -> None:
             loaded = importlib.import_module(module.name)
             if hasattr(loaded, "Config") and hasattr(loaded, "make"):
                 found.add(module.name.rpartition(".")[2])
-    assert found == {driver.__name__ for driver in ON_WIRES} | set(SIMULATED)
+    assert found == {driver.__name__ for driver in ON_WIRES} | set(SIMULATED) | {"navigation"}

@@ -66,6 +66,7 @@ class FollowerPlant:
     encoder_lines = LINES
     rest = np.zeros(6)
     tracker_latency = 0.0
+    thrusters: int | None = None
 
     def standing(self, pose: Array) -> Mover:
         return Follower(Demand(0.0, np.zeros(1), (lambda t: np.tile(pose, (len(t), 1)),), pose), np.ones(6))

@@ -11,6 +11,7 @@ JOINT_STATE = "sensor_msgs/msg/JointState"
 POINT_STAMPED = "geometry_msgs/msg/PointStamped"
 POSE_STAMPED = "geometry_msgs/msg/PoseStamped"
 ROW = "armscope_msgs/msg/Row"
+READINGS = "armscope_msgs/msg/Readings"
 TABLE_ROW = "armscope_msgs/msg/TableRow"
 TF = "tf2_msgs/msg/TFMessage"
 STRING = "std_msgs/msg/String"
@@ -65,6 +66,13 @@ DEFINITIONS: dict[str, str] = {
         "float64[] volts                # analogue inputs\n"
         "uint8[] quality                # counters, inputs, tracker; bits: 1 stale 2 saturated 4 quadrature error\n"
         "                               # 8 late 16 missing 32 device reset\n",
+        builtin_interfaces__Time=_TIME,
+    ),
+    READINGS: _definition(
+        "# Numbers of instruments on their own time; NaN in rows without a reading.\n"
+        "builtin_interfaces/Time stamp  # wall time of the trigger\n"
+        "string[] name\n"
+        "float64[] value\n",
         builtin_interfaces__Time=_TIME,
     ),
     TABLE_ROW: _definition(
@@ -132,6 +140,11 @@ def row(counters: int, inputs: int, quality: int) -> Message:
     return (
         message.sequence("counts", "<i8", counters).sequence("volts", "<f8", inputs).sequence("quality", "u1", quality)
     )
+
+
+def readings(names: Sequence[str]) -> Message:
+    """armscope_msgs/Readings with the columns ``names``."""
+    return Message().stamp("stamp").strings(names).sequence("extra", "<f8", len(names))
 
 
 def table_row(extra: Sequence[str]) -> Message:

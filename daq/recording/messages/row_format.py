@@ -40,6 +40,7 @@ POSE_COLUMNS = ("base_x", "base_y", "base_z", "base_qx", "base_qy", "base_qz", "
 """Further columns of a table that are that pose, in the order of a PoseStamped."""
 ROW_TOPIC = "/armscope/row"
 TABLE_TOPIC = "/armscope/table"
+READINGS_TOPIC = "/armscope/readings"
 
 
 _DERIVED = ("velocity", "torque", "base_pose")
@@ -57,7 +58,7 @@ class Layout:
     counters  names of the counter channels; inputs: of the analogue inputs
     points    frame of the tracker's points ('tracker' or 'base'), '' where there are none
     effort    N m/A (N/A): joint torque per motor ampere, for the effort in /joint_states; () where unknown
-    extra     names of further columns of a table
+    extra     names of further columns: of a table, or readings of devices
     pose      True: ``POSE_COLUMNS`` are among them, and a PoseStamped carries them for viewers
     """
 
@@ -222,6 +223,8 @@ def _messages(layout: Layout) -> list[tuple[str, str, cdr.Message]]:
     if layout.raw:
         own = ros2_messages.row(len(layout.counters), len(layout.inputs), layout.quality_columns)
         messages = [(ROW_TOPIC, ros2_messages.ROW, own)]
+        if layout.extra:
+            messages.append((READINGS_TOPIC, ros2_messages.READINGS, ros2_messages.readings(layout.extra)))
     else:
         messages = [(TABLE_TOPIC, ros2_messages.TABLE_ROW, ros2_messages.table_row(layout.extra))]
     for signal, joints in layout.signals.items():

@@ -100,6 +100,19 @@ def frame_poses(chain: Chain, q: NDArray[np.float64], pose: NDArray[np.float64] 
     return poses if pose is None else np.concatenate([pose[:, None], poses], axis=1)
 
 
+def held(poses: NDArray[np.float64], before: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(n, 7) poses (n, 7) whose NaN are the last known value, ``before`` (7,) those of the rows before.
+
+    The instruments of one pose have different rates.
+    """
+    known = np.concatenate([before[None], poses])
+    newest = np.maximum.accumulate(np.where(np.isnan(known), 0, np.arange(len(known))[:, None]), axis=0)
+    return np.asarray(np.take_along_axis(known, newest, axis=0)[1:])
+
+
+UNKNOWN_POSE = np.full(7, np.nan)
+
+
 class Viewers:
     """Chunks for viewers of an arm, made from rows as they are recorded.
 
