@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -30,8 +31,8 @@ def servo_gains(arm: Arm) -> Gains:
         raise InputError(arm.name, "the model has no [controller]; simulating demanded positions needs one")
     zeros = np.zeros(len(arm))
     if controller.kind == "bandwidth":
-        rotors = drive_mass_matrix(arm, np.array(controller.inertia_pose))[0]
-        inertia = np.diag(rotors) / arm.joint_array("drive_constant")
+        rotors = np.array(_at_pose(_Rigid((arm.base, arm.joints, arm.coupling, controller.inertia_pose), arm)))
+        inertia = rotors / arm.joint_array("drive_constant")
         pulsation = np.array(controller.natural_frequency, float)
         position = pulsation**2 * inertia
         return Gains(position, controller.integral_rate * position, 2 * controller.damping_ratio * pulsation * inertia)
@@ -40,6 +41,21 @@ def servo_gains(arm: Arm) -> Gains:
     if controller.kind == "cascade":
         return Gains(position * velocity, integral, velocity)
     return Gains(position, integral, velocity)
+
+
+@dataclass(frozen=True)
+class _Rigid:
+    """An arm, equal to any other with the same mass matrix at the same pose: ``key`` has what these depend on."""
+
+    key: tuple[object, ...]
+    arm: Arm = field(compare=False)
+
+
+@lru_cache(maxsize=64)  # every simulation asks for it
+def _at_pose(rigid: _Rigid) -> tuple[float, ...]:
+    """(n,) diagonal of the mass matrix at the drives, at the pose of the controller."""
+    pose = np.array(rigid.key[-1], float)
+    return tuple(np.diag(drive_mass_matrix(rigid.arm, pose)[0]).tolist())
 
 
 def station_inertia(arm: Arm) -> Six:

@@ -26,7 +26,7 @@ Structure = tuple[tuple[bool, ...], tuple[float | None, ...]]
 
 def rigid_torque_along(arm: Arm, q: Array, qd: Array, qdd: Array) -> Array:
     """(N, n) N m: ``drive_rigid_torque`` of angles that the controller reports, q, qd, qdd (N, n)."""
-    q, qd, qdd = numeric.samples(arm, q, qd, qdd)
+    q, qd, qdd = np.broadcast_arrays(*numeric.samples(arm, q, qd, qdd))
     if len(q) < FEW or wet(arm):
         return numeric.drive_rigid_torque(arm, q, qd, qdd)
     links = arm.link_angles(q), arm.link_angles(qd), arm.link_angles(qdd)

@@ -114,7 +114,8 @@ def _best(one: Undetectable, tried: Sequence[tuple[Trial, dict[EffectKey, float]
     able = [(trial, strengths[key]) for trial, strengths in tried if key in strengths]
     if not able:
         return Showing(one)
-    trial, most = max(able, key=lambda pair: pair[1])
+    # the first of those that are said alike: less would be rounding
+    trial, most = max(able, key=lambda pair: round(pair[1], 2))
     motion = trial.words.removeprefix(f"joint {one.joint} ")
     words = f"none of the motions tried for this joint suffices ({motion}: {times_noise(most)})"
     effect = CATALOGUE[one.effect]

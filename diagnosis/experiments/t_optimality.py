@@ -21,6 +21,7 @@ from diagnosis.cause import EffectKey
 from diagnosis.experiments.motions import Stage, Trial
 from diagnosis.measurements.currents.columns import columns
 from diagnosis.measurements.currents.design_matrix import columns_of, dataset_of, free_columns
+from diagnosis.residual.noise import KnownNoise
 from diagnosis.residual.run import ROWS_FOR_ONE, ROWS_PER_SECOND, Run, residual_run
 from diagnosis.residual.run_setup import loaded
 from diagnosis.selection.candidate import Candidate
@@ -28,6 +29,8 @@ from diagnosis.selection.design import Dataset
 from experiment import demand_of
 from identification.selection import scaled_lstsq
 
+NO_STEPS = KnownNoise(steps=np.zeros(1))
+"""Of simulated angles: none need be searched for."""
 SIMULATED_RATE = 2.0 * ROWS_PER_SECOND
 """Rows/s of a simulated motion: enough for the bands of ``residual``."""
 
@@ -173,7 +176,7 @@ def predicted_run(trial: Trial, stage: Stage, noise: Array) -> Run | None:
         out = [(q[:, j - 1].min() < low[j - 1]) or (q[:, j - 1].max() > high[j - 1]) for j in moved]
         if over.any() or fast.any() or any(out):
             return None
-    run = residual_run(experiment.name, arm, t, q, current, powered=not setup.drives_off)
+    run = residual_run(experiment.name, arm, t, q, current, powered=not setup.drives_off, known=NO_STEPS)
     unsure = np.sqrt(np.maximum(run.deviation**2 - run.instruments**2, 0.0))
     expected = run.along * run.powered  # another filter on the motion would discriminate equal effects
     rate = np.gradient(expected, 1.0 / ROWS_PER_SECOND, axis=0)

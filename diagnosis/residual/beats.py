@@ -13,8 +13,7 @@ import numpy as np
 from scipy import ndimage
 
 from arm_io.types import Array
-from diagnosis.residual.encoder_step import encoder_step
-from diagnosis.residual.noise import scatter
+from diagnosis.residual.noise import encoder_steps, scatter
 
 HARMONICS = 6
 """Harmonics that are counted: the next has a fiftieth of the variance of the first."""
@@ -29,7 +28,7 @@ def steps_of(q: Array, steps: Array | None = None) -> Array:
 
     ``steps`` (n,) rad: of the encoders, where angles were interpolated.
     """
-    steps = np.array([encoder_step(column) for column in q.T]) if steps is None else steps
+    steps = encoder_steps(q) if steps is None else steps
     return np.where(scatter(q) > HIDDEN * steps, 0.0, steps)
 
 

@@ -19,6 +19,7 @@ from arm_model import Arm, Joint
 from arm_model.effects import CATALOGUE, Effect, Signals, Values, described, values_of
 from arm_model.rigid_body import curve_level
 from arm_model.system import inverse_dynamics, mass_matrix_along, rigid_torque_along
+from identification.preprocessing import zero_phase
 
 Term = tuple[Effect, int | None, Values]
 
@@ -34,10 +35,7 @@ NO_INERTIA = 1e-12
 
 def low_pass(values: Array, band: float, rate: float) -> Array:
     """Zero-phase fourth-order Butterworth along the first axis; ``rate`` Hz is that of the rows."""
-    smooth: Array = signal.sosfiltfilt(
-        _sections(band, rate), values, axis=0, padlen=min(len(values) - 1, int(3 * rate / band))
-    )
-    return smooth
+    return zero_phase(_sections(band, rate), values, pad=min(len(values) - 1, int(3 * rate / band)))
 
 
 @cache

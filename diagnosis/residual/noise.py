@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,7 @@ from arm_io.types import Array
 from daq.recording import Recording
 from diagnosis.residual.encoder_step import encoder_step
 from diagnosis.residual.expected_current import COMPARE_BAND, low_pass
+from identification.preprocessing import zero_phase
 
 QUIET_ROWS, QUIET_BLOCKS = 60, 5
 """Rows that a block must have, and blocks that there must be."""
@@ -26,12 +28,18 @@ STILL_SECONDS = 0.2
 
 def scatter(values: Array) -> Array:
     """(n,) std of white noise on (m, n) samples, from the median absolute value above 0.7 of the Nyquist frequency."""
-    sos = signal.butter(4, 0.7, "highpass", output="sos")
-    high = signal.sosfiltfilt(sos, values, axis=0)
-    _, response = signal.sosfreqz(sos, 1000)
-    passed = float(np.mean(np.abs(response) ** 4))  # of white noise's power, forwards and back
+    sections, passed = _high_pass()
+    high = zero_phase(sections, values)
     deviation: Array = MAD_TO_STD * np.median(np.abs(high), axis=0) / np.sqrt(passed)
     return deviation
+
+
+@cache
+def _high_pass() -> tuple[Array, float]:
+    """Sections, and the share of white noise's power that passes them, forwards and back."""
+    sections = signal.butter(4, 0.7, "highpass", output="sos")
+    _, response = signal.sosfreqz(sections, 1000)
+    return sections, float(np.mean(np.abs(response) ** 4))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,12 +62,17 @@ def angle_noise(q: Array, steps: Array | None = None) -> Array:
 
     Of angles without steps, the scatter alone. ``steps`` (n,) rad: as of ``KnownNoise``.
     """
-    steps = np.array([encoder_step(column) for column in q.T]) if steps is None else steps
+    steps = encoder_steps(q) if steps is None else steps
     quantised = steps / np.sqrt(12)
     white = scatter(q)
     # the scatter of quantised angles follows from their steps to within a third: only more than that is further noise
     noise: Array = np.where(white > 2.0 * quantised, white, quantised)
     return noise
+
+
+def encoder_steps(q: Array) -> Array:
+    """(n,) rad: step of each of the recorded angles (m, n); 0 for those without."""
+    return np.array([encoder_step(column) for column in q.T])
 
 
 def resolution(q: Array) -> float:
@@ -96,15 +109,21 @@ def quiet_noise(residual: Array, known: NDArray[np.bool_], block: NDArray[np.int
     """
     noise = np.zeros(residual.shape[1])
     for j in range(residual.shape[1]):
-        stds = []
-        for number in range(int(block[-1]) + 1):
-            rows = np.flatnonzero((block == number) & known[:, j])
-            if len(rows) >= QUIET_ROWS:
-                x = (rows - rows[0]) / len(rows)
-                stds.append(float(np.std(residual[rows, j] - np.polyval(np.polyfit(x, residual[rows, j], 1), x))))
+        rows = np.flatnonzero(known[:, j])
+        stds = _about_lines(rows, residual[rows, j], block[rows])
         if len(stds) >= QUIET_BLOCKS:
             noise[j] = np.quantile(stds, 0.2)
     return noise
+
+
+def _about_lines(x: NDArray[np.intp], y: Array, block: NDArray[np.intp]) -> Array:
+    """Std of y (k,) about a straight line over x (k,) in each block that has enough rows."""
+    count = np.bincount(block)
+    rows = np.maximum(count, 1)
+    x_about, y_about = (values - (np.bincount(block, values) / rows)[block] for values in (x, y))
+    slope = np.bincount(block, x_about * y_about) / np.maximum(np.bincount(block, x_about**2), 1e-300)
+    left = np.bincount(block, (y_about - slope[block] * x_about) ** 2) / rows
+    return np.asarray(np.sqrt(left[count >= QUIET_ROWS]), float)
 
 
 def _about_trend(values: Array) -> Array:

@@ -8,6 +8,7 @@ predicted current by angle, speed and acceleration turn an error of an angle int
 from __future__ import annotations
 
 import itertools
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
@@ -35,12 +36,14 @@ from diagnosis.residual.expected_current import (
     reading,
     true_angle,
 )
-from diagnosis.residual.noise import NOTHING_KNOWN, KnownNoise, angle_noise, scatter
+from diagnosis.residual.noise import NOTHING_KNOWN, KnownNoise, angle_noise, encoder_steps, scatter
 from identification.preprocessing import drifting, folded_along
 
 ROWS_PER_SECOND = 100
 ROWS_FOR_ONE = ROWS_PER_SECOND / (2.0 * COMPARE_BAND)
 """Rows that count as one: the filters leave 2 x COMPARE_BAND independent values per second."""
+KEPT = 8
+"""Residuals of one recording under other effects that are kept."""
 CREEP = 0.02
 """rad/s (m/s): below it friction depends on more than the velocity."""
 
@@ -123,6 +126,11 @@ class Run:
         return regressor(described(self.arm), self.q, self.v, self.a)[0][..., : 10 * len(self.arm)]
 
     @cached_property
+    def residuals(self) -> deque[tuple[tuple[EffectTerm, ...], Array]]:
+        """The last residuals (m, n) A under other effects than those of ``arm``: several steps ask for the same."""
+        return deque(maxlen=KEPT)
+
+    @cached_property
     def twists(self) -> dict[tuple[int, float, float], tuple[Array, Array, Array]]:
         """Twist (m,) rad, rate and second rate behind springs (joint from 0, stiffness, damping) computed so far."""
         return {}
@@ -185,11 +193,14 @@ def residual_run(
     bent = described(arm)
     constant = bent.joint_array("drive_constant")
     keep = kept(rate)
+    if known.steps is None:
+        known = replace(known, steps=encoder_steps(q))
 
     def thin(values: Array) -> Array:
         return low_pass(values, COMPARE_BAND, rate)[keep]
 
-    noise = channel_noise(q, i, bent, rate, known)
+    moved = drive_mass_matrix(bent, q[:: max(1, len(q) // 50)]) / constant[:, None]
+    noise = channel_noise(q, i, moved, rate, known)
     # Columns are made from a motion smoothed further: what they have in common with the noise of the residual would
     # look like a cause.
     low, slow_v, slow_a = (low_pass(values, COLUMN_BAND, rate)[keep] for values in (position, v, a))
@@ -202,7 +213,7 @@ def residual_run(
     friction_std = coulomb * uncertain * powered
     rows, current, expected = t[keep], thin(i), thin(reading(arm, t, q, powered=powered))
     block = ((rows - rows[0]) // 1.0).astype(np.intp)
-    instruments = _row_by_row(noise, q, slow_v, bent, rate, known)
+    instruments = _row_by_row(noise, q, slow_v, moved, rate, known)
     brisk = [thin(values) for values in (position, v, a)]
     folded = folded_along(arm, t, angle, i * constant) if powered else None
     return Run(
@@ -255,9 +266,10 @@ def passed(frequency: Array) -> Array:
     return share
 
 
-def channel_noise(q: Array, i: Array, arm: Arm, rate: float, known: KnownNoise = NOTHING_KNOWN) -> Array:
+def channel_noise(q: Array, i: Array, inertia: Array, rate: float, known: KnownNoise) -> Array:
     """(n,) A: standard deviation of the residual from the instruments alone, in the band of comparison.
 
+    inertia (k, n, n) A s2/rad: currents per acceleration, at some rows.
     Current: its scatter, taken for white, or its std at standstill, if that is known and larger.
     Angle: its step or scatter, through two differentiations and the joint's own inertia. See ``noise``.
     """
@@ -266,18 +278,18 @@ def channel_noise(q: Array, i: Array, arm: Arm, rate: float, known: KnownNoise =
     through = passed(frequency)
     share = np.trapezoid(1.0 / (1.0 + (frequency / COMPARE_BAND) ** 8) ** 2, frequency) / (rate / 2)
     wobble = np.trapezoid(((2 * np.pi * frequency) ** 2 * through) ** 2, frequency) / (rate / 2)
-    inertia = drive_mass_matrix(arm, q[:: max(1, len(q) // 50)]).diagonal(axis1=1, axis2=2).mean(axis=0)
-    from_angle = inertia / arm.joint_array("drive_constant") * angle_noise(q, known.steps) * np.sqrt(wobble)
+    own = inertia.diagonal(axis1=1, axis2=2).mean(axis=0)
+    from_angle = own * angle_noise(q, known.steps) * np.sqrt(wobble)
     from_current = np.maximum(white * np.sqrt(share), known.still)
     return np.hypot(from_current, from_angle) + 1e-9
 
 
-def _row_by_row(noise: Array, q: Array, v: Array, arm: Arm, rate: float, known: KnownNoise) -> Array:
+def _row_by_row(noise: Array, q: Array, v: Array, inertia: Array, rate: float, known: KnownNoise) -> Array:
     """(m, n) A: ``noise`` (n,) or, at speeds v (m, n) at which encoder steps beat with the rows, what the beats leave.
 
+    inertia: as of ``channel_noise``.
     An acceleration that is wrong at one joint is wrong in the currents of all that its inertia couples.
     """
-    inertia = drive_mass_matrix(arm, q[:: max(1, len(q) // 50)]) / arm.joint_array("drive_constant")[:, None]
     beats = beat_variance(v, steps_of(q, known.steps), rate, lambda f: (2 * np.pi * f) ** 2 * passed(f))
     return np.sqrt(np.maximum(noise**2, beats @ np.mean(inertia**2, axis=0).T))
 
@@ -291,10 +303,16 @@ def residual_under(run: Run, effects: Sequence[EffectTerm]) -> Array:
     """(m, n) A: the residual of a recording under its arm with these effects instead of its own."""
     if tuple(effects) == run.arm.effects:
         return run.residual
+    for known, residual in run.residuals:
+        if known == tuple(effects):
+            return residual
     t, q = run.raw
     rate = rate_of(t)
     arm = replace(run.arm, effects=(*effects, *run.own))
-    return run.current - low_pass(reading(arm, t, q, powered=run.powered), COMPARE_BAND, rate)[kept(rate)]
+    residual = run.current - low_pass(reading(arm, t, q, powered=run.powered), COMPARE_BAND, rate)[kept(rate)]
+    residual.flags.writeable = False
+    run.residuals.append((tuple(effects), residual))
+    return residual
 
 
 def with_own(run: Run, terms: Sequence[EffectTerm]) -> Run:

@@ -23,7 +23,7 @@ from diagnosis.screening.current_limit import current_limits
 from diagnosis.screening.encoder_jumps import jumps, without_jumps
 from diagnosis.screening.event import Event, Gain, united
 from diagnosis.screening.lost_triggers import MOST_ROWS, dropped_triggers, event_of, realigned_rows, unmeasured
-from diagnosis.screening.mains_hum import mains_hum, other_lines, without_hum
+from diagnosis.screening.mains_hum import lines_near_mains, mains_hum, other_lines, without_hum
 
 Samples = tuple[Array, Array, Array]
 
@@ -79,8 +79,9 @@ def screened(
     known = KnownNoise(still=still_noise([r for r in recordings if not setup_of(r).drives_off]))
     gaps, of_counters = _counter_gaps(arm, recordings, known)
     recordings = [replace(r, q=put_back(r.q, own)) if own else r for r, own in zip(recordings, gaps)]
+    lines = lines_near_mains(recordings, arm)
     events = [
-        *mains_hum(recordings, arm),
+        *mains_hum(recordings, lines),
         *united([*of_counters, *jumps(recordings, arm)]),
         *(event for event in current_limits(recordings) if not _its_own(arm, event)),
     ]
@@ -90,7 +91,7 @@ def screened(
         samples=[(r.t, without_jumps(r, index, events), without_hum(r, events)) for index, r in enumerate(recordings)],
         known=[known] * len(recordings),
         counter_gaps=gaps,
-        remarks=tuple(other_lines(recordings, arm)),
+        remarks=tuple(other_lines(lines, arm)),
     )
 
 

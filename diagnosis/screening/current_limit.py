@@ -63,7 +63,7 @@ def _width(recordings: Sequence[Recording], smooth: Sequence[Array], j: int, sti
     """A: uncertainty, by noise and converter, of an averaged current of joint j (from 0)."""
     top = max(float(values.max()) for values in smooth)
     rows = max(1, round(AVERAGED / recordings[0].dt))
-    noise = float(np.hypot(max(float(scatter(r.i)[j]) for r in recordings) / np.sqrt(rows), still))
+    noise = float(np.hypot(max(float(scatter(r.i[:, [j]])[0]) for r in recordings) / np.sqrt(rows), still))
     return max(encoder_step(recordings[0].i[:, j]) / 2, 0.002 * top, 3.3 * noise)
 
 
@@ -93,7 +93,7 @@ def _driven(recording: Recording, j: int) -> NDArray[np.bool_]:
     A joint that stands under friction holds its last current for as long as it stands, at its limit or not.
     """
     span = max(3, round(STANDS / recording.dt))
-    least = {"q": STEPS * angle_noise(recording.q)[j], "qref": 1e-6}
+    least = {"q": STEPS * angle_noise(recording.q[:, [j]])[0], "qref": 1e-6}
     moves = np.zeros(len(recording), dtype=bool)
     for name, most in least.items():
         values = getattr(recording, name)

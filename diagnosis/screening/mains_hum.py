@@ -26,25 +26,24 @@ MODULATED, SURE = 0.25, 3.0
 """Variance of the power of a line over its square that is none of the mains, and std by which it must be so."""
 
 
-def mains_hum(recordings: Sequence[Recording], arm: Arm) -> list[Event]:
-    """Spectral lines at mains frequency in the currents of joints, above the floor in every recording.
+def mains_hum(recordings: Sequence[Recording], lines_of: Mapping[int, Sequence[Line]]) -> list[Event]:
+    """Mains hum among the lines near the mains of each joint in all recordings (``lines_near_mains``).
 
-    Lines of the setpoints of the arm's controller are none (``_of_setpoints``), nor are those that do not behave as the
-    mains does (``_no_mains``).
+    Lines that do not behave as the mains does are none (``_no_mains``).
 
     One event of the whole rig where most currents show the line: what couples it in is common to them.
     """
-    found = {joint: lines for joint, lines in _lines(recordings, arm).items() if _no_mains(lines) is None}
+    found = {joint: lines for joint, lines in lines_of.items() if _no_mains(lines) is None}
     frequencies = [_frequency(lines) for lines in found.values()]
     if len(found) > max(1, recordings[0].joints / 2) and np.ptp(frequencies) <= ONE_LINE:
         return [_of_rig(found, recordings)]
     return [_of_joint(joint, lines) for joint, lines in found.items()]
 
 
-def other_lines(recordings: Sequence[Recording], arm: Arm) -> Iterator[str]:
-    """Says which currents have a line near the mains that is neither mains hum nor one of the arm's setpoints."""
+def other_lines(lines_of: Mapping[int, Sequence[Line]], arm: Arm) -> Iterator[str]:
+    """Says which currents have a line near the mains (``lines_near_mains``) that is no mains hum."""
     of_reason: dict[str, list[str]] = {}
-    for joint, lines in _lines(recordings, arm).items():
+    for joint, lines in lines_of.items():
         if why := _no_mains(lines):
             amplitude = float(np.mean([line.amplitude for line in lines]))
             size = f"{amplitude:.2g} {arm.joints[joint - 1].command_unit}"
@@ -53,7 +52,7 @@ def other_lines(recordings: Sequence[Recording], arm: Arm) -> Iterator[str]:
         yield f"unexplained: a line of the current, {', '.join(places)}; no mains hum, as {why}"
 
 
-def _lines(recordings: Sequence[Recording], arm: Arm) -> dict[int, list[Line]]:
+def lines_near_mains(recordings: Sequence[Recording], arm: Arm) -> dict[int, list[Line]]:
     """By joint (from 1), lines near the mains of all recordings: single ones above the floor, at one frequency.
 
     None of the setpoints of the arm's controller (``_of_setpoints``).

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -50,20 +51,23 @@ class Line:
 
 
 def line_near_mains(t: Array, current: Array) -> Line:
-    """The line of a current (m,) A at t (m,) s; zeros where there is none, as where the rate is too low."""
+    """The line of a current (m,) A at t (m,) s; zeros where there is none, as where the rate is too low.
+
+    Of a line below ``OVER_FLOOR``, frequency and ``over_floor`` alone.
+    """
     dt = float(np.median(np.diff(t)))
     window = signal.windows.hann(len(t))
-    spectrum = np.fft.rfft((current - current.mean()) * window, 4 * len(t))
-    frequency = np.fft.rfftfreq(4 * len(t), dt)
-    band = np.flatnonzero((frequency >= BAND[0]) & (frequency <= BAND[1]))
-    power = np.abs(spectrum[band]) ** 2
-    off = np.min(np.abs(frequency[band][:, None] - np.array(MAINS)), axis=1)
+    frequency, power = _in_band((current - current.mean()) * window, dt)
+    off = np.min(np.abs(frequency[:, None] - np.array(MAINS)), axis=1)
     peaks, _ = signal.find_peaks(power)
     peaks = peaks[off[peaks] < AROUND]
     if len(peaks) == 0:
         return Line()
     top = int(peaks[np.argmax(power[peaks])])
-    f = float(frequency[band[top]]) + _to_peak(power, top) * float(frequency[1])
+    over_floor = float(power[top] / np.median(power))
+    if over_floor < OVER_FLOOR:
+        return Line(frequency=float(frequency[top]), over_floor=over_floor)
+    f = float(frequency[top]) + _to_peak(power, top) * float(frequency[1] - frequency[0])
     line = waves(f, t)
     a, b = np.linalg.lstsq(above(line, dt) * window[:, None], above(current, dt) * window, rcond=None)[0]
     edges = [min(2 * edge * dt, most) for edge, most in zip(BAND, (0.98, 0.99))]
@@ -74,7 +78,7 @@ def line_near_mains(t: Array, current: Array) -> Line:
     return Line(
         frequency=f,
         amplitude=float(np.hypot(a, b)),
-        over_floor=float(power[top] / np.median(power)),
+        over_floor=over_floor,
         phase=float(np.arctan2(b, a)),
         before=before,
         after=after,
@@ -82,6 +86,18 @@ def line_near_mains(t: Array, current: Array) -> Line:
         modulation=modulation,
         modulation_std=modulation_std,
     )
+
+
+def _in_band(values: Array, dt: float) -> tuple[Array, Array]:
+    """Frequencies of ``BAND`` (k,) Hz at a quarter of the resolution of values (m,), and the power of each."""
+    apart = 1.0 / (4 * len(values) * dt)
+    first, last = math.ceil(BAND[0] / apart), min(math.floor(BAND[1] / apart), 2 * len(values))
+    if last < first:
+        return np.zeros(0), np.zeros(0)
+    # the band alone: the transform of all frequencies of a prime number of rows takes ten times as long
+    turn = 2j * np.pi / (4 * len(values))
+    spectrum = signal.czt(values, last - first + 1, np.exp(-turn), np.exp(turn * first))
+    return apart * np.arange(first, last + 1), np.abs(spectrum) ** 2
 
 
 def waves(frequency: float, t: Array) -> Array:

@@ -7,6 +7,7 @@ shaft between. All orders are cycles per turn of the motor; those of other shaft
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +38,7 @@ LEAST_CYCLES = 1.5
 """Cycles that a motion must cover: less of a wave is a smooth function of the position."""
 
 
+@lru_cache(maxsize=1 << 15)  # asked of every candidate, again and again
 def order_of(candidate: Candidate) -> float | None:
     """The order of a ripple of many possible orders, in cycles per turn of the motor; None for all other candidates."""
     for parameter in candidate.definition.parameters:

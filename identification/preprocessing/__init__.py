@@ -7,6 +7,7 @@ from arm_io import lazy
 if TYPE_CHECKING:
     from identification.preprocessing.aliased_ripple import drifting, folded_along, rate_beside, rows_a_setpoint
     from identification.preprocessing.demands import demand_of_run, tracked_as_recorded
+    from identification.preprocessing.filtering import zero_phase
     from identification.preprocessing.readiness import Readiness
 else:
     __getattr__ = lazy(__name__)
@@ -19,4 +20,5 @@ __all__ = [
     "rate_beside",
     "rows_a_setpoint",
     "tracked_as_recorded",
+    "zero_phase",
 ]

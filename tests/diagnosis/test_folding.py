@@ -15,7 +15,7 @@ from arm_model.simulation import simulate
 from daq.recording import Recording, open_recording
 from daq.recording.parts import Attachments
 from daq.recording.tables.table import write_table
-from diagnosis.screening.mains_hum import mains_hum, other_lines
+from diagnosis.screening.mains_hum import lines_near_mains, mains_hum, other_lines
 from experiment import demand_of, read_experiment
 
 COUNTS = 400_000
@@ -88,11 +88,10 @@ def test_a_line_of_the_setpoints_that_sampling_puts_at_60_hz_is_no_hum(
     arm: Arm, recorded: Callable[..., list[Recording]]
 ) -> None:
     recordings = recorded(arm, 460.0, 0.0)  # the fourth line, of 400 Hz
-    assert not mains_hum(recordings, arm)
-    assert not list(other_lines(recordings, arm))
+    assert not lines_near_mains(recordings, arm)
     # of unknown setpoints, it is told by its amplitude, which follows the motion
     unknown = replace(arm, controller=None)
-    assert not mains_hum(recordings, unknown)
-    assert any(
-        "Hz at joint 1" in remark and "its amplitude varies" in remark for remark in other_lines(recordings, unknown)
-    )
+    lines = lines_near_mains(recordings, unknown)
+    assert not mains_hum(recordings, lines)
+    remarks = other_lines(lines, unknown)
+    assert any("Hz at joint 1" in remark and "its amplitude varies" in remark for remark in remarks)

@@ -21,7 +21,8 @@ from diagnosis.measurements.currents.design_matrix import dataset_of
 from diagnosis.report.wording import title
 from diagnosis.report.write import _cause
 from diagnosis.residual.run import residual_run
-from diagnosis.screening.mains_hum import mains_hum, other_lines, without_hum
+from diagnosis.screening.event import Event
+from diagnosis.screening.mains_hum import lines_near_mains, mains_hum, other_lines, without_hum
 from identification.selection import Split
 
 RATE, JOINTS = 500.0, 6
@@ -59,7 +60,7 @@ def _with_lines(
 def test_hum_of_all_currents_is_one_event_of_the_rig(arm: Arm, tmp_path: Path) -> None:
     amplitudes = {joint: 0.01 * joint for joint in range(1, JOINTS + 1)}
     recordings = [_recorded(tmp_path / f"{n}.mcap", amplitudes, n) for n in range(2)]
-    (event,) = mains_hum(recordings, arm)
+    (event,) = _hum(recordings, arm)
     assert event.joint is None
     assert sorted(event.of_joints) == list(amplitudes)
     for joint, parameters in event.of_joints.items():
@@ -71,7 +72,7 @@ def test_hum_of_all_currents_is_one_event_of_the_rig(arm: Arm, tmp_path: Path) -
     # and it is taken out of all of them
     for recording in recordings:
         clean = without_hum(recording, [event])
-        assert mains_hum([recording], arm)
+        assert _hum([recording], arm)
         t = recording.t
         for column in clean.T:
             line = abs(np.sum((column - column.mean()) * np.hanning(len(t)) * np.exp(-2j * np.pi * 49.96 * t)))
@@ -80,14 +81,19 @@ def test_hum_of_all_currents_is_one_event_of_the_rig(arm: Arm, tmp_path: Path) -
 
 @pytest.mark.parametrize("joints", [(2,), (2, 5), (1, 2, 3)])
 def test_hum_of_few_currents_is_of_their_joints(arm: Arm, tmp_path: Path, joints: tuple[int, ...]) -> None:
-    events = mains_hum([_recorded(tmp_path / "a.mcap", dict.fromkeys(joints, 0.03), 1)], arm)
+    events = _hum([_recorded(tmp_path / "a.mcap", dict.fromkeys(joints, 0.03), 1)], arm)
     assert [event.joint for event in events] == list(joints)
     assert not any(event.of_joints for event in events)
 
 
+def _hum(recordings: list[Recording], arm: Arm) -> list[Event]:
+    return mains_hum(recordings, lines_near_mains(recordings, arm))
+
+
 def _told(arm: Arm, recording: Recording) -> tuple[list[int | None], list[str]]:
     """Joints of hum, and what is said of other lines."""
-    return [event.joint for event in mains_hum([recording], arm)], list(other_lines([recording], arm))
+    lines = lines_near_mains([recording], arm)
+    return [event.joint for event in mains_hum([recording], lines)], list(other_lines(lines, arm))
 
 
 @pytest.mark.parametrize("frequency", [49.48, 49.1, 60.7])
@@ -141,7 +147,7 @@ def test_a_line_of_setpoints_beyond_the_sampling_rate_is_no_mains_but_hum_there_
 
 def test_a_cause_of_the_rig_is_told_once_and_modelled_at_every_joint(arm: Arm, tmp_path: Path) -> None:
     recording = _recorded(tmp_path / "a.mcap", dict.fromkeys(range(1, JOINTS + 1), 0.05), 1)
-    (event,) = mains_hum([recording], arm)
+    (event,) = _hum([recording], arm)
     data = dataset_of([residual_run("a", arm, recording.t, recording.q, recording.i)])
     hum = from_event(event, arm, Split(data, data))
     assert title(hum) == "mains hum"

@@ -162,11 +162,18 @@ def _ripple(weighted: Array, motor: Array) -> float | None:
 
 def _plane_wave(weighted: Array, own: Array, other: Array) -> tuple[float, float]:
     """c and d, rad/rad, of the strongest wave sin(c own + d other) that depends on both angles."""
-    c, d = np.arange(-8.0, 8.01, 0.5), np.arange(0.5, 8.01, 0.5)
-    c = c[c != 0.0]
-    power = np.abs((np.exp(1j * np.outer(c, own)) * weighted) @ np.exp(1j * np.outer(other, d)))
+    steps = np.arange(0.5, 8.01, 0.5)
+    first, second = (_harmonics(np.exp(0.5j * angle), len(steps)) for angle in (own, other))
+    # -c and c differ by the conjugate
+    power = np.abs(np.concatenate([(part * weighted) @ second.T for part in (first.conj(), first)]))
+    c = np.concatenate([-steps, steps])
     best = np.unravel_index(int(np.argmax(power)), power.shape)
-    return float(c[best[0]]), float(d[best[1]])
+    return float(c[best[0]]), float(steps[best[1]])
+
+
+def _harmonics(wave: Array, count: int) -> Array:
+    """(count, m) powers 1 to count of a wave (m,)."""
+    return np.multiply.accumulate(np.broadcast_to(wave, (count, len(wave))), axis=0)
 
 
 def _past(fit: Dataset, held_out: Dataset, arm: Arm, joint: int) -> Iterator[Shape]:
@@ -182,8 +189,8 @@ def _past(fit: Dataset, held_out: Dataset, arm: Arm, joint: int) -> Iterator[Sha
     pair = []
     for side, of_side in zip((fit, held_out), currents):
         over = 1.0 / side.at_joint("deviation", joint)
-        kept = [np.concatenate([_play(current, width * travel) - current for current in of_side]) for width in PLAYS]
-        pair.append(Columns(np.stack(kept, axis=1) * over[:, None], side.of(joint)))
+        kept = [_play(current, np.array(PLAYS) * travel) - current[:, None] for current in of_side]
+        pair.append(Columns(np.concatenate(kept) * over[:, None], side.of(joint)))
     yield Shape("current and its past", Split(pair[0], pair[1]), np.ones(held_out.rows, bool))
 
 
@@ -194,10 +201,19 @@ def _expected(run: Run, arm: Arm, joint: int) -> Array:
     return current
 
 
-def _play(values: Array, width: float) -> Array:
-    """(m,) output of a play operator of half-width ``width`` on values (m,)."""
-    kept, at = np.empty_like(values), float(values[0])
-    for row, value in enumerate(values.tolist()):
-        at = min(max(at, value - width), value + width)
-        kept[row] = at
-    return kept
+def _play(values: Array, widths: Array) -> Array:
+    """(m, k) outputs of play operators of half-widths (k,) on values (m,), each at rest on the first of them.
+
+    Row by row, a play operator clamps its last output to value +- width. Clamps one after the other are one clamp, so
+    that those of all rows up to each are found in log2(m) steps, exactly (Hillis & Steele, Communications of the ACM
+    29, 1986).
+    """
+    low, high = values[:, None] - widths, values[:, None] + widths
+    reach = 1
+    while reach < len(values):
+        # rows up to here after those up to ``reach`` before: their bounds, clamped by these
+        low[reach:], high[reach:] = (
+            np.minimum(np.maximum(before, low[reach:]), high[reach:]) for before in (low[:-reach], high[:-reach])
+        )
+        reach *= 2
+    return np.asarray(np.minimum(np.maximum(values[0], low), high), float)

@@ -146,7 +146,7 @@ def _coupled_axis(fit: Sequence[Recording], held_out: Sequence[Recording], axis:
     source = sides[0]
     values = _solved(source.columns, source.difference)
     turns = float(np.std(source.columns[:, OWN:] @ values[OWN:]))
-    noise = float(np.mean([angle_noise(r.q)[axis - 1] for r in fit]))
+    noise = float(np.mean([angle_noise(r.q[:, [axis - 1]])[0] for r in fit]))
     # in each fold: a gain in one part only is no coupling
     both_ways = all(
         np.sum(after_**2) < (1.0 - LIMITS.explained) * np.sum(without_rows**2)
