@@ -97,7 +97,7 @@ def _in_band(values: Array, dt: float) -> tuple[Array, Array]:
     # the band alone: the transform of all frequencies of a prime number of rows takes ten times as long
     turn = 2j * np.pi / (4 * len(values))
     spectrum = signal.czt(values, last - first + 1, np.exp(-turn), np.exp(turn * first))
-    return apart * np.arange(first, last + 1), np.abs(spectrum) ** 2
+    return np.asarray(apart * np.arange(first, last + 1), float), np.asarray(np.abs(spectrum) ** 2, float)
 
 
 def waves(frequency: float, t: Array) -> Array:
