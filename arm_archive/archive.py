@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import math
 import sqlite3
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from html import escape
 from os import PathLike
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 from arm_archive.entries import COLUMNS, RECORDING, Entry
 from arm_archive.filters import Filters, plain
 from arm_archive.folder import Found, files_in
 from arm_archive.index import Index, index_in_memory, open_index
+from arm_archive.pictures import picture_of
 from arm_archive.recordings import recording_entry
 from arm_archive.results import result_entry
 from arm_io import InputError
@@ -107,10 +110,30 @@ class Archive:
             raise InputError(parameter, f"is a parameter of no such result; {hint}")
         return found
 
+    def pictures(self, paths: Sequence[str], *, seconds: float = math.inf, draw: bool = True) -> dict[str, str | None]:
+        """Small SVG pictures of entries, drawn when they are first asked for and kept in the index.
+
+        None: the file has nothing to draw. ``seconds``: after so long no further one is drawn; those that are missing
+        in the answer can be asked for again. ``draw`` False: only those that are kept.
+        """
+        kinds = {row["path"]: row["kind"] for row in self._index.rows("SELECT path, kind FROM entry")}
+        until = time.monotonic() + seconds
+        answer: dict[str, str | None] = {}
+        for path in dict.fromkeys(paths):
+            if path not in kinds:
+                answer[path] = None
+            elif kept := self._index.picture(path):
+                (answer[path],) = kept
+            elif draw and time.monotonic() < until:
+                answer[path] = picture_of(self.folder, path, kinds[path])
+                with suppress(sqlite3.DatabaseError):  # the disk is full: it is drawn again
+                    self._index.keep_picture(path, answer[path])
+        return answer
+
     def find(self, name: str) -> Row:
-        """The one entry of a path, or of a part of one; InputError where there is none, or more than one."""
+        """The one entry of a path, of a folder, or of a part of a path; InputError where there is none, or more."""
         rows = self.rows()
-        exact = [row for row in rows if row["path"] == name]
+        exact = [row for row in rows if name.rstrip("/") in (row["path"], PurePosixPath(row["path"]).parent.as_posix())]
         found = exact or [row for row in rows if plain(name) in plain(row["path"])]
         if len(found) == 1:
             return found[0]

@@ -34,6 +34,9 @@ CREATE INDEX parameter_by_name ON parameter (name);
 PRAGMA application_id = {APPLICATION};
 PRAGMA user_version = {VERSION};
 """
+_PICTURES = "CREATE TABLE IF NOT EXISTS picture (path TEXT PRIMARY KEY, stamp TEXT NOT NULL, svg TEXT) WITHOUT ROWID"
+PICTURE = 1
+"""Version of the pictures; others are drawn again."""
 
 
 class Index:
@@ -75,6 +78,23 @@ class Index:
         names = [item[0] for item in cursor.description]
         return [dict(zip(names, row)) for row in cursor.fetchall()]
 
+    def picture(self, path: str) -> tuple[str | None] | None:
+        """The kept picture of an entry, (None,): it has none; None: nothing is kept of the file as it is."""
+        found = self._connection.execute(
+            "SELECT svg FROM picture JOIN entry USING (path) "
+            "WHERE path = ? AND picture.stamp = ? || entry.stamp AND NOT racy",
+            [path, f"{PICTURE} "],
+        ).fetchone()
+        return None if found is None else (found[0],)
+
+    def keep_picture(self, path: str, svg: str | None) -> None:
+        """Of the file as the index knows it."""
+        with self._transaction() as connection:
+            connection.execute(
+                "INSERT OR REPLACE INTO picture SELECT path, ? || stamp, ? FROM entry WHERE path = ?",
+                [f"{PICTURE} ", svg, path],
+            )
+
     def close(self) -> None:
         self._connection.close()
 
@@ -90,7 +110,7 @@ class Index:
 
 
 def _forget(connection: sqlite3.Connection, paths: Sequence[str]) -> None:
-    for table in ("entry", "parameter"):
+    for table in ("entry", "parameter", "picture"):
         connection.executemany(f"DELETE FROM {table} WHERE path = ?", [(path,) for path in paths])
 
 
@@ -136,6 +156,7 @@ def _writable(file: Path) -> sqlite3.Connection:
                 connection.execute(f'DROP TABLE "{name}"')
             for statement in _SCHEMA.split(";"):
                 connection.execute(statement)
+        connection.execute(_PICTURES)
         connection.execute("COMMIT")
         return connection
     except BaseException:
@@ -166,8 +187,9 @@ def _in_memory(file: Path) -> sqlite3.Connection:
         with closing(sqlite3.connect(f"{file.absolute().as_uri()}?mode=ro", uri=True, timeout=PATIENCE)) as kept:
             if _identity(kept)[:2] == (APPLICATION, VERSION) and _sound(kept):
                 kept.backup(memory)
+                memory.execute(_PICTURES)
                 return memory
     except sqlite3.DatabaseError:
         memory = sqlite3.connect(":memory:", isolation_level=None)
-    memory.executescript(_SCHEMA)
+    memory.executescript(f"{_SCHEMA};{_PICTURES}")
     return memory

@@ -82,6 +82,7 @@ class Server:
             Route("/api/archive", self._archive),
             Route("/api/archive/entry", self._entry),
             Route("/api/archive/history", self._history),
+            Route("/api/archive/pictures", self._pictures),
             Route("/api/analyses", self._begin, methods=["POST"]),
             Route("/api/analyses/{job}/stop", self._stop_analysis, methods=["POST"]),
             Route("/api/fleets", self._fleets),
@@ -174,6 +175,11 @@ class Server:
     async def _entry(self, request: Request) -> Response:
         path = request.query_params.get("path", "")
         return await self._answer(request, Role.WATCH, lambda: self._parts.archive.entry(path))
+
+    async def _pictures(self, request: Request) -> Response:
+        paths = request.query_params.getlist("path")
+        idle = (self._parts.link.status or {}).get("state", "idle") == "idle"
+        return await self._answer(request, Role.WATCH, lambda: self._parts.archive.pictures(paths, draw=idle))
 
     async def _history(self, request: Request) -> Response:
         query = dict(request.query_params)

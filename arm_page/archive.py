@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import secrets
-from collections.abc import Mapping
+import threading
+from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ Table = dict[str, Any]
 MOST_ROWS = 1000
 """Newest entries that a browser is sent; the filters find the others."""
 MOST_TICKETS = 200
+MOST_PICTURES = 50
 
 
 class FolderArchive:
@@ -24,6 +26,7 @@ class FolderArchive:
     def __init__(self, recordings: Recordings) -> None:
         self._recordings = recordings
         self._tickets: dict[str, Path] = {}
+        self._drawing = threading.Lock()
 
     def rows(self, query: Mapping[str, str]) -> Table:
         """Entries that meet the filters, the newest first, and the names of all parameters.
@@ -69,6 +72,16 @@ class FolderArchive:
                 if one["report"]
             ]
             return {"entry": row, "parameters": archive.parameters(path), "reports": reports}
+
+    def pictures(self, paths: Sequence[str], *, draw: bool) -> Table:
+        """Small SVG pictures of entries, as many as can be drawn in half a second, one request at a time.
+
+        ``draw`` False: a run needs the computer; only those that are kept, and ``later`` is true.
+        """
+        if len(paths) > MOST_PICTURES:
+            raise InputError("path", f"may be given {MOST_PICTURES} times at most")
+        with self._drawing, self._opened() as archive:
+            return {"pictures": archive.pictures(paths, seconds=0.5, draw=draw), "later": not draw}
 
     def report(self, ticket: str) -> Path:
         """The file of a report. InputError: there is none of that name."""

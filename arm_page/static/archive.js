@@ -1,6 +1,7 @@
 // The archive: everything recorded and found in the folder, by arm, experiment, date and losses; parameters over months.
 
 import uPlot from "./charts/uplot.js";
+import { Pictures } from "./pictures.js";
 import { ask } from "./server.js";
 import { colour, count, el, number, seconds, whenThemeChanges, words } from "./page.js";
 
@@ -17,6 +18,7 @@ export class ArchiveView {
     this.says = el("span", { class: "quiet" });
     this.table = el("div", { class: "scroll" });
     this.history = el("div");
+    this.pictures = new Pictures(this.table);
     list.replaceChildren(
       el("h2", {}, "Archive", this.says),
       el("div", { class: "filters" }, this.kind, this.inputs.map(([, input]) => input)),
@@ -57,10 +59,11 @@ export class ArchiveView {
     const chosen = this.parameter.value;
     this.parameter.replaceChildren(el("option", { value: "" }, "plot a parameter over time …"),
       ...parameters.map((one) => el("option", { value: one.name, selected: one.name === chosen }, `${one.name}${one.unit ? ` [${one.unit}]` : ""}, ${one.results} results`)));
-    const head = ["date (UTC)", "arm", "experiment", "rows", "lost", "error", "result", "path"];
+    const head = ["date (UTC)", "", "arm", "experiment", "rows", "lost", "error", "result", "path"];
+    this.pictures.clear();
     this.table.replaceChildren(
       ...notes.map((note) => el("p", { class: "warn" }, note)),
-      rows.length ? el("table", {}, el("tr", {}, head.map((name, k) => el("th", { class: k > 2 && k < 6 ? "n" : "" }, name))), rows.map((row) => this._row(row)))
+      rows.length ? el("table", {}, el("tr", {}, head.map((name, k) => el("th", { class: k > 3 && k < 7 ? "n" : "" }, name))), rows.map((row) => this._row(row)))
         : el("p", { class: "note" }, entries ? "Nothing meets these filters." : "Nothing is recorded yet."),
     );
   }
@@ -70,7 +73,7 @@ export class ArchiveView {
     const error = row.error === null ? "" : row.kind === "kinematics" ? `${number(row.error, 2, 1e3)} mm` : `${number(row.error, 2, 100)} %`;
     const result = row.verdict ?? (row.state === "whole" ? "" : row.state);
     return el("tr", { class: "choice", tabindex: 0, "data-path": row.path, "aria-selected": String(row.path === this.chosen), onclick: open, onkeydown: (event) => event.key === "Enter" && open() },
-      el("td", { class: "date" }, (row.date ?? "").slice(0, 16).replace("T", " ")), el("td", {}, row.arm ?? ""), el("td", {}, row.experiment ?? ""),
+      el("td", { class: "date" }, (row.date ?? "").slice(0, 16).replace("T", " ")), el("td", { class: "small" }, this.pictures.of(row)), el("td", {}, row.arm ?? ""), el("td", {}, row.experiment ?? ""),
       el("td", { class: "n" }, row.rows === null ? "" : count(row.rows)), el("td", { class: `n ${row.lost ? "wrong" : ""}` }, row.lost === null ? "" : count(row.lost)),
       el("td", { class: "n" }, error), el("td", { class: row.state === "whole" ? "" : "warn" }, words(result)), el("td", { class: "name path" }, row.path.split(/(?<=[/_])/).flatMap((part) => [part, el("wbr")])));
   }

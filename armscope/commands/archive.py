@@ -127,7 +127,7 @@ def _list(archive: Archive, filters: Filters, as_json: bool) -> None:
             "" if row["rows"] is None else str(row["rows"]),
             "" if row["lost"] is None else str(row["lost"]),
             _error(row),
-            row["verdict"] or ("" if row["state"] == "whole" else row["state"]),
+            _words(row["verdict"]) or ("" if row["state"] == "whole" else row["state"]),
             row["path"],
         )
         for row in rows
@@ -138,6 +138,10 @@ def _list(archive: Archive, filters: Filters, as_json: bool) -> None:
         print(f"note: {row['path']}: {row['note']}", file=sys.stderr)
     lossy = sum(bool(row["lost"]) for row in rows)
     print(f"{len(rows)} of {len(archive)} entries; {lossy} with lost rows, {len(wrong)} with notes")
+
+
+def _words(verdict: str | None) -> str:
+    return (verdict or "").replace("_", " ")
 
 
 def _error(row: dict[str, Any]) -> str:

@@ -300,6 +300,8 @@ def test_the_archive_is_a_table_with_filters_reports_and_parameters_over_time(
     page.fill("#entries input[name=arm]", "oldpuma")
     rows = page.locator("#entries tr.choice")
     sync_api.expect(rows).to_have_count(3, timeout=SECONDS)
+    sync_api.expect(page.locator("#entries img.picture[src]")).to_have_count(3, timeout=SECONDS)
+    assert page.locator("#entries img.picture").evaluate_all("all => all.map((one) => one.naturalWidth)") == [80] * 3
     page.fill("#entries input[name=lost]", "0")
     sync_api.expect(rows).to_have_count(2, timeout=SECONDS)
     for name in ("arm", "lost"):
@@ -324,6 +326,11 @@ def test_the_archive_answers_as_the_command_does_and_leads_nowhere_else(room: Ro
     for query in ("since=yesterday", "kind=song", "lost=-1", "colour=red"):
         status, answer = room.ask(f"/api/archive?{query}")
         assert status == 409 and "\n" not in answer["what"]
+    few = "&".join(f"path=older/{k}/fit{k}.mcap" for k in range(2))
+    _, answer = room.ask(f"/api/archive/pictures?{few}&path=../rig.toml")
+    assert answer["pictures"].pop("../rig.toml") is None and not answer["later"]
+    assert all(svg.startswith("<svg") for svg in answer["pictures"].values()) and len(answer["pictures"]) <= 2
+    assert room.ask(f"/api/archive/pictures?{'&'.join(['path=a'] * 51)}")[0] == 409
     for path in ("../rig.toml", "/etc/passwd", "", "older/0/fit"):
         assert room.ask(f"/api/archive/entry?path={path}")[0] == 409
     _, entry = room.ask("/api/archive/entry?path=older/2/fit2.mcap")
