@@ -39,12 +39,12 @@ export class Pictures {
       while (this.waiting.size) {
         const some = [...this.waiting].slice(0, AT_ONCE), query = some.map(([path]) => `path=${encodeURIComponent(path)}`).join("&");
         const { pictures, later } = await ask(`/api/archive/pictures?${query}`);
-        for (const [path, place] of some) {
-          if (path in pictures) {
-            this.known.set(place.key, pictures[path]);
-            this._show(place, pictures[path]);
-          }
-          if (path in pictures || later) this.waiting.delete(path);
+        for (const [path, asked] of some) {
+          if (path in pictures) this.known.set(asked.key, pictures[path]);
+          // The list may have been made anew meanwhile: with another element for the row, or with another state of it.
+          const place = this.waiting.get(path);
+          if (place && this.known.has(place.key)) this._show(place, this.known.get(place.key));
+          if (later || !place || this.known.has(place.key)) this.waiting.delete(path);
         }
       }
     } catch {

@@ -1,4 +1,4 @@
-"""The small pictures of the archive: against the rows and numbers that they show; drawn once, and again after a change."""
+"""The small pictures of the archive: against what they show; drawn once, and again after a change."""
 
 from __future__ import annotations
 
