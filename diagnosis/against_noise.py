@@ -26,26 +26,12 @@ def against_noise(arm: Arm, recordings: Sequence[Recording], beside: Sequence[Re
     beside: others of the same rig, whose standstills show its noise as well.
     InputError where a recording is not one that ``diagnose`` takes.
     """
-    runs = _runs(arm, recordings, beside)
+    runs = runs_of(arm, recordings, beside)
     return ratios(runs, dataset_of(runs).y)
 
 
-def left_over(arm: Arm, recordings: Sequence[Recording], beside: Sequence[Recording] = ()) -> tuple[float, ...]:
-    """(n,) N m (N) rms of what a model leaves on recordings beyond the noise of their instruments, per joint.
-
-    Of rows in which a joint moves, away from its reversals; 0 for a joint without any. Arguments and errors as of
-    ``against_noise``.
-    """
-    data, found = dataset_of(runs := _runs(arm, recordings, beside)), []
-    for j, constant in enumerate(arm.joint_array("drive_constant").tolist()):
-        sure = data.comparable(j + 1)
-        noise = np.concatenate([run.deviation[:, j] for run in runs])[sure]
-        beyond = float(np.sum((data.y[data.of(j + 1)][sure] ** 2 - 1.0) * noise**2)) / max(int(sure.sum()), 1)
-        found.append(constant * float(np.sqrt(max(beyond, 0.0))))
-    return tuple(found)
-
-
-def _runs(arm: Arm, recordings: Sequence[Recording], beside: Sequence[Recording]) -> list[Run]:
+def runs_of(arm: Arm, recordings: Sequence[Recording], beside: Sequence[Recording]) -> list[Run]:
+    """Residuals of recordings under an arm, with the noise that they and ``beside`` show at standstill."""
     check(arm, recordings)
     still = still_noise([r for r in (*beside, *recordings) if not setup_of(r).drives_off])
     runs = []

@@ -31,10 +31,11 @@ from diagnosis.closed_loop.comparison import (
     has_demand,
     with_smoothing_velocities,
 )
-from diagnosis.closed_loop.model_errors import spreads
+from diagnosis.closed_loop.model_errors import healthy, spreads
 from diagnosis.confidence import stated
 from diagnosis.find_causes import Named, Progress, Recordings, has_dynamics, named_causes
 from diagnosis.last_gate import idle_limits
+from diagnosis.left_over import Remainder, remainders
 from diagnosis.measurements.currents.causes import from_event
 from diagnosis.measurements.currents.detectability import not_judged, not_visible
 from diagnosis.measurements.currents.shortage import Shortage
@@ -67,6 +68,7 @@ class Diagnosis:
     judged         whether the currents were compared: not with a model that predicts none
     shortage       what the held-out recordings are too short for
     known_to       (n,) times the noise that held-out residuals may be by what the model says of its own uncertainty
+    remainders     what is above the noise within that, joint by joint
     """
 
     arm: Arm
@@ -86,6 +88,7 @@ class Diagnosis:
     judged: bool = True
     shortage: Shortage | None = None
     known_to: Array | None = None
+    remainders: list[Remainder] = field(default_factory=list)
     warnings: tuple[str, ...] = ()
 
     @property
@@ -204,6 +207,7 @@ def diagnose(
         judged=measured.judged,
         shortage=named.shortage if measured.judged else None,
         known_to=known.held_out if state.model.uncertain else None,
+        remainders=remainders(state, unexplained) if measured.judged else [],
         warnings=(*cleaned.remarks, *_warnings(arm, measured, named, structures), *_of_friction(said, extended)),
     )
 
@@ -307,7 +311,7 @@ def _in_loop(
             extended, [r for r, _ in looped], [run for _, run in looped], [one for _, one in verified.compared[side]]
         )
 
-    return clear_errors(verified.compared, runs, reported, spread)
+    return clear_errors(verified.compared, runs, reported, spread, healthy(extended))
 
 
 def _judged(structures: Sequence[Structure], shortage: Shortage | None) -> list[Structure]:

@@ -14,6 +14,7 @@ import numpy as np
 from diagnosis.against_noise import ratios
 from diagnosis.cause import Signal
 from diagnosis.diagnose import Diagnosis
+from diagnosis.left_over import Remainder
 
 NOISE = 1.3
 """Rms over the noise floor up to which a residual is noise along the motion: the floor is known no better."""
@@ -28,6 +29,7 @@ class Remaining:
 
     along, in_loop  by "fit" and "held_out"; empty where there is nothing to compare
     known_to        times the noise that it may be by the model's own uncertainty; None: the model states none
+    remainder       of what is within that: on what it depends, and what the model left when it was identified
     """
 
     joint: int
@@ -35,19 +37,36 @@ class Remaining:
     along: dict[str, float] = field(default_factory=dict)
     in_loop: dict[str, float] = field(default_factory=dict)
     known_to: float | None = None
+    remainder: Remainder | None = None
 
     @property
     def words(self) -> Iterator[str]:
         """``joint 2 at 1.7 times the noise in held-out recordings``, of everything above it."""
-        for sizes, most, where in ((self.along, NOISE, ""), (self.in_loop, IN_LOOP, " in closed loop")):
+        along = self._known + _compared(self.remainder)
+        for sizes, most, where, known in (
+            (self.along, NOISE, "", along),
+            (self.in_loop, IN_LOOP, " in closed loop", self._known),
+        ):
             above = {side: size for side, size in sizes.items() if size > most}
             if above:
                 worst = max(above, key=lambda side: above[side])
-                known = f", where the model is known to {self.known_to:.1f} times" if self.known_to else ""
                 yield (
                     f"joint {self.joint}{where} at {above[worst]:.1f} times the noise in {SIDES[worst]} recordings"
                     f"{known}"
                 )
+
+    @property
+    def _known(self) -> str:
+        return f", where the model is known to {self.known_to:.1f} times" if self.known_to else ""
+
+
+def _compared(one: Remainder | None) -> str:
+    """`` (against position; 5.6 times, against position, when it was identified)``; empty where nothing is known."""
+    if one is None:
+        return ""
+    now = f"against {one.against}; " if one.against else ""
+    then = f", against {one.before_against}," if one.before_against else ""
+    return f" ({now}{one.before:.1f} times{then} when it was identified)"
 
 
 def remaining(result: Diagnosis) -> list[Remaining]:
@@ -70,6 +89,7 @@ def remaining(result: Diagnosis) -> list[Remaining]:
             along={side: sizes[joint] for side, sizes in along.items() if joint in sizes},
             in_loop={side: float(sizes[joint - 1]) for side, sizes in in_loop.items()},
             known_to=None if result.known_to is None else float(result.known_to[joint - 1]),
+            remainder=next((one for one in result.remainders if one.joint == joint), None),
         )
         for joint in range(1, len(result.arm) + 1)
     ]

@@ -3,7 +3,9 @@
     {"schema": "armscope.uncertainty/1",
      "parameters": ["joint1.coulomb_positive", ...],    names as ``arm_model.parameters`` has them
      "covariance": [[c11], [c21, c22], ...],            of these, lower triangle, in products of their units
-     "left_over": [0.03, ...]}                          per joint, N m (N) rms: what the model left beyond the noise
+     "left_over": [0.03, ...],                          per joint, N m (N) rms: what the model left beyond the noise
+     "left_over_in_loop": [0.02, ...],                  ... in closed loop, from 10 to 100 Hz
+     "left_over_against": ["position", "", ...]}        the variable on which most of it depends; "": not known
 
 A covariance says how far the numbers of the model may move. ``left_over`` says how far the arm is from any model of
 this kind: what was left on the recordings of the identification itself, after the noise of their instruments.
@@ -34,7 +36,8 @@ class Uncertainty:
 
     file        its name, beside the model file
     parameters  (p,) names; covariance (p, p): rows of its lower triangle
-    left_over   (n,) N m (N) rms per joint; empty: not known
+    left_over   (n,) N m (N) rms per joint; in_loop: in closed loop, from 10 to 100 Hz; against: variables, "" where
+                none is known; empty: not known
 
     Without parameters nothing is known: the file that the model names was not there.
     """
@@ -43,6 +46,8 @@ class Uncertainty:
     parameters: tuple[str, ...] = ()
     covariance: tuple[tuple[float, ...], ...] = ()
     left_over: tuple[float, ...] = ()
+    in_loop: tuple[float, ...] = ()
+    against: tuple[str, ...] = ()
 
     @property
     def matrix(self) -> Array:
@@ -81,6 +86,8 @@ class _UncertaintyFile(Table):
     parameters: list[str]
     covariance: list[list[float]]
     left_over: list[Annotated[float, Field(ge=0)]] = Field(default=[])
+    left_over_in_loop: list[Annotated[float, Field(ge=0)]] = Field(default=[])
+    left_over_against: list[str] = Field(default=[])
 
 
 def read_uncertainty(path: str | Path) -> Uncertainty:
@@ -98,7 +105,12 @@ def read_uncertainty(path: str | Path) -> Uncertainty:
     if [len(row) for row in layout.covariance] != list(range(1, count + 1)):
         raise InputError(path, f"covariance: must be the lower triangle of {count} rows: 1, 2, ... {count} numbers")
     found = Uncertainty(
-        Path(path).name, tuple(layout.parameters), tuple(map(tuple, layout.covariance)), tuple(layout.left_over)
+        Path(path).name,
+        tuple(layout.parameters),
+        tuple(map(tuple, layout.covariance)),
+        tuple(layout.left_over),
+        tuple(layout.left_over_in_loop),
+        tuple(layout.left_over_against),
     )
     _, values, _ = _correlation(found.matrix)
     if any(row[-1] <= 0.0 for row in found.covariance) or values.min(initial=0.0) < -NEGATIVE * values.max(initial=0.0):
@@ -111,6 +123,7 @@ def write_uncertainty(path: str | Path, known: Uncertainty) -> None:
     rows = ",\n  ".join(json.dumps(row) for row in known.covariance)
     text = (
         f'{{"schema": "{SCHEMA}",\n "parameters": {json.dumps(known.parameters)},\n "covariance": [\n  {rows}],\n'
-        f' "left_over": {json.dumps(known.left_over)}}}\n'
+        f' "left_over": {json.dumps(known.left_over)},\n "left_over_in_loop": {json.dumps(known.in_loop)},\n'
+        f' "left_over_against": {json.dumps(known.against)}}}\n'
     )
     write_text(path, text)

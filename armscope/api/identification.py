@@ -73,8 +73,10 @@ def _against_noise(
         noise, more = against_noise(result.arm, recordings, beside), left_over(result.arm, recordings, beside)
     except InputError as error:
         return replace(result, notes=[*result.notes, f"not compared with the noise of the instruments: {error}"])
-    known = result.arm.uncertainty
-    arm = result.arm if known is None else replace(result.arm, uncertainty=replace(known, left_over=more))
+    arm, known = result.arm, result.arm.uncertainty
+    if known is not None:
+        known = replace(known, left_over=more.along, in_loop=more.in_loop, against=more.against)
+        arm = replace(arm, uncertainty=known)
     return replace(result, arm=arm, noise=noise)
 
 

@@ -52,17 +52,22 @@ class VerdictLimits(Thresholds):
 LIMITS = VerdictLimits()
 
 
+LeftOver = tuple[Array, Array]
+"""(n,) A rms: what an identified model left beyond the noise on healthy recordings, below and above COMPARE_BAND."""
+
+
 def clear_errors(
     compared: Mapping[str, Sequence[tuple[Compared, Compared]]],
     runs: Mapping[str, Sequence[Run]],
     reported: Sequence[int | None],
     spread: Callable[[str], Sequence[Sequence[Compared]]] = lambda _: (),
+    left: LeftOver | None = None,
 ) -> list[Structure]:
     """What the closed loop leaves clearly above the noise, at joints (from 1) that are not ``reported`` already.
 
     compared, runs: by "fit" and "held_out", each recording in closed loop without the causes and with all of them, and
     all recordings. spread: of a side, what the uncertainty of the model makes of the loops with all causes
-    (``model_errors.spreads``); limits are above the noise and that together.
+    (``model_errors.spreads``); left: what it left on healthy recordings. Limits are above the noise and these together.
     """
     found: dict[tuple[int, str], tuple[float, str]] = {}
     for side, several in compared.items():
@@ -75,7 +80,8 @@ def clear_errors(
         drawn = [_ratios([(one, one) for one in loops], *noise) for loops in spread(side)]
         for band, (against, most, of_joints) in enumerate(ratios):
             known = [one[band][2] ** 2 for one in drawn]
-            allowed = np.sqrt(1.0 + np.mean(known, axis=0)) if known else np.ones(len(of_joints))
+            healthy = np.zeros(len(of_joints)) if left is None else left[band] / _noise_of(band, several, *noise)
+            allowed = np.sqrt(1.0 + healthy**2 + (np.mean(known, axis=0) if known else 0.0))
             for joint, (ratio, times) in enumerate(zip(of_joints.tolist(), allowed.tolist()), 1):
                 key = joint, against
                 if joint not in reported and ratio > max(most * times, found.get(key, (0.0, ""))[0]):
@@ -87,6 +93,14 @@ def clear_errors(
 
 
 Pairs = Sequence[tuple[Compared, Compared]]
+
+
+def _noise_of(band: int, several: Pairs, noise: Array, white: Sequence[Array]) -> Array:
+    """(n,) A: noise below COMPARE_BAND (band 0), and from there to HIGHEST (band 1); arguments as of ``_ratios``."""
+    if band == 0:
+        return noise
+    rates = [rate_of(one.t) for _, one in several]
+    return np.asarray(np.mean([_in_band(own, _sections(rate)) for own, rate in zip(white, rates)], axis=0))
 
 
 def _ratios(several: Pairs, noise: Array, white: Sequence[Array]) -> list[tuple[str, float, Array]]:
@@ -134,10 +148,8 @@ def _above(before: Compared, one: Compared, white: Array) -> tuple[Array, Array]
     if rate < 4 * COMPARE_BAND:
         none = np.full((0, one.current.shape[1]), np.nan)
         return none, none
-    half = rate / 2
-    sections = signal.butter(3, [COMPARE_BAND / half, min(HIGHEST / half, 0.9)], btype="band", output="sos")
-    _, response = signal.sosfreqz(sections, 2000)
-    noise = np.maximum(white * np.sqrt(np.mean(np.abs(response) ** 4)), 1e-12)
+    sections = _sections(rate)
+    noise = _in_band(white, sections)
     measured, simulated, without = (
         signal.sosfiltfilt(sections, current, axis=0) / noise
         for current in (one.current, one.simulated_current, before.simulated_current)
@@ -151,6 +163,18 @@ def _above(before: Compared, one: Compared, white: Array) -> tuple[Array, Array]
         return _of_blocks(error, np.ones(error.shape, bool), round(rate))
 
     return left(simulated), left(without)
+
+
+def _sections(rate: float) -> Array:
+    half = rate / 2
+    sections: Array = signal.butter(3, [COMPARE_BAND / half, min(HIGHEST / half, 0.9)], btype="band", output="sos")
+    return sections
+
+
+def _in_band(white: Array, sections: Array) -> Array:
+    """(n,) what a filter, forwards and back, leaves of white noise (n,)."""
+    _, response = signal.sosfreqz(sections, 2000)
+    return np.asarray(np.maximum(white * np.sqrt(np.mean(np.abs(response) ** 4)), 1e-12))
 
 
 def _of_blocks(values: Array, known: NDArray[np.bool_], rows: int) -> Array:

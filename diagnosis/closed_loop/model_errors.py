@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from arm_io import InputError
+from arm_io.types import Array
 from arm_model import Arm, parameter, with_parameters
 from daq.recording import Recording
 from diagnosis.closed_loop.comparison import Compared, compare
@@ -57,3 +58,16 @@ def spreads(
         if len(both) == len(nominal):
             found.append(both)
     return found
+
+
+def healthy(arm: Arm) -> tuple[Array, Array] | None:
+    """(n,) A rms: what an identified model left on its own recordings, along the motion and in closed loop above it.
+
+    None where it states nothing.
+    """
+    known = arm.uncertainty
+    if known is None:
+        return None
+    constant, nothing = arm.joint_array("drive_constant"), np.zeros(len(arm))
+    along, in_loop = (np.array(one) if one else nothing for one in (known.left_over, known.in_loop))
+    return along / constant, in_loop / constant

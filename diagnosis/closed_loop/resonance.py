@@ -26,6 +26,7 @@ from arm_model.simulation import simulate_batch
 from daq.recording import Recording
 from diagnosis.cause import Cause, Estimate, Signal, confidence_of
 from diagnosis.closed_loop.comparison import has_demand
+from diagnosis.closed_loop.model_errors import drawn
 from diagnosis.residual.noise import scatter
 from diagnosis.residual.run_setup import set_up
 from diagnosis.units import unit_at
@@ -104,8 +105,8 @@ def transmission_resonance(
     fit, held_out = [r for r in fit if has_demand(r)], [r for r in held_out if has_demand(r)]
     if arm.controller is None or not fit or not held_out:
         return None
-    noise = np.sqrt(np.mean([scatter(r.i) ** 2 * _white_share(r) for r in fit], axis=0))
     missed = [_errors(arm, r)[0] for r in fit]
+    noise = _floor(arm, fit, missed)
     noise_ratio = np.sqrt(np.mean(np.concatenate(missed) ** 2, axis=0)) / noise
     moving = np.any([np.ptp(r.q, axis=0) > LIMITS.moves for r in fit], axis=0)
     if (
@@ -134,6 +135,42 @@ def transmission_resonance(
         if (cause := _judged(arm, trial, fit, held_out, noise)) is not None:
             return cause
     return None
+
+
+def left_in_loop(arm: Arm, recordings: Sequence[Recording]) -> Array:
+    """(n,) N m (N) rms in ``BAND`` by which closed loops of an arm miss recordings beyond the noise of their currents.
+
+    0 where no loop can be compared: no controller, no demands, or none that is stable.
+    """
+    looped = [r for r in recordings if has_demand(r)] if arm.controller is not None else []
+    if not looped:
+        return np.zeros(len(arm))
+    missed = np.mean(np.concatenate([_errors(arm, r)[0] for r in looped]) ** 2, axis=0)
+    beyond = np.nan_to_num(np.maximum(missed - _white(looped) ** 2, 0.0))
+    return np.asarray(arm.joint_array("drive_constant") * np.sqrt(beyond))
+
+
+def _white(recordings: Sequence[Recording]) -> Array:
+    """(n,) A: noise of the measured currents in the band."""
+    return np.asarray(np.sqrt(np.mean([scatter(r.i) ** 2 * _white_share(r) for r in recordings], axis=0)))
+
+
+def _floor(arm: Arm, recordings: Sequence[Recording], missed: Sequence[Array]) -> Array:
+    """(n,) A: what a loop misses with nothing wrong: noise, and what is known to be off in an identified model.
+
+    missed: (m, n) A per recording, by the loops of ``arm``.
+    """
+    noise, known = _white(recordings), arm.uncertainty
+    if known is None:
+        return noise
+    left = np.array(known.in_loop or [0.0] * len(arm)) / arm.joint_array("drive_constant")
+    apart = [
+        np.mean(np.concatenate([_errors(other, r)[0] - own for r, own in zip(recordings, missed)]) ** 2, axis=0)
+        for other in drawn(arm)
+    ]
+    # the loop of an arm that was drawn may not be stable
+    known_to = [one for one in apart if np.isfinite(one).all()] or [np.zeros(len(arm))]
+    return np.asarray(np.sqrt(noise**2 + left**2 + np.mean(known_to, axis=0)))
 
 
 def _searched(

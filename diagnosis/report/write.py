@@ -20,6 +20,7 @@ from diagnosis.closed_loop import clear_errors, resonance
 from diagnosis.diagnose import Diagnosis
 from diagnosis.experiments.discriminating import Separation, separations
 from diagnosis.experiments.revealing import Showing, shown_by
+from diagnosis.left_over import Remainder
 from diagnosis.measurements.currents import limits as currents
 from diagnosis.measurements.currents.design_matrix import dataset_of
 from diagnosis.measurements.currents.structure_share import predictable
@@ -64,6 +65,7 @@ def table_of(result: Diagnosis, fit: list[Recording], held_out: list[Recording])
         "joints": [
             {"joint": one.joint, "verdict": one.verdict, "noise_ratio": one.along, "closed_loop": one.in_loop}
             | ({} if one.known_to is None else {"known_to": one.known_to})
+            | ({} if one.remainder is None else {"remainder": _remainder(one.remainder)})
             for one in remaining(result)
         ],
         "causes": [_cause(cause) | {"origins": of_cause(cause, suspected)} for cause in result.causes],
@@ -181,6 +183,12 @@ def _terms(cause: Cause) -> list[dict[str, Any]]:
     """Next-order terms of its law that a cause has, with the parameters that are theirs."""
     effect = CATALOGUE[cause.effect]
     return [{"term": term, "parameters": [effect.of_term(term).name]} for term in cause.next_orders]
+
+
+def _remainder(one: Remainder) -> dict[str, Any]:
+    """On what a residual within the model's uncertainty depends, and what the model left when it was identified."""
+    before = {"noise_ratio": one.before, "against": one.before_against or None}
+    return {"against": one.against or None, "when_identified": before}
 
 
 def _cause(cause: Cause) -> dict[str, Any]:

@@ -19,7 +19,8 @@ NAMES = ("joint1.viscous", "joint1.coulomb_positive", "link2.mx", "joint3.rotor_
 def _known(rng: np.random.Generator) -> tuple[Uncertainty, np.ndarray]:
     """Of sizes that differ by many decades, and of less than full rank."""
     root = rng.normal(size=(4, 3)) * np.array([1e3, 1.0, 1e-4, 1e-7])[:, None]
-    return uncertainty_of("m.json", NAMES, root @ root.T, (0.1, 0.0, 0.2, 0.0, 0.0, 0.0)), root @ root.T
+    known = uncertainty_of("m.json", NAMES, root @ root.T, (0.1, 0.0, 0.2, 0.0, 0.0, 0.0))
+    return replace(known, in_loop=(0.0, 0.3) * 3, against=("position", "") * 3), root @ root.T
 
 
 @pytest.fixture
@@ -34,6 +35,7 @@ def test_a_model_is_read_back_with_what_is_known_of_it(arm: Arm, tmp_path: Path,
     read = read_model(tmp_path / "own.toml")
     assert read == arm and read.uncertainty is not None
     assert (read.uncertainty.file, read.uncertainty.left_over) == ("own_uncertainty.json", known.left_over)
+    assert (read.uncertainty.in_loop, read.uncertainty.against) == (known.in_loop, known.against)
     size = np.sqrt(np.outer(np.diag(covariance), np.diag(covariance)))
     assert np.abs((read.uncertainty.matrix - covariance) / size).max() < 1e-6
     directions = read.uncertainty.directions
@@ -67,6 +69,7 @@ GOOD = {
         ({"covariance": [[-1.0], [0.0, 2.0]]}, "positive"),
         ({"covariance": [["a"], [0.0, 2.0]]}, "covariance"),
         ({"left_over": [0.1]}, "1 entries"),
+        ({"left_over_against": ["position"]}, "left_over_against: has 1 entries"),
         ({"left_over": [-0.1] * 6}, "left_over"),
         ({"more": 1}, "unknown"),
     ],

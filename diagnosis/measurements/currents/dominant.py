@@ -1,10 +1,10 @@
 """Causes that explain nearly all of the excess at their joint, and what remains beside them.
 
-Excess is the squared residual above that of the noise. A smooth function of the right variable follows any effect
-better than a law that is nearly right. A law that alone explains nearly all of the excess, in fitted and held-out
-recordings, is still the name of it, if that function is one of the variable of the law. Where a function of another
-variable follows the residual better, another law is at work: friction of one direction explains 95 % of a torque that a
-drive loses in proportion to its load.
+Excess is the squared residual above that of the noise, and above what is known to be off in an identified model. A
+smooth function of the right variable follows any effect better than a law that is nearly right. A law that alone
+explains nearly all of the excess, in fitted and held-out recordings, is still the name of it, if that function is one
+of the variable of the law. Where a function of another variable follows the residual better, another law is at work:
+friction of one direction explains 95 % of a torque that a drive loses in proportion to its load.
 """
 
 from __future__ import annotations
@@ -57,7 +57,8 @@ def explained_alone(candidate: Candidate, state: State) -> float:
         (state.data.fit, without.fit, alone.fit),
         (state.data.held_out, without.held_out, alone.held_out),
     ):
-        excess, left = (_excess(y, side, candidate.joint) for y in (before, after))
+        allowed = state.significance.allowed(side, candidate.joint)
+        excess, left = (_excess(y, side, candidate.joint, allowed) for y in (before, after))
         shares.append(1.0 - left / excess if excess > 0.0 else 0.0)
     return min(shares)
 
@@ -67,10 +68,11 @@ def remainder_of(candidate: Candidate, state: State) -> float:
     assert candidate.joint is not None
     without = state.model.without(candidate, state).fitted
     side = state.data.held_out
-    excess, left = (_excess(y, side, candidate.joint) for y in (without.held_out, state.fitted.held_out))
+    allowed = state.significance.allowed(side, candidate.joint)
+    excess, left = (_excess(y, side, candidate.joint, allowed) for y in (without.held_out, state.fitted.held_out))
     return float(np.sqrt(left / excess)) if excess > 0.0 else 0.0
 
 
-def _excess(whitened: Array, side: Dataset, joint: int) -> float:
-    """Squared residual of a joint above the noise, whose variance is 1."""
-    return max(float(np.sum(whitened[side.of(joint)] ** 2)) - side.rows, 0.0)
+def _excess(whitened: Array, side: Dataset, joint: int, allowed: float) -> float:
+    """Squared residual of a joint above ``allowed`` times the noise, whose variance is 1."""
+    return max(float(np.sum(whitened[side.of(joint)] ** 2)) - allowed**2 * side.rows, 0.0)

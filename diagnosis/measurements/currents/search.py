@@ -21,6 +21,7 @@ from diagnosis.measurements.currents.possible import exists
 from diagnosis.measurements.currents.unexplained import (
     Unexplained,
     better_than_causes,
+    noise_ratio,
     unexplained_structure,
     with_columns,
 )
@@ -126,7 +127,7 @@ def _outdone(state: State, kept: Container[Candidate]) -> list[Candidate]:
     """The causes of a joint that one function of one variable explains better than all of them together.
 
     Less those of the ``kept`` that have a law of that variable, or than which no function is better by more than what
-    a right law may miss.
+    a right law may miss, or than what is known to be off in an identified model.
     """
     model, limits, held_out = state.model, state.model.limits, state.data.held_out
     for joint in sorted({c.joint for c in state.chosen if c.joint}):
@@ -140,8 +141,13 @@ def _outdone(state: State, kept: Container[Candidate]) -> list[Candidate]:
         if len(own) > 3 and _cancelling(own, state) > limits.makeshift:
             allowed = max(allowed, limits.makeshift_leave * (before - after))
         better = better_than_causes(state.data, reduced.fitted, state.fitted, model.arm, joint, allowed)
+        # a function of the right variable follows what an identified model leaves on any day as well
+        times = state.significance.allowed(held_out, joint)
+        better = {name: gain for name, gain in better.items() if allowed or gain > (times**2 - 1.0) * held_out.rows}
         missed = limits.structure_share * (before - after)
-        clearly = [variable for variable, gain in better.items() if gain > missed]
+        left = noise_ratio(state.fitted.held_out, held_out, joint)
+        within = model.uncertain is not None and left <= limits.above_noise * times
+        clearly = [] if within else [variable for variable, gain in better.items() if gain > missed]
         if better and (outdone := [c for c in own if not (c in kept and of_own_variable(c, clearly))]):
             return outdone
     return []

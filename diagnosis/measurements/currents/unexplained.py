@@ -44,12 +44,12 @@ def unexplained_structure(data: Split[Dataset], fitted: Fitted, arm: Arm, signif
     structures_found: list[Structure] = []
     pairs: list[Pair] = []
     for joint in range(1, len(arm) + 1):
-        structures, columns = _structures_at(joint, data, fitted, arm, significance)
+        structures, columns = structures_at(joint, data, fitted, arm, significance)
         structures_found, pairs = structures_found + structures, pairs + columns
     return Unexplained(structures_found, pairs)
 
 
-def _structures_at(
+def structures_at(
     joint: int, data: Split[Dataset], fitted: Fitted, arm: Arm, significance: Significance
 ) -> tuple[list[Structure], list[Pair]]:
     """Structures at one joint, and their columns; the memory of its shapes is freed before the next joint."""

@@ -1,0 +1,108 @@
+"""What an identified model leaves on recordings of its own identification, beyond the noise of their instruments.
+
+``identify`` writes it beside the model: an arm is never quite of its model's kind. What is no larger on another day is
+no news of that day, whatever it depends on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from arm_model import Arm
+from daq.recording import Recording
+from diagnosis.against_noise import runs_of
+from diagnosis.cause import NO_VARIABLE, Structure
+from diagnosis.closed_loop.resonance import left_in_loop
+from diagnosis.measurements.currents.design_matrix import dataset_of
+from diagnosis.measurements.currents.limits import LIMITS
+from diagnosis.measurements.currents.model import State
+from diagnosis.measurements.currents.unexplained import noise_ratio, structures_at
+from diagnosis.selection.design import Dataset
+from diagnosis.selection.model_uncertainty import Significance
+from diagnosis.selection.regression import fit_together
+from identification.selection import Split
+
+
+@dataclass(frozen=True, kw_only=True)
+class LeftOver:
+    """Per joint: rms N m (N) along the measured motion, and in closed loop from 10 to 100 Hz.
+
+    against: the variable of the first; "" where it is noise, depends on no single variable, or no other recording could
+    show on which.
+    """
+
+    along: tuple[float, ...]
+    in_loop: tuple[float, ...]
+    against: tuple[str, ...]
+
+
+def left_over(arm: Arm, recordings: Sequence[Recording], beside: Sequence[Recording] = ()) -> LeftOver:
+    """What ``arm`` leaves on ``recordings``; rows in which a joint moves, away from its reversals.
+
+    beside: others of the same rig, whose standstills show its noise as well, and from which variables are learned.
+    InputError where a recording is not one that ``diagnose`` takes.
+    """
+    data = dataset_of(runs_of(arm, recordings, beside))
+    learned = dataset_of(runs_of(arm, beside, recordings)) if beside else None
+    return LeftOver(
+        along=_along(arm, data),
+        in_loop=tuple(left_in_loop(arm, recordings).tolist()),
+        against=tuple("" if learned is None else _against(arm, learned, data, j + 1) for j in range(len(arm))),
+    )
+
+
+def _along(arm: Arm, data: Dataset) -> tuple[float, ...]:
+    """(n,) N m (N); 0 for a joint without any row."""
+    found = []
+    for j, constant in enumerate(arm.joint_array("drive_constant").tolist()):
+        sure = data.comparable(j + 1)
+        noise = np.concatenate([run.deviation[:, j] for run in data.runs])[sure]
+        beyond = float(np.sum((data.y[data.of(j + 1)][sure] ** 2 - 1.0) * noise**2)) / max(int(sure.sum()), 1)
+        found.append(constant * float(np.sqrt(max(beyond, 0.0))))
+    return tuple(found)
+
+
+def _against(arm: Arm, learned: Dataset, data: Dataset, joint: int) -> str:
+    """Name of the variable that predicts most of what is left at a joint (from 1), from the recordings beside."""
+    if noise_ratio(data.y, data, joint) <= LIMITS.above_noise:
+        return ""
+    split = Split(learned, data)
+    return _variable(structures_at(joint, split, fit_together(split, ()), arm, Significance(split, [], None))[0])
+
+
+@dataclass(frozen=True, kw_only=True)
+class Remainder:
+    """What is above the noise at a joint (from 1), but no more than is known of an identified model.
+
+    against  variable that predicts most of it; "" where none does
+    before   times the noise that the model left when it was identified; before_against: the variable then, or ""
+    """
+
+    joint: int
+    against: str
+    before: float
+    before_against: str
+
+
+def remainders(state: State, structures: Sequence[Structure]) -> list[Remainder]:
+    """Of every joint that is above the noise without unexplained structure; none where the model states nothing."""
+    model, found = state.model, list[Remainder]()
+    if model.uncertain is None or model.arm.uncertainty is None:
+        return found
+    exact = Significance(state.data, [*model.free, *(model.columns(c) for c in state.chosen)], None)
+    variables = model.arm.uncertainty.against or ("",) * len(model.arm)
+    reported = {one.joint for one in structures}
+    for joint, (left, before) in enumerate(zip(model.uncertain.left_over.tolist(), variables), 1):
+        sides = zip(state.data, (state.fitted.fit, state.fitted.held_out))
+        if joint in reported or max(noise_ratio(y, side, joint) for side, y in sides) <= LIMITS.above_noise:
+            continue
+        against = _variable(structures_at(joint, state.data, state.fitted, model.arm, exact)[0])
+        found.append(Remainder(joint=joint, against=against, before=(1.0 + left) ** 0.5, before_against=before))
+    return found
+
+
+def _variable(structures: Sequence[Structure]) -> str:
+    return next((one.against for one in structures if one.against != NO_VARIABLE), "")
