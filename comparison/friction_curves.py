@@ -31,6 +31,8 @@ EXCURSIONS = 2
 
 The error of a point that a single movement determines shows in no residual: the point absorbs it.
 """
+ENOUGH = 2
+"""Recordings of a side that must show friction of a joint and direction; all of a smaller side."""
 FEWEST = 200
 """Samples of a direction; fewer say nothing about friction."""
 
@@ -65,24 +67,41 @@ def peak_speed(motion: Motion, joint: int, direction: float) -> float:
     return peaks[-EXCURSIONS] if len(peaks) >= EXCURSIONS else 0.0
 
 
-def common_curves(motions: Sequence[Motion], names: Sequence[str], arm: Arm) -> list[Curve]:
-    """For each joint and direction the speeds at which all ``motions`` show friction; ``names`` of the recordings."""
-    return [_curve(motions, names, arm, joint, direction) for joint in range(len(arm)) for direction in (1.0, -1.0)]
+def shows(motion: Motion, joint: int, direction: float) -> bool:
+    """Whether a motion shows friction of a joint (from 0) in a direction."""
+    enough = len(speeds_of(motion, joint, direction)) >= FEWEST
+    return enough and peak_speed(motion, joint, direction) > 0.0
 
 
-def _curve(motions: Sequence[Motion], names: Sequence[str], arm: Arm, joint: int, direction: float) -> Curve:
+def common_curves(
+    motions: Sequence[Motion], names: Sequence[str], arm: Arm, side: NDArray[np.bool_] | None = None
+) -> list[Curve]:
+    """For each joint and direction the speeds at which the ``motions`` show friction.
+
+    names  of the recordings
+    side   (n,) True for those before: of each side, ENOUGH of them must show it; None: all must
+    """
+    places = [(joint, direction) for joint in range(len(arm)) for direction in (1.0, -1.0)]
+    return [_curve(motions, names, arm, place, side) for place in places]
+
+
+def _curve(
+    motions: Sequence[Motion],
+    names: Sequence[str],
+    arm: Arm,
+    place: tuple[int, float],
+    side: NDArray[np.bool_] | None,
+) -> Curve:
+    joint, direction = place
     nothing = np.empty(0)
+    shown = np.array([shows(motion, joint, direction) for motion in motions])
+    groups = [shown] if side is None else [shown[side], shown[~side]]
+    if any(of_side.sum() < (len(of_side) if side is None else min(len(of_side), ENOUGH)) for of_side in groups):
+        missing = int(np.argmin(shown))
+        return Curve(joint, direction, nothing, _why(motions[missing], names[missing], joint, direction))
+    motions = [motion for motion, well in zip(motions, shown) if well]
     speeds = [speeds_of(motion, joint, direction) for motion in motions]
     peaks = [peak_speed(motion, joint, direction) for motion in motions]
-    which = "positive" if direction > 0 else "negative"
-    for mine, peak, name in zip(speeds, peaks, names):
-        if len(mine) < FEWEST or not peak:
-            moved = (
-                f"moves joint {joint + 1} fewer than {EXCURSIONS} times"
-                if mine.any()
-                else f"never moves joint {joint + 1}"
-            )
-            return Curve(joint, direction, nothing, f"{name} {moved} in {which} direction")
     ends = [(float(np.quantile(mine, TAIL)), peak) for mine, peak in zip(speeds, peaks)]
     low, high = max(end[0] for end in ends), min(end[1] for end in ends)
     if low >= high:
@@ -100,13 +119,21 @@ def _curve(motions: Sequence[Motion], names: Sequence[str], arm: Arm, joint: int
     return Curve(joint, direction, np.array(kept))
 
 
+def _why(motion: Motion, name: str, joint: int, direction: float) -> str:
+    """The reason why a recording does not show friction of a joint (from 0) in a direction."""
+    moved = speeds_of(motion, joint, direction).any()
+    how = f"moves joint {joint + 1} fewer than {EXCURSIONS} times" if moved else f"never moves joint {joint + 1}"
+    return f"{name} {how} in {'positive' if direction > 0 else 'negative'} direction"
+
+
 def knots_of(curve: Curve, motion: Motion) -> tuple[Array, NDArray[np.bool_]]:
     """(L,) speeds of one recording's curve, and which of them (L,) are compared.
 
-    The others are its own, beyond the common range; where nothing is compared, all are.
+    The others are its own, beyond the common range; where nothing is compared, or the recording does not show friction
+    well enough, all are.
     """
     mine = speeds_of(motion, curve.joint, curve.direction)
-    if not len(curve.speeds):
+    if not len(curve.speeds) or not shows(motion, curve.joint, curve.direction):
         if len(mine) < 2:
             return np.empty(0), np.empty(0, bool)
         own = np.unique(np.quantile(mine, (TAIL, 0.3, 1.0)))

@@ -13,6 +13,7 @@ from arm_io.types import Array, Progress
 from arm_model import Arm
 from comparison.change import Estimate, Quantity
 from comparison.circumstances import circumstances
+from comparison.groups.fewest import with_fewest
 from comparison.outcome import Comparison
 from comparison.quantities import friction_maps, values_quantities
 from comparison.regression import Fitted, Rows, Structure, fit, rows_of, shown_by, structure_of
@@ -37,18 +38,19 @@ def compare_recordings(
     motions, _, runs = motions_of(recordings, [], arm, progress)
     names = [recording.path.name for recording in recordings]
     base = structural_base(arm, "asymmetric")
-    structure = structure_of(arm, base, motions, names)
-    fits, shown = _fits(structure, recordings, motions, progress)
     side = np.array([True] * len(before) + [False] * len(after))
+    structure = structure_of(arm, base, motions, names, side)
+    fits, shown, data = _fits(structure, recordings, motions, progress)
     quantities, maps = _quantities(structure, fits, shown, side, names)
     progress("changes")
     estimates = [_estimate(name, each, maps) for name, each in zip(names, fits)]
-    found = changes(
+    alone = changes(
         quantities,
         [one for one, mine in zip(estimates, side) if mine],
         [one for one, mine in zip(estimates, side) if not mine],
         _leaked(structure, fits, maps, side),
     )
+    found = with_fewest(structure, data, fits, side, alone)
     return Comparison(
         what="recordings",
         arm=arm,
@@ -74,8 +76,8 @@ def _check(before: Sequence[Recording], after: Sequence[Recording]) -> None:
 
 def _fits(
     structure: Structure, recordings: Sequence[Recording], motions: Sequence[Motion], progress: Progress
-) -> tuple[list[Fitted], NDArray[np.bool_]]:
-    """One fit per recording, and (recordings, c) what each shows."""
+) -> tuple[list[Fitted], NDArray[np.bool_], list[Rows]]:
+    """One fit per recording, (recordings, c) what each shows, and the rows of each."""
     data: list[Rows] = []
     for recording, motion in zip(recordings, motions):
         progress(Step("equations", len(data), len(recordings), detail=recording.path.name))
@@ -91,7 +93,7 @@ def _fits(
                 f"leaves {len(rows.y)} rows for {int(mine.sum())} parameters after filtering; needs a longer motion",
             )
         fits.append(fit(rows, mine, model, len(structure.arm)))
-    return fits, shown
+    return fits, shown, data
 
 
 def _quantities(

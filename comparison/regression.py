@@ -63,6 +63,7 @@ class Fitted:
     by_scale (c, J) change of each value by a unit relative change of all currents of a joint
     widened  factor between the raw standard deviations and those two of which hold 95 %
     leakage  (c, c) change of each value by a unit error of one that was taken from the model
+    residual (k,) N m or N of every row; block: s of the blocks of time by which the covariance goes
     """
 
     values: Array
@@ -72,6 +73,8 @@ class Fitted:
     freedom: float
     widened: float
     leakage: Array
+    residual: Array
+    block: float
 
 
 @dataclass(frozen=True)
@@ -126,10 +129,13 @@ def is_friction(name: str) -> bool:
     return head.startswith("joint") and not is_effect(name) and kind in friction
 
 
-def structure_of(arm: Arm, base: BaseParameters, motions: Sequence[Motion], names: Sequence[str]) -> Structure:
-    """What all ``motions`` are compared by; ``names`` of their recordings."""
+def structure_of(
+    arm: Arm, base: BaseParameters, motions: Sequence[Motion], names: Sequence[str], side: NDArray[np.bool_]
+) -> Structure:
+    """What all ``motions`` are compared by; ``names`` of their recordings, ``side`` (n,) True for those before."""
     rows = [row for row, column in enumerate(base.kept) if not is_friction(base.names[column])]
-    return Structure(arm, base, np.array(rows, np.intp), common_curves(motions, names, arm), mean_loads(arm, motions))
+    curves = common_curves(motions, names, arm, side)
+    return Structure(arm, base, np.array(rows, np.intp), curves, mean_loads(arm, motions))
 
 
 def rows_of(structure: Structure, motion: Motion, carrying: Arm) -> Rows:
@@ -145,11 +151,13 @@ def rows_of(structure: Structure, motion: Motion, carrying: Arm) -> Rows:
     for curve in structure.curves:
         knots, common = knots_of(curve, motion)
         if not len(knots):
+            compared.append(np.zeros((len(row), len(curve.speeds))))
             continue
         weight = equation_weight(motion)[:, curve.joint, None]
         shown = parallel_filter(motion, hats(motion, curve, knots) * weight)
         block = np.where((joint == curve.joint)[:, None], shown[row], 0.0)
-        compared.append(block[:, common])
+        # a recording that has points of its own alone says nothing of those compared
+        compared.append(block[:, common] if common.any() else np.zeros((len(row), len(curve.speeds))))
         own.append(block[:, ~common])
     joints = loaded_joints(structure.loads)
     by_load = load_columns(carrying, motion, structure.loads) * equation_weight(motion)[:, joints]
@@ -197,7 +205,17 @@ def fit(rows: Rows, shown: NDArray[np.bool_], model: Array, joints: int) -> Fitt
     if silent.any():
         both = np.linalg.lstsq(columns * weight, rows.columns[:, silent] * weight, rcond=None)[0]
         leakage[np.ix_(shown, silent)] = both[:count]
-    return Fitted(values, covariance, plain, by_scale, max(spread.blocks - 1, 1), widened, leakage)
+    return Fitted(
+        values=values,
+        covariance=covariance,
+        plain=plain,
+        by_scale=by_scale,
+        freedom=max(spread.blocks - 1, 1),
+        widened=widened,
+        leakage=leakage,
+        residual=found.residual,
+        block=spread.block,
+    )
 
 
 def _independent(rows: Rows, shown: NDArray[np.bool_]) -> NDArray[np.intp]:

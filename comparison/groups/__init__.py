@@ -1,0 +1,1 @@
+"""Groups of recordings: what changed between them, if as little as possible did."""
