@@ -50,7 +50,8 @@ def for_analysis(*groups: Source | Sequence[Source], **bounds: Any) -> list[list
     """``recordings_of`` each group, all of them within one bound on memory: rows of long recordings are averaged.
 
     ``bounds`` as ``daq.recording.open_recordings`` has them. InputError also for a recording of a floating base: the
-    analyses of arms on a fixed one would blame the arm for what the base does.
+    analyses of arms on a fixed one would blame the arm for what the base does; and for one that has less than two rows,
+    as when a file was cut off before they reached the disk.
     """
     from daq.recording import Recording, open_recordings
 
@@ -61,6 +62,8 @@ def for_analysis(*groups: Source | Sequence[Source], **bounds: Any) -> list[list
         [one if isinstance(one, Recording) else next(opened) for one in group] for group, opened in zip(listed, read)
     ]
     for one in (recording for group in groups_read for recording in group):
+        if len(one) < 2:
+            raise InputError(one.path, f"has {len(one)} rows; several seconds of motion are needed")
         if one.model is not None and _floats(one.model):
             raise InputError(one.path, "was recorded on a floating base; give its own model (docs/underwater.md)")
     return groups_read

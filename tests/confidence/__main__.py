@@ -99,10 +99,10 @@ def _run(options: argparse.Namespace) -> None:
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder, "foreign.json")
         words = {"seed": options.seed, "cases": options.cases, "workers": options.workers, "out": out}
-        words |= {} if options.scheduler is None else {"scheduler": options.scheduler}
+        words |= {name: value for name in ("scheduler", "cache") if (value := getattr(options, name)) is not None}
         line = [word for name, value in words.items() for word in (f"--{name}", str(value))]
         only = ["--only", *options.only] if options.only else []
-        command = [sys.executable, "-m", "tests.foreign.proving_ground", *line, *only]
+        command = [sys.executable, "-m", "tests.foreign.proving_ground", "--no-compare", *line, *only]
         subprocess.run(command, cwd=ROOT, check=True, stdout=sys.stderr)
         _add([out] if out.exists() else [], options.commit)
 
@@ -126,6 +126,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--seed", type=int, default=0, help="of the new cases: one that the bank has not")
     parser.add_argument("--cases", type=int, default=20, help="of every kind, suite and protocol")
     parser.add_argument("--only", nargs="+", metavar="WORD", default=[], help="cases whose name has this in it")
+    parser.add_argument("--cache", type=Path, metavar="DIR", help="keeps the logs of foreign arms for the next run")
     parser.add_argument("--commit", default=None, help="of the code that is judged; default: this checkout's")
     parser.add_argument("--workers", type=int, default=os.cpu_count())
     parser.add_argument("--scheduler", metavar="tcp://HOST:PORT", help="instead: the workers of a Dask scheduler")

@@ -23,6 +23,8 @@ from tests.blind.score import right
 
 BANK = Path(__file__).with_name("bank.json")
 PUMA_KINDS = ("singles", "weak", "pairs", "empties")
+NAMED = ("named", "supports", "owned")
+"""Columns of an outcome with an entry per name."""
 Key = tuple[str, int, str]
 
 
@@ -67,7 +69,7 @@ def replaced(old: Sequence[Name], new: Mapping[Key, Sequence[Name]]) -> list[Nam
 
 
 def of_foreign(path: Path, commit: str) -> dict[Key, list[Name]]:
-    """Per case of what ``tests.foreign.proving_ground --out`` wrote."""
+    """Per case of what ``tests.foreign.proving_ground --out`` wrote; without ripples that the healthy arm has."""
     content, found = json.loads(path.read_text(encoding="utf-8")), {}
     for outcome in content["outcomes"]:
         key = (f"foreign-{outcome['protocol']}", content["seed"], outcome["name"])
@@ -75,8 +77,8 @@ def of_foreign(path: Path, commit: str) -> dict[Key, list[Name]]:
             continue
         found[key] = [
             Name(*key, effect, joint, was_right, Support(**support), commit)
-            for (effect, joint, _, was_right), support in zip(outcome["named"], outcome["supports"])
-            if support is not None
+            for (effect, joint, _, was_right), support, its_own in zip(*(outcome[column] for column in NAMED))
+            if support is not None and not its_own
         ]
     return found
 

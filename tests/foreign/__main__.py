@@ -15,6 +15,7 @@ from tempfile import TemporaryDirectory
 
 from tests.executors import executor
 from tests.foreign.commands import Ended, kind, through_every_command, unrendered
+from tests.foreign.spoiled import through_spoiled_files
 
 RENDERED = 10
 """Every tenth arm has its pictures drawn; of the others they are composed only."""
@@ -27,7 +28,7 @@ def main() -> int:
     crashes, refusals = Counter[str](), Counter[str]()
     ended = 0
     with executor(options.workers, options.scheduler) as pool:
-        running = {pool.submit(of_arm, seed): seed for seed in seeds}
+        running = {pool.submit(of_arm, seed, options.spoiled): seed for seed in seeds}
         for number, done in enumerate(as_completed(running), 1):
             seed, (several, seconds) = running[done], done.result()
             ended += len(several)
@@ -53,8 +54,8 @@ def main() -> int:
     return 1 if crashed else 0
 
 
-def of_arm(seed: int) -> tuple[list[Ended], float]:
-    """How every command on one arm ended, and the s that they took."""
+def of_arm(seed: int, spoiled: int) -> tuple[list[Ended], float]:
+    """How every command on one arm ended, and on so many spoiled copies of its files; and the s that they took."""
     began = time.perf_counter()
     with TemporaryDirectory() as folder:
         several: list[Ended] = []
@@ -64,6 +65,7 @@ def of_arm(seed: int) -> tuple[list[Ended], float]:
                     several += through_every_command(seed, Path(folder))
             else:
                 several += through_every_command(seed, Path(folder))
+            several += through_spoiled_files(seed, Path(folder), spoiled) if spoiled else ()
         except Exception:
             several.append(Ended(f"generator {seed}", None, traceback.format_exc()))
     return several, time.perf_counter() - began
@@ -73,6 +75,9 @@ def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m tests.foreign", description=__doc__)
     parser.add_argument("--arms", type=int, default=500)
     parser.add_argument("--seed", type=int, default=0, help="of the first arm; the others follow")
+    parser.add_argument(
+        "--spoiled", type=int, default=0, metavar="N", help="also N spoiled copies of each of its files"
+    )
     parser.add_argument("--workers", type=int, default=os.cpu_count())
     parser.add_argument("--scheduler", metavar="tcp://HOST:PORT", help="instead: the workers of a Dask scheduler")
     return parser.parse_args()

@@ -41,7 +41,7 @@ def main() -> None:
         return
     outcomes: list[Outcome] = []
     with executor(options.workers, options.scheduler) as pool:
-        running = [pool.submit(judged, case, options.cache, options.keep) for case in chosen]
+        running = [pool.submit(judged, case, options.cache, options.keep, options.compare) for case in chosen]
         for number, done in enumerate(as_completed(running), 1):
             outcomes.append(done.result())
             print(f"{number:3}/{len(chosen)} {outcomes[-1].line()}", file=say, flush=True)
@@ -59,7 +59,7 @@ def main() -> None:
         print(f"{name}: {value:.4g}")
 
 
-def judged(case: Case, cache: Path | None, keep: Path | None) -> Outcome:
+def judged(case: Case, cache: Path | None, keep: Path | None, compare: bool = True) -> Outcome:
     """One case from the draw to its score; an exception is a crash, not the end of the run."""
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary) if keep is None else keep / case.name
@@ -67,7 +67,7 @@ def judged(case: Case, cache: Path | None, keep: Path | None) -> Outcome:
         began = time.perf_counter()
         try:
             with unrendered():
-                results = through(case, days, folder)
+                results = through(case, days, folder, compare=compare)
             one = outcome(case, days.hidden, days.strength, results)
         except Exception:
             one = Outcome(case.name, case.protocol, case.kind, case.arm.name, vars(case.logger), [], days.strength)
@@ -112,6 +112,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--cases", type=int, default=24, metavar="N", help="of every kind and protocol")
     parser.add_argument("--seed", type=int, default=int(time.time()) % 100000, help="of everything that is drawn")
     parser.add_argument("--only", nargs="+", metavar="WORD", help="cases whose name has this in it")
+    parser.add_argument("--no-compare", dest="compare", action="store_false", help="diagnose only: half of the time")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--scheduler", metavar="tcp://HOST:PORT", help="instead: the workers of a Dask scheduler")
     parser.add_argument("--cache", type=Path, metavar="DIR", help="keeps the logs for the next run")

@@ -43,12 +43,12 @@ class Outcome:
     """One case, for JSON.
 
     named        [effect, joint, confidence, right] per cause
-    supports     evidence of each of them
+    supports     evidence of each of them; owned: whether it is a ripple that the healthy arm has and its model lacks,
+                 which is neither right nor superfluous
     found        whether the hidden effect is among them; in_group: or in the group of one of them
     compare      None where compare was not asked; else whether its surest change is where the effect is
     changed      whether compare called anything changed
     inside       [parameter, true, value, std, within two std] of the hidden effect
-    own          names of ripples that the healthy arm has and its model lacks: neither right nor superfluous
     crashes      commands that ended in an exception, or did not end well; seconds: of all commands
     """
 
@@ -64,8 +64,8 @@ class Outcome:
     supports: list[dict[str, float] | None] = field(default_factory=list)
     found: bool = False
     in_group: bool = False
+    owned: list[bool] = field(default_factory=list)
     superfluous: int = 0
-    own: int = 0
     declared: bool = False
     unexplained: list[list[Any]] = field(default_factory=list)
     compare: bool | None = None
@@ -124,7 +124,7 @@ def _score_diagnosis(one: Outcome, hidden: Hidden | None, table: Mapping[str, An
         one.found |= was_right
         one.in_group |= hidden is not None and (was_right or _in_group(cause, hidden))
         its_own = not was_right and of_the_arm(cause, plant)
-        one.own += its_own
+        one.owned.append(its_own)
         one.superfluous += not was_right and not its_own
         one.named.append([cause["effect"], cause["joint"], cause["confidence"], was_right])
         one.supports.append(cause.get("support"))
@@ -190,7 +190,7 @@ def figures(outcomes: Sequence[Outcome]) -> dict[str, float]:
         table["singles_named"] = _mean(o.found for o in singles)
         table["singles_named_or_in_group"] = _mean(o.in_group for o in singles)
         table["superfluous_names_per_case"] = _mean(o.superfluous for o in singles)
-        table["own_ripples_named"] = sum(o.own for o in outcomes)
+        table["own_ripples_named"] = sum(sum(o.owned) for o in outcomes)
         table["missed_and_declared_not_visible"] = sum(o.declared for o in singles if not o.found)
         asked = [o for o in singles if o.compare is not None]
         if asked:

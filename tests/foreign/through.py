@@ -30,7 +30,7 @@ class Results:
     comparison: dict[str, Any] | None
 
 
-def through(case: Case, days: Days, folder: Path) -> Results:
+def through(case: Case, days: Days, folder: Path, *, compare: bool = True) -> Results:
     """Model from URDF, CSV files imported, identified where the protocol says so, diagnosed, and both days compared."""
     folder.mkdir(parents=True, exist_ok=True)
     failed: list[Ended] = []
@@ -64,7 +64,7 @@ def through(case: Case, days: Days, folder: Path) -> Results:
     diagnosed = well("diagnose", *chosen, "--out", folder / "diagnosed")
     table = json.loads((folder / "diagnosed/diagnosis.json").read_text()) if diagnosed else None
     compared = None
-    if runs["before"]:
+    if runs["before"] and compare:
         groups = [word for side in runs for run in runs[side] for word in (f"--{side}", run)]
         if well("compare", *groups, "--model", nominal, "--out", folder / "compared"):
             compared = json.loads((folder / "compared/compare.json").read_text())
