@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import json
+import math
 import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
+import numpy as np
 import typer
 
 from arm_io import InputError, read_text, write_text
+from arm_io.types import Array
 from armscope.commands.options import Json, RecordingOut
 from armscope.progress import shown
 from daq.recording import Attachments, Table, TimeUnit, write_blocks
@@ -72,6 +75,20 @@ def command(
     else:
         gaps = f", {blocks.missing} rows with missing samples" if blocks.missing else ""
         print(f"{out}: {rows} rows of {first.joints} joint{'s' * (first.joints > 1)}, {seconds:.2f} s{gaps}")
+    if chosen is None or "q" not in chosen.units:
+        _doubt_radians(out, blocks.farthest, checked)
+
+
+def _doubt_radians(out: Path, farthest: Array, rig: Rig | None) -> None:
+    """A note where a joint that turns goes beyond two turns, and nobody said that the unit is rad."""
+    turning = [rig is None or rig.joint[j].unit == "rad" for j in range(len(farthest))]
+    wide = [j for j, angle in enumerate(farthest) if turning[j] and angle > 4 * math.pi]
+    if wide:
+        print(
+            f"note: {out}: joint {wide[0] + 1} goes to {farthest[wide[0]]:.4g} rad, more than two turns; if the table "
+            'has degrees, import it with a mapping that says q = "deg" under [units] (--map)',
+            file=sys.stderr,
+        )
 
 
 def _attachments(
@@ -163,17 +180,21 @@ class _Blocks(Iterator[Table]):
     """The blocks of a table, counted as they go by: rows, those with missing samples, and the last time, s.
 
     per_current  N m/A (N/A) of each joint by which ``i``, torques, is divided; None: ``i`` stays as it is
+    farthest     (J,) rad (m): largest distance of each joint from 0
     """
 
     def __init__(self, blocks: Iterator[Table], per_current: list[float] | None) -> None:
         self._blocks, self._per_current = blocks, per_current
         self.rows = self.missing = 0
+        self.farthest: Array = np.zeros(0)
         self.last = 0.0
 
     def __next__(self) -> Table:
         block = next(self._blocks)
         self.rows += len(block)
         self.missing += block.rows_with_missing_samples
+        far = np.nanmax(np.abs(block.signals["q"]), axis=0, initial=0.0)
+        self.farthest = np.maximum(self.farthest, far) if len(self.farthest) else far
         self.last = float(block.t[-1])
         if self._per_current is not None:
             block = replace(block, signals=block.signals | {"i": block.signals["i"] / self._per_current})

@@ -65,8 +65,10 @@ def _text(table: dict[str, Any]) -> str:
     ]
     if table["calibration"]:
         lines += ["", f"  calibration {table['calibration'].get('hash', '')}"]
-    made = {key: value for key, value in table["provenance"].items() if isinstance(value, str) and key != "kind"}
-    return "\n".join(lines + ["", "  provenance"] + [f"    {key:<10}{value}" for key, value in made.items()])
+    strings = {key: value for key, value in table["provenance"].items() if isinstance(value, str) and key != "kind"}
+    made = {key.replace("_", " "): value for key, value in strings.items()}
+    width = max((len(key) for key in made), default=0) + 2
+    return "\n".join(lines + ["", "  provenance"] + [f"    {key:<{width}}{value}" for key, value in made.items()])
 
 
 def _signals(rows: list[dict[str, Any]]) -> list[str]:

@@ -34,7 +34,9 @@ def read_header(path: str | Path, file: TextIO, separator: str = ",") -> list[st
     names = [name.strip() for name in next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])]
     if separator == "," and len(names) == 1 and (found := re.search(r"[;\t|]", names[0])):
         raise InputError(
-            path, f"columns are separated by {found[0]!r}; use commas, and decimal points, or --map MAPPING.toml"
+            path,
+            f"columns are separated by {found[0]!r}, and their names do not say which are time, position and current; "
+            "use --map MAPPING.toml, or commas, decimal points and the names t, q1, i1, ..",
         )
     if len(names) > 1 and not names[-1]:
         names.pop()

@@ -40,16 +40,21 @@ KNOWN: dict[str, dict[str, dict[str, str]]] = {
     },
 }
 """Program -> the mapping of what it writes; t, q and i must be there, the others may be."""
-_TIME = re.compile(r"(time|timestamp|t|sec|seconds|stamp|clock)([ _]*[\[(]?(s|sec|ms|us|ns)[\])]?)?", re.IGNORECASE)
-POSITION = "q|pos|position|angle|joint"
+_TIME = re.compile(
+    r"(time|timestamp|t|sec|seconds|stamp|clock|elapsed([ _]*time)?|zeit|temps|tiempo|tempo)"
+    r"(?:[ _]*[\[(]?(?P<unit>s|sec|ms|us|ns)[\])]?)?",
+    re.IGNORECASE,
+)
+POSITION = "q|pos|position|angle|joint|winkel"
 _WORDS = {
     "qref": rf"({POSITION})?[ _.]*(ref|reference|demand|demanded|target|setpoint|desired|des|cmd|command)[ _.]*"
     rf"({POSITION})?",
     "ql": r"(link|load|output)[ _.]*(side)?[ _.]*(q|pos|position|angle|encoder)",
-    "i": r"(i|cur|curr|current|motor[ _.]*current|actual[ _.]*current|tau|torque|effort|actual[ _.]*torque)",
+    "i": r"(i|cur|curr|current|motor[ _.]*current|actual[ _.]*current|tau|torque|effort|actual[ _.]*torque"
+    r"|strom|motorstrom|drehmoment)",
     "v": r"(v|volt|voltage|motor[ _.]*voltage)",
     "temp": r"(temp|temperature|motor[ _.]*temperature)",
-    "q": r"(q|pos|position|angle|theta|joint|axis|actual[ _.]*(q|pos|position)|joint[ _.]*(pos|position|angle))",
+    "q": r"(q|pos|position|angle|winkel|theta|joint|axis|actual[ _.]*(q|pos|position)|joint[ _.]*(pos|position|angle))",
 }
 _UNIT = r"(?P<unit>[ _]*[\[(]?(rad|deg|degrees|°|mA|A|Nm|N m|N\*m|V|C|degC)[\])]?)?"
 _SPELLED = {"degrees": "deg", "°": "deg", "Nm": "N m", "N*m": "N m", "C": "degC"}
@@ -113,7 +118,7 @@ def _from_words(names: Sequence[str], numbers: dict[str, Array]) -> Mapping | No
     units: dict[str, str] = {}
     taken: set[str] = set()
     if time:
-        columns["t"], (*_, unit) = time[0][0], time[0][1].groups()
+        columns["t"], unit = time[0][0], time[0][1]["unit"]
         units |= {"t": unit.lower().replace("sec", "s")} if unit else {}
     for signal, word in _WORDS.items():
         series = _of_joints([name for name in names if name not in taken], word)
@@ -127,14 +132,14 @@ def _from_words(names: Sequence[str], numbers: dict[str, Array]) -> Mapping | No
         values = [numbers[name] for name in columns[signal] if name in numbers]
         if any(np.nanmax(np.abs(one), initial=0.0) > 4 * np.pi for one in values):
             units[signal] = "deg"
-    if re.search("tau|torque|effort", " ".join(columns["i"]), re.IGNORECASE):
+    if re.search("tau|torque|effort|drehmoment", " ".join(columns["i"]), re.IGNORECASE):
         units.setdefault("i", "N m")
     return Mapping.model_validate({"columns": columns, "units": units})
 
 
 def _of_joints(names: Sequence[str], word: str) -> tuple[list[str], str] | None:
     """The columns whose names are a word with a number, in the order of their numbers, and their unit."""
-    behind, before = rf"{word}[ _.\[#]*(?P<number>\d+)\]?", rf"(joint|axis|j|a)[ _.]*(?P<number>\d+)[ _.]*{word}"
+    behind, before = rf"{word}[ _.\[#]*(?P<number>\d+)\]?", rf"(joint|axis|achse|j|a)[ _.]*(?P<number>\d+)[ _.]*{word}"
     found: dict[int, str] = {}
     unit = ""
     for name in names:

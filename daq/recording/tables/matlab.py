@@ -33,7 +33,9 @@ class MatlabSource:
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
-        self._hdf5 = b"MATLAB 7.3" in read_head(path, 128)
+        # MATLAB writes a header of its own before HDF5; h5py and hdf5storage need none
+        head = read_head(path, 128)
+        self._hdf5 = b"MATLAB 7.3" in head or head.startswith(b"\x89HDF\r\n\x1a\n")
         variables = self._variables()
         self.rows = max((one.size for one in variables.values() if one.size == max(one.shape, default=0)), default=0)
         self._places: dict[str, tuple[str, int | None, bool]] = {}
