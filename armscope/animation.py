@@ -12,11 +12,12 @@ import numpy as np
 from arm_io import InputError, check_file, whole_path
 from arm_io.types import Array
 from arm_report.palette import AFTER, AXIS, BEFORE
+from armscope.animated_page import write_animated_page
 from armscope.surfaces import Drawn, Surface
 
 if TYPE_CHECKING:
-    from matplotlib.animation import AbstractMovieWriter
     from matplotlib.figure import Figure
+    from PIL.Image import Image
 
     from arm_clearance import Chain
     from daq.recording import LongRecording
@@ -145,16 +146,17 @@ def animate(
     check_animation(path)
     scene = _Scene(chain, when.t, measured, other, surfaces)
     with whole_path(path) as place:
-        if path.suffix.lower() == ".gif":
-            _write_gif(place, scene, when, progress)
-            return
-        writer = _writer(path, when.fps)
         try:
-            with writer.saving(scene.figure, str(place), dpi=90):
-                for instant in range(0, len(when.t), when.every):
-                    scene.show(instant)
-                    writer.grab_frame()
-                    progress((instant + 1) / len(when.t))
+            match path.suffix.lower():
+                case ".gif":
+                    drawn = _images(scene, when, progress)
+                    first, duration = next(drawn), round(1000 / when.fps)
+                    first.save(place, "GIF", save_all=True, append_images=drawn, duration=duration, loop=0)
+                case ".html":
+                    title = " beside ".join([measured.name, *([] if other is None else [other.name])])
+                    write_animated_page(place, title, _images(scene, when, progress), when.fps)
+                case _:
+                    _write_film(path, place, scene, when, progress)
         except (OSError, RuntimeError) as error:
             raise InputError(path, f"cannot be written: {getattr(error, 'strerror', None) or error}") from None
 
@@ -233,37 +235,34 @@ class _Scene:
         self._title.set_text(f"t = {self._t[instant]:.2f} s")
 
 
-def _write_gif(place: Path, scene: _Scene, when: Instants, progress: Callable[[float], None]) -> None:
-    """Frames, drawn as pillow asks for them: what is kept of each is where it differs from the last.
+def _images(scene: _Scene, when: Instants, progress: Callable[[float], None]) -> Iterator[Image]:
+    """The frames, drawn as they are asked for.
 
-    Each has 128 colours; of 64, the thin lines' are mixed with others.
+    Each has 128 colours, a third of the bytes; of 64, the thin lines' are mixed with others.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from PIL import Image
 
     canvas = FigureCanvasAgg(scene.figure)
     scene.figure.set_dpi(90)
+    for instant in range(0, len(when.t), when.every):
+        scene.show(instant)
+        canvas.draw()
+        progress((instant + 1) / len(when.t))
+        yield Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB").quantize(128)
 
-    def frames() -> Iterator[Image.Image]:
+
+def _write_film(path: Path, place: Path, scene: _Scene, when: Instants, progress: Callable[[float], None]) -> None:
+    """An mp4, by ffmpeg."""
+    from matplotlib import animation, rcParams
+
+    rcParams["animation.ffmpeg_path"] = _find_ffmpeg(path)
+    writer = animation.FFMpegWriter(fps=round(when.fps), codec="libx264", extra_args=["-pix_fmt", "yuv420p"])
+    with writer.saving(scene.figure, str(place), dpi=90):
         for instant in range(0, len(when.t), when.every):
             scene.show(instant)
-            canvas.draw()
+            writer.grab_frame()
             progress((instant + 1) / len(when.t))
-            yield Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB").quantize(128)
-
-    drawn = frames()
-    next(drawn).save(place, "GIF", save_all=True, append_images=drawn, duration=round(1000 / when.fps), loop=0)
-
-
-def _writer(path: Path, fps: float) -> AbstractMovieWriter:
-    from matplotlib import animation, rc_context, rcParams
-
-    match path.suffix.lower():
-        case ".html":
-            with rc_context({"animation.embed_limit": 500.0}):
-                return animation.HTMLWriter(fps=round(fps), embed_frames=True)
-    rcParams["animation.ffmpeg_path"] = _find_ffmpeg(path)
-    return animation.FFMpegWriter(fps=round(fps), codec="libx264", extra_args=["-pix_fmt", "yuv420p"])
 
 
 def _find_ffmpeg(path: Path) -> str:
