@@ -83,7 +83,7 @@ def screened(
     events = [
         *mains_hum(recordings, lines),
         *united([*of_counters, *jumps(recordings, arm)]),
-        *(event for event in current_limits(recordings) if not _its_own(arm, event)),
+        *(event for event in current_limits(recordings, arm) if not _its_own(arm, event)),
     ]
     return Screened(
         recordings=tuple(recordings),

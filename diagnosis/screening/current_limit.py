@@ -1,15 +1,18 @@
-"""Clipped currents: rows accumulate at one extreme value of the raw current while its joint is driven."""
+"""Clipped currents: rows pile up at one extreme value of the raw current while its joint is driven."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
 from arm_io.types import Array
+from arm_model import Arm
 from arm_model.effects.description_errors import CURRENT_LIMIT
+from arm_model.rigid_body.friction_curve import total_at
 from daq.recording import Recording
 from diagnosis.cause import Estimate
 from diagnosis.residual.encoder_step import encoder_step
@@ -19,22 +22,55 @@ from diagnosis.screening.event import Event
 
 RUNS_AWAY = 1.5
 """Tracking error of a joint with a clipped current, over the largest one before and in other recordings."""
-AVERAGED, FLAT_SECONDS, PILED = 0.01, 0.03, 3.0
-"""s over which a current is averaged, s for which a clipped current is constant, and the ratio of rows at the maximum
-to rows near it."""
-LEAST, PLATEAU = 20.0, 30.0
-"""Widths that a limit must exceed at all, and to show by its rows alone: at less, the current of a joint that goes
-slowly against its Coulomb friction lies within 2 widths of its largest as well."""
+AVERAGED, FLAT_SECONDS, AT_SECONDS = 0.01, 0.03, 0.3
+"""s over which a current is averaged, for which a clipped current is constant once, and in all."""
+PILED, BEYOND = 4.0, 0.2
+"""Rows at a limit over those in an equally wide range below, at least, and share of them that noise may lift above."""
+LEAST, PLAIN = 15.0, 100.0
+"""Noises of a current that a limit must exceed at all, and to show by its rows alone: at less, the current of a joint
+that goes slowly against its Coulomb friction piles up at its largest value as well."""
+FOLLOWS = 0.5
+"""Slope of a current over the friction of its joint: less by two deviations, and it is clipped; more, and it is not."""
+MEMORY = 0.1
+"""s after which the noise of a current says something new."""
+TOP, LEVELS = 0.9995, 25
+"""Share of the rows below which levels are tried, and how many."""
+SMOOTHED, CERTAIN = 0.02, 0.15
+"""s over which an angle is smoothed before its speed, and share of the fastest below which friction is another:
+its hump is known least of all."""
 STANDS, STEPS = 0.1, 8.0
 """s in which a joint that stands turns by less than so many deviations of its recorded angle."""
 
 
-def current_limits(recordings: Sequence[Recording]) -> list[Event]:
-    """Currents whose rows accumulate at one extreme value, in either direction.
+@dataclass(frozen=True)
+class _Pile:
+    """Where the rows of a joint's current, averaged, pile up below its largest value.
 
-    Near a smooth maximum (a parabola), as many rows are within 2 widths of it as in the 6 widths below; near a clipped
-    one, nearly all: in all recordings together, or in one in which the joint departs from its setpoint meanwhile. The
-    width is the uncertainty, by noise and converter, of a value averaged over ``AVERAGED`` s.
+    level  A, with its noise; at, below, beyond: s of rows within two noises of it, from 8 to 4 below, and 3 above
+    """
+
+    level: float
+    noise: float
+    at: float
+    below: float
+    beyond: float
+
+    @property
+    def high(self) -> bool:
+        """As a clipped current has it: near a smooth maximum (a parabola) 2.3 times as many rows are at it as below."""
+        return self.at > max(PILED * self.below, AT_SECONDS) and self.beyond < BEYOND * self.at
+
+    def holds(self, values: Array) -> NDArray[np.bool_]:
+        """(m,) rows that are at the level but for their noise."""
+        return np.asarray(np.abs(values - self.level) < 4.0 * self.noise)
+
+
+def current_limits(recordings: Sequence[Recording], arm: Arm | None = None) -> list[Event]:
+    """Currents whose rows pile up at one extreme value, in either direction, while the joint is driven.
+
+    So do those of a joint that meets nothing but its friction, or always accelerates alike: the pile is a limit where
+    the joint departs from its setpoint meanwhile, where the current does not follow the friction of the joint (of
+    ``arm``), which changes with speed and direction, or where it is flat to a hundredth.
     """
     smooth = [_averaged(r) for r in recordings]
     # noise that averaging does not remove
@@ -42,16 +78,17 @@ def current_limits(recordings: Sequence[Recording]) -> list[Event]:
     events = []
     for j in range(recordings[0].joints):
         of_joint = [values[:, j] for values in smooth]
-        width = _width(recordings, of_joint, j, float(still[j]))
-        top = max(float(values.max()) for values in of_joint)
-        clipped = _clipped(recordings, of_joint, j, top, width)
+        noise = _noise(recordings, of_joint, j, float(still[j]))
+        driven = [_driven(r, j) for r in recordings]
+        pile = _pile([v[rows] for v, rows in zip(of_joint, driven)], noise, recordings)
+        clipped = _clipped(recordings, [np.where(d, v, 0.0) for v, d in zip(of_joint, driven)], j, pile, arm)
         if clipped:
             events.append(
                 Event(
                     effect=CURRENT_LIMIT.name,
                     joint=j + 1,
-                    parameters=[Estimate("limit", top - width, width, "A")],
-                    evidence=f"the current of joint {j + 1} is clipped at {top:.2f} A in {len(clipped)} of "
+                    parameters=[Estimate("limit", pile.level, noise, "A")],
+                    evidence=f"the current of joint {j + 1} is clipped at {pile.level:.3g} A in {len(clipped)} of "
                     f"{len(recordings)} recordings",
                     recordings=clipped,
                 )
@@ -59,32 +96,81 @@ def current_limits(recordings: Sequence[Recording]) -> list[Event]:
     return events
 
 
-def _width(recordings: Sequence[Recording], smooth: Sequence[Array], j: int, still: float) -> float:
+def _noise(recordings: Sequence[Recording], smooth: Sequence[Array], j: int, still: float) -> float:
     """A: uncertainty, by noise and converter, of an averaged current of joint j (from 0)."""
     top = max(float(values.max()) for values in smooth)
     rows = max(1, round(AVERAGED / recordings[0].dt))
-    noise = float(np.hypot(max(float(scatter(r.i[:, [j]])[0]) for r in recordings) / np.sqrt(rows), still))
-    return max(encoder_step(recordings[0].i[:, j]) / 2, 0.002 * top, 3.3 * noise)
+    noise = float(np.hypot(max(float(scatter(r.i)[j]) for r in recordings) / np.sqrt(rows), still))
+    return max(encoder_step(recordings[0].i[:, j]) / 2, 0.0006 * top, noise)
+
+
+def _pile(values: Sequence[Array], noise: float, recordings: Sequence[Recording]) -> _Pile:
+    """The highest pile of |currents| (m,) of the rows that are driven, among levels near their largest."""
+    y = np.concatenate(values) if values else np.empty(0)
+    period = recordings[0].dt
+    if not len(y):
+        return _Pile(0.0, noise, 0.0, 0.0, 0.0)
+    top = float(np.quantile(y, TOP))
+    levels = np.linspace(top - 6.0 * noise, top, LEVELS)
+    level = float(levels[np.argmax([np.sum(np.abs(y - one) < 2.0 * noise) for one in levels])])
+    at = np.abs(y - level) < 2.0 * noise
+    level = float(np.median(y[at])) if at.any() else level
+    away = (y - level) / noise
+    counts = [np.sum(np.abs(away) < 2.0), np.sum((away > -8.0) & (away < -4.0)), np.sum(away > 3.0)]
+    at_level, below, beyond = (float(count) * period for count in counts)
+    return _Pile(level, noise, at_level, below, beyond)
 
 
 def _clipped(
-    recordings: Sequence[Recording], smooth: Sequence[Array], j: int, top: float, width: float
+    recordings: Sequence[Recording], values: Sequence[Array], j: int, pile: _Pile, arm: Arm | None
 ) -> tuple[int, ...]:
-    """Recordings (by index) in which joint j (from 0) moves and its current is clipped; empty where it is not."""
-    driven = [_driven(r, j) for r in recordings]
-    at_top = [(values > top - 2 * width) & rows for values, rows in zip(smooth, driven)]
-    near = [float(np.sum(rows)) * r.dt for rows, r in zip(at_top, recordings)]
-    below = [float(np.sum((v > top - 8 * width) & rows)) * r.dt for v, rows, r in zip(smooth, driven, recordings)]
-    moving = [k for k, r in enumerate(recordings) if near[k] > 0.0 and np.ptp(r.q[:, j]) > 0.01]
-    flat = max(_longest(rows) * r.dt for rows, r in zip(at_top, recordings))
-    piled = top > PLATEAU * width and sum(near) > PILED * (sum(below) - sum(near))
+    """Recordings (by index) in which joint j (from 0) moves and its current is clipped; empty where it is not.
+
+    values: (m,) |current|, 0 where the joint is not driven.
+    """
+    at = [pile.holds(one) for one in values]
+    moving = tuple(k for k, r in enumerate(recordings) if at[k].any() and np.ptp(r.q[:, j]) > 0.01)
+    flat = max(_longest(rows) * r.dt for rows, r in zip(at, recordings))
+    if pile.level < LEAST * pile.noise or flat < FLAT_SECONDS:
+        return ()
     # a servo without feed-forward lags by its speed: no farther than where the current was smaller is not away
-    usual = max((_lag(r, j) for r, seconds in zip(recordings, near) if seconds == 0.0), default=0.0)
-    piled = piled or any(
-        near[k] > PILED * (below[k] - near[k]) and _runs_away(recordings[k], j, smooth[k] > top - 2 * width, usual)
-        for k in moving
-    )
-    return tuple(moving) if top > LEAST * width and flat > FLAT_SECONDS and piled else ()
+    usual = max((_lag(r, j) for r, rows in zip(recordings, at) if not rows.any()), default=0.0)
+    away = [k for k in moving if _runs_away(recordings[k], j, at[k], usual)]
+    alone = [_pile([values[k][values[k] > 0.0]], pile.noise, recordings[k : k + 1]).high for k in away]
+    if any(alone):
+        return moving
+    if not pile.high:
+        return ()
+    slope, std = (np.nan, np.inf) if arm is None else _over_friction(recordings, values, j, pile, arm)
+    if slope + 2.0 * std < FOLLOWS:
+        return moving
+    return moving if not slope - 2.0 * std > FOLLOWS and pile.level > PLAIN * pile.noise else ()
+
+
+def _over_friction(
+    recordings: Sequence[Recording], values: Sequence[Array], j: int, pile: _Pile, arm: Arm
+) -> tuple[float, float]:
+    """Slope of the rows at a pile over the friction that a joint (from 0) has at their speeds, and its std.
+
+    1 where a joint meets its friction and a constant load, or accelerates alike; 0 where the drive gives no more.
+    """
+    x: list[Array] = []
+    y: list[Array] = []
+    for r, value in zip(recordings, values):
+        speed = np.gradient(ndimage.gaussian_filter1d(r.q[:, j], max(1.0, SMOOTHED / r.dt)), r.dt)
+        certain = np.abs(speed) > CERTAIN * np.quantile(np.abs(speed), 0.95)
+        rows = pile.holds(value) & certain
+        up, down = (of[rows] for of in total_at(arm.joints[j], np.abs(speed)))
+        friction = np.where(speed[rows] > 0.0, up, -down) / arm.joints[j].drive_constant
+        sign = np.sign(ndimage.uniform_filter1d(r.i[:, j], max(1, round(AVERAGED / r.dt))))[rows]
+        x.append(sign * friction)
+        y.append(value[rows])
+    of_friction, of_current = np.concatenate(x), np.concatenate(y)
+    square = float(np.sum((of_friction - of_friction.mean()) ** 2)) if len(of_friction) > 2 else 0.0
+    if square <= 0.0:
+        return np.nan, np.inf
+    slope = float((of_friction - of_friction.mean()) @ of_current) / square
+    return slope, pile.noise * float(np.sqrt(max(MEMORY / recordings[0].dt, 1.0) / square))
 
 
 def _driven(recording: Recording, j: int) -> NDArray[np.bool_]:
