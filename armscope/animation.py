@@ -173,7 +173,7 @@ class _Scene:
         self._points = [sticks(chain, one.q) for one in self._movements]
         self.figure: Figure = Figure(figsize=(5.2 * len(self._movements) + 0.4, 6.6))
         grid = self.figure.add_gridspec(
-            2, len(self._movements), height_ratios=(4, 1), left=0.09, right=0.97, top=0.94, bottom=0.08
+            2, len(self._movements), height_ratios=(4.2, 0.8), hspace=0.2, left=0.09, right=0.97, top=0.94, bottom=0.08
         )
         self._frames = [chain.frames(one.q) for one in self._movements] if surfaces else []
         span = [points.reshape(-1, 3) for points in self._points]
@@ -192,12 +192,14 @@ class _Scene:
 
     def _panel(self, axis: Any, low: Array, high: Array, number: int) -> list[Any]:
         """Lines of a panel: the other arm, this arm, the way of its tool, the tracker's point."""
-        middle, size = (low + high) / 2, max(float((high - low).max()), 1e-3) * 0.55
-        for name, centre in zip("xyz", middle):
+        middle, longest = (low + high) / 2, max(float((high - low).max()), 1e-3)
+        # one scale in all directions, and no more room in each than the motion needs
+        sizes = np.maximum(0.55 * (high - low), 0.2 * longest)
+        for name, centre, size in zip("xyz", middle, sizes):
             getattr(axis, f"set_{name}lim")(centre - size, centre + size)
             getattr(axis, f"set_{name}label")(f"{name} [m]", fontsize=8)
         axis.tick_params(labelsize=7)
-        axis.set_box_aspect((1, 1, 1))
+        axis.set_box_aspect(tuple(sizes), zoom=0.95)
         axis.view_init(elev=22, azim=-55)
         colours = (MEASURED, OTHER)
         (ghost,) = axis.plot([], [], [], color=colours[1 - number], lw=2, alpha=0.25)
@@ -215,7 +217,8 @@ class _Scene:
         axis.set_xlabel("t [s], joints in rad or m", fontsize=8)
         axis.tick_params(labelsize=7)
         axis.set_xlim(self._t[0], max(self._t[-1], 1e-3))
-        axis.legend(fontsize=7, ncols=measured.q.shape[1], loc="upper right", frameon=False)
+        place = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "borderaxespad": 0.0}
+        axis.legend(fontsize=7, ncols=measured.q.shape[1], frameon=False, **place)
         axis.grid(alpha=0.3)
         return axis.axvline(0.0, color="0.2", lw=1)
 

@@ -106,12 +106,17 @@ def draw(arm: Arm, done: dict[str, Motion], path: Path) -> None:
         axes[0, 1].plot(motion.t, np.degrees(turned(motion)))
         axes[1, 0].plot(motion.t, 1e3 * tool_error(arm, motion))
         axes[1, 1].plot(motion.t, np.abs(base.demand).max(axis=1))
-    for axis, label in zip(
-        axes.flat, ("base moved, mm", "base turned, degrees", "tool off, mm", "largest demand of a thruster, N")
-    ):
+    labels = ("base moved, mm", "base turned, degrees", "tool off, mm", "largest demand of a thruster, N")
+    for axis, label, lowest in zip(axes.flat, labels, (0.1, 0.03, 0.3, None)):
         axis.set_ylabel(label)
         axis.grid(alpha=0.3)
-    axes[0, 0].legend(fontsize="small")
+        if lowest is not None:  # from 400 mm to 3: on one linear axis, what feed-forward leaves is a line at zero
+            axis.set_yscale("log")
+            axis.set_ylim(bottom=lowest)
+            axis.yaxis.set_major_formatter("{x:g}")
+    figure.legend(
+        *axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=len(done), fontsize="small"
+    )
     for axis in axes[1]:
         axis.set_xlabel("t, s")
     figure.savefig(path, dpi=110)
