@@ -20,7 +20,10 @@ from identification.selection import Score, Split, p_value, scaled, shift_p_valu
 INDEPENDENT = 1e-3
 """Relative singular value of columns of unit length below which they are dependent: rounding and model errors."""
 CERTAIN = 1e-4
-"""p-value from blocks above which the instants of a sparse effect are tested as well."""
+"""p-value from blocks above which the instants of a sparse effect, or of a large one, are tested as well."""
+LARGE = 1.0
+"""Gain over the noise energy of a joint from which an effect is large, in however few blocks it acts: a joint that
+moves once in a recording is quick for a second or two, and signs of so few blocks tell nothing from chance."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +82,8 @@ def score(candidate: Candidate, pair: Pair, fitted: Fitted, held_out: Dataset) -
     c, fall = gain_of(pair, fitted, held_out)
     blocks = held_out.by_block(fall)
     p = p_value(blocks)
-    if candidate.definition.sparse and p > CERTAIN and blocks.sum() > 0.0:
+    gain = float(blocks.sum())
+    if p > CERTAIN and gain > 0.0 and (candidate.definition.sparse or gain > LARGE * held_out.rows):
         predicted = pair.held_out.spread(c, len(held_out.y))
         p = min(p, shift_p_value(by_recording(predicted, held_out), by_recording(fitted.held_out, held_out)))
     return Score(

@@ -1,0 +1,50 @@
+"""An effect that acts in few blocks: a joint that moves once in a recording."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+
+from diagnosis.selection.candidate import Candidate
+from diagnosis.selection.design import Columns, Dataset
+from diagnosis.selection.regression import fit_together, score
+from identification.selection import Split
+
+SECONDS, ROWS = 15, 120
+DRAG = Candidate("hydrodynamic_drag", 1)
+
+
+def _side(y: np.ndarray) -> Dataset:
+    run = SimpleNamespace(t=np.arange(len(y)) / ROWS)
+    return Dataset((run,), (run,), y, np.arange(len(y)) // ROWS, len(y))  # type: ignore[arg-type]
+
+
+def _moved_once(at: float, size: float) -> np.ndarray:
+    """(m,) what drag does while a joint moves from a place to another for 1.5 s, over the noise."""
+    inside = np.clip((np.arange(SECONDS * ROWS) / ROWS - at) / 1.5, 0.0, 1.0)
+    return size * (30 * inside**2 * (1 - inside) ** 2 / 1.875) ** 2
+
+
+def _chance(x: Split[np.ndarray], y: Split[np.ndarray]) -> float:
+    data, pair = y.map(_side), x.map(lambda values: Columns(values[:, None], slice(0, len(values))))
+    return score(DRAG, pair, fit_together(data, []), data.held_out).p
+
+
+def test_a_large_effect_of_one_quick_move_is_significant() -> None:
+    """By signs of two blocks it would be one in four."""
+    rng = np.random.default_rng(1)
+    x = Split(_moved_once(4.3, 1.0), _moved_once(8.6, 1.0))
+    assert _chance(x, x.map(lambda one: 10.0 * one + rng.normal(size=len(one)))) < 2e-3
+    # ... and a small one is not, as before
+    assert _chance(x, x.map(lambda one: 1.0 * one + rng.normal(size=len(one)))) > 0.02
+
+
+def test_what_has_nothing_to_do_with_a_residual_is_seldom_significant() -> None:
+    """However large and slow the residual is."""
+    rng, smooth = np.random.default_rng(2), np.hanning(ROWS)
+    low, trials = 0, 200
+    for _ in range(trials):
+        x = Split(*(_moved_once(float(rng.uniform(1, 13)), 1.0) for _ in range(2)))
+        low += _chance(x, x.map(lambda one: np.convolve(rng.normal(size=len(one)), smooth, "same"))) < 0.01
+    assert low <= 0.02 * trials
