@@ -92,6 +92,31 @@ class Support:
     unexplained: int
 
 
+RISES = 3.0
+"""Standard deviations by which a break-away level must rise with the time at rest to be known to."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RiseAtRest:
+    """How the break-away level rises with the time at rest: by ``value`` in ``unit`` for ten times as long.
+
+    std                it is estimated with; both None: too few rests, or too much alike
+    rests              break-aways that show it, after rests of ``shortest`` to ``longest`` s
+    """
+
+    unit: str
+    rests: int
+    shortest: float
+    longest: float
+    value: float | None = None
+    std: float | None = None
+
+    @property
+    def determined(self) -> bool:
+        """Whether it is clearly a rise."""
+        return self.value is not None and self.std is not None and self.value > RISES * self.std
+
+
 @dataclass(frozen=True, kw_only=True)
 class Cause:
     """One accepted effect.
@@ -110,6 +135,7 @@ class Cause:
     remainder      what is left unexplained beside it; None: nothing, or it is not the dominant cause of its joint
     support        evidence that the confidence follows from; None: it is that of the gain alone
     lost_rows      of dropped triggers: every loss
+    rise_at_rest   of break-away friction: how its level depends on the time at rest; None: it was not judged
     deviations     standard deviations from nothing with the model exact, and with its parameters free within what it
                    says of them; None: it says nothing
     """
@@ -133,6 +159,7 @@ class Cause:
     support: Support | None = None
     harmonics: tuple[EffectTerm, ...] = ()
     lost_rows: tuple[LostRows, ...] = ()
+    rise_at_rest: RiseAtRest | None = None
     deviations: tuple[float, float] | None = None
 
     @property

@@ -33,6 +33,7 @@ from diagnosis.measurements.currents.possible import impossible
 from diagnosis.measurements.currents.search import Found, search, without
 from diagnosis.measurements.currents.shortage import Shortage, shortage
 from diagnosis.measurements.near_rest.friction import friction_causes
+from diagnosis.measurements.near_rest.time_at_rest import with_rise_at_rest
 from diagnosis.measurements.single_axis.causes import AxisSide, axis_side, with_sharp_friction
 from diagnosis.residual.run import Run, with_own
 from diagnosis.screening.cleaned import Residuals, Screened, confirmed, realigned, residuals_of
@@ -89,6 +90,19 @@ def named_causes(
     model: Arm, known: Sequence[Cause], recordings: Recordings, screened: Screened, progress: Progress
 ) -> Named:
     """Causes that the currents show conditional on the ``known`` ones of encoders and tracker."""
+    named = _named(model, known, recordings, screened, progress)
+    if named.axis or named.arm.uncertainty is not None:
+        return named
+    state = named.found.state
+    runs = [run for part in state.data for run in part.runs]
+    return replace(
+        named,
+        causes=with_rise_at_rest(named.causes, runs, state.terms),
+        near_rest=tuple(with_rise_at_rest(named.near_rest, runs, state.terms)),
+    )
+
+
+def _named(model: Arm, known: Sequence[Cause], recordings: Recordings, screened: Screened, progress: Progress) -> Named:
     excluded = {cause.key for cause in known if not cause.by_tracker}
     arm = extend(model, known) if known else model
     sight = residuals_of(arm, screened, progress)

@@ -23,7 +23,7 @@ from diagnosis.report.plots.motion import motion_of
 from diagnosis.report.plots.residuals import against_all, left_against, side_by_side
 from diagnosis.report.plots.single_axis import wave_chart
 from diagnosis.report.tables import errors, left, rough, summary, unseen
-from diagnosis.report.wording import remainder, remains, sentence, title, uncertain, value, values_of
+from diagnosis.report.wording import remainder, remains, rise_at_rest, sentence, title, uncertain, value, values_of
 from diagnosis.units import readable, rounded
 
 MOST_CHARTS = {"held_out": 2, "fit": 1}
@@ -155,7 +155,7 @@ def _gain(cause: Cause) -> str:
     less = f", {rounded(cause.before / cause.after)} times smaller" if 0.0 < cause.after < cause.before else ""
     sure = "" if len(cause.group) == 1 else " that this cause, or one indistinguishable from it, is present"
     known = f" It is {remains(cause)}." if cause.deviations else ""
-    beside = f" {said[:1].upper()}{said[1:]}." if (said := remainder(cause)) else ""
+    beside = "".join(f" {said[:1].upper()}{said[1:]}." for said in (rise_at_rest(cause), remainder(cause)) if said)
     before, after = (rounded(factor * value) for value in (cause.before, cause.after))
     return (
         f"Held-out error of {where}: {before} {unit} without it, {after} {unit} with it{less}. "

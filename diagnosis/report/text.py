@@ -7,7 +7,7 @@ from typing import Any
 from diagnosis.cause import in_words
 from diagnosis.diagnose import Diagnosis
 from diagnosis.report.origins import origin_lines
-from diagnosis.report.wording import gain, remainder, remains, sentence, title, values_of
+from diagnosis.report.wording import gain, remainder, remains, rise_at_rest, sentence, title, values_of
 from diagnosis.units import rounded
 
 
@@ -22,8 +22,7 @@ def diagnosis_text(result: Diagnosis, table: dict[str, Any]) -> str:
             f"   held-out error of {where} without -> with it: {gain(cause)}; confidence {cause.confidence:.0%}"
         )
         lines += [f"   {remains(cause)}"] if cause.deviations else []
-        if left := remainder(cause):
-            lines.append(f"   {left}")
+        lines += [f"   {said}" for said in (rise_at_rest(cause), remainder(cause)) if said]
         if len(cause.group) > 1:
             others, by = ", ".join(map(in_words, cause.group[1:])), row["separate_by"]
             lines.append(f"   indistinguishable here from {others}" + (f"; discriminated by: {by}" if by else ""))

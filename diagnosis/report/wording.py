@@ -106,6 +106,24 @@ def remainder(cause: Cause) -> str:
     return f"beside it, {100 * cause.remainder.share:.0f} % of its excess is unexplained{depends}"
 
 
+def rise_at_rest(cause: Cause) -> str:
+    """``its level rises by 0.5 ± 0.1 N m for ten times the time at rest``, or why that is not known; or empty."""
+    rise = cause.rise_at_rest
+    if rise is None:
+        return ""
+    if rise.value is None or rise.std is None:
+        seen = f"{rise.rests} rests" + (f" of {rise.shortest:.2g} to {rise.longest:.2g} s" if rise.rests else "")
+        return (
+            f"whether its level rises with the time at rest is not known ({seen} before a slow start); rests of 0.2, 1 "
+            "and 5 s, several of each, before slow moves would show it"
+        )
+    over = f"(std {rounded(rise.std, 2)}; {rise.rests} rests of {rise.shortest:.2g} to {rise.longest:.2g} s)"
+    if not rise.determined:
+        most = max(rise.value, 0.0) + 2 * rise.std
+        return f"its level rises by less than {rounded(most, 2)} {rise.unit} for ten times the time at rest {over}"
+    return f"its level rises by {rounded(rise.value, 3)} {rise.unit} for ten times the time at rest {over}"
+
+
 def values_of(cause: Cause) -> list[str]:
     """One line per parameter, per joint of a cause of the rig, or per recording where they contradict each other.
 

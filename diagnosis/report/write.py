@@ -204,6 +204,7 @@ def _cause(cause: Cause) -> dict[str, Any]:
         **({"lost_rows": [asdict(one) for one in cause.lost_rows]} if cause.lost_rows else {}),
         **({"terms": _terms(cause)} if cause.next_orders else {}),
         **({"remainder": asdict(cause.remainder)} if cause.remainder else {}),
+        **({"rise_at_rest": asdict(cause.rise_at_rest)} if cause.rise_at_rest else {}),
         "confidence": round(cause.confidence, 4),
         **({"deviations": dict(zip(("exact", "known"), cause.deviations))} if cause.deviations else {}),
         "support": asdict(cause.support) if cause.support else None,

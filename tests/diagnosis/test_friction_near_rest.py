@@ -13,10 +13,12 @@ import pytest
 
 from arm_model import Arm, Joint
 from arm_model.effects import CATALOGUE
-from diagnosis.cause import Cause
+from diagnosis.cause import Cause, Estimate
 from diagnosis.measurements.near_rest.friction import _rises, friction_causes
 from diagnosis.measurements.near_rest.laws import fitted_to_all, law_of
-from diagnosis.measurements.near_rest.passages import near_rest
+from diagnosis.measurements.near_rest.passages import NearRest, near_rest
+from diagnosis.measurements.near_rest.time_at_rest import rise_at_rest
+from diagnosis.report.wording import rise_at_rest as words
 from diagnosis.residual.run import Run, residual_run
 from identification.selection import Split
 
@@ -121,6 +123,46 @@ def test_a_hump_that_all_recordings_together_do_not_have_is_none() -> None:
     no_hump = replace(law, column=[-np.abs(part) * np.sign(one.residual) for one, part in zip(every, law.column)])
     assert fitted_to_all(every, no_hump)["breakaway"] == 0.0
     assert not _rises(every, no_hump)
+
+
+def _after_rests(rests: tuple[float, float], rise: float) -> tuple[Cause, list[NearRest]]:
+    """A hump of 4 N m at 0.06 rad/s in slow moves after rests of so many s, and what it leaves near rest."""
+    rng, step, every = np.random.default_rng(5), 1 / RATE, []
+    for number in range(3):
+        v, level, where = [np.zeros(round(0.6 * RATE))], [np.full(round(0.6 * RATE), 4.0)], 1.0
+        for rest in np.exp(rng.uniform(*np.log(rests), size=8)):
+            x = np.arange(round(2.0 * RATE)) / (2.0 * RATE)
+            v += [np.zeros(round(rest * RATE)), where * 0.2 * x**2 * (1 - x) ** 2 * 30]
+            level += [np.zeros(round(rest * RATE)), np.full(len(x), 4.0 + rise * np.log10(rest))]
+            where = -where
+        speed, height = np.concatenate(v), np.concatenate(level)
+        t = np.arange(len(speed)) * step
+        friction = (COULOMB + height * np.exp(-((speed / 0.06) ** 2))) * np.tanh(speed / WIDTH)
+        i = ROTOR * np.gradient(speed, step) + VISCOUS * speed + friction + NOISE * rng.normal(size=len(t))
+        q = np.round(np.cumsum(speed) * step / COUNT) * COUNT
+        every.append(residual_run(f"{number}", _axis(), t, q[:, None], i[:, None]))
+    found = [Estimate("breakaway", 4.0, 0.1, "N m"), Estimate("stribeck_velocity", 0.06, 0.001, "rad/s")]
+    cause = Cause(
+        effect="stribeck_friction", joint=1, parameters=found, confidence=0.9, before=1.0, after=0.5, evidence="",
+        group=(("stribeck_friction", 1),), felt_at=1, unit="A",
+    )  # fmt: skip
+    return cause, near_rest(every, 1, cause.terms)
+
+
+@pytest.mark.parametrize("rise", [1.2, 0.0])
+def test_a_level_that_rises_with_the_time_at_rest_is_estimated(rise: float) -> None:
+    found = rise_at_rest(*_after_rests((0.2, 5.0), rise))
+    assert found.rests >= 20 and found.value is not None and found.std is not None
+    assert abs(found.value - rise) < 3 * found.std < 0.5
+    assert found.determined == (rise > 0.0)
+
+
+def test_rests_of_one_length_show_no_rise_and_the_report_says_which_would() -> None:
+    cause, every = _after_rests((0.9, 1.1), 1.2)
+    found = rise_at_rest(cause, every)
+    assert found.value is None and found.rests >= 20 and found.longest < 1.3
+    said = words(replace(cause, rise_at_rest=found))
+    assert said.startswith("whether its level rises with the time at rest is not known") and "0.2, 1 and 5 s" in said
 
 
 def test_a_joint_that_stands_shows_nothing() -> None:

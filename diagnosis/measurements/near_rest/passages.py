@@ -104,10 +104,15 @@ def near_rest(runs: Sequence[Run], joint: int, terms: Sequence[EffectTerm]) -> l
 
 def _known_speed(run: Run, joint: int) -> bool:
     """Whether the encoder shows the speed of a joint to a fraction of that at which it stands."""
+    return speed_noise(run, joint) < SPEED_NOISE
+
+
+def speed_noise(run: Run, joint: int) -> float:
+    """rad/s (m/s): std of the speed of a joint (from 1) by its encoder."""
     t, q = run.raw
     position = float(angle_noise(q[:, [joint - 1]])[0])
     band = min(MOTION_BAND, rate_of(t) / 2)
-    return position * 2 * np.pi * np.sqrt(band**3 / 3 / (rate_of(t) / 2)) < SPEED_NOISE
+    return float(position * 2 * np.pi * np.sqrt(band**3 / 3 / (rate_of(t) / 2)))
 
 
 def _of_run(run: Run, joint: int, terms: Sequence[EffectTerm]) -> NearRest:
@@ -115,7 +120,7 @@ def _of_run(run: Run, joint: int, terms: Sequence[EffectTerm]) -> NearRest:
     rate, j = rate_of(t), joint - 1
     v = motion_of(true_angle(_with(run, terms), q), MOTION_BAND, rate)[1][:, j]
     instruments = run.instruments[:, j]
-    stands = _spread(_longer(np.abs(v) < STANDS, STANDS_FOR * rate), AFTER_REST * rate)
+    stands = _spread(standing(v, rate), AFTER_REST * rate)
     slow = _spread(np.abs(v) < SLIDES, SMEARED * rate)
     rows = (slow & ~stands)[kept(rate)] & (run.deviation[:, j] < UNMEASURED * instruments)
     passage, _ = ndimage.label(rows)
@@ -136,6 +141,11 @@ def _of_run(run: Run, joint: int, terms: Sequence[EffectTerm]) -> NearRest:
 
 def _with(run: Run, terms: Sequence[EffectTerm]) -> Arm:
     return replace(run.arm, effects=(*run.arm.effects, *terms, *run.own))
+
+
+def standing(v: Array, rate: float) -> NDArray[np.bool_]:
+    """(k,) where a joint of speeds v (k,) rad/s at ``rate`` Hz stands."""
+    return _longer(np.abs(v) < STANDS, STANDS_FOR * rate)
 
 
 def _longer(here: NDArray[np.bool_], rows: float) -> NDArray[np.bool_]:
