@@ -12,7 +12,7 @@ from scipy import ndimage
 from arm_io.types import Array
 from arm_model import Arm
 from arm_model.effects.description_errors import CURRENT_LIMIT
-from arm_model.rigid_body.friction_curve import total_at
+from arm_model.rigid_body import total_at
 from daq.recording import Recording
 from diagnosis.cause import Estimate
 from diagnosis.residual.encoder_step import encoder_step

@@ -12,7 +12,7 @@ import pytest
 
 import armscope
 from arm_model import Arm
-from arm_model.rigid_body.friction_curve import total_at
+from arm_model.rigid_body import total_at
 from daq.recording import Recording, open_recording
 from daq.recording.parts import Attachments
 from daq.recording.tables.table import write_table
@@ -116,7 +116,7 @@ def test_a_limit_in_noise_is_found_where_the_current_does_not_follow_the_frictio
     arm: Arm, tmp_path: Path, seed: int
 ) -> None:
     t = np.arange(0.0, 30.0, 1.0 / RATE)
-    waves = sum(np.sin(2 * np.pi * f * t + seed + 2.0 * f) for f in (0.2, 0.3, 0.7))
+    waves = np.sum([np.sin(2 * np.pi * f * t + seed + 2.0 * f) for f in (0.2, 0.3, 0.7)], axis=0)
     for limit in (None, 0.7):
         recording = _of_joint(tmp_path / f"{limit}.mcap", arm, waves, 0.5, limit, seed)
         found = current_limits([recording], arm)

@@ -99,7 +99,8 @@ def test_a_joint_that_holds_a_load_and_stands_is_at_no_limit(arm: Arm, tmp_path:
     v = np.gradient(q, t, axis=0)
     current = torque(q, v, np.gradient(v, t, axis=0), Day()) / DRIVE
     standing = float(np.abs(current[t < 2.5, 0]).max())
-    current = np.where(t[:, None] < 3.0, current, 0.9 * np.clip(current, -standing, standing))
+    # less, and not clipped: a current that is cut off while it moves is at a limit
+    current = np.where(t[:, None] < 3.0, current, 0.6 * current)
     run = residual_run("a", arm, t, q, current + 0.002 * np.random.default_rng(1).normal(size=q.shape))
     assert stood(_limit(standing), [run])
     # where it moves at the limit as well, that is one
