@@ -70,7 +70,7 @@ def with_significance(state: State, causes: Sequence[Cause]) -> list[Cause]:
         return list(causes)
     for c, cause in zip(state.chosen, causes, strict=True):
         others = model.without(c, state)
-        exact = Significance(state.data, [*model.free, *(model.columns(one) for one in others.chosen)], None)
+        exact = Significance(state.data, [*others.free, *(model.columns(one) for one in others.chosen)], None)
         chances = [of.chance(model.columns(c)) for of in (exact, others.significance)]
         found.append(replace(cause, deviations=(in_deviations(chances[0]), in_deviations(chances[1]))))
     return found

@@ -50,16 +50,32 @@ class State:
     rivals: Rivals = field(repr=False)
 
     @cached_property
+    def free(self) -> list[Pair]:
+        """The free columns of the model, without those that make held-out residuals clearly worse.
+
+        What they fit is then no smoothing of friction: correlated noise of a few fast moves, say, which at a tenth of
+        their speed is a hundred times as large.
+        """
+        allowed, every = self.model.limits.min_gain * self.data.held_out.rows, self._with(self.model.free)
+        return [
+            pair
+            for pair, c in zip(self.model.free, every.coefficients)
+            if _harm(pair.held_out.x[:, 0] * c, every.held_out[pair.held_out.where]) < allowed
+        ]
+
+    @cached_property
     def fitted(self) -> Fitted:
         """All chosen candidates with the free columns; the coefficients of these come first."""
-        model = self.model
-        return fit_together(self.data, [*model.free, *(model.columns(c) for c in self.chosen)])
+        return self._with(self.free)
+
+    def _with(self, free: Sequence[Pair]) -> Fitted:
+        return fit_together(self.data, [*free, *(self.model.columns(c) for c in self.chosen)])
 
     @property
     def coefficients(self) -> list[Array]:
         """(k,) of each chosen candidate."""
         widths = [self.model.columns(c).fit.x.shape[1] for c in self.chosen]
-        own = self.fitted.coefficients[len(self.model.free) :]
+        own = self.fitted.coefficients[len(self.free) :]
         return np.split(own, np.cumsum(widths)[:-1]) if self.chosen else []
 
     @property
@@ -71,7 +87,7 @@ class State:
     def significance(self) -> Significance:
         """Of further columns conditional on the chosen ones, with the model as uncertain as it is."""
         model = self.model
-        chosen = [*model.free, *(model.columns(c) for c in self.chosen)]
+        chosen = [*self.free, *(model.columns(c) for c in self.chosen)]
         return Significance(self.data, chosen, model.uncertain)
 
 
@@ -291,6 +307,11 @@ class Currents(MeasurementModel[Candidate, State]):
             own = [c for c in self.ripples if c.joint == joint]
             for c in detectable(self.data.fit, residual, self.arm, joint, own):
                 self.columns(c)
+
+
+def _harm(explained: Array, left: Array) -> float:
+    """Squared residual that a column costs: where it explains ``explained`` (rows,) and leaves ``left`` (rows,)."""
+    return float(left @ left - (left + explained) @ (left + explained))
 
 
 def _replaced(state: State, old: Candidate, new: Candidate) -> State:
