@@ -19,9 +19,9 @@ from arm_io.types import Array
 from diagnosis.cause import NO_VARIABLE, Signal, Structure
 from diagnosis.closed_loop.comparison import Compared
 from diagnosis.closed_loop.setpoint_phase import lag_of
-from diagnosis.residual.expected_current import COMPARE_BAND, low_pass, rate_of
+from diagnosis.residual.expected_current import COMPARE_BAND, rate_of
 from diagnosis.residual.noise import scatter
-from diagnosis.residual.run import ROWS_PER_SECOND, Run, kept
+from diagnosis.residual.run import ROWS_PER_SECOND, Run
 from identification.selection import Thresholds
 
 HIGHEST = 100.0
@@ -133,8 +133,7 @@ def _medians(parts: Iterator[Array]) -> Array:
 
 def _below(one: Compared, noise: Array) -> Array:
     """(blocks, n) mean square of the error below COMPARE_BAND over the noise (n,), at the rows that are compared."""
-    rate = rate_of(one.t)
-    error = low_pass(one.current - one.simulated_current, COMPARE_BAND, rate)[kept(rate)] / noise
+    error = one.error("current") / noise
     return _of_blocks(error, one.known[: len(error)], ROWS_PER_SECOND)
 
 

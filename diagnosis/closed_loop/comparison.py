@@ -6,12 +6,13 @@ model predicts for the measured motion are compared instead (Leboutet et al., Ap
 methods depend on the controller).
 
 Errors are compared in the band of the residual and where friction is known: at standstill the current depends on how
-the servo came to rest.
+the servo came to rest. What sampling may fold onto the acceleration counts as little as along the measured motion: the
+loop has its setpoints at other instants than the arm, so that another share of its ripple folds.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -35,11 +36,16 @@ SMOOTHING = np.array([0.12, 0.2, 0.3, 0.45, 0.65, 1.0, 1.6, 2.5])
 """Candidate Coulomb smoothing velocities, as multiples of the model's own; one lane of the engine each."""
 
 
+def as_it_is(values: Array) -> Array:
+    """The values: nothing folds."""
+    return values
+
+
 @dataclass(frozen=True)
 class Compared:
     """One recording and its simulation: t (m,) s, currents (m, n) A and angles (m, n) rad.
 
-    known: (r, n) rows of the run that are compared.
+    known: (r, n) rows of the run that are compared; less_folded: of values (r, n) A, as ``Run.less_folded``.
     """
 
     name: str
@@ -49,12 +55,18 @@ class Compared:
     angle: Array
     simulated_angle: Array
     known: NDArray[np.bool_]
+    less_folded: Callable[[Array], Array] = as_it_is
 
-    def error_rms(self, signal: str) -> Array:
-        """(n,) root mean square of measured less simulated ``current`` (A) or ``angle`` (rad)."""
+    def error(self, signal: str) -> Array:
+        """(r, n) measured less simulated ``current`` (A) or ``angle`` (rad), at the rows of the run."""
         rate = rate_of(self.t)
         difference = getattr(self, signal) - getattr(self, f"simulated_{signal}")
-        return rms_where(low_pass(difference, COMPARE_BAND, rate)[kept(rate)], self.known)
+        error = low_pass(difference, COMPARE_BAND, rate)[kept(rate)]
+        return self.less_folded(error) if signal == "current" else error
+
+    def error_rms(self, signal: str) -> Array:
+        """(n,) root mean square of ``error`` where friction is known."""
+        return rms_where(self.error(signal), self.known)
 
 
 def compare(recording: Recording, arm: Arm, run: Run) -> Compared | None:
@@ -68,7 +80,8 @@ def compare(recording: Recording, arm: Arm, run: Run) -> Compared | None:
     except InputError:  # the loop is unstable
         return None
     shown = recorded(arm, motion)
-    return Compared(recording.path.name, knots, recording.i, shown.current, recording.q, shown.q, comparable_rows(run))
+    signals = recording.i, shown.current, recording.q, shown.q
+    return Compared(recording.path.name, knots, *signals, comparable_rows(run), run.less_folded)
 
 
 def before_and_after(recording: Recording, run: Run, arm: Arm, extended: Arm) -> tuple[Compared, Compared] | None:

@@ -7,13 +7,8 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from diagnosis.residual.expected_current import rate_of
-from diagnosis.residual.run import Run
-from identification.preprocessing import rate_beside, rows_a_setpoint
-
-ABOVE = 0.5
-"""Of the noise: one std of what folds that is worth a warning. Two std of less are below the noise."""
-UNSEEN = 2
-"""Rows per setpoint of which no line shows how much folds."""
+from diagnosis.residual.run import FOLDED, Run
+from identification.preprocessing import UNSEEN, rate_beside, rows_a_setpoint
 
 
 def folding_warnings(runs: Sequence[Run]) -> Iterator[str]:
@@ -25,7 +20,7 @@ def folding_warnings(runs: Sequence[Run]) -> Iterator[str]:
     for rows, alike in of_rate.items():
         noise = np.sqrt(np.mean([run.noise**2 for run in alike], axis=0))
         ratio = np.sqrt(np.mean(np.concatenate([run.folded**2 for run in alike]), axis=0)) / noise
-        if rows > UNSEEN and ratio.max() < ABOVE:
+        if rows > UNSEEN and ratio.max() < FOLDED:
             continue
         arm, rate = alike[0].arm, rate_of(alike[0].raw[0])
         far = f"two std of it are {2 * ratio.max():.1f} times the noise of joint {int(ratio.argmax()) + 1}"

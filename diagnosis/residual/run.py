@@ -37,13 +37,17 @@ from diagnosis.residual.expected_current import (
     true_angle,
 )
 from diagnosis.residual.noise import NOTHING_KNOWN, KnownNoise, angle_noise, encoder_steps, scatter
-from identification.preprocessing import drifting, folded_along
+from identification.preprocessing import UNSEEN, drifting, folded_along, rows_a_setpoint
 
 ROWS_PER_SECOND = 100
 ROWS_FOR_ONE = ROWS_PER_SECOND / (2.0 * COMPARE_BAND)
 """Rows that count as one: the filters leave 2 x COMPARE_BAND independent values per second."""
 KEPT = 8
 """Residuals of one recording under other effects that are kept."""
+FEW_ROWS, FOLDED = 10, 0.5
+"""Rows per setpoint, and share of the noise: of more rows, what sampling folds counts from that share on."""
+AHEAD = 0.02
+"""s by which setpoints are ahead of the motion: the delay of a servo with a bandwidth of 8 Hz."""
 CREEP = 0.02
 """rad/s (m/s): below it friction depends on more than the velocity."""
 
@@ -159,8 +163,9 @@ class Run:
     def whiten(self, values: Array) -> Array:
         """Values (m, n) or (m, n, k) A over the std that they would have with nothing wrong.
 
-        Along ``folded``, and its drift as two clocks diverge, a residual of one std more is no evidence: the inverse
-        root of the covariance 1 + f f^T, in the recording and joint that f belongs to.
+        Along ``folded``, its drift as two clocks diverge, and where no line shows how much it is, its shift against the
+        motion that a servo makes of setpoints, a residual of one std more is no evidence: the inverse root of the
+        covariance 1 + f f^T, in the recording and joint that f belongs to.
         """
         over = self.deviation.reshape(*self.deviation.shape, *[1] * (values.ndim - 2))
         white: Array = values / over
@@ -169,12 +174,20 @@ class Run:
             white[part, j] = own - basis @ (less * (basis.T @ own).T).T
         return white
 
+    def less_folded(self, values: Array) -> Array:
+        """Values (m, n) A less as much of what sampling may have put into them unseen as ``whiten`` does not count."""
+        return self.deviation * self.whiten(values) if self.folded.any() else values
+
     @cached_property
     def _unseen(self) -> list[tuple[slice, int, Array, Array]]:
-        """Rows, joint, orthonormal directions (r, 2) of what folds there, and the share by which these count less."""
-        found = []
+        """Rows, joint, orthonormal directions (r, k) of what folds there, and the share by which these count less."""
+        found, of_unseen = [], rows_a_setpoint(self.arm, 1 / rate_of(self.raw[0])) == UNSEEN
         for part, j in itertools.product(self.parts, np.flatnonzero(self.folded.any(axis=0)).tolist()):
-            own = drifting(self.folded[part, j] / self.deviation[part, j], self.t[part] - self.t[part][0])
+            over, folded = 1.0 / self.deviation[part, j], self.folded[part, j]
+            own = drifting(folded * over, self.t[part] - self.t[part][0])
+            if of_unseen:
+                # the setpoints make the ripple, and the motion follows them later
+                own = np.column_stack([own, AHEAD * ROWS_PER_SECOND * np.gradient(folded) * over])
             basis, size, _ = np.linalg.svd(own, full_matrices=False)
             found.append((part, j, basis, 1.0 - 1.0 / np.sqrt(1.0 + size**2)))
         return found
@@ -215,7 +228,6 @@ def residual_run(
     block = ((rows - rows[0]) // 1.0).astype(np.intp)
     instruments = _row_by_row(noise, q, slow_v, moved, rate, known)
     brisk = [thin(values) for values in (position, v, a)]
-    folded = folded_along(arm, t, angle, i * constant) if powered else None
     return Run(
         name=name,
         raw=(t, q),
@@ -233,7 +245,7 @@ def residual_run(
         deviation=np.hypot(instruments, friction_std),
         noise=noise,
         instruments=instruments,
-        folded=np.zeros_like(instruments) if folded is None else folded[keep] / constant,
+        folded=_folded(arm, t, angle, i, brisk[2], noise) if powered else np.zeros_like(instruments),
         block=block,
         arm=arm,
         powered=powered,
@@ -292,6 +304,23 @@ def _row_by_row(noise: Array, q: Array, v: Array, inertia: Array, rate: float, k
     """
     beats = beat_variance(v, steps_of(q, known.steps), rate, lambda f: (2 * np.pi * f) ** 2 * passed(f))
     return np.sqrt(np.maximum(noise**2, beats @ np.mean(inertia**2, axis=0).T))
+
+
+def _folded(arm: Arm, t: Array, q: Array, i: Array, a: Array, noise: Array) -> Array:
+    """(m, n) A: one std of what sampling may have put into currents i (k, n) unseen, of joints where that matters.
+
+    a: (m, n) the acceleration in the band of comparison; of two rows per setpoint, all of it times 1 kg m2 (kg).
+    From many rows on, the line that folds is far below what those that are seen allow.
+    """
+    constant, rate = arm.joint_array("drive_constant"), rate_of(t)
+    rows = rows_a_setpoint(arm, 1 / rate)
+    if rows == UNSEEN:
+        return a / constant
+    torque = folded_along(arm, t, q, i * constant)
+    if torque is None:
+        return np.zeros_like(a)
+    folded = torque[kept(rate)] / constant
+    return np.asarray(folded * ((rows <= FEW_ROWS) | (np.sqrt(np.mean(folded**2, axis=0)) > FOLDED * noise)))
 
 
 def residual_with(run: Run, terms: Sequence[EffectTerm]) -> Array:

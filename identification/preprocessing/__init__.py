@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from arm_io import lazy
 
 if TYPE_CHECKING:
-    from identification.preprocessing.aliased_ripple import drifting, folded_along, rate_beside, rows_a_setpoint
+    from identification.preprocessing.aliased_ripple import UNSEEN, drifting, folded_along, rate_beside, rows_a_setpoint
     from identification.preprocessing.demands import demand_of_run, tracked_as_recorded
     from identification.preprocessing.filtering import zero_phase
     from identification.preprocessing.readiness import Readiness
@@ -13,6 +13,7 @@ else:
     __getattr__ = lazy(__name__)
 
 __all__ = [
+    "UNSEEN",
     "Readiness",
     "demand_of_run",
     "drifting",

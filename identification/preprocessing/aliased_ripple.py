@@ -24,7 +24,7 @@ from identification.preprocessing.signals import Motion, smooth_motion
 BEAT = 1.0  # Hz
 BESIDE = 0.4  # of the setpoints' rate, from a multiple of it
 STANDS = 0.1  # of a joint's rms acceleration: a stretch with less shows no ripple that it causes
-FEW_ROWS = 10  # per setpoint: the line that folds falls with their number, squared behind a lag
+UNSEEN = 2  # rows per setpoint of which no line shows how much folds
 STRETCH = 5.0  # s in which two clocks stay in phase to a fraction of a line's period
 
 
@@ -89,13 +89,13 @@ def folded_torque(arm: Arm, motion: Motion, t: Array, torque: Array) -> Array | 
 def folded_along(arm: Arm, t: Array, q: Array, torque: Array) -> Array | None:
     """(n, J) N m (N): ``folded_torque`` of recorded angles q (n, J) and torques (n, J), at their own times t (n,) s.
 
-    None where nothing folds, or so many rows come per setpoint that the line which folds is below the noise.
-    Of two rows a setpoint, all of the acceleration times 1 kg m2 (kg): how much folds is not
-    known, and such currents do not determine an inertia.
+    None where nothing folds, and of two rows a setpoint: how much folds is not known, and such currents do not
+    determine an inertia.
     """
-    if not 0 < rows_a_setpoint(arm, float(t[-1] - t[0]) / (len(t) - 1)) <= FEW_ROWS:
+    if rows_a_setpoint(arm, float(t[-1] - t[0]) / (len(t) - 1)) <= UNSEEN:
         return None
     motion = smooth_motion(t, q, torque)
-    folded = folded_torque(arm, motion, t - t[0], torque)
-    along = motion.qdd if folded is None else folded
+    along = folded_torque(arm, motion, t - t[0], torque)
+    if along is None:
+        return None
     return np.column_stack([np.interp(t - t[0], motion.t, column) for column in along.T])

@@ -24,7 +24,7 @@ from diagnosis.closed_loop.comparison import Compared
 from diagnosis.closed_loop.model_errors import drawn
 from diagnosis.closed_loop.setpoint_phase import lag_of
 from diagnosis.residual.expected_current import rate_of
-from diagnosis.residual.run import kept
+from diagnosis.residual.run import kept, residual_run
 
 RATE, NOISE = 500.0, 0.01
 
@@ -67,6 +67,24 @@ def test_what_lasts_is_told_with_its_band_and_size(side: str, hertz: float, agai
     assert "times the noise, in " + {"fit": "fitted", "held_out": "held-out"}[side] in found.size
     assert float(found.size.split()[0]) > max(LIMITS.loop, LIMITS.loop_band)
     assert clear_errors(compared, RUNS, [2]) == []  # reported already
+
+
+def test_what_sampling_folds_is_no_clear_error(root: Path) -> None:
+    """Of two rows per setpoint, what a servo's ripple adds in proportion to the acceleration is not known at all."""
+    arm = read_model(root / "config/starters/csv/model.toml")
+    assert arm.controller is not None
+    arm = replace(arm, controller=replace(arm.controller, setpoint_period=2 / RATE))
+    wave = np.sin(2 * np.pi * 0.7 * T)
+    one = _compared(20 * BELOW * wave)
+    angle = np.round(np.column_stack([wave, wave]) / 1e-6) * 1e-6
+    run = residual_run("a", arm, T, angle, one.current)
+    folds = replace(one, less_folded=run.less_folded)
+    assert clear_errors({"fit": [_twice(folds)], "held_out": []}, RUNS, []) == []
+    assert float(folds.error_rms("current")[1]) < 2 * BELOW
+    # what goes with something else stays
+    other = replace(_compared(20 * BELOW * np.sin(2 * np.pi * 1.7 * T)), less_folded=run.less_folded)
+    for seen in (one, other):
+        assert [found.joint for found in clear_errors({"fit": [_twice(seen)], "held_out": []}, RUNS, [])] == [2]
 
 
 @pytest.mark.parametrize("hertz", [5.0, 47.0])

@@ -15,6 +15,8 @@ from arm_model.simulation import simulate
 from daq.recording import Recording, open_recording
 from daq.recording.parts import Attachments
 from daq.recording.tables.table import write_table
+from diagnosis.measurements.currents.limits import LIMITS
+from diagnosis.residual.run import residual_run
 from diagnosis.screening.mains_hum import lines_near_mains, mains_hum, other_lines
 from experiment import demand_of, read_experiment
 
@@ -61,6 +63,29 @@ def test_what_sampling_folds_onto_the_acceleration_is_no_inertia(
     (warning,) = result.details.warnings
     assert "500 Hz is 5 times the rate of the controller's setpoints" in warning
     assert "460 Hz" in warning
+
+
+def test_of_many_rows_a_setpoint_what_folds_is_no_inertia_either(root: Path) -> None:
+    """Gain of a rotor inertia, over the noise energy; one of a tenth is named. The Puma at 14 rows per setpoint."""
+    arm, rate = armscope.read_model(root / "config/models/puma560.toml"), 500.0
+    demand = demand_of(read_experiment(root / "config/experiments/excitation.toml"))
+    t = np.arange(int(demand.duration * rate)) / rate
+    motion = simulate(arm, demand, duration=demand.duration, rate=rate, times=t)
+    rng, step, drive = np.random.default_rng(5), 2 * np.pi / COUNTS, arm.joint_array("drive_constant")
+    current = motion.torque / drive + 1e-3 * rng.standard_normal(motion.torque.shape)
+    run = residual_run("run", arm, t, np.round(motion.qm / step) * step, current)
+    for j in range(6):
+        own = np.zeros_like(run.a)
+        own[:, j] = run.a[:, j] / drive[j]
+        (before, after) = (
+            float((x @ y) ** 2 / (x @ x) / len(y))
+            for x, y in (
+                (own[:, j] / run.deviation[:, j], run.residual[:, j] / run.deviation[:, j]),
+                (run.whiten(own)[:, j], run.whitened[:, j]),
+            )
+        )
+        assert before > 2 * LIMITS.min_gain
+        assert after < LIMITS.min_gain / 4
 
 
 @pytest.mark.slow
