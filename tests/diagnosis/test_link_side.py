@@ -92,6 +92,17 @@ def test_nothing_is_named_where_nothing_is_wrong(root: Path, arm: Arm) -> None:
     assert found.unexplained == []
 
 
+def test_encoders_of_a_joint_that_stands_are_as_coarse_as_where_it_moves(root: Path, arm: Arm, tmp_path: Path) -> None:
+    """A standing joint shows no step: its differences while it moved were 24 million times their noise."""
+    fit, held_out = _recorded(root, ())
+    q, ql = fit.q.copy(), np.array(fit.ql)
+    q[:, 2], ql[:, 2] = q[0, 2], ql[0, 2]
+    write_table(tmp_path / "fit.mcap", fit.t, {"q": q, "i": fit.i, "ql": ql}, Attachments())
+    found = _found(arm, [open_recording(tmp_path / "fit.mcap"), held_out])
+    assert found.causes == []
+    assert found.unexplained == []
+
+
 @pytest.mark.parametrize(
     ("hidden", "parameter"),
     [

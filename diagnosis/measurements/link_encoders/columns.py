@@ -122,7 +122,7 @@ def behind(recording: Recording, arm: Arm) -> Array | None:
 def rows_of(recordings: Sequence[Recording], arm: Arm, joints: Index) -> Rows:
     """The rows of ``recordings``, thinned to MOST_ROWS; positions must be uniformly sampled and without gaps."""
     parts: list[tuple[Array, ...]] = []
-    noises = []
+    scatters, steps = [], []
     k = joints - 1
     known_load = bool(np.any(arm.joint_array("mass") > 0))
     stride = max(1, sum(map(len, recordings)) // MOST_ROWS)
@@ -140,9 +140,8 @@ def rows_of(recordings: Sequence[Recording], arm: Arm, joints: Index) -> Rows:
         else:
             load = low_pass(r.i, LOAD_BAND, rate) * arm.joint_array("drive_constant")
         difference = (r.q - read)[:, k]
-        scatter = MAD_TO_STD * np.median(np.abs(np.diff(difference, 2, axis=0)), axis=0) / np.sqrt(6)
-        steps = np.array([[encoder_step(angles[:, j]) for angles in (r.q, read)] for j in k])
-        noises.append(np.sqrt(scatter**2 + np.sum(steps**2, axis=1) / 12))
+        scatters.append(MAD_TO_STD * np.median(np.abs(np.diff(difference, 2, axis=0)), axis=0) / np.sqrt(6))
+        steps.append([[encoder_step(angles[:, j]) for angles in (r.q, read)] for j in k])
         keep = slice(int(ENDS * rate), -int(ENDS * rate), stride)
         t = r.t[keep]
         errors = load_errors(arm, slow[keep], slow_v[keep], slow_a[keep])
@@ -159,7 +158,8 @@ def rows_of(recordings: Sequence[Recording], arm: Arm, joints: Index) -> Rows:
         t,
         tuple(starts.tolist()),
         tuple(r.path.name for r in recordings),
-        np.mean(noises, axis=0) + 1e-12,
+        # a joint that stands shows no step of its encoders: they are as coarse as where it moves
+        np.sqrt(np.mean(np.square(scatters), axis=0) + np.sum(np.max(steps, axis=0) ** 2, axis=1) / 12) + 1e-12,
         np.array([arm.joints[j].ratio for j in k]),
         np.maximum(np.max(np.abs(load), axis=0), 1e-12),
         errors,

@@ -262,7 +262,9 @@ def link_encoders(arm: Arm, fit: Sequence[Recording], held_out: Sequence[Recordi
         return None
     two_fold = bool({r.path for r in fit} & {r.path for r in held_out})
     every = rows_of([*fit, *held_out], arm, joints)
-    rows = Split(fit, held_out, two_fold).map(lambda part: replace(rows_of(part, arm, joints), largest=every.largest))
+    # of all recordings: where a joint stands, neither its load nor the noise of its encoders shows
+    known = {"largest": every.largest, "noise": every.noise}
+    rows = Split(fit, held_out, two_fold).map(lambda part: replace(rows_of(part, arm, joints), **known))
     scale = np.maximum(np.std(every.difference, axis=0), rows.fit.noise)
     each = tuple(every.of(name) for name in dict.fromkeys(every.names))
     return LinkEncoders(rows, each, every if two_fold else rows.fit, scale)
