@@ -38,6 +38,8 @@ Behind them, where the base floats and they are given: (k, thrusters) N, added t
 BASE = len(POSE) + len(VELOCITY)
 """States of a floating base: position (3), attitude (4), velocity (6)."""
 
+BEYOND = 1e100
+"""No state of an arm that is stable."""
 PART = 200_000
 """Ticks that are run between two reports of how far a simulation is."""
 
@@ -288,7 +290,8 @@ def simulate_batch(
     run = prepared(arm, parameters, start, substeps, single=single)
     rows = _advance_in_parts(run, given, times)
     # a lane that diverged overflows; its callers look for that
-    rows = np.where(np.abs(rows) < 1e100, rows, np.nan)
+    if rows.size and not (rows.max() < BEYOND and rows.min() > -BEYOND):
+        rows = np.where(np.abs(rows) < BEYOND, rows, np.nan)
     grid = np.arange(ticks) * period
     shown = np.column_stack([np.interp(times, grid, given[:, j]) for j in range(len(arm))])
     return _motion(run, rows, times, shown)

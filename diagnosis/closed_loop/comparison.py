@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -126,19 +127,10 @@ def with_smoothing_velocities(arm: Arm, recordings: Sequence[Recording]) -> Arm:
     moving = [j for j, joint in enumerate(arm.joints) if max(joint.rest_friction) > 0.0]
     if arm.controller is None or not usable or not moving:
         return arm
-    errors = np.zeros((len(SMOOTHING), len(arm)))
-    for recording in usable:
-        carrying = set_up(arm, recording)
-        lanes = {f"joint{j + 1}.sign_velocity": arm.joints[j].sign_velocity * SMOOTHING for j in moving}
-        demand = demand_of_run(recording, carrying)
-        try:
-            motion = simulate_batch(carrying, demand, recording.t - recording.t[0], parameters=lanes)
-        except InputError:  # a spring that the model has no rotor for: a loop that cannot judge
-            return arm
-        shown = recorded(carrying, motion).current
-        rate = 1.0 / recording.dt
-        for lane in range(len(SMOOTHING)):
-            errors[lane] += np.sum(low_pass(recording.i - shown[lane], COMPARE_BAND, rate)[kept(rate)] ** 2, axis=0)
+    try:
+        errors = np.sum([_smoothing_errors(arm, recording, moving) for recording in usable], axis=0)
+    except InputError:  # a spring that the model has no rotor for: a loop that cannot judge
+        return arm
     joints = list(arm.joints)
     unchanged = int(np.flatnonzero(SMOOTHING == 1.0)[0])
     for j in moving:
@@ -147,6 +139,26 @@ def with_smoothing_velocities(arm: Arm, recordings: Sequence[Recording]) -> Arm:
         if errors[best, j] < 0.9 * errors[unchanged, j]:
             joints[j] = replace(joints[j], sign_velocity=float(joints[j].sign_velocity * SMOOTHING[best]))
     return replace(arm, joints=tuple(joints))
+
+
+_errors_found: WeakKeyDictionary[Recording, tuple[Arm, Array]] = WeakKeyDictionary()
+"""By recording, the last arm whose loops were simulated, and their errors: two steps ask for the same arm."""
+
+
+def _smoothing_errors(arm: Arm, recording: Recording, moving: Sequence[int]) -> Array:
+    """(lanes, n) A2: squared errors of the closed loop with ``SMOOTHING`` of the ``moving`` joints (from 0)."""
+    known = _errors_found.get(recording)
+    if known is not None and known[0] == arm:
+        return known[1]
+    carrying = set_up(arm, recording)
+    lanes = {f"joint{j + 1}.sign_velocity": arm.joints[j].sign_velocity * SMOOTHING for j in moving}
+    demand = demand_of_run(recording, carrying)
+    motion = simulate_batch(carrying, demand, recording.t - recording.t[0], parameters=lanes)
+    rate = 1.0 / recording.dt
+    apart = recording.i - recorded(carrying, motion).current
+    errors = np.stack([np.sum(low_pass(one, COMPARE_BAND, rate)[kept(rate)] ** 2, axis=0) for one in apart])
+    _errors_found[recording] = arm, errors
+    return errors
 
 
 def refuted(

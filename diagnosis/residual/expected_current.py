@@ -162,19 +162,32 @@ def through_gap(load: Array, inertia: Array, half_gap: float, step: float) -> Ar
     flies, inertia d'' = load, until it meets the other flank, and stays there. That takes a tenth of a second where
     gravity turns it over, and ends with a jump of the current. A link without inertia is there at once.
     """
-    twist = np.empty_like(load)
-    d, v, flying = (half_gap if load[0] >= 0.0 else -half_gap), 0.0, False
-    for k, (torque, mass) in enumerate(zip(load.tolist(), inertia.tolist())):
-        twist[k] = d
-        if not flying and torque * d >= 0.0:
-            continue
-        if mass < NO_INERTIA:
-            d = half_gap if torque > 0.0 else -half_gap
-            continue
-        flying = True
-        d, v = d + step * (v + step * torque / mass / 2), v + step * torque / mass
-        if abs(d) >= half_gap:
-            d, v, flying = (half_gap if d > 0.0 else -half_gap), 0.0, False
+    if half_gap == 0.0:
+        return np.zeros_like(load)
+    twist, k = np.empty_like(load), 0
+    d = half_gap if load[0] >= 0.0 else -half_gap
+    to_flight = {side * half_gap: np.flatnonzero(side * load < 0.0) for side in (1.0, -1.0)}
+    torques, masses = load.tolist(), inertia.tolist()
+    while k < len(load):
+        # on a flank up to the row in which the load pulls it off
+        ahead = to_flight[d]
+        place = int(np.searchsorted(ahead, k))
+        start = int(ahead[place]) if place < len(ahead) else len(load)
+        twist[k:start] = d
+        k, v, flying = start, 0.0, False
+        while k < len(load):
+            twist[k] = d
+            torque, mass, k = torques[k], masses[k], k + 1
+            if mass < NO_INERTIA:
+                d = half_gap if torque > 0.0 else -half_gap
+                if not flying:
+                    break
+                continue
+            flying = True
+            d, v = d + step * (v + step * torque / mass / 2), v + step * torque / mass
+            if abs(d) >= half_gap:
+                d = half_gap if d > 0.0 else -half_gap
+                break
     return twist
 
 

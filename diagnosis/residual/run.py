@@ -169,9 +169,19 @@ class Run:
         """
         over = self.deviation.reshape(*self.deviation.shape, *[1] * (values.ndim - 2))
         white: Array = values / over
+        for joint in {j + 1 for _, j, _, _ in self._unseen}:
+            white[:, joint - 1] = self._without_unseen(white[:, joint - 1], joint)
+        return white
+
+    def whiten_at(self, values: Array, joint: int) -> Array:
+        """``whiten`` of values (m, k) A at one joint (1-based)."""
+        return self._without_unseen(values / self.deviation[:, [joint - 1]], joint)
+
+    def _without_unseen(self, white: Array, joint: int) -> Array:
+        """Values (m, ...) at one joint over their std, those along what sampling hides counting less; in place."""
         for part, j, basis, less in self._unseen:
-            own = white[part, j]
-            white[part, j] = own - basis @ (less * (basis.T @ own).T).T
+            if j == joint - 1:
+                white[part] -= basis @ (less * (basis.T @ white[part]).T).T
         return white
 
     def less_folded(self, values: Array) -> Array:

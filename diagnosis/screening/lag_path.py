@@ -150,16 +150,25 @@ def _errors(run: Run, pieces: Index, longest: int) -> Array:
     The mean of each piece is taken out: a load that the model has not would shift it as a lag does.
     A lag that leads most rows of a piece out of the recording counts as the nearest that does not.
     """
-    rows, lags = np.arange(pieces[-1] + PIECE), np.arange(-longest, longest + 1)
+    lags = np.arange(-longest, longest + 1)
+    known = np.pad(np.ones(len(run.t)), longest)
+    expected = np.pad(run.expected, ((longest, longest), (0, 0)))
     errors = np.empty((len(lags), len(pieces), run.current.shape[1]))
-    for index, lag in enumerate(lags):
-        known = (rows + lag >= 0) & (rows + lag < len(run.t))
-        apart = run.current[rows] - run.expected[np.where(known, rows + lag, 0)]
-        share = np.add.reduceat(known.astype(float), pieces) / PIECE
-        apart *= known[:, None]
-        rows_known = PIECE * np.maximum(share, MOST)[:, None]
-        mean = np.add.reduceat(apart, pieces, axis=0) / rows_known
-        errors[index] = PIECE * (np.add.reduceat(apart**2, pieces, axis=0) / rows_known - mean**2)
+    for p, first in enumerate(pieces.tolist()):
+        # a correlation with a piece has its sums of products at all lags
+        near = slice(first, first + 2 * longest + PIECE)
+        rows = np.correlate(known[near], np.ones(PIECE), "valid")
+        rows_known = np.maximum(rows, MOST * PIECE)
+        for j, (measured, later) in enumerate(zip(run.current[first : first + PIECE].T, expected[near].T)):
+            about = float(measured.mean())  # so that the sums of squares keep their digits
+            own, other = measured - about, later - about * known[near]
+            sums = np.correlate(known[near], own, "valid") - np.correlate(other, np.ones(PIECE), "valid")
+            squares = (
+                np.correlate(known[near], own**2, "valid")
+                - 2.0 * np.correlate(other, own, "valid")
+                + np.correlate(other**2, np.ones(PIECE), "valid")
+            )
+            errors[:, p, j] = PIECE * (squares / rows_known - (sums / rows_known) ** 2)
     lead = int((1 - MOST) * PIECE)
     nearest = np.clip(lags[:, None], -pieces - lead, len(run.t) - PIECE - pieces + lead)
     return errors[nearest + longest, np.arange(len(pieces))]

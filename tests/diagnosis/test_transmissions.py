@@ -33,6 +33,27 @@ def test_a_link_flies_through_the_gap_as_its_load_throws_it() -> None:
     assert np.all(twist[t > landed + step] == -half_gap)
 
 
+@pytest.mark.parametrize("inertia", [0.0, 0.3])
+def test_a_gap_is_what_every_row_says_in_turn(inertia: float) -> None:
+    half_gap, step, random = 1e-3, 0.01, np.random.default_rng(5)
+    load = np.cumsum(random.standard_normal(2000))
+    load[random.random(2000) < 0.05] = 0.0
+    twist, d, v, flying = np.empty_like(load), half_gap if load[0] >= 0.0 else -half_gap, 0.0, False
+    for k, torque in enumerate(load.tolist()):
+        twist[k] = d
+        if not flying and torque * d >= 0.0:
+            continue
+        if inertia == 0.0:
+            d = half_gap if torque > 0.0 else -half_gap
+            continue
+        flying = True
+        d, v = d + step * (v + step * torque / inertia / 2), v + step * torque / inertia
+        if abs(d) >= half_gap:
+            d, v, flying = (half_gap if d > 0.0 else -half_gap), 0.0, False
+    assert np.array_equal(through_gap(load, np.full(2000, inertia), half_gap, step), twist)
+    assert len(np.unique(twist)) >= 2
+
+
 def test_a_spring_swings_as_its_differential_equation_says() -> None:
     rng = np.random.default_rng(3)
     t = np.arange(0.0, 2.0, 0.01)

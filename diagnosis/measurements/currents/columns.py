@@ -60,20 +60,60 @@ def columns(candidate: Candidate, run: Run) -> Array:
     return np.stack([_law(run, arm, candidate, unit, s) for unit in candidate.units()], axis=-1)
 
 
+def own_columns(candidate: Candidate, run: Run) -> Array:
+    """(m, k) A: ``columns`` at the joint of a candidate that changes no other current (``at_own_joint``)."""
+    effect, arm, joint = candidate.definition, run.arm, candidate.joint
+    assert joint is not None
+    if not run.powered or not _of_one_drive(candidate, arm):
+        return columns(candidate, run)[:, joint - 1]
+    s = signals_of(run, arm, joint)
+    own = np.stack([_own_law(run, arm, candidate, unit, s) for unit in candidate.units()], axis=-1)
+    if effect.wave:
+        for column, unit in zip(own.T, candidate.units()):
+            column *= _through(effect, unit, arm.joints[joint - 1], s)
+    return own
+
+
+def _of_one_drive(candidate: Candidate, arm: Arm) -> bool:
+    """Whether the law is a torque of one drive, or an error of one current."""
+    effect = candidate.definition
+    description = effect.change is not None or effect.coupling or effect.delay is not None or candidate.link_parameters
+    if description or (effect.link_side and arm.coupling):
+        return False
+    return candidate.is_torque or effect.current is not None
+
+
+def _own_law(run: Run, arm: Arm, candidate: Candidate, p: Values, s: Signals) -> Array:
+    """(m,) A at the joint of a law ``_of_one_drive``."""
+    effect = candidate.definition
+    if not candidate.is_torque:
+        assert effect.current is not None
+        return np.broadcast_to(np.asarray(effect.current(p, s), float), run.t.shape)
+    torque = _torque(effect, p, s, run) / arm.joints[(candidate.joint or 1) - 1].drive_constant
+    return np.broadcast_to(np.asarray(torque, float), run.t.shape)
+
+
+def _torque(effect: Effect, p: Values, s: Signals, run: Run) -> Array:
+    """(m,) N m of a law that is a torque."""
+    assert effect.torque is not None
+    if effect.rate is not None:
+        s = replace(s, state=_states(effect, p, s, run))
+    return np.asarray(effect.torque(p, s))
+
+
+def _through(effect: Effect, p: Values, drive: Joint, s: Signals) -> Array:
+    """(m,) share of a wave that passes the filters."""
+    return passed(effect.cycles(p) * drive.ratio * np.abs(s.v) / (2 * np.pi))
+
+
 def _law(run: Run, arm: Arm, candidate: Candidate, p: Values, s: Signals) -> Array:
     effect, j = candidate.definition, (candidate.joint or 1) - 1
     change = np.zeros_like(run.current)
-    if candidate.is_torque:
-        assert effect.torque is not None
-        if effect.rate is not None:
-            s = replace(s, state=_states(effect, p, s, run))
-        torque = np.asarray(effect.torque(p, s))
-        if effect.link_side and arm.coupling:
-            # every drive that moves the link feels its share
-            return np.outer(torque, arm.coupling_matrix[j]) / arm.joint_array("drive_constant")
-        change[:, j] = torque / arm.joints[j].drive_constant
-    elif effect.current is not None:
-        change[:, j] = effect.current(p, s)
+    if _of_one_drive(candidate, arm):
+        change[:, j] = _own_law(run, arm, candidate, p, s)
+    elif candidate.is_torque:
+        # every drive that moves the link feels its share
+        return np.outer(_torque(effect, p, s, run), arm.coupling_matrix[j]) / arm.joint_array("drive_constant")
     elif effect.deflection is not None:
         # link angle = motor angle - deflection
         elastic = effect.spring is not None
@@ -88,7 +128,7 @@ def _law(run: Run, arm: Arm, candidate: Candidate, p: Values, s: Signals) -> Arr
         drive = arm.joints[j]
         change[:, j] -= drive.ratio**2 * drive.rotor_inertia * acceleration / drive.drive_constant
     if effect.wave:
-        change *= passed(effect.cycles(p) * arm.joints[j].ratio * np.abs(s.v) / (2 * np.pi))[:, None]
+        change *= _through(effect, p, arm.joints[j], s)[:, None]
     return change
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from arm_io.types import Array
 from arm_model import Arm, EffectTerm
-from diagnosis.measurements.currents.columns import at_own_joint, columns
+from diagnosis.measurements.currents.columns import at_own_joint, columns, own_columns
 from diagnosis.residual.run import Run, merged, residual_with
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Columns, Dataset
@@ -42,11 +42,12 @@ def dataset_with(side: Dataset, terms: Sequence[EffectTerm]) -> Array:
 
 def columns_of(candidate: Candidate, side: Dataset) -> Columns:
     """The candidate's columns over all recordings of a set, over the std of each row."""
-    parts = [run.whiten(columns(candidate, run)) for run in side.together]
-    x = np.concatenate(parts) if len(parts) > 1 else parts[0]  # (rows, n, k)
     if at_own_joint(candidate, side.runs[0].arm):
-        assert candidate.joint is not None
-        return Columns(np.ascontiguousarray(x[:, candidate.joint - 1]), side.of(candidate.joint))
+        joint = candidate.joint
+        assert joint is not None
+        own = [run.whiten_at(own_columns(candidate, run), joint) for run in side.together]
+        return Columns(np.concatenate(own), side.of(joint))
+    x = np.concatenate([run.whiten(columns(candidate, run)) for run in side.together])  # (rows, n, k)
     flat = x.transpose(1, 0, 2).reshape(-1, x.shape[2])
     return Columns(flat, slice(0, len(flat)))
 

@@ -263,8 +263,9 @@ def link_encoders(arm: Arm, fit: Sequence[Recording], held_out: Sequence[Recordi
     two_fold = bool({r.path for r in fit} & {r.path for r in held_out})
     every = rows_of([*fit, *held_out], arm, joints)
     # of all recordings: where a joint stands, neither its load nor the noise of its encoders shows
-    known = {"largest": every.largest, "noise": every.noise}
-    rows = Split(fit, held_out, two_fold).map(lambda part: replace(rows_of(part, arm, joints), **known))
+    rows = Split(fit, held_out, two_fold).map(
+        lambda part: replace(rows_of(part, arm, joints), largest=every.largest, noise=every.noise)
+    )
     scale = np.maximum(np.std(every.difference, axis=0), rows.fit.noise)
     each = tuple(every.of(name) for name in dict.fromkeys(every.names))
     return LinkEncoders(rows, each, every if two_fold else rows.fit, scale)
