@@ -21,6 +21,7 @@ from diagnosis.measurements.currents.model import Currents
 from diagnosis.measurements.currents.search import named_by_body, simplified
 from diagnosis.residual.noise import KnownNoise
 from diagnosis.residual.run import Run, residual_run
+from diagnosis.selection.candidate import Candidate
 from experiment.file import Payload
 from identification.selection import Split, select
 
@@ -130,6 +131,19 @@ def test_a_rotor_is_not_the_inertia_of_a_payload(arm: Arm) -> None:
     drive = replace(loaded.joints[-1], rotor_inertia=6e-5)
     found = named(replace(loaded, joints=(*loaded.joints[:-1], drive)), arm)
     assert {(effect, joint) for effect, joint, _ in found} == {("payload", None), ("rotor_inertia", LAST)}
+
+
+def test_a_mass_point_and_a_rotor_are_the_body_that_explains_as_much(arm: Arm) -> None:
+    """Of the two, the rotor is the first to enter where the inertia shows at the last joint almost alone."""
+    body, own = box(3.0, CENTRE, (0.15, 0.2, 0.12))
+    real = carrying(arm, body)
+    data = Split(dataset_of([recorded(real, arm, 1)]), dataset_of([recorded(real, arm, 2)]), False)
+    model = Currents(arm, data, {c: data.map(partial(columns_of, c)) for c in candidates(arm)}, [])
+    both = [Candidate("payload", None), Candidate("rotor_inertia", LAST)]
+    state = simplified(model.refitted(both, {c.key: [] for c in both}))
+    assert [(c.effect, c.joint) for c in state.chosen] == [("payload", None)]
+    found = {p.name: p for p in estimates_of(state)[0]}
+    assert abs(found["izz"].value - own[2]) < 3 * found["izz"].std
 
 
 def test_a_payload_in_a_model_is_the_body(arm: Arm) -> None:

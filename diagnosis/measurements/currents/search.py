@@ -25,7 +25,7 @@ from diagnosis.measurements.currents.unexplained import (
     unexplained_structure,
     with_columns,
 )
-from diagnosis.selection.bodies import bodies_of_link, is_body, link_of
+from diagnosis.selection.bodies import bodies_of_link, body_of, is_body, link_of
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Columns
 from diagnosis.selection.regression import score
@@ -202,7 +202,7 @@ def simplified(state: State) -> State:
     state = model.refitted(state.chosen, state.rivals)
     for substitutes, replaced in _simpler(state.chosen, model.library):
         chosen = state.chosen
-        available = all(c in model.library and c.key not in model.excluded for c in substitutes)
+        available = all((c.body or c in model.library) and c.key not in model.excluded for c in substitutes)
         if not available or set(substitutes) & set(chosen) or not set(replaced) <= set(chosen):
             continue
         rivals = [rival for rival in state.rivals[replaced[0].key] if rival.candidate.key != replaced[0].key]
@@ -216,11 +216,17 @@ def simplified(state: State) -> State:
         noise = float(state.data.held_out.rows)
         # where much is left that no effect explains, more coefficients follow some of it
         beyond = max(left - noise * len(model.arm), 0.0) if _friction_alone(substitutes, replaced) else 0.0
-        if left_by_trial - left < max(model.limits.min_gain * noise, model.limits.follows * beyond):
+        possible = all(_is_body(trial, c) for c in substitutes if c.body)
+        if possible and left_by_trial - left < max(model.limits.min_gain * noise, model.limits.follows * beyond):
             state = trial
         elif (better := _by_next_order(state, substitutes, replaced[0], left)) is not None:
             state = better
     return state
+
+
+def _is_body(state: State, chosen: Candidate) -> bool:
+    """Whether the sizes that a chosen body has may be those of one."""
+    return is_body(estimates_of(state)[state.chosen.index(chosen)], state.model.limits.body_deviations)
 
 
 def _by_next_order(state: State, substitutes: Sequence[Candidate], cause: Candidate, left: float) -> State | None:
@@ -252,7 +258,8 @@ def _simpler(
     """Candidates, and those of the chosen that they may replace.
 
     The whole for several parts, a part for the whole, and two parts that are friction for a whole. Level and slope of
-    friction that is equal in both directions are two causes: they are no parts of an asymmetry.
+    friction that is equal in both directions are two causes: they are no parts of an asymmetry. A mass point and an
+    inertia about one axis are parts of a body: about its centre it has some.
     """
     of_key: dict[EffectKey, list[Candidate]] = {}
     for c in library:
@@ -262,9 +269,12 @@ def _simpler(
             own = tuple(c for c in chosen if c.joint == joint and c.effect in whole.special_cases)
             if len(own) > 1 and not all(c.definition.friction for c in own):
                 yield (Candidate(whole.name, joint),), own
+    rotors = [c for c in chosen if c.effect == "rotor_inertia"]
     for c in chosen:
         if c.body:
             yield (replace(c, body=False),), (c,)
+        elif (body := body_of(c)) is not None:
+            yield from (((body,), (c, rotor)) for rotor in rotors)
         for part in (*c.definition.special_cases, *c.definition.near_cases):
             yield from (((substitute,), (c,)) for substitute in of_key.get((part, c.joint), ()))
         friction = [part for part in c.definition.special_cases if CATALOGUE[part].friction]
