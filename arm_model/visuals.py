@@ -7,6 +7,7 @@ link; what is fixed to a link belongs to it.
 from __future__ import annotations
 
 import xml.etree.ElementTree as xml  # noqa: N813
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,7 +17,8 @@ from arm_io import InputError, read_file
 from arm_io.types import Array
 from arm_model import meshes
 from arm_model.meshes import mesh_file
-from arm_model.urdf.reading import attribute, numbers_of, origin_of, serial_chain
+from arm_model.urdf.reading import numbers_of, origin_of
+from arm_model.urdf.tree import Tree, attribute
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,19 +43,28 @@ def read_visuals(path: str | Path) -> tuple[Visual, ...]:
         robot = xml.fromstring(read_file(path))
     except (ValueError, LookupError, xml.ParseError) as error:
         raise InputError(path, f"cannot be read as URDF: {error}") from None
-    links = {link.get("name", ""): link for link in robot.findall("link")}
-    chain = serial_chain(path, robot, links, None)
+    tree = Tree.of(path, robot)
+    chain = tree.chain(None)
     found: list[Visual] = []
     number, pose = 0, np.eye(4)
-    if chain:
-        found += _of_link(path, links[attribute(path, chain[0], "parent", "link")], number, pose)
-    for joint in chain:
-        if joint.get("type") == "fixed":
+    for joint, link in zip([None, *chain], tree.names(chain)):
+        if joint is not None and joint.get("type") == "fixed":
             pose = pose @ origin_of(path, joint)
-        else:
+        elif joint is not None:
             number, pose = number + 1, np.eye(4)
-        found += _of_link(path, links[attribute(path, joint, "child", "link")], number, pose)
+        found += _with_fixed(path, tree, link, chain, number, pose)
     return tuple(found)
+
+
+def _with_fixed(
+    path: Path, tree: Tree, link: str, chain: Sequence[xml.Element], number: int, pose: Array
+) -> list[Visual]:
+    """The meshes of a link, and of what is fixed to it beside the chain."""
+    found = _of_link(path, tree.links[link], number, pose)
+    for joint in tree.fixed_beside(link, chain):
+        child = attribute(path, joint, "child", "link")
+        found += _with_fixed(path, tree, child, chain, number, pose @ origin_of(path, joint))
+    return found
 
 
 def _of_link(path: Path, link: xml.Element, number: int, pose: Array) -> list[Visual]:

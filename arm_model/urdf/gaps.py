@@ -9,7 +9,8 @@ from pathlib import Path
 
 from arm_io import read_file
 from arm_model.meshes import FORMATS, mesh_file
-from arm_model.urdf.reading import attribute, serial_chain
+from arm_model.urdf.reading import numbers_of
+from arm_model.urdf.tree import Tree, attribute
 
 MOST = 4
 """Names in a line; of more, their number."""
@@ -31,7 +32,7 @@ def urdf_gaps(path: str | Path, uses: Collection[Use], *, tip: str | None = None
     path = Path(path)
     if path.suffix != ".urdf":
         return []
-    found = []
+    found = _beside(path, tip) if Use.DYNAMICS in uses else []
     if Use.DYNAMICS in uses and (massless := _massless(path, tip)):
         found.append(
             f"{_names('link', massless)} no <inertial>: mass and inertia count as 0 until the file or "
@@ -55,15 +56,41 @@ def missing_meshes(path: str | Path, tag: str) -> list[str]:
 
 def _massless(path: Path, tip: str | None) -> list[str]:
     """Names of moving links of which no <inertial> speaks: neither their own nor one of what is fixed to them."""
-    robot = xml.fromstring(read_file(path))
-    links = {link.get("name", ""): link for link in robot.findall("link")}
+    tree = Tree.of(path, xml.fromstring(read_file(path)))
     stated: dict[str, bool] = {}
     moving = ""
-    for joint in serial_chain(path, robot, links, tip):
+    chain = tree.chain(tip)
+    for joint in chain:
         child = attribute(path, joint, "child", "link")
         moving = moving if joint.get("type") == "fixed" else child
-        stated[moving] = stated.get(moving, False) or links[child].find("inertial") is not None
+        stated[moving] = stated.get(moving, False) or _has_inertial(tree, child, chain)
     return [name for name, there in stated.items() if name and not there]
+
+
+def _has_inertial(tree: Tree, link: str, chain: Sequence[xml.Element]) -> bool:
+    """Whether a link or something that is fixed to it beside the chain has an <inertial>."""
+    below = (attribute(tree.path, one, "child", "link") for one in tree.fixed_beside(link, chain))
+    return tree.links[link].find("inertial") is not None or any(_has_inertial(tree, one, chain) for one in below)
+
+
+def _beside(path: Path, tip: str | None) -> list[str]:
+    """What the chain to the tip passes by: other links at its end, and branches that move."""
+    tree = Tree.of(path, xml.fromstring(read_file(path)))
+    chain = tree.chain(tip)
+    found = []
+    if tip is None and (others := [name for name in tree.ends(chain) if name != tree.names(chain)[-1]]):
+        found.append(f"the tool frame is {tree.names(chain)[-1]}; --tip takes {_listed(others)} instead")
+    if moving := tree.moving_beside(chain):
+        mass = sum(
+            numbers_of(path, tree.links[name].find("inertial/mass"), "value", "0", 1)[0]
+            for joint in moving
+            for name in tree.behind(joint)
+        )
+        names = [joint.get("name", "") for joint in moving]
+        found.append(
+            f"{_listed(names)} {_are(names)} beside the way to {tree.names(chain)[-1]}: left out, with {mass:.4g} kg"
+        )
+    return found
 
 
 def _names(what: str, names: Sequence[str]) -> str:

@@ -10,7 +10,8 @@ without. Friction and damping are at the joint.
 from __future__ import annotations
 
 import xml.etree.ElementTree as xml  # noqa: N813
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +26,7 @@ from arm_model.rigid_body.friction_curve import nearest_line
 from arm_model.rigid_body.inertia import about_com, barycentric, transform, unphysical
 from arm_model.rigid_body.kinematics import placement, roll_pitch_yaw, rpy_of
 from arm_model.tables.fields import Pose
+from arm_model.urdf.tree import Tree, attribute
 
 _MOVING = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic"}
 _LIMITS = ("lower", "upper")
@@ -38,9 +40,10 @@ _SIZES = {
 
 
 def read_urdf(path: str | Path, *, tip: str | None = None) -> Arm:
-    """The arm in a URDF file, from its root link to link ``tip`` (needed where the tree branches).
+    """The arm in a URDF file, from its root link to link ``tip`` (needed where several chains move: ``tip_of``).
 
-    What is fixed to a link is merged into it; what is fixed behind the last joint and ``tip`` itself make the tool.
+    What is fixed to a link is merged into it, also beside the way to ``tip``; where ``tip`` is behind the last joint
+    makes the tool. What moves beside that way is left out (``urdf_gaps`` says so).
     InputError for anything that is not a serial chain of revolute, continuous and prismatic joints with physical links.
     """
     return urdf_of(read_file(path), path, tip=tip)
@@ -54,30 +57,28 @@ def urdf_of(text: str | bytes, path: str | Path, *, tip: str | None = None) -> A
         raise InputError(path, f"cannot be read as URDF: {error}") from None
     if robot.tag != "robot":
         raise InputError(path, f"is <{robot.tag}>, not a URDF <robot>")
-    links = {link.get("name", ""): link for link in robot.findall("link")}
-    chain = serial_chain(path, robot, links, tip)
+    tree = Tree.of(path, robot)
+    chain = tree.chain(tip)
     joints: list[Joint] = []
     gears = _gears(path, robot)
     offset = np.eye(4)  # of the next joint's parent in the last moving link's frame
     lump = np.zeros(10)
-    root = attribute(path, chain[0], "parent", "link") if chain else ""
-    shapes = [_capsules(path, links[root])] if chain else []
-    lacking = [_unknown(shapes[0], links[root])] if chain else []
-    for element in chain:
+    bodies = [_body(path, tree, name, chain) for name in tree.names(chain)]
+    shapes, lacking = [bodies[0].shape], [bodies[0].lacking]
+    for element, body in zip(chain, bodies[1:]):
         pose = offset @ origin_of(path, element)
-        link = links[attribute(path, element, "child", "link")]
-        inertial, shape = _inertial(path, link), _capsules(path, link)
+        inertial, shape = body.inertial, body.shape
         kind = element.get("type", "")
         if kind == "fixed":
             offset = pose
             lump = lump + transform(inertial, pose)
             shapes[-1] = _both(shapes[-1], moved(shape, pose))
-            lacking[-1] |= _unknown(shape, link)
+            lacking[-1] |= body.lacking
             continue
         joints = _with_lump(path, joints, lump)
         joints.append(_joint(path, element, pose, gears.get(element.get("name", ""), 1.0)))
         shapes.append(shape)
-        lacking.append(_unknown(shape, link))
+        lacking.append(body.lacking)
         offset, lump = np.eye(4), inertial
     joints = _with_lump(path, joints, lump)
     if not joints:
@@ -93,6 +94,32 @@ def urdf_of(text: str | bytes, path: str | Path, *, tip: str | None = None) -> A
 
 Capsules = tuple[Capsule, ...] | None
 """Of a link; None where the file does not say, or says it by a mesh whose file is missing."""
+
+
+@dataclass(frozen=True)
+class Body:
+    """A link with all that is fixed to it beside the chain.
+
+    inertial  (10,) barycentric parameters in the link's frame; shape: capsules there
+    lacking   whether the file of a mesh that its shape needs is missing
+    """
+
+    inertial: Array
+    shape: Capsules
+    lacking: bool
+
+
+def _body(path: str | Path, tree: Tree, name: str, chain: Sequence[xml.Element]) -> Body:
+    link = tree.links[name]
+    inertial, shape = _inertial(path, link), _capsules(path, link)
+    lacking = _unknown(shape, link)
+    for joint in tree.fixed_beside(name, chain):
+        pose = origin_of(path, joint)
+        other = _body(path, tree, attribute(path, joint, "child", "link"), chain)
+        inertial = inertial + transform(other.inertial, pose)
+        shape = _both(shape, moved(other.shape, pose))
+        lacking |= other.lacking
+    return Body(inertial, shape, lacking)
 
 
 def _capsules(path: str | Path, link: xml.Element) -> Capsules:
@@ -134,43 +161,6 @@ def _both(one: Capsules, other: Capsules) -> Capsules:
 def _pose(matrix: Array) -> Pose:
     rows = [tuple(float(value) for value in row) for row in matrix]
     return rows[0], rows[1], rows[2], (0.0, 0.0, 0.0, 1.0)  # type: ignore[return-value]
-
-
-def serial_chain(
-    path: str | Path, robot: xml.Element, links: dict[str, xml.Element], tip: str | None
-) -> list[xml.Element]:
-    """Joints from root to tip, in order."""
-    parent_of: dict[str, xml.Element] = {}
-    for joint in robot.findall("joint"):
-        child = attribute(path, joint, "child", "link")
-        for end in (child, attribute(path, joint, "parent", "link")):
-            if end not in links:
-                raise InputError(path, f"joint {joint.get('name')!r}: no link {end!r}")
-        if child in parent_of:
-            raise InputError(path, f"link {child!r} has two parents; expected a tree")
-        parent_of[child] = joint
-    parents = {attribute(path, joint, "parent", "link") for joint in parent_of.values()}
-    tips = [name for name in links if name not in parents]
-    if tip is None and len(tips) != 1:
-        raise InputError(
-            path, f"branches into {', '.join(tips)}; name the tip: armscope model FILE --tip LINK --out ARM.toml"
-        )
-    link = tips[0] if tip is None else tip
-    if link not in links:
-        raise InputError(path, f"no link {link!r}")
-    chain: list[xml.Element] = []
-    while link in parent_of and len(chain) <= len(parent_of):
-        chain.append(parent_of[link])
-        link = attribute(path, chain[-1], "parent", "link")
-    return chain[::-1]
-
-
-def attribute(path: str | Path, element: xml.Element, child: str, name: str) -> str:
-    """Attribute ``name`` of the child ``child`` of an element; InputError where there is none."""
-    found = element.find(child)
-    if found is None or found.get(name) is None:
-        raise InputError(path, f"<{element.tag} name={element.get('name')!r}> needs <{child} {name}=...>")
-    return str(found.get(name))
 
 
 def numbers_of(path: str | Path, element: xml.Element | None, name: str, default: str, count: int) -> tuple[float, ...]:

@@ -38,7 +38,7 @@ def update_urdf(original: str | Path, arm: Arm, out: str | Path, *, tip: str | N
         element = text.root.named("joint", now.name)
         assert element is not None
         changed += _origin(text, original, element, was, now) + _friction(text, element, was, now)
-        changed += _inertial(text, original, element, was, now, tip)
+        changed += _inertial(text, original, element, was, now)
     write_text(out, text.text())
     return changed
 
@@ -69,7 +69,7 @@ def _friction(text: XmlText, element: Element, was: Joint, now: Joint) -> list[s
     return [f"joint {now.name}: friction"]
 
 
-def _inertial(text: XmlText, path: str | Path, element: Element, was: Joint, now: Joint, tip: str | None) -> list[str]:
+def _inertial(text: XmlText, path: str | Path, element: Element, was: Joint, now: Joint) -> list[str]:
     """Mass, centre and inertia of the link behind a joint."""
     if not any(differ(getattr(was, name), getattr(now, name)) for name in ("mass", "com", "inertia")):
         return []
@@ -81,40 +81,24 @@ def _inertial(text: XmlText, path: str | Path, element: Element, was: Joint, now
     rest = total - (old - own)
     mass, _, inertia = about_com(rest)
     if mass < 0 or unphysical(mass, inertia):
-        for fixed in _fixed_to(text, link.attributes["name"], _above(text, tip)):
+        for fixed in _fixed_to(text, link.attributes["name"]):
             _set_inertial(text, fixed, np.zeros(10))
         rest = total
     _set_inertial(text, link, rest)
     return [f"link {link.attributes['name']}: mass {was.mass:.6g} -> {now.mass:.6g} kg, with what is fixed to it"]
 
 
-def _above(text: XmlText, tip: str | None) -> set[str] | None:
-    """The links on the way to the tip; None: all."""
-    if tip is None:
-        return None
-    found = {tip}
-    for _ in text.root.children:
-        found |= {
-            parent.attributes["link"]
-            for joint in text.root.children
-            if (child := joint.child("child"))
-            and (parent := joint.child("parent"))
-            and child.attributes["link"] in found
-        }
-    return found
-
-
-def _fixed_to(text: XmlText, link: str, allowed: set[str] | None) -> list[Element]:
-    """Links with inertials that are fixed to a link, of those that are allowed."""
+def _fixed_to(text: XmlText, link: str) -> list[Element]:
+    """Links with inertials that are fixed to a link."""
     found: list[Element] = []
     for joint in text.root.children:
         parent, child = joint.child("parent"), joint.child("child")
         if joint.tag != "joint" or joint.attributes.get("type") != "fixed" or parent is None or child is None:
             continue
-        if parent.attributes.get("link") == link and (allowed is None or child.attributes["link"] in allowed):
+        if parent.attributes.get("link") == link:
             below = text.root.named("link", child.attributes["link"])
             found += [below] if below is not None and below.child("inertial") else []
-            found += _fixed_to(text, child.attributes["link"], allowed)
+            found += _fixed_to(text, child.attributes["link"])
     return found
 
 

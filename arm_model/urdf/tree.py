@@ -1,0 +1,120 @@
+"""The links of a URDF file as a tree: the chain of joints to the tip, and what it passes by."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as xml  # noqa: N813
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from arm_io import InputError
+
+TOOL_FRAME = "tool0"
+"""Link at the end of an arm, without anything mounted on it, in the files of ROS-Industrial."""
+
+
+@dataclass(frozen=True)
+class Tree:
+    """The links by name, and per link the joint above it and those below it."""
+
+    path: str | Path
+    links: dict[str, xml.Element]
+    above: dict[str, xml.Element]
+    below: dict[str, list[xml.Element]]
+
+    @staticmethod
+    def of(path: str | Path, robot: xml.Element) -> Tree:
+        """InputError where the joints do not make trees."""
+        links = {link.get("name", ""): link for link in robot.findall("link")}
+        above: dict[str, xml.Element] = {}
+        below: dict[str, list[xml.Element]] = {name: [] for name in links}
+        for joint in robot.findall("joint"):
+            child, parent = (attribute(path, joint, end, "link") for end in ("child", "parent"))
+            for end in (child, parent):
+                if end not in links:
+                    raise InputError(path, f"joint {joint.get('name')!r}: no link {end!r}")
+            if child in above:
+                raise InputError(path, f"link {child!r} has two parents; expected a tree")
+            above[child] = joint
+            below[parent].append(joint)
+        return Tree(path, links, above, below)
+
+    def chain(self, tip: str | None) -> list[xml.Element]:
+        """Joints from the root to ``tip``, else to the one that ``tip_of`` finds. InputError where there is none."""
+        link = self.tip_of() if tip is None else tip
+        if link not in self.links:
+            raise InputError(self.path, f"no link {link!r}")
+        chain: list[xml.Element] = []
+        while link in self.above and len(chain) <= len(self.above):
+            chain.append(self.above[link])
+            link = attribute(self.path, chain[-1], "parent", "link")
+        return chain[::-1]
+
+    def tip_of(self) -> str:
+        """The end of the only chain of moving joints. Of several links fixed there ``tool0``, else the first.
+
+        InputError where several chains move, as the fingers of a gripper.
+        """
+        ends = [name for name, joints in self.below.items() if not joints]
+        if len(ends) == 1:
+            return ends[0]
+        moving = {name: self._moving(self.chain(name)) for name in ends}
+        longest = max(moving.values(), key=len, default=[])
+        # The base frame of many files and a camera on the forearm end ways that are part of another.
+        if not longest or any(way != longest[: len(way)] for way in moving.values()):
+            raise InputError(
+                self.path,
+                f"branches into {', '.join(ends)}; name the tip: armscope model FILE --tip LINK --out ARM.toml",
+            )
+        last = self.ends(self.chain(next(name for name in ends if moving[name] == longest)))
+        return TOOL_FRAME if TOOL_FRAME in last else last[0]
+
+    def ends(self, chain: Sequence[xml.Element]) -> list[str]:
+        """The links without any below them behind the last moving joint of a chain."""
+        moving = self._moving(chain)
+        return [name for name, below in self.below.items() if not below and self._moving(self.chain(name)) == moving]
+
+    def _moving(self, chain: Sequence[xml.Element]) -> list[xml.Element]:
+        return [one for one in chain if _moves(one)]
+
+    def names(self, chain: Sequence[xml.Element]) -> list[str]:
+        """The links along a chain from its root on."""
+        if not chain:
+            return [next(iter(self.links), "")] if self.links else []
+        return [attribute(self.path, chain[0], "parent", "link")] + [
+            attribute(self.path, joint, "child", "link") for joint in chain
+        ]
+
+    def fixed_beside(self, link: str, chain: Sequence[xml.Element]) -> list[xml.Element]:
+        """The fixed joints below a link that are not on the chain."""
+        return [one for one in self.below[link] if not _moves(one) and one not in chain]
+
+    def moving_beside(self, chain: Sequence[xml.Element]) -> list[xml.Element]:
+        """The first moving joint of every branch beside the chain."""
+        found, open_links = [], self.names(chain)
+        while open_links:
+            for joint in self.below[open_links.pop(0)]:
+                if joint in chain:
+                    continue
+                if _moves(joint):
+                    found.append(joint)
+                else:
+                    open_links.append(attribute(self.path, joint, "child", "link"))
+        return found
+
+    def behind(self, joint: xml.Element) -> list[str]:
+        """All links behind a joint."""
+        link = attribute(self.path, joint, "child", "link")
+        return [link, *(name for one in self.below[link] for name in self.behind(one))]
+
+
+def attribute(path: str | Path, element: xml.Element, child: str, name: str) -> str:
+    """Attribute ``name`` of the child ``child`` of an element; InputError where there is none."""
+    found = element.find(child)
+    if found is None or found.get(name) is None:
+        raise InputError(path, f"<{element.tag} name={element.get('name')!r}> needs <{child} {name}=...>")
+    return str(found.get(name))
+
+
+def _moves(joint: xml.Element) -> bool:
+    return joint.get("type") != "fixed"
