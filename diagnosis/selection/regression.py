@@ -80,20 +80,27 @@ def fit_gain(columns: Columns, fitted: Fitted) -> tuple[float, Array]:
 def score(candidate: Candidate, pair: Pair, fitted: Fitted, held_out: Dataset) -> Score[Candidate]:
     """One candidate conditional on those fitted; gains in units of the noise variance."""
     c, fall = gain_of(pair, fitted, held_out)
-    blocks = held_out.by_block(fall)
-    p = p_value(blocks)
-    gain = float(blocks.sum())
-    if p > CERTAIN and gain > 0.0 and (candidate.definition.sparse or gain > LARGE * held_out.rows):
-        predicted = pair.held_out.spread(c, len(held_out.y))
-        p = min(p, shift_p_value(by_recording(predicted, held_out), by_recording(fitted.held_out, held_out)))
     return Score(
         candidate=candidate,
         gain=float(fall.sum()),
-        p=p,
-        blocks=blocks,
+        p=chance(pair, c, fall, fitted, held_out, sparse=candidate.definition.sparse),
+        blocks=held_out.by_block(fall),
         coefficients=c,
         by_joint=held_out.by_joint(fall),
     )
+
+
+def chance(pair: Pair, c: Array, fall: Array, fitted: Fitted, held_out: Dataset, *, sparse: bool = False) -> float:
+    """Probability by chance of the ``fall`` (M,) of the squared held-out residual by columns of coefficients c (k,).
+
+    By blocks; of a sparse effect, or of a large fall, also by the instants at which the columns act.
+    """
+    blocks = held_out.by_block(fall)
+    p, gain = p_value(blocks), float(blocks.sum())
+    if p > CERTAIN and gain > 0.0 and (sparse or gain > LARGE * held_out.rows):
+        predicted = pair.held_out.spread(c, len(held_out.y))
+        p = min(p, shift_p_value(by_recording(predicted, held_out), by_recording(fitted.held_out, held_out)))
+    return p
 
 
 def by_recording(values: Array, side: Dataset) -> list[Array]:

@@ -20,8 +20,8 @@ from diagnosis.measurements.currents.limits import LIMITS, leakage, matters
 from diagnosis.measurements.currents.refinement import is_physical
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Columns, Dataset, Pair
-from diagnosis.selection.regression import Fitted, at_joint, best_of_each, gain_of
-from identification.selection import Split, p_value
+from diagnosis.selection.regression import Fitted, at_joint, best_of_each, chance, gain_of
+from identification.selection import Split
 
 
 def pair_of(
@@ -46,8 +46,10 @@ def pair_of(
             for one, other in itertools.combinations(best_of_each(of_joint, fitted, data.fit, taken), 2)
             if other.effect not in same_columns(one.definition)
         ]
-        gains = [gain_of(_both(one, other, library, data), fitted, held_out) for one, other in pairs]
-        q = stats.false_discovery_control(np.array([p_value(held_out.by_block(fall)) for _, fall in gains]))
+        both = [_both(one, other, library, data) for one, other in pairs]
+        gains = [gain_of(pair, fitted, held_out) for pair in both]
+        chances = [chance(pair, *gain, fitted, held_out) for pair, gain in zip(both, gains)]
+        q = stats.false_discovery_control(np.array(chances))
         least = LIMITS.pair_share * float(np.sum(fitted.held_out[held_out.of(joint)] ** 2))
         admissible = []
         for (one, other), (c, fall), q_pair in zip(pairs, gains, q):
