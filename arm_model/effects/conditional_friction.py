@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from arm_model.effects.definition import Effect, Parameter, Place, geometric
-from arm_model.effects.friction import AGAINST_VELOCITY, hump
+from arm_model.effects.friction import AGAINST_VELOCITY, changed, hump, with_time
 from arm_model.effects.observation import Excitation, Instrument, Observation, Scale, Variable
 from arm_model.rigid_body import scalar
 
@@ -18,11 +18,12 @@ LOAD_FRICTION = Effect(
             "1",
             (0.02, 0.2),
             True,
-            "friction as a share of the transmitted torque",
+            "friction as a share of the transmitted torque, at the start of a recording",
             noun="load friction coefficient",
         ),
+        *with_time("1/s", (1e-4, 0.01)),
     ),
-    equation="tau = mu |tau_load| sign(q')",
+    equation="tau = (mu + m min(t, te)) |tau_load| sign(q')",
     shows="a step at reversal that grows with the gravity load",
     confused_with={
         "torque_constant": "poses with and without payload",
@@ -31,7 +32,7 @@ LOAD_FRICTION = Effect(
     observed_by={Instrument.CURRENT: Observation(against=Variable.LOAD)},
     excited_by=Excitation.LOAD,
     conditional=True,
-    torque=lambda p, s: p.mu * scalar.absolute(s.load) * s.sign,
+    torque=lambda p, s: (p.mu + changed(p, s)) * scalar.absolute(s.load) * s.sign,
 )
 
 LOAD_BREAKAWAY = Effect(

@@ -20,7 +20,7 @@ AGAINST_VELOCITY = {
 WITH_TIME = "change with time"
 
 
-def _with_time(unit: str, typical: tuple[float, float]) -> tuple[Parameter, Parameter]:
+def with_time(unit: str, typical: tuple[float, float]) -> tuple[Parameter, Parameter]:
     """The next-order term of friction that changes evenly while an arm is recorded, as a cold one that warms up."""
     return (
         Parameter(
@@ -65,7 +65,7 @@ VISCOUS_FRICTION = Effect(
             signed=True,
             noun="viscous friction",
         ),
-        *_with_time("N m/rad", (0.01, 1.0)),
+        *with_time("N m/rad", (0.01, 1.0)),
     ),
     equation="tau = (B + b min(t, te)) q'",
     settable="not the same in all recordings",
@@ -102,7 +102,7 @@ COULOMB_FRICTION = Effect(
             own=True,
             noun="difference between directions",
         ),
-        *_with_time("N m/s", (0.01, 1.0)),
+        *with_time("N m/s", (0.01, 1.0)),
     ),
     equation="tau = (F + f min(t, te)) (1 + s sign(q')) sign(q')",
     settable="not the same in all recordings",

@@ -84,14 +84,26 @@ def test_drift_of_friction_brings_no_asymmetry(tmp_path: Path) -> None:
     assert by_direction == pytest.approx((1.5, 1.5), rel=0.05)
 
 
-@pytest.mark.parametrize("size", [-0.3, pytest.param(1.5, marks=pytest.mark.slow)])
-def test_friction_that_changes_while_it_is_recorded_is_no_drift(size: float, tmp_path: Path) -> None:
+GROWING: dict[str, tuple[str, Callable, float]] = {
+    "less friction": ("coulomb_friction", lambda v, load: np.tanh(v / REST), -0.3),
+    "more friction": ("coulomb_friction", lambda v, load: np.tanh(v / REST), 1.5),
+    "viscous": ("viscous_friction", lambda v, load: v, 1.5),
+    "by load": ("load_friction", lambda v, load: np.abs(load) * np.tanh(v / REST), 0.1),
+}
+
+
+@pytest.mark.parametrize(
+    "kind", ["less friction", *(pytest.param(k, marks=pytest.mark.slow) for k in list(GROWING)[1:])]
+)
+def test_friction_that_changes_while_it_is_recorded_is_no_drift(kind: str, tmp_path: Path) -> None:
     """Friction that is wrong from the start on, and grows evenly: a drift begins at nothing."""
-    law = _at_joint_2(lambda q, v, t, load: size * (0.6 + 0.8 * t / 20.0) * np.tanh(v / REST))
-    arm = NumpyArm(_rubbing(straight(5.0, 5.0), straight(5.0, 5.0)), torque=law)
+    effect, law, size = GROWING[kind]
+    torque = _at_joint_2(lambda q, v, t, load: size * (0.6 + 0.8 * t / 20.0) * law(v, load))
+    arm = NumpyArm(_rubbing(straight(5.0, 5.0), straight(5.0, 5.0)), torque=torque)
     result = _diagnosed(arm, tmp_path, coulomb=(COULOMB[0], (5.0, 5.0)))
-    assert _named(result) == [("coulomb_friction", 2)] and result.verdict == "explained"
-    assert _sizes(result) == pytest.approx({"coulomb": 0.6 * size, "change": 0.04 * size, "until": 19.8}, rel=0.03)
+    assert _named(result) == [(effect, 2)] and result.verdict == "explained"
+    sizes = {p.name: p.value for p in result.causes[0].parameters}
+    assert list(sizes.values()) == pytest.approx([0.6 * size, 0.04 * size, 19.8], rel=0.03)
     assert result.to_json()["causes"][0]["terms"] == [{"term": "change with time", "parameters": ["change"]}]
 
 
