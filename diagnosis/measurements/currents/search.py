@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from arm_model.effects import CATALOGUE
+from arm_model.effects import CATALOGUE, Excitation
 from diagnosis.cause import EffectKey
 from diagnosis.measurements.currents.design_matrix import dataset_with
 from diagnosis.measurements.currents.dominant import dominant, of_own_variable
@@ -269,18 +269,24 @@ def _simpler(
             own = tuple(c for c in chosen if c.joint == joint and c.effect in whole.special_cases)
             if len(own) > 1 and not all(c.definition.friction for c in own):
                 yield (Candidate(whole.name, joint),), own
-    rotors = [c for c in chosen if c.effect == "rotor_inertia"]
     for c in chosen:
         if c.body:
             yield (replace(c, body=False),), (c,)
         elif (body := body_of(c)) is not None:
-            yield from (((body,), (c, rotor)) for rotor in rotors)
+            parts = (one for one in chosen if one.joint and _is_inertia(one, body))
+            yield from (((body,), (c, part)) for part in parts)
         for part in (*c.definition.special_cases, *c.definition.near_cases):
             yield from (((substitute,), (c,)) for substitute in of_key.get((part, c.joint), ()))
         friction = [part for part in c.definition.special_cases if CATALOGUE[part].friction]
         for pair in itertools.combinations(friction, 2):
             several = itertools.product(*(of_key.get((part, c.joint), ()) for part in pair))
             yield from ((both, (c,)) for both in several)
+
+
+def _is_inertia(candidate: Candidate, body: Candidate) -> bool:
+    """Whether a candidate follows the acceleration as the inertia of a body does."""
+    effect = candidate.definition
+    return effect.excited_by is Excitation.ACCELERATION and body.definition.body in effect.confused_with
 
 
 def gauss_newton_refined(state: State) -> State:
