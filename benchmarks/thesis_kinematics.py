@@ -29,6 +29,9 @@ from identification.kinematics.models.parameters import Target, chain_of
 from identification.kinematics.use.iso_cube import cube_targets, posture_of
 from identification.kinematics.use.poses import experiment_of, select_poses
 
+ROWS = 600
+"""Of each sweep."""
+
 
 def thesis_arm(nominal: Arm) -> Arm:
     """Errors of the size of the thesis's table 6.1, on joints 1 to 3 (deg, mm).
@@ -88,8 +91,11 @@ def thesis_run() -> dict[str, float]:
         ("no_target_offset", 0 * offset, sag),
         ("neither", 0 * offset, 0.0),
     ):
-        circles, _ = circles_of(sweeps, measured(sweeps, moved, compliance))
+        swept = measured(sweeps, moved, compliance)
+        circles, _ = circles_of(sweeps, swept)
         values = _nominal_target(chain, circle_point_model(circles, chain))
+        if name == "both":
+            out |= _moves(chain, chain.at(values), sweeps, swept)
         there = measured(cube, moved, compliance)
         error = float(np.mean(np.linalg.norm(there - position(chain.at(values), cube), axis=1)))
         out[f"thesis_circle_point_{name}_mm"] = 1e3 * error
@@ -118,7 +124,21 @@ def thesis_run() -> dict[str, float]:
     return out
 
 
-def _sweeps(arm: Arm, rows: int = 600) -> Array:
+def _moves(nominal: Chain, found: Chain, sweeps: Array, measured: Array) -> dict[str, float]:
+    """Tables 6.2 and 6.3: mean distance along the moves of joint 2 and of joint 3, before and after."""
+    out = {}
+    for joint in (2, 3):
+        rows = slice((joint - 1) * ROWS, joint * ROWS)
+        before, after = (
+            float(np.mean(np.linalg.norm(measured[rows] - position(chain, sweeps[rows]), axis=1)))
+            for chain in (nominal, found)
+        )
+        out |= {f"thesis_move{joint}_nominal_mm": 1e3 * before, f"thesis_move{joint}_circle_point_mm": 1e3 * after}
+        out[f"thesis_move{joint}_improvement_percent"] = 100 * (1 - after / before)
+    return out
+
+
+def _sweeps(arm: Arm, rows: int = ROWS) -> Array:
     """Joints 1 to 3 through 180 degrees each (thesis chapter 4), joint 5 at 90 degrees."""
     q = np.tile(np.array([0.0, 0.0, 0.0, 0.0, np.pi / 2, 0.0]), (3 * rows, 1))
     way = np.pi * (1 - np.cos(2 * np.pi * np.arange(rows) / rows)) / 2

@@ -59,6 +59,8 @@ def test_every_command_of_the_page_runs(command: str, root: Path, tmp_path: Path
         _table_5_2(json.loads((tmp_path / "coupling/coupling.json").read_text()))
     if "thesis_kinematics" in command:
         assert 78 < number(r"circle_point_both_improvement_percent\s+(\S+)", said) < 86
+        assert 88 < number(r"move2_improvement_percent\s+(\S+)", said) < 93
+        assert 90 < number(r"move3_improvement_percent\s+(\S+)", said) < 95
         assert number(r"sweeps_and_40_poses_improvement_percent\s+(\S+)", said) > 99.4
     if "benchmarks.pendulum" in command:
         assert number(r"ours_vs_scipy\s+(\S+)", said) > 10
