@@ -43,7 +43,7 @@ def own_project(path: Path, name: str, *, torques: bool = False) -> OwnRig:
     torques  the drives report torques at the joints; nothing is assumed of their motors
     InputError as ``read_model`` and ``with_drives``.
     """
-    arm = on_fixed_base(read_model(path), path, "a simulated rig")
+    arm = on_fixed_base(read_model(path), path, "'armscope init --model'")
     driven, assumed = with_drives(arm, torques=torques)
     rig = rig_toml(driven, name=name, model="model.toml", heading=f"{arm.name}: a simulated rig")
     files = {
