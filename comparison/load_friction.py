@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from arm_io.types import Array
 from arm_model import Arm
 from arm_model.effects import CATALOGUE
-from arm_model.rigid_body import drive_rigid_torque
+from arm_model.system import rigid_torque_along
 from identification.preprocessing.signals import Motion
 
 EFFECT = CATALOGUE["load_friction"]
@@ -25,7 +25,7 @@ LEAST = 0.02
 
 def load_of(arm: Arm, motion: Motion) -> Array:
     """(m, J) N m (N) on the links, of a motion."""
-    return np.abs(drive_rigid_torque(arm, motion.q, motion.qd, motion.qdd))
+    return np.abs(rigid_torque_along(arm, motion.q, motion.qd, motion.qdd))
 
 
 def mean_loads(arm: Arm, motions: Sequence[Motion]) -> Array:

@@ -17,7 +17,7 @@ import numpy as np
 
 from arm_io.types import Array
 from arm_model import Arm
-from arm_model.rigid_body import drive_rigid_torque
+from arm_model.system import rigid_torque_along
 from identification.methods.motor_link import MotorLink, motor_link_of
 from identification.preprocessing.signals import Motion
 
@@ -64,8 +64,8 @@ def coupling_torque(arm: Arm, motion: Motion, joint: int, *, held: tuple[int, ..
     q, qd, qdd = motion.q.copy(), motion.qd.copy(), motion.qdd.copy()
     q[:, still] = motion.q[:, still].mean(axis=0)
     qd[:, still] = qdd[:, still] = 0.0
-    moving = drive_rigid_torque(arm, motion.q, motion.qd, motion.qdd)[:, joint - 1]
-    return np.asarray(moving - drive_rigid_torque(arm, q, qd, qdd)[:, joint - 1], float)
+    moving = rigid_torque_along(arm, motion.q, motion.qd, motion.qdd)[:, joint - 1]
+    return np.asarray(moving - rigid_torque_along(arm, q, qd, qdd)[:, joint - 1], float)
 
 
 def coupling_at(arm: Arm, motion: Motion, joint: int, *, gravity: bool = True) -> Coupling:

@@ -11,7 +11,7 @@ from arm_io import InputError
 from arm_io.progress import Step
 from arm_io.types import Array, Progress
 from arm_model import Arm, with_parameters
-from arm_model.rigid_body import drive_rigid_torque
+from arm_model.system import rigid_torque_along
 from daq.recording import Recording
 from identification.methods.motor_link import PASSING, MotorLink, Way, fitted, joined, motor_link_rows
 from identification.preprocessing import checks
@@ -133,7 +133,7 @@ def _feels_gravity(arm: Arm, j: int) -> bool:
     if not arm.joints[j].revolute:
         return False
     q = np.random.default_rng(0).uniform(-1.5, 1.5, (20, len(arm)))
-    torque = drive_rigid_torque(arm, q, 0 * q, 0 * q)[:, j]
+    torque = rigid_torque_along(arm, q, 0 * q, 0 * q)[:, j]
     return bool(np.max(np.abs(torque)) > 1e-9)
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from arm_io.types import Array
 from arm_model import Arm, EffectTerm
 from arm_model.effects import CATALOGUE, Excitation, Signals, Values
-from arm_model.rigid_body import drive_rigid_torque
+from arm_model.system import rigid_torque_along
 from identification.preprocessing.signals import Motion, equation_rows, equation_weight, parallel_filter, with_reversals
 from identification.regression.equations import Equations, column_names, structural_base, with_effects
 from identification.regression.problem import Problem, excited_of, unexcited
@@ -49,7 +49,7 @@ def conditions_of(arm: Arm, motions: Sequence[Motion], j: int, reference: float 
     """Of joint j (from 0) in each motion, its load by ``arm``; ``reference``: degC at which its friction holds."""
     found = []
     for motion in motions:
-        load = drive_rigid_torque(arm, motion.q, motion.qd, motion.qdd)[:, j]
+        load = rigid_torque_along(arm, motion.q, motion.qd, motion.qdd)[:, j]
         known = None if motion.temperatures is None else motion.temperatures.at(j, motion.t)
         found.append(Conditions(motion, j, load, None if known is None or reference is None else known - reference))
     return found

@@ -19,7 +19,7 @@ from scipy import ndimage
 from arm_io.types import Array
 from arm_model import Arm
 from arm_model.effects import Effect, Instrument, Parameter, Signals, observed_by, solved, units
-from arm_model.rigid_body import drive_rigid_torque
+from arm_model.system import rigid_torque_along
 from daq.recording import Recording
 from diagnosis.residual.encoder_step import encoder_step
 from diagnosis.residual.expected_current import low_pass
@@ -136,7 +136,7 @@ def rows_of(recordings: Sequence[Recording], arm: Arm, joints: Index) -> Rows:
         slow_v = np.gradient(slow, r.dt, axis=0)
         slow_a = np.gradient(slow_v, r.dt, axis=0)
         if known_load:
-            load = drive_rigid_torque(arm, slow, slow_v, slow_a)
+            load = rigid_torque_along(arm, slow, slow_v, slow_a)
         else:
             load = low_pass(r.i, LOAD_BAND, rate) * arm.joint_array("drive_constant")
         difference = (r.q - read)[:, k]
