@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from xml.etree import ElementTree
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from arm_clearance.chain import Body, Chain
 from arm_io.types import Array
@@ -22,6 +21,9 @@ def relative_poses(chain: Chain, q: Array) -> tuple[Array, Array]:
 
     q  (k, n) rad (m), as the controller reports it
     """
+    # here: every command that opens a recording imports this module, and scipy takes as long as all of them
+    from scipy.spatial.transform import Rotation
+
     angles = q @ chain.coupling.T
     shifts, turns = np.empty((len(q), len(chain) + 1, 3)), np.empty((len(q), len(chain) + 1, 4))
     for joint, (pose, sliding) in enumerate(zip(_origins(chain), chain.sliding)):
@@ -75,6 +77,8 @@ def _origins(chain: Chain) -> list[Array]:
 
 def _visual(link: ElementTree.Element, body: Body, pose: Array) -> None:
     """A capsule as a cylinder and two spheres; ``pose``: of the link's own frame in the one of the viewer."""
+    from scipy.spatial.transform import Rotation
+
     start, end = (pose[:3, :3] @ point + pose[:3, 3] for point in (body.start, body.end))
     length = float(np.linalg.norm(end - start))
     for point in (start, end):

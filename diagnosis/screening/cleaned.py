@@ -142,7 +142,8 @@ def realigned(sight: Residuals, terms: Sequence[EffectTerm]) -> Residuals:
             i = realigned_rows(i, loss)
         again = residual_run(runs[k].name, runs[k].arm, t, q, i, powered=runs[k].powered, known=sight.known[k])
         again = unmeasured(again, here)
-        if _energy(again, terms) < _energy(before[k], terms):
+        # of the same rows: those that were not measured have no say in either
+        if _energy(again, terms) < _energy(unmeasured(before[k], here), terms):
             samples[k], runs[k] = (t, q, i), again
         else:  # another error, which follows a change of lag at some joints and contradicts it at others
             losses = [loss for loss in losses if loss.recording != k]
@@ -178,7 +179,8 @@ def _energy(run: Run, terms: Sequence[EffectTerm]) -> float:
 
 def _gain_of_realignment(original: Run, corrected: Run, terms: Sequence[EffectTerm]) -> Gain:
     """Gain by realigned currents at the joint where it is largest."""
-    before, after = (rms_where(residual_with(run, terms), comparable_rows(run)) for run in (original, corrected))
+    rows = comparable_rows(original) & comparable_rows(corrected)
+    before, after = (rms_where(residual_with(run, terms), rows) for run in (original, corrected))
     most = int(np.argmax((before**2 - after**2) / corrected.noise**2))
     return Gain(before=float(before[most]), after=float(after[most]), unit="A", joint=most + 1)
 

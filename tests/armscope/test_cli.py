@@ -6,11 +6,14 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from armscope.application import spread
 from armscope.cli import run
 from armscope.usage import COMMANDS
+from daq.recording.parts import Attachments
+from daq.recording.tables.table import write_table
 
 HEAVY = {"numpy", "scipy", "matplotlib", "zenoh", "llvmlite", "mcap", "pydantic", "rich", "tomllib", "tomli_w"}
 
@@ -53,6 +56,14 @@ def test_a_command_imports_no_other(root: Path) -> None:
     commands = {name for name in modules if name.startswith("armscope.commands.")}
     assert commands == {"armscope.commands.identify", "armscope.commands.options"}
     assert not modules & HEAVY
+
+
+def test_a_recording_is_opened_without_scipy(root: Path, tmp_path: Path) -> None:
+    """It takes as long to import as everything else that ``info`` needs."""
+    t = np.arange(20) / 100.0
+    write_table(tmp_path / "a.mcap", t, {"q": np.zeros((20, 1)), "i": np.zeros((20, 1))}, Attachments())
+    shown, modules = imported_by(root, "info", str(tmp_path / "a.mcap"))
+    assert "20" in shown and "numpy" in modules and "scipy" not in modules
 
 
 def test_every_command_has_a_file_and_every_file_a_command(root: Path) -> None:
