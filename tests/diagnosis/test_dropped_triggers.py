@@ -109,6 +109,18 @@ def test_steps_that_make_the_residual_larger_are_no_lost_rows(root: Path, monkey
     assert realigned(sight, []) is sight
 
 
+def test_rows_that_lose_their_weight_are_no_gain(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Angles that are wrong where a made-up loss leaves no weight: what it leaves elsewhere is worse."""
+    sight = _sight(root)
+    t, q, i = sight.samples[0]
+    wrong = q + 0.3 * ((t > 7.2) & (t < 8.3))[:, None] * (np.arange(6) == 1)
+    run = residual_run("run", sight.runs[0].arm, t, wrong, i)
+    sight = replace(sight, runs=[run], samples=[(t, wrong, i)])
+    made_up = [DroppedTriggers(0, 7000.0, 10.0, 1500, 1.0, PERIOD)]
+    monkeypatch.setattr("diagnosis.screening.cleaned.dropped_triggers", lambda runs, periods: made_up)
+    assert realigned(sight, []) is sight
+
+
 def test_steps_of_lost_rows_follow_one_another() -> None:
     assert in_order([Step(2.5, 0.03), Step(5.0, 0.06), Step(8.2, -0.01)])
     # what friction that the model had too much of chose in a recording of 125 Hz
