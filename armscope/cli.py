@@ -13,7 +13,7 @@ from collections.abc import Sequence
 
 from armscope.overview import answer
 
-UNUSABLE_INPUT, DEVICE_FAILED, INTERRUPTED = 2, 3, 130
+NOBODY_READS, UNUSABLE_INPUT, DEVICE_FAILED, INTERRUPTED = 1, 2, 3, 130
 BLAS_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 """What numpy's linear algebra reads once, when it is loaded."""
 
@@ -26,7 +26,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """
     if not any(name in os.environ for name in BLAS_THREADS):
         os.environ[BLAS_THREADS[0]] = "1"
-    sys.exit(run(sys.argv[1:] if arguments is None else list(arguments)))
+    try:
+        status = run(sys.argv[1:] if arguments is None else list(arguments))
+        sys.stdout.flush()
+    except BrokenPipeError:
+        # whoever read the output (head, less) has gone; at its end Python would complain once more
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        status = NOBODY_READS
+    sys.exit(status)
 
 
 def run(arguments: list[str]) -> int:

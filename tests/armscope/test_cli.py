@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -96,3 +97,14 @@ def test_one_option_takes_several_values() -> None:
     line = ["--fit", "a", "b", "--held-out", "c", "--out", "d"]
     wide = ["--fit", "a", "--fit", "b", "--held-out", "c", "--out", "d"]
     assert spread(line, ("--fit", "--held-out")) == wide
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["model", "--effects", "--json"]])
+def test_a_reader_that_has_gone_is_no_error(arguments: list[str], root: Path) -> None:
+    """As ``armscope --help | true``: the pipe is closed before anything is written to it."""
+    theirs, ours = os.pipe()
+    os.close(theirs)
+    command = [sys.executable, "-m", "armscope", *arguments]
+    ended = subprocess.run(command, cwd=root, stdout=ours, stderr=subprocess.PIPE, text=True)
+    os.close(ours)
+    assert (ended.returncode, ended.stderr) == (1, "")
