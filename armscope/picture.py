@@ -23,6 +23,7 @@ def check_picture(path: Path) -> None:
 def save_picture(figure: Figure, path: Path) -> None:
     """Writes a picture; InputError where it cannot be written."""
     try:
-        figure.savefig(path, dpi=110)
+        # by its format: matplotlib takes "..png" for a name without an ending, and adds one
+        figure.savefig(path, dpi=110, format=path.suffix[1:].lower())
     except OSError as error:
         raise InputError(path, f"cannot be written: {error.strerror}") from None

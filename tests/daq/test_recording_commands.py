@@ -162,3 +162,11 @@ def test_published_data_there_and_back(
     assert before.t.tobytes() == after.t.tobytes() and before.signals.keys() == after.signals.keys()
     for signal, values in before.signals.items():
         np.testing.assert_array_equal(values, after.signals[signal])
+
+
+@pytest.mark.parametrize("name", ["..png", "run.PNG", "a b.svg"])
+def test_a_picture_has_the_name_it_was_given(name: str, table: Path, tmp_path: Path) -> None:
+    assert run(["import", str(table), "--out", str(tmp_path / "run.mcap")]) == 0
+    before = set(tmp_path.iterdir())
+    assert run(["plot", str(tmp_path / "run.mcap"), "--out", str(tmp_path / name)]) == 0
+    assert set(tmp_path.iterdir()) - before == {tmp_path / name}
