@@ -13,7 +13,7 @@ import pytest
 from arm_model import read_model
 from arm_model.collision import chain_of
 from arm_page.application import REPORT_POLICY
-from arm_report import Chart, Panel, Series, Zone, inline
+from arm_report import Chart, Panel, Series, Zone, inline, table
 from arm_report.motion import Motion, clip_of
 from arm_report.page import _text
 from arm_report.palette import AFTER, BEFORE
@@ -203,6 +203,21 @@ def test_both_axes_of_a_chart_have_numbers(page: Any) -> None:
         }"""
     )
     assert min(inked) > 50, inked
+
+
+def test_sentences_of_a_table_stay_readable_on_a_narrow_screen(browser: Any, tmp_path: Path) -> None:
+    rows = [["joint 1", "cogging of the motor", "Take the motor off its gear and turn it slowly by hand, " * 3]]
+    made = replace(
+        report("a report"), content={"words": table(rows, ["where", "likely origin", "check"]), "chart": None}
+    )
+    (tmp_path / "report.html").write_text(made.html())
+    with watched(browser) as page:
+        page.set_viewport_size({"width": 360, "height": 700})
+        page.goto((tmp_path / "report.html").as_uri())
+        widths = page.locator("td:last-child").evaluate_all("all => all.map((one) => one.clientWidth)")
+        assert widths and min(widths) > 200
+        # the table scrolls in its place, the page does not
+        assert page.evaluate("document.documentElement.scrollWidth") == 360
 
 
 def test_dates_are_written_as_iso_8601_in_utc(page: Any) -> None:

@@ -44,7 +44,7 @@ def test_every_command_of_the_page_runs_and_prints_what_it_shows(
             captured = capsys.readouterr()
             printed = captured.out
             if command[1] == "model":
-                assert "URDF has no motors: add gear" in captured.err
+                assert "has no motors: add gear" in captured.err
                 _edit(tmp_path / "arm.toml", text)
             if "--check" in command:
                 assert ": ready" in printed and "…" not in printed
