@@ -3,7 +3,8 @@
 The p-value of a gain says how seldom chance alone gains as much. It does not say how often a name is wrong for another
 reason: the arm has friction of another law, or two causes share one residual. That was counted on a bank of cases
 (``tests/confidence``). The score is the logistic regression of "the name was right" on the features of a ``Support``;
-``confidence.json`` has the weights, and per range of the score the share of right names, made monotone.
+``confidence.json`` has the weights, and per range of the score the share of right names, made monotone. Names beside
+what stays unexplained are counted for themselves.
 """
 
 from __future__ import annotations
@@ -26,6 +27,8 @@ SIGNALS = (Signal.CURRENT, Signal.ANGLE, Signal.CLOSED_LOOP)
 
 Confidence in what tracker and link encoders show is 1 - p, and no larger than the largest that was counted.
 """
+LEFT = 2.0
+"""Times the noise that may be left at a cause's joint; beyond, its name stands beside something unexplained."""
 LARGEST = 1e3
 """Of a ratio: what is beyond says no more."""
 
@@ -68,10 +71,20 @@ def stated(causes: Sequence[Cause], left: Mapping[int, float], unexplained: int)
 
 def deserved(support: Support) -> float:
     """Share of the bank's names with such evidence that were right."""
-    table = _table()
+    return counted(_table(), support)
+
+
+def beside_unexplained(support: Support) -> bool:
+    """Whether structure remains that no effect explains, or much more than noise is left at the joint."""
+    return support.unexplained > 0 or support.left > LEFT
+
+
+def counted(table: Mapping[str, Any], support: Support) -> float:
+    """Of a table: what its steps state; beside what is unexplained, no more than the share of such names."""
     score = table["constant"] + float(np.dot(table["weights"], features(support)))
     steps = [step["confidence"] for step in table["steps"] if step["from"] <= score]
-    return float(steps[-1] if steps else table["steps"][0]["confidence"])
+    stated = float(steps[-1] if steps else table["steps"][0]["confidence"])
+    return min(stated, float(table["beside"]["confidence"])) if beside_unexplained(support) else stated
 
 
 @cache

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -16,13 +16,18 @@ from armscope.commands.options import Pdf, Png, pictures
 from armscope.progress import shown
 
 if TYPE_CHECKING:
+    from arm_io.types import Array
     from arm_model import Arm
     from armscope.api.calibration import Calibration, Point
+    from experiment import Experiment
     from identification.kinematics.estimation import Calibration as Estimate
+    from identification.kinematics.use import PosePlan
 
 
 MANY = ("--held-out", "--tracker")
 """Options that take several values."""
+SIDE = 0.5
+"""m: of the ISO 9283 cube."""
 
 
 Model = Annotated[
@@ -108,12 +113,16 @@ def command(
             _refuse_failures(run, calibration)
             progress("report")
         place = None if poses is None else in_last_link(last_link, places.get("") or _target_of(calibration))
+        # all that may be refused comes before the first file
+        noise = 1e-4 if calibration is None else float(calibration.to_json()["noise"])
+        plan = None if poses is None or place is None else _planned(arm, place, poses, noise, memory)
+        cubes = _cubes(arm, None if calibration is None else calibration.details) if cube else []
         make_folder(out)
         written = {} if calibration is None else calibration.write(out, pictures=pictures(png, pdf))
-        if poses is not None and place is not None:
-            _write_poses(out, arm, place, poses, memory, written)
+        if plan is not None:
+            _write_poses(out, arm, *plan, noise, written)
         if cube:
-            _write_cube(out, arm, None if calibration is None else calibration.details, written)
+            _write_cubes(out, cubes, written)
     if as_json:
         print(json.dumps(written, indent=1, default=float))
     else:
@@ -169,27 +178,30 @@ def _target_of(calibration: Calibration | None) -> tuple[float, float, float]:
     return place
 
 
-def _write_poses(
-    out: Path, arm: Arm, target: tuple[float, float, float], count: int, memory: int | None, written: dict[str, Any]
-) -> None:
-    from experiment import demand_of, write_experiment
+def _planned(arm: Arm, target: Point, count: int, noise: float, memory: int | None) -> tuple[PosePlan, Experiment]:
     from identification.kinematics.use import experiment_of, select_poses
 
-    noise = float(written.get("noise", 1e-4))
     plan = select_poses(arm, target, count, noise=noise)
+    return plan, experiment_of(arm, plan, rows=memory)
+
+
+def _write_poses(
+    out: Path, arm: Arm, plan: PosePlan, experiment: Experiment, noise: float, written: dict[str, Any]
+) -> None:
+    from experiment import demand_of, write_experiment
+
     enough = (
         f"{plan.enough} of them are enough for the tracker's noise"
         if plan.enough
         else "more poses would reduce the error further"
     )
     heading = (
-        f"{count} D-optimal poses for {arm.name}: {plan.identifiable} parameters identifiable; {enough}.\n"
+        f"{len(plan.q)} D-optimal poses for {arm.name}: {plan.identifiable} parameters identifiable; {enough}.\n"
         f"Expected model error {1e3 * plan.error[-1]:.4f} mm rms per coordinate, {1e3 * plan.random:.4f} mm with "
         "random poses, "
         f"for a tracker noise of {1e3 * noise:.4f} mm.\nSupervise the first run: only collisions with the floor and "
         "the arm's column are avoided."
     )
-    experiment = experiment_of(arm, plan, rows=memory)
     write_experiment(out / "poses.toml", experiment, heading=heading)
     written["poses"] = {
         "file": str(out / "poses.toml"),
@@ -205,38 +217,58 @@ def _write_poses(
     }
 
 
-def _write_cube(out: Path, arm: Arm, calibration: Estimate | None, written: dict[str, Any]) -> None:
+@dataclass(frozen=True)
+class _Cube:
+    """One ISO 9283 cube as an experiment, with its file's name and heading."""
+
+    name: str
+    heading: str
+    points: Array
+    targets: Array
+    experiment: Experiment
+
+
+def _cubes(arm: Arm, calibration: Estimate | None) -> list[_Cube]:
+    """The cube of the nominal arm and, of a calibrated one, with corrected targets; InputError: beyond reach."""
     from arm_model.rigid_body import forward
-    from experiment import write_experiment
     from identification.kinematics.data import gravity_of
     from identification.kinematics.models import calibrated_arm
     from identification.kinematics.use import Corrected, cube_experiment, cube_points, cube_targets, posture_of
 
     posture = posture_of(arm)
     centre = forward(arm, arm.link_angles(posture))[:3, 3]
-    targets = cube_targets(arm, centre, 0.5, posture)
-    write_experiment(
-        out / "iso_cube.toml", cube_experiment(targets, 0.5), heading="ISO 9283 cube, planned with the nominal model"
-    )
-    cube: dict[str, Any] = {
-        "file": str(out / "iso_cube.toml"),
-        "side": 0.5,
-        "points": cube_points(centre, 0.5).tolist(),
-        "targets": targets.tolist(),
+    points, targets = cube_points(centre, SIDE), cube_targets(arm, centre, SIDE, posture)
+    heading = "ISO 9283 cube, planned with the nominal model"
+    cubes = [_Cube("iso_cube.toml", heading, points, targets, cube_experiment(targets, SIDE))]
+    if calibration is not None:
+        model = Corrected(
+            replace(
+                calibrated_arm(arm, calibration.chain, frame_known=calibration.frame_known),
+                coupling=tuple(entry for entry, _ in calibration.couplings),
+            ),
+            calibration.extensions,
+            tuple(calibration.fit.extension),
+            gravity_of(arm),
+        )
+        heading = (
+            "ISO 9283 cube, targets corrected so that the calibrated arm goes where the nominal one was planned to"
+        )
+        targets = cube_targets(arm, centre, SIDE, posture, model)
+        cubes.append(_Cube("iso_cube_corrected.toml", heading, points, targets, cube_experiment(targets, SIDE)))
+    return cubes
+
+
+def _write_cubes(out: Path, cubes: list[_Cube], written: dict[str, Any]) -> None:
+    from experiment import write_experiment
+
+    for one in cubes:
+        write_experiment(out / one.name, one.experiment, heading=one.heading)
+    nominal, *corrected = cubes
+    written["cube"] = {
+        "file": str(out / nominal.name),
+        "side": SIDE,
+        "points": nominal.points.tolist(),
+        "targets": nominal.targets.tolist(),
     }
-    written["cube"] = cube
-    if calibration is None:
-        return
-    model = Corrected(
-        replace(
-            calibrated_arm(arm, calibration.chain, frame_known=calibration.frame_known),
-            coupling=tuple(entry for entry, _ in calibration.couplings),
-        ),
-        calibration.extensions,
-        tuple(calibration.fit.extension),
-        gravity_of(arm),
-    )
-    targets = cube_targets(arm, centre, 0.5, posture, model)
-    heading = "ISO 9283 cube, targets corrected so that the calibrated arm goes where the nominal one was planned to"
-    write_experiment(out / "iso_cube_corrected.toml", cube_experiment(targets, 0.5), heading=heading)
-    cube |= {"corrected_file": str(out / "iso_cube_corrected.toml"), "corrected_targets": targets.tolist()}
+    for one in corrected:
+        written["cube"] |= {"corrected_file": str(out / one.name), "corrected_targets": one.targets.tolist()}

@@ -26,6 +26,6 @@ def draw(path: Path, rows: Sequence[tuple[str, str, list[tuple[float, float, int
         axes.errorbar(stated, right, bars, fmt="o", color=colour, capsize=3, label=f"{label} ({names.sum()} names)")
         for x, y, count in zip(stated, right, names):
             axes.annotate(str(count), (x, y), (6, -10), textcoords="offset points", fontsize=7, color=colour)
-    axes.set(xlim=(0, 1.02), ylim=(0, 1.03), xlabel="stated confidence", ylabel="share of names that were right")
+    axes.set(xlim=(0, 1.06), ylim=(-0.06, 1.03), xlabel="stated confidence", ylabel="share of names that were right")
     axes.legend(loc="upper left", frameon=False, fontsize=8)
     figure.savefig(path, metadata={"Date": None})

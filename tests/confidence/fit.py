@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import isotonic_regression, minimize
 
-from diagnosis.confidence import features
+from diagnosis.confidence import beside_unexplained, counted, features
 from tests.confidence.bank import Name
 
 PENALTY = 0.05
@@ -22,6 +22,8 @@ A small bank must not turn that round.
 """
 LEAST = 8
 """Names per step of the table."""
+FEW = 0.5
+"""Stated of names beside what is unexplained while there are fewer than ``LEAST`` of them: too few to count."""
 SUREST, COUNTED = 0.97, 100
 """98 % is stated only of a range with so many names of which 98 of 100 were right; fewer names state less."""
 Array = np.ndarray
@@ -36,15 +38,19 @@ def halves(names: Sequence[Name]) -> tuple[list[Name], list[Name]]:
 
 
 def fitted(names: Sequence[Name]) -> dict[str, Any]:
-    """Weights, constant and steps of ``diagnosis/confidence.json``."""
+    """Weights, constant, steps and the count of names beside what is unexplained of ``diagnosis/confidence.json``."""
     x = np.array([features(name.support) for name in names])
     right = np.array([name.right for name in names], float)
     constant, weights = _logistic(x, right)
+    beside = np.array([beside_unexplained(name.support) for name in names])
     order = np.argsort(score := constant + x @ weights, kind="stable")
+    order = order[~beside[order]]
+    count, hits = int(beside.sum()), int(right[beside].sum())
     return {
         "constant": round(constant, 4),
         "weights": [round(float(weight), 4) for weight in weights],
         "steps": _steps(score[order], right[order]),
+        "beside": {"confidence": level(count, hits) if count >= LEAST else FEW, "names": count, "right": hits},
     }
 
 
@@ -91,9 +97,7 @@ def level(names: int, right: float) -> float:
 
 def stated(table: dict[str, Any], name: Name) -> float:
     """The confidence that a table states for a name."""
-    score = table["constant"] + float(np.dot(table["weights"], features(name.support)))
-    steps = [step["confidence"] for step in table["steps"] if step["from"] <= score]
-    return min(name.support.significance, steps[-1] if steps else table["steps"][0]["confidence"])
+    return min(name.support.significance, counted(table, name.support))
 
 
 def reliability(confidence: Array, right: Array, edges: Sequence[float]) -> list[tuple[float, float, int]]:

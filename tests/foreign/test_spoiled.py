@@ -45,6 +45,14 @@ def test_a_recording_that_was_cut_off_before_its_first_row_is_refused(
     assert not (tmp_path / "out").exists()
 
 
+def test_poses_that_cannot_be_planned_leave_nothing_behind(files: Files, tmp_path: Path) -> None:
+    """Refused before the first file, also before what a calibration would write."""
+    for more in ((), (files.fit, "--held-out", files.held_out)):
+        line = ("calibrate", *more, "--model", files.model, "--target", "0.05,0.02,0.1", "--poses", 100000)
+        ended = called(*line, "--out", tmp_path / "out")
+        assert ended.status == 2 and not (tmp_path / "out").exists(), ended
+
+
 def test_most_copies_are_spoiled(files: Files) -> None:
     rng = np.random.default_rng(3)
     model, table = files.model.read_text(), files.table.read_text()

@@ -14,13 +14,14 @@ if TYPE_CHECKING:
         cube_targets,
         posture_of,
     )
-    from identification.kinematics.use.poses import experiment_of, select_poses
+    from identification.kinematics.use.poses import PosePlan, experiment_of, select_poses
 else:
     __getattr__ = lazy(__name__)
 
 __all__ = [
     "NAME",
     "Corrected",
+    "PosePlan",
     "cube_experiment",
     "cube_points",
     "cube_report",

@@ -67,7 +67,12 @@ def select_poses(
     generator = np.random.default_rng(seed)
     pool = allowed_poses(arm, target, candidates, generator, floor)
     if len(pool) < count:
-        raise InputError("--poses", f"only {len(pool)} of {candidates} random poses are allowed; ask for fewer")
+        rest = "ask for fewer" if len(pool) >= 2 else "is its base above the floor, and are its limits right?"
+        raise InputError(
+            "--poses",
+            f"only {len(pool)} of {candidates} random poses keep the arm off the floor and its target off the column; "
+            f"{rest}",
+        )
     information = scaled_jacobian(parameters, arm.link_angles(pool)) / noise
     chosen = _exchange(information, _greedy(information, count))
     check = scaled_jacobian(parameters, arm.link_angles(allowed_poses(arm, target, 600, generator, floor)))
