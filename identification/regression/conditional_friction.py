@@ -89,7 +89,8 @@ def _columns(problem: Problem, seen: Sequence[Conditions], name: str, held: Mapp
     """(rows of the joint, k): a column per coefficient of an effect, as the rows of ``problem``."""
     effect, parts = CATALOGUE[name], []
     assert effect.torque is not None
-    zero = {p.name: 0.0 for p in effect.linear} | dict(held)
+    # next-order terms are parameters too, and 0 here
+    zero = dict.fromkeys((p.name for p in effect.parameters), 0.0) | dict(held)
     for one in seen:
         signals = one.signals(problem.arm.joints[one.joint].sign_velocity)
         torque = np.stack([effect.torque(Values(zero | {p.name: 1.0}), signals) for p in effect.linear], axis=1)
