@@ -12,7 +12,7 @@ import numpy as np
 from arm_io import InputError, check_file, whole_path
 from arm_io.types import Array
 from arm_report.palette import AFTER, AXIS, BEFORE
-from armscope.animated_page import write_animated_page
+from armscope.animation.animated_page import write_animated_page
 from armscope.surfaces import Drawn, Surface
 
 if TYPE_CHECKING:
