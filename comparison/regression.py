@@ -51,8 +51,9 @@ class Rows:
     def weight(self) -> Array:
         """(k,) one over the spread of the torque of each row's joint."""
         joints = self.equations.joint
-        spread = [float(np.std(self.y[joints == j])) for j in range(int(joints.max(initial=0)) + 1)]
-        return np.array([1 / max(each, 1e-12) for each in spread])[joints]
+        of = [self.y[joints == j] for j in range(int(joints.max(initial=0)) + 1)]
+        # a joint that stands has no rows
+        return np.array([1 / max(float(np.std(mine)) if len(mine) else 1.0, 1e-12) for mine in of])[joints]
 
 
 @dataclass(frozen=True)
