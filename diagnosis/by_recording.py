@@ -1,12 +1,12 @@
-"""Causes whose values differ between recordings: a load mounted differently, a transducer set to another gain.
+"""Causes whose values differ between recordings: a load mounted differently, friction of a warmer day.
 
-A property of an arm is the same in every recording. Where the causes that serve all of them leave structure, or their
-values by single recordings contradict each other, each ``settable`` effect is tried with a value per recording. It is
-named so if, with it, nothing is left but noise and no recording contradicts another.
+A property of an arm is the same in every recording. What each recording alone says of a cause shows whether one value
+serves them all; ``per_recording`` searches with such values.
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -23,6 +23,7 @@ from diagnosis.measurements.currents.model import State
 from diagnosis.measurements.currents.possible import exists
 from diagnosis.measurements.link_encoders.by_recording import CHANCE, SAME, Alone, chance_of
 from diagnosis.residual.comparable_rows import comparable_rows
+from diagnosis.residual.free_values import with_free
 from diagnosis.residual.run import Run, with_own
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Pair
@@ -67,7 +68,7 @@ class OwnValues:
 
 def contradicted(state: State) -> Candidate | None:
     """The chosen candidate whose values by single recordings contradict each other most; None where all agree."""
-    chosen, runs = state.chosen, _runs(state)
+    chosen, runs = state.chosen, [run for part in state.data for run in part.runs]
     if not chosen or len(runs) < 2 or state.data.two_fold:
         return None
     columns = _of_runs([*(state.model.columns(c) for c in chosen), *state.model.free], state)
@@ -82,20 +83,24 @@ def contradicted(state: State) -> Candidate | None:
     return worst if chances[worst] < CHANCE / len(chosen) else None
 
 
-def promising(state: State, most: int = 2) -> list[OwnValues]:
+def promising(
+    state: State, most: int = 2, beside: Sequence[Candidate] = (), others: Sequence[EffectTerm] = ()
+) -> list[Candidate]:
     """Settable effects that explain most by values of their own, where one value for all explains much less.
 
-    Conditional on nothing else: another cause may have been chosen for what the recordings differ in. Whether the
-    values contradict each other shows when nothing else is missing.
+    Conditional on values per recording of those ``beside``, with ``others`` in the arm, and on nothing else: another
+    cause may have been chosen for what the recordings differ in. Whether the values contradict each other shows when
+    nothing else is missing.
     """
     if state.model.data.two_fold:
         return []
     found, rows = [], sum(part.rows for part in state.model.data)
+    taken = {*state.model.excluded, *(c.key for c in beside)}
     for c, pair in list(state.model.library.items()):
-        if not c.definition.settable or c.key in state.model.excluded:
+        if not c.definition.settable or c.key in taken:
             continue
-        own = own_values(c, pair, state)
-        more = own.gains.sum() - _common_gain(pair, state)
+        own = own_values([*beside, c], state, others)[-1]
+        more = own.gains.sum() - (0.0 if beside else _common_gain(pair, state, others))
         if more > MATTERS * rows and exists_in_all(own, state):
             found.append(own)
     best = max((float(own.gains.sum()) for own in found), default=0.0)
@@ -104,7 +109,7 @@ def promising(state: State, most: int = 2) -> list[OwnValues]:
         gain = float(own.gains.sum())
         return (0, len(own.alone[0].values)) if gain > (1 - EQUAL) * best else (1, -gain)
 
-    return sorted(found, key=rank)[:most]
+    return [own.candidate for own in sorted(found, key=rank)[:most]]
 
 
 def quiet(state: State) -> bool:
@@ -120,42 +125,61 @@ def exists_in_all(own: OwnValues, state: State) -> bool:
     return possible and all(exists(state.model.arm, [term]) for term in own.terms)
 
 
-def own_values(c: Candidate, pair: Pair, state: State, others: Sequence[EffectTerm] = ()) -> OwnValues:
-    """A candidate with a value per recording, with ``others`` in the arm."""
-    unknown = np.array([c.largest(k) for k in range(pair.fit.x.shape[1])])
-    joint = state.model.arm.joints[c.joint - 1] if c.joint else None
-    terms, alone, parameters, gains = [], [], [], []
-    for run, x in zip(_runs(state), _of_runs([pair], state)):
-        y = without = _flat(with_own(run, others))
+def own_values(several: Sequence[Candidate], state: State, others: Sequence[EffectTerm] = ()) -> list[OwnValues]:
+    """Candidates with a value per recording each, fitted together, with ``others`` in the arm."""
+    pairs = [state.model.columns(c) for c in several]
+    widths = [pair.fit.x.shape[1] for pair in pairs]
+    edges = np.cumsum([0, *widths])
+    places = [slice(a, b) for a, b in itertools.pairwise(edges.tolist())]
+    unknown = np.array([c.largest(k) for c, width in zip(several, widths) for k in range(width)])
+    found: list[list[_OfRecording]] = [[] for _ in several]
+    for run, x in zip(_runs(state), _of_runs(pairs, state)):
+        y = first = _flat(with_own(run, others))
         for _ in range(CORRECTIONS):
             values = scaled_lstsq(x, y, INDEPENDENT)
+            terms = [_term(c, values[place]) for c, place in zip(several, places)]
             try:
-                y = _flat(with_own(run, (*others, _term(c, values)))) + x @ values
+                y = _flat(with_own(run, (*others, *terms))) + x @ values
             except InputError:
                 break
-        one = _alone(run, x, y, unknown)
-        alone.append(one)
-        terms.append(_term(c, one.values))
-        parameters.append(estimates(c, one.values.tolist(), one.covariance, joint))
-        gains.append(_predicted_gains(x, y, without, np.tile(run.block, run.q.shape[1])))
+        whole, block = _alone(run, x, y, unknown), np.tile(run.block, run.q.shape[1])
+        for own, place in zip(found, places):
+            rest = np.delete(x, np.arange(x.shape[1])[place], axis=1)
+            # of what was there to explain: the corrections of values that nothing has are large
+            without = first - rest @ scaled_lstsq(rest, first, INDEPENDENT)
+            alone = Alone(run.name, whole.values[place], whole.covariance[place, place])
+            own.append(_OfRecording(alone, _predicted_gains(x, y, without, block)))
+    return [_own(c, own, state) for c, own in zip(several, found)]
+
+
+@dataclass(frozen=True)
+class _OfRecording:
+    alone: Alone
+    gains: Array
+
+
+def _own(c: Candidate, of_recordings: Sequence[_OfRecording], state: State) -> OwnValues:
+    joint = state.model.arm.joints[c.joint - 1] if c.joint else None
+    alone = tuple(one.alone for one in of_recordings)
     return OwnValues(
         candidate=c,
-        terms=tuple(terms),
-        alone=tuple(alone),
-        parameters=tuple(parameters),
-        gains=np.concatenate(gains),
+        terms=tuple(_term(c, one.values) for one in alone),
+        alone=alone,
+        parameters=tuple(estimates(c, one.values.tolist(), one.covariance, joint) for one in alone),
+        gains=np.concatenate([one.gains for one in of_recordings]),
     )
 
 
-def cause_of(own: OwnValues, state: State, others: Sequence[EffectTerm]) -> Cause:
+def cause_of(own: OwnValues, every: Sequence[OwnValues], state: State, others: Sequence[EffectTerm]) -> Cause:
     """The cause with its values per recording; it is of the recordings, not of the arm.
 
-    Its parameters are the mean of the recordings, with their scatter as std.
+    Its parameters are the mean of the recordings, with their scatter as std. every: all that have such values; others:
+    the causes of the arm.
     """
     c, held_out = own.candidate, len(state.data.fit.runs)
-    runs = _runs(state)[held_out:]
-    rms = []
-    for extra in ([()] * len(runs), [(term,) for term in own.terms[held_out:]]):
+    runs, rms = _runs(state)[held_out:], []
+    for having in ([one for one in every if one is not own], every):
+        extra = [[one.terms[held_out + k] for one in having] for k in range(len(runs))]
         several = [with_own(run, (*others, *more)) for run, more in zip(runs, extra)]
         squares = np.concatenate([np.where(comparable_rows(run), run.residual, np.nan) ** 2 for run in several])
         rms.append(np.sqrt(np.nan_to_num(np.nanmean(squares, axis=0))))
@@ -188,7 +212,7 @@ def cause_of(own: OwnValues, state: State, others: Sequence[EffectTerm]) -> Caus
 
 def _runs(state: State) -> list[Run]:
     """Every recording without values of its own, the fitted ones first."""
-    return [with_own(run, ()) for part in state.data for run in part.runs]
+    return [with_own(with_free(run, None), ()) for part in state.data for run in part.runs]
 
 
 def _term(c: Candidate, values: Array) -> EffectTerm:
@@ -241,7 +265,8 @@ def _predicted_gains(x: Array, y: Array, without: Array, block: NDArray[np.intp]
     return gains
 
 
-def _common_gain(pair: Pair, state: State) -> float:
-    """Fall of the squared residual of all recordings by one value for all."""
-    x, y = np.concatenate(_of_runs([pair], state)), np.concatenate([_flat(run) for run in _runs(state)])
+def _common_gain(pair: Pair, state: State, others: Sequence[EffectTerm]) -> float:
+    """Fall of the squared residual of all recordings by one value for all, with ``others`` in the arm."""
+    x = np.concatenate(_of_runs([pair], state))
+    y = np.concatenate([_flat(with_own(run, others)) for run in _runs(state)])
     return float(np.sum(y**2) - np.sum((y - x @ scaled_lstsq(x, y, INDEPENDENT)) ** 2))

@@ -10,13 +10,12 @@ from collections.abc import Callable, Sequence, Set
 from dataclasses import dataclass, replace
 from functools import partial
 
-import numpy as np
 from scipy import stats
 
 from arm_model import Arm
-from arm_model.effects import CATALOGUE, same_columns
+from arm_model.effects import CATALOGUE
 from daq.recording import Recording
-from diagnosis.by_recording import cause_of, contradicted, own_values, promising, quiet
+from diagnosis.by_recording import cause_of
 from diagnosis.cause import Cause, EffectKey, Remainder, extend
 from diagnosis.closed_loop import resonance
 from diagnosis.closed_loop.comparison import refuted, with_smoothing_velocities
@@ -35,7 +34,8 @@ from diagnosis.measurements.currents.shortage import Shortage, shortage
 from diagnosis.measurements.near_rest.friction import friction_causes
 from diagnosis.measurements.near_rest.time_at_rest import with_rise_at_rest
 from diagnosis.measurements.single_axis.causes import AxisSide, axis_side, with_sharp_friction
-from diagnosis.residual.run import Run, with_own
+from diagnosis.per_recording import per_recording
+from diagnosis.residual.run import Run
 from diagnosis.screening.cleaned import Residuals, Screened, confirmed, realigned, residuals_of
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Dataset, Pair
@@ -58,7 +58,7 @@ class Named:
     near_rest   friction found where joints turn or creep; resonance: a spring or a gap found in closed loop. ``arm``
                 has both
     shortage    what the held-out recordings are too short for
-    own         of causes, the one whose values differ between recordings; the runs have it, ``base`` has not
+    own         causes whose values differ between recordings; the runs have them, ``base`` has not
     """
 
     arm: Arm
@@ -80,8 +80,6 @@ class Named:
         return [*self.near_rest, *([self.resonance] if self.resonance else [])]
 
 
-TOGETHER, SETTLED = 4, 0.9
-"""Searches in which values per recording and the causes of the arm settle: as long as less than this share is left."""
 Recordings = Split[Sequence[Recording]]
 Progress = Callable[[str], None]
 
@@ -189,29 +187,19 @@ def _searched(
 
 
 def _by_recording(named: Named, recordings: Recordings, excluded: Set[EffectKey], progress: Progress) -> Named | None:
-    """What is named with a cause whose values differ between recordings, if that explains what nothing else does."""
-    state = named.found.state
-    if named.axis or not (named.found.unexplained.structures or contradicted(state)):
+    """What is named with causes whose values differ between recordings, if that explains what nothing else does."""
+    if named.axis:
         return None
-    progress("comparing the recordings with each other")
-    for first in promising(state):
-        own, c = first, first.candidate
-        taken = excluded | {(effect, c.joint) for effect in (c.effect, *same_columns(c.definition))}
-        before = np.inf
-        for _ in range(TOGETHER):
-            runs = [with_own(run, (term,)) for run, term in zip(named.sight.runs, own.terms)]
-            trial = _searched(named.arm, replace(named.sight, runs=runs), recordings, taken, progress)
-            found = trial.found.state
-            # what the others explain is not the recordings' own
-            own = own_values(c, named.library[c], state, found.terms)
-            left = float(sum(np.sum(part**2) for part in (found.fitted.fit, found.fitted.held_out)))
-            if not found.chosen or left > SETTLED * before:
-                break
-            before = left
-        explained = quiet(found) and not trial.found.unexplained.structures
-        if explained and own.contradict and contradicted(found) is None:
-            return replace(trial, own=(cause_of(own, state, found.terms),))
-    return None
+
+    def again(runs: Sequence[Run], taken: Set[EffectKey]) -> Named:
+        progress("comparing the recordings with each other")
+        return _searched(named.arm, replace(named.sight, runs=list(runs)), recordings, excluded | taken, progress)
+
+    if (result := per_recording(named, named.sight.runs, again)) is None:
+        return None
+    trial, values = result
+    state, others = named.found.state, trial.found.state.terms
+    return replace(trial, own=tuple(cause_of(own, values, state, others) for own in values))
 
 
 def _datasets(runs: Sequence[Run], first: int, two_fold: bool) -> Split[Dataset]:

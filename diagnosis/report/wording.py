@@ -30,7 +30,8 @@ def differing(cause: Cause) -> str:
     """``mass 3.0 kg in A.mcap, 2.8 kg in B.mcap: mounted differently``, of its first parameter."""
     several = [(name, own[0]) for name, own in cause.of_recordings.items()]
     sizes = [f"{value(one)}{'' if one.unit == '1' else f' {one.unit}'} in {name}" for name, one in several]
-    return f"{several[0][1].name.replace('_', ' ')} {', '.join(sizes)}: {CATALOGUE[cause.effect].settable}"
+    why = CATALOGUE[cause.effect].settable or "not the same in all recordings"
+    return f"{several[0][1].name.replace('_', ' ')} {', '.join(sizes)}: {why}"
 
 
 def _either(cause: Cause) -> str:

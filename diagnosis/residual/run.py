@@ -37,6 +37,7 @@ from diagnosis.residual.expected_current import (
     true_angle,
 )
 from diagnosis.residual.noise import NOTHING_KNOWN, KnownNoise, angle_noise, encoder_steps, scatter
+from diagnosis.residual.perpendicular import beside
 from identification.preprocessing import UNSEEN, drifting, folded_along, rows_a_setpoint
 
 ROWS_PER_SECOND = 100
@@ -67,7 +68,8 @@ class Run:
     wrong: of the instruments, and of friction near standstill; block (m,): block of one second, from 0;
     arm: as it was set up for this run (with a known payload, say); powered: False where the drives were off: the brakes
     hold the arm, and the currents show what their own instruments add; own: effects that only this recording has, which
-    ``expected`` contains (``with_own``).
+    ``expected`` contains (``with_own``); own_directions (m n, r), orthonormal: what values of this recording alone
+    explain of the whitened residual, which is no evidence of anything else (``free_values``).
     """
 
     name: str
@@ -91,6 +93,7 @@ class Run:
     arm: Arm
     powered: bool = True
     own: tuple[EffectTerm, ...] = ()
+    own_directions: Array | None = None
 
     @property
     def parts(self) -> tuple[slice, ...]:
@@ -171,7 +174,7 @@ class Run:
         white: Array = values / over
         for joint in {j + 1 for _, j, _, _ in self._unseen}:
             white[:, joint - 1] = self._without_unseen(white[:, joint - 1], joint)
-        return white
+        return white if self.own_directions is None else beside(self.own_directions, white)
 
     def whiten_at(self, values: Array, joint: int) -> Array:
         """``whiten`` of values (m, k) A at one joint (1-based)."""
@@ -186,7 +189,7 @@ class Run:
 
     def less_folded(self, values: Array) -> Array:
         """Values (m, n) A less as much of what sampling may have put into them unseen as ``whiten`` does not count."""
-        return self.deviation * self.whiten(values) if self.folded.any() else values
+        return self.deviation * replace(self, own_directions=None).whiten(values) if self.folded.any() else values
 
     @cached_property
     def _unseen(self) -> list[tuple[slice, int, Array, Array]]:

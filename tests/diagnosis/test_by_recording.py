@@ -8,10 +8,13 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import armscope
 from arm_model import Arm
+from diagnosis.against_noise import runs_of
+from diagnosis.residual.free_values import with_free
 from tests.diagnosis.two_link import WIDTH, Day, recorded
 
 
@@ -94,3 +97,65 @@ def test_beside_a_load_mounted_differently_a_cause_of_the_arm_keeps_its_name(arm
     assert abs(friction.value - rubs[1]) < 2 * friction.std
     assert [own[0].value for own in found["payload", None].of_recordings.values()] == pytest.approx([3.0, 2.8], rel=0.1)
     assert [term.name for term in result.extended.effects] == ["coulomb_friction"]
+
+
+LOAD = (3.0, 0.05, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "own", "of_arm"),
+    [
+        (
+            *(Day(load=LOAD, viscous=(2.0, 0.0)), Day(load=LOAD, viscous=(0.7, 0.0))),
+            *({("viscous_friction", 1): (2.0, 0.7)}, {("payload", None): 3.0}),
+        ),
+        pytest.param(
+            *(Day(viscous=(2.0, 3.0)), Day(viscous=(0.7, -1.0))),
+            *({("viscous_friction", 1): (2.0, 0.7), ("viscous_friction", 2): (3.0, -1.0)}, {}),
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(
+            *(Day(viscous=(2.0, 0.0), coulomb=(1.5, 0.0)), Day(viscous=(0.7, 0.0), coulomb=(0.5, 0.0))),
+            *({("viscous_friction", 1): (2.0, 0.7), ("coulomb_friction", 1): (1.5, 0.5)}, {}),
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(
+            *(Day(load=LOAD, viscous=(0.0, 3.0)), Day(load=(2.8, 0.02, 0.03), viscous=(0.0, -1.0))),
+            *({("payload", None): (3.0, 2.8), ("viscous_friction", 2): (3.0, -1.0)}, {}),
+            marks=pytest.mark.slow,
+        ),
+    ],
+)
+def test_several_causes_have_values_per_recording_beside_those_of_the_arm(
+    arm: Arm,
+    tmp_path: Path,
+    first: Day,
+    second: Day,
+    own: dict[tuple[str, int | None], tuple[float, float]],
+    of_arm: dict[tuple[str, int | None], float],
+) -> None:
+    result = _diagnosed(arm, tmp_path, first, second)
+    found = {(cause.effect, cause.joint): cause for cause in result.causes}
+    assert result.verdict == "explained" and set(found) == {*own, *of_arm}
+    for key, sizes in own.items():
+        for (value, *_), size in zip(found[key].of_recordings.values(), sizes, strict=True):
+            assert abs(value.value - size) < 2 * value.std < 0.5
+    for key, size in of_arm.items():
+        assert not found[key].of_recordings
+        assert abs(found[key].parameters[0].value - size) < 2 * found[key].parameters[0].std
+
+
+def test_beside_columns_that_are_free_in_a_recording_others_keep_their_coefficients(arm: Arm, tmp_path: Path) -> None:
+    """Frisch and Waugh: regression of what is left of both gives the coefficients of the regression on all."""
+    sample = recorded(tmp_path / "a.mcap", 3, Day(viscous=(1.0, 0.0), coulomb=(0.5, 0.3)))
+    (run,) = runs_of(arm, [sample], [])
+    rng = np.random.default_rng(0)
+    free = np.stack([run.v, np.tanh(run.q)], axis=-1) * run.noise[:, None]
+    other = np.stack([np.sign(run.v), rng.normal(size=run.v.shape)], axis=-1)
+    beside = with_free(run, free)
+    together = run.whiten(np.concatenate([other, free], axis=-1)).reshape(-1, 4)
+    expected = np.linalg.lstsq(together, run.whitened.ravel(), rcond=None)[0][:2]
+    found = np.linalg.lstsq(beside.whiten(other).reshape(-1, 2), beside.whitened.ravel(), rcond=None)[0]
+    np.testing.assert_allclose(found, expected, rtol=1e-8)
+    assert not beside.whiten(free @ rng.normal(size=(2, 3))).any()
+    assert with_free(beside, None).whitened == pytest.approx(run.whitened)

@@ -87,7 +87,7 @@ def test_a_loop_is_held_against_what_it_missed_when_the_model_was_identified(roo
     noisy = replace(clean, i=clean.i + wave + 0.01 * rng.normal(size=clean.i.shape))
     missed = left_in_loop(arm, [noisy])
     torque = 0.1 / np.sqrt(2.0) * arm.joint_array("drive_constant")[1]
-    assert missed[0] < 0.05 * torque and missed[1] == pytest.approx(torque, rel=0.05)
+    assert missed[0] < 0.1 * torque and missed[1] == pytest.approx(torque, rel=0.05)
 
     own = [_errors(arm, noisy)[0]]
     exact = _floor(arm, [noisy], own)

@@ -11,6 +11,7 @@ import numpy as np
 from arm_io.types import Array
 from arm_model import Arm, EffectTerm
 from diagnosis.measurements.currents.columns import at_own_joint, columns, own_columns
+from diagnosis.residual.free_values import with_free
 from diagnosis.residual.run import Run, merged, residual_with
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Columns, Dataset
@@ -30,7 +31,7 @@ def dataset_of(runs: Sequence[Run]) -> Dataset:
 
 
 def _together(runs: Sequence[Run]) -> Iterator[Run]:
-    for _, alike in itertools.groupby(runs, key=lambda run: (id(run.arm), run.powered)):
+    for _, alike in itertools.groupby(runs, key=lambda run: (id(run.arm), run.powered, id(run.own_directions))):
         yield merged(list(alike))
 
 
@@ -42,7 +43,8 @@ def dataset_with(side: Dataset, terms: Sequence[EffectTerm]) -> Array:
 
 def columns_of(candidate: Candidate, side: Dataset) -> Columns:
     """The candidate's columns over all recordings of a set, over the std of each row."""
-    if at_own_joint(candidate, side.runs[0].arm):
+    bare = all(run.own_directions is None for run in side.runs)
+    if bare and at_own_joint(candidate, side.runs[0].arm):
         joint = candidate.joint
         assert joint is not None
         own = [run.whiten_at(own_columns(candidate, run), joint) for run in side.together]
@@ -86,6 +88,6 @@ def free_columns(side: Dataset, arm: Arm) -> list[Columns]:
     """
     width = arm.joint_array("sign_velocity")
     force = np.array([max(joint.rest_friction) / joint.drive_constant for joint in arm.joints])
-    slopes = [run.whiten(force * run.v * width**2 / np.hypot(run.v, width) ** 3) for run in side.runs]
+    slopes = [with_free(run, None).whiten(force * run.v * width**2 / np.hypot(run.v, width) ** 3) for run in side.runs]
     x = np.concatenate(slopes)
     return [Columns(x[:, [j]], side.of(j + 1)) for j in np.flatnonzero(force > 0.0).tolist()]

@@ -1,0 +1,122 @@
+"""The search for causes of which no one value serves all recordings, together with those of the arm.
+
+Where the causes that serve all recordings leave structure, or their values by single recordings contradict each other,
+the cause that is contradicted most, or a ``settable`` effect, gets a value per recording. Everything else is searched
+beside whatever such values explain (``diagnosis.residual.run.with_free``): neither can take what belongs to the other.
+The next cause that is contradicted, or would explain most of what is left, then gets such values as well. They are
+named if nothing is left but noise, no other cause is contradicted, and each of them is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence, Set
+from typing import Protocol, TypeVar
+
+import numpy as np
+
+from arm_model import EffectTerm
+from arm_model.effects import CATALOGUE, same_columns
+from diagnosis.by_recording import OwnValues, contradicted, own_values, promising, quiet
+from diagnosis.cause import EffectKey
+from diagnosis.measurements.currents.columns import columns
+from diagnosis.measurements.currents.model import State
+from diagnosis.measurements.currents.search import Found
+from diagnosis.residual.free_values import with_free
+from diagnosis.residual.run import Run, with_own
+from diagnosis.selection.candidate import Candidate
+
+MOST, STARTS = 3, 3
+"""Causes with values per recording, and effects of which the search may begin."""
+SETTLED = 0.9
+"""Share of the squared residual to which a further cause with such values must bring it."""
+ROUNDS = 2
+"""Searches in which values per recording and the causes of the arm settle in the exact model."""
+
+
+class _Searched(Protocol):
+    """What a search names; see ``find_causes.Named``."""
+
+    @property
+    def found(self) -> Found: ...
+
+
+S = TypeVar("S", bound=_Searched)
+Search = Callable[[Sequence[Run], Set[EffectKey]], S]
+"""A search in the residuals of runs, of none of some effects."""
+
+
+def per_recording(named: S, runs: Sequence[Run], search: Search[S]) -> tuple[S, list[OwnValues]] | None:
+    """What is named with values per recording of some causes, and these; None where they do not explain everything.
+
+    named: what one value for all names; runs: its recordings, the fitted ones first.
+    """
+    state = named.found.state
+    worst = contradicted(state)
+    if worst is None and not named.found.unexplained.structures:
+        return None
+    beside = promising(state, others=state.terms) if state.terms else []
+    starts = [*([worst] if worst is not None else []), *beside, *promising(state)]
+    for first in list(dict.fromkeys(starts))[:STARTS]:
+        if (grown := _grown(first, state, runs, search)) and (settled := _settled(*grown, state, runs, search)):
+            return settled
+    return None
+
+
+def _grown(
+    first: Candidate, state: State, runs: Sequence[Run], search: Search[S]
+) -> tuple[list[Candidate], list[EffectTerm]] | None:
+    """Candidates that need values per recording for only noise to be left, and the causes of the arm beside them.
+
+    From ``first`` on; None where something is always left.
+    """
+    several, before = [first], _left(state)
+    while True:
+        values = own_values(several, state)
+        free = [
+            with_free(with_own(run, [own.terms[k] for own in values]), _columns(several, run))
+            for k, run in enumerate(runs)
+        ]
+        found = search(free, _taken(several)).found
+        left = _left(found.state)
+        further = contradicted(found.state)
+        if further is None and quiet(found.state) and not found.unexplained.structures:
+            return several, found.state.terms
+        if len(several) == MOST or left > SETTLED * before:
+            return None
+        more = [further] if further is not None else promising(state, 1, several, found.state.terms)
+        if not more:
+            return None
+        several, before = [*several, *more], left
+
+
+def _settled(
+    several: Sequence[Candidate], others: Sequence[EffectTerm], state: State, runs: Sequence[Run], search: Search[S]
+) -> tuple[S, list[OwnValues]] | None:
+    """The search with the values of every recording, beside ``others``, in the exact model; None where more is left."""
+    values = own_values(several, state, others)
+    for _ in range(ROUNDS):
+        trial = search([with_own(run, [own.terms[k] for own in values]) for k, run in enumerate(runs)], _taken(several))
+        found = trial.found
+        # what the others explain is not the recordings' own
+        values = own_values(several, state, found.state.terms)
+        if len(kept := [own.candidate for own in values if own.contradict]) < len(several):
+            return _settled(kept, found.state.terms, state, runs, search) if kept else None
+        if quiet(found.state) and not found.unexplained.structures and contradicted(found.state) is None:
+            return trial, values
+    return None
+
+
+def _left(state: State) -> float:
+    """Squared residual of all recordings, in units of the noise."""
+    return float(sum(np.sum(part**2) for part in (state.fitted.fit, state.fitted.held_out)))
+
+
+def _columns(several: Sequence[Candidate], run: Run) -> np.ndarray:
+    """(m, n, k) A."""
+    return np.concatenate([columns(c, run) for c in several], axis=-1)
+
+
+def _taken(several: Sequence[Candidate]) -> set[EffectKey]:
+    """Effects at their joints that explain the same, or contain it."""
+    wider = {c: [effect.name for effect in CATALOGUE.values() if c.effect in effect.special_cases] for c in several}
+    return {(name, c.joint) for c in several for name in (c.effect, *same_columns(c.definition), *wider[c])}
