@@ -22,8 +22,9 @@ from diagnosis.screening.event import Event
 
 RUNS_AWAY = 1.5
 """Tracking error of a joint with a clipped current, over the largest one before and in other recordings."""
-AVERAGED, FLAT_SECONDS, AT_SECONDS = 0.01, 0.03, 0.3
+AVERAGED, FLAT_SECONDS, AT_SECONDS = 0.01, 0.03, 1.0
 """s over which a current is averaged, for which a clipped current is constant once, and in all."""
+# of all: a single crest of a smooth current may be flat
 PILED, BEYOND = 4.0, 0.2
 """Rows at a limit over those in an equally wide range below, at least, and share of them that noise may lift above."""
 LEAST, PLAIN = 15.0, 100.0

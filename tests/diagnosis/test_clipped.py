@@ -5,10 +5,12 @@ One that reverses of its own accord, or rests at its largest value for a while, 
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy import ndimage
 
 import armscope
 from arm_model import Arm
@@ -134,3 +136,12 @@ def test_a_joint_that_accelerates_alike_or_meets_its_friction_alone_is_not_clipp
     strokes = 0.1 * np.sign(np.sin(2 * np.pi * 0.4 * t))
     recording = _of_joint(tmp_path / "strokes.mcap", arm, strokes, inertia, None, 1)
     assert current_limits([recording], arm) == []
+
+
+def test_a_single_crest_that_is_flat_is_no_limit(arm: Arm, tmp_path: Path) -> None:
+    # a load that falls by what acceleration and friction grow, for half a second of 30
+    t = np.arange(0.0, 30.0, 1.0 / RATE)
+    recording = _of_joint(tmp_path / "crest.mcap", arm, np.sin(2 * np.pi * 0.25 * t), 0.5, None, 1)
+    i, crest = recording.i.copy(), (t > 10.1) & (t < 10.6)
+    i[crest, 0] += 1.3 * np.abs(i[:, 0]).max() - ndimage.uniform_filter1d(i[:, 0], 9)[crest]
+    assert current_limits([replace(recording, i=i)], arm) == []
