@@ -56,7 +56,8 @@ def _check_channels(recording: Recording) -> None:
                 where, f"i{j + 1}: constant at {recording.i[0, j]:g} A while joint {j + 1} moves; the channel is stuck"
             )
     if recording.qref is not None:
-        demanded = np.nanmax(recording.qref, axis=0) - np.nanmin(recording.qref, axis=0)
+        # NaN where a joint has no demand at all
+        demanded = np.fmax.reduce(recording.qref) - np.fmin.reduce(recording.qref)
         for j in np.flatnonzero((span_q == 0) & (demanded > 0.01)):
             raise InputError(where, f"q{j + 1}: constant while it is demanded to move; the encoder channel is stuck")
 

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from arm_model.model_file import read_model
+from armscope.api.reading import for_analysis
+from identification.preprocessing.checks import check_recording
 from tests.foreign.commands import called, through_every_command, unrendered
 from tests.foreign.random_arms import stranger
 from tests.foreign.spoiled import Files, spoiled_commands, spoiled_table, spoiled_text, through_spoiled_files
@@ -66,3 +70,10 @@ def test_random_arms_with_spoiled_files(seed: int, tmp_path: Path) -> None:
     with unrendered():
         list(through_every_command(seed, tmp_path))
     assert [one for one in through_spoiled_files(seed, tmp_path, 4) if not one.well] == []
+
+
+@pytest.mark.filterwarnings("error")
+def test_demands_that_are_all_missing_warn_of_nothing(files: Files) -> None:
+    ((recording,),) = for_analysis([files.fit])
+    assert recording.qref is not None
+    check_recording(replace(recording, qref=np.full_like(recording.qref, np.nan)), read_model(files.model))
