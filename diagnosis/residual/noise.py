@@ -22,53 +22,22 @@ END_SECONDS = 0.1
 """Beginning of a recording that is excluded: filter transient and start of the drives."""
 MAD_TO_STD = 1.4826
 """Std of normal noise over its median absolute value."""
-TOP, SEGMENT = 0.7, 128
-"""Share of the Nyquist frequency from which on noise is looked for, and rows of a spectrum: half a second at 250 Hz."""
-CLIPPED, ROUNDS, SETTLED = 4.0, 20, 0.999
-"""Times the mean power from which on a power is no noise (2 % of noise are), and when their iteration has an end."""
 STILL_SECONDS = 0.2
 """Shortest standstill of the whole arm from which noise is estimated."""
 
 
 def scatter(values: Array) -> Array:
-    """(n,) std of white noise on (m, n) samples, from what they have above 0.7 of the Nyquist frequency.
-
-    The smaller of two estimates. The median absolute value passes over what fills few rows: steps of friction, single
-    transients. The floor of the spectrum passes over what fills few frequencies: the lines of a servo whose setpoints
-    come every few rows, their side bands, and whatever aliases there.
-    """
+    """(n,) std of white noise on (m, n) samples, from the median absolute value above 0.7 of the Nyquist frequency."""
     sections, passed = _high_pass()
     high = zero_phase(sections, values)
     deviation: Array = MAD_TO_STD * np.median(np.abs(high), axis=0) / np.sqrt(passed)
-    rows = min(SEGMENT, len(values))
-    frequency, _, spectra = signal.stft(
-        high, 2.0, nperseg=rows, noverlap=rows // 2, axis=0, boundary=None, padded=False, scaling="psd"
-    )
-    inside = (frequency >= TOP) & (frequency < 1.0 - 2.0 / rows)
-    if not inside.any():
-        return deviation
-    _, response = signal.sosfreqz(sections, np.pi * frequency[inside])
-    power = 2.0 * np.abs(spectra[inside]) ** 2 / np.abs(response[:, None, None]) ** 4
-    floor = np.array([_floor(power[:, j].ravel()) for j in range(values.shape[1])])
-    return np.minimum(deviation, np.sqrt(floor))
-
-
-def _floor(power: Array) -> float:
-    """Mean of powers (k,) of noise, exponentially distributed, among which fewer than half are larger for a reason."""
-    mean = float(np.median(power)) / np.log(2.0)
-    inside = 1.0 - CLIPPED / np.expm1(CLIPPED)
-    for _ in range(ROUNDS):
-        kept = power[power < CLIPPED * mean]
-        if not len(kept) or (less := float(kept.mean()) / inside) > SETTLED * mean:
-            break
-        mean = less
-    return mean
+    return deviation
 
 
 @cache
 def _high_pass() -> tuple[Array, float]:
     """Sections, and the share of white noise's power that passes them, forwards and back."""
-    sections = signal.butter(4, TOP, "highpass", output="sos")
+    sections = signal.butter(4, 0.7, "highpass", output="sos")
     _, response = signal.sosfreqz(sections, 1000)
     return sections, float(np.mean(np.abs(response) ** 4))
 

@@ -12,6 +12,7 @@ import armscope
 from arm_model import Arm
 from daq.recording import Recording
 from diagnosis.screening.cleaned import residuals_of, screened
+from diagnosis.selection import regression
 
 
 @pytest.fixture(scope="module")
@@ -42,8 +43,21 @@ def _loaded(arm: Arm, root: Path, tmp_path: Path, name: str, seconds: float, mas
     return replace(recording, i=recording.i + noise)
 
 
+def test_a_large_payload_shows_in_few_seconds(arm: Arm, root: Path, tmp_path: Path) -> None:
+    """By the instants at which it acts, where the signs of so few blocks tell nothing."""
+    fit, held_out = (_loaded(arm, root, tmp_path, *run) for run in (("fit", 8.0), ("held_out", 2.5)))
+    found = armscope.diagnose(fit, arm, held_out=held_out)
+    (cause,) = found.causes
+    assert found.verdict == "explained" and found.too_short is None and cause.effect == "payload"
+    assert cause.parameters[0].value == pytest.approx(3.0, abs=2.0 * cause.parameters[0].std)
+
+
 @pytest.mark.parametrize("seconds", [2.5, 3.5])
-def test_too_few_seconds_are_no_unexplained_structure(arm: Arm, root: Path, tmp_path: Path, seconds: float) -> None:
+def test_too_few_seconds_are_no_unexplained_structure(
+    arm: Arm, root: Path, tmp_path: Path, seconds: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of an effect that acts all the time, so that its instants do not decide either."""
+    monkeypatch.setattr(regression, "LARGE", np.inf)
     fit, held_out = (_loaded(arm, root, tmp_path, *run) for run in (("fit", 8.0), ("held_out", seconds)))
     short = armscope.diagnose(fit, arm, held_out=held_out)
     table = short.to_json()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +30,8 @@ def rig_file(root: Path, folder: Path, *changes: tuple[str, str], hidden: dict[s
     """The shipped rig, as fast as it computes, with texts replaced; ``hidden``: of the vehicle that moves."""
     model = root / "config/models/rov_arm.toml"
     text = (root / "config/rov_sim.toml").read_text()
+    # one run of a rig at a time: another process of the suite may record it too
+    text = text.replace('name = "rov_sim"', f'name = "rov_{os.getpid()}"')
     pace = 'pace = "fast"'
     if hidden:
         write_model(folder / "worn.toml", with_parameters(read_model(model), hidden))
