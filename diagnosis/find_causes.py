@@ -13,7 +13,7 @@ from functools import partial
 from scipy import stats
 
 from arm_model import Arm
-from arm_model.effects import CATALOGUE
+from arm_model.effects import CATALOGUE, friction_near_rest
 from daq.recording import Recording
 from diagnosis.by_recording import cause_of
 from diagnosis.cause import Cause, EffectKey, Remainder, extend
@@ -21,6 +21,7 @@ from diagnosis.closed_loop import resonance
 from diagnosis.closed_loop.comparison import refuted, with_smoothing_velocities
 from diagnosis.harmonics import with_harmonics
 from diagnosis.last_gate import negligible, with_significance, within_model
+from diagnosis.measurements.currents.basis_functions import TWO_FACED
 from diagnosis.measurements.currents.causes import from_axis, of_candidate
 from diagnosis.measurements.currents.columns import candidates
 from diagnosis.measurements.currents.design_matrix import bounded, columns_of, dataset_of, dataset_with, free_columns
@@ -82,6 +83,9 @@ class Named:
 
 Recordings = Split[Sequence[Recording]]
 Progress = Callable[[str], None]
+OF_ANOTHER = 0.5
+"""Share of a joint's held-out residual that load or position predict, from which on its friction near rest is not
+judged: a drive that loses a part of its torque was named two laws of friction."""
 
 
 def named_causes(
@@ -146,6 +150,13 @@ def _near_rest(named: Named, excluded: Set[EffectKey]) -> tuple[Cause, ...]:
     if named.axis or named.arm.uncertainty is not None or not named.library:
         return ()
     taken = [*excluded, *(cause.key for cause in named.causes)]
+    # friction that is missing where a joint turns depends on its speed; what load or position predict is something else
+    taken += [
+        (law.name, one.joint)
+        for one in named.found.unexplained.structures
+        for law in friction_near_rest()
+        if one.against in TWO_FACED and one.share > OF_ANOTHER
+    ]
     return tuple(friction_causes(state.data.map(lambda part: part.runs), state.terms, taken, tuple(named.library)))
 
 
