@@ -116,8 +116,9 @@ def test_what_cannot_be_is_refused_in_one_line(
     rig = rig_file(root, tmp_path, *changes)
     command = ["record", "--rig", str(rig), "--experiment", str(tmp_path / "short.toml")]
     assert run([*command, "--out", str(tmp_path / "short.mcap")]) in (2, 3)
-    error = capsys.readouterr().err
-    assert len(error.splitlines()) == 1
+    # another process of the suite may publish at the port of this rig
+    lines = [one for one in capsys.readouterr().err.splitlines() if not one.startswith("note: not published")]
+    (error,) = lines
     assert any(word in error for word in said.split("|")), error
     assert not (tmp_path / "short.mcap").exists()
 
