@@ -16,9 +16,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import tomli_w
 
 from arm_io import read_toml
+from arm_model import read_model
+from arm_model.urdf import write_urdf
 from tests.conftest import ROOT
 from tests.ports import free_endpoint
 
@@ -123,3 +126,21 @@ def open_room(
         process.communicate(timeout=20)
     # killed: by the test itself
     assert process.returncode in (0, -signal.SIGKILL)
+
+
+def tetrahedron(size: float) -> bytes:
+    """A binary STL file."""
+    corners = size * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], np.float32)
+    faces = np.zeros(4, np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("flags", "<u2")]))
+    faces["corners"] = [corners[[k for k in range(4) if k != left]] for left in range(4)]
+    return bytes(80) + (4).to_bytes(4, "little") + faces.tobytes()
+
+
+def write_meshed(folder: Path) -> None:
+    """arm.urdf, whose third link has the mesh upper.stl."""
+    write_urdf(folder / "arm.urdf", read_model(ROOT / "config/models/puma560.toml"))
+    text = (folder / "arm.urdf").read_text()
+    link = re.findall(r'<link name="([^"]+)"', text)[2]
+    mesh = '<visual><geometry><mesh filename="upper.stl" scale="0.001 0.001 0.001"/></geometry></visual>'
+    (folder / "arm.urdf").write_text(re.sub(rf'(<link name="{link}">)', rf"\1{mesh}", text))
+    (folder / "upper.stl").write_bytes(tetrahedron(300.0))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -12,11 +11,9 @@ import numpy as np
 import pytest
 
 from arm_archive import Filters, open_archive
-from arm_model import read_model
-from arm_model.urdf import write_urdf
 from daq.recording import open_recording
 from tests.arm_archive.lab import diagnosis, identification, record
-from tests.arm_page.room import Room, open_room, rig_table
+from tests.arm_page.room import Room, open_room, rig_table, write_meshed
 from tests.conftest import ROOT
 
 sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
@@ -62,24 +59,6 @@ def failing(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Room]:
     table["simulation"]["fault"] = [{"kind": "lost_row", "device": "counter2", "number": 300, "count": 5}]
     with open_room(folder, table) as room:
         yield room
-
-
-def tetrahedron(size: float) -> bytes:
-    """A binary STL file."""
-    corners = size * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], np.float32)
-    faces = np.zeros(4, np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("flags", "<u2")]))
-    faces["corners"] = [corners[[k for k in range(4) if k != left]] for left in range(4)]
-    return bytes(80) + (4).to_bytes(4, "little") + faces.tobytes()
-
-
-def write_meshed(folder: Path) -> None:
-    """arm.urdf, whose third link has the mesh upper.stl."""
-    write_urdf(folder / "arm.urdf", read_model(ROOT / "config/models/puma560.toml"))
-    text = (folder / "arm.urdf").read_text()
-    link = re.findall(r'<link name="([^"]+)"', text)[2]
-    mesh = '<visual><geometry><mesh filename="upper.stl" scale="0.001 0.001 0.001"/></geometry></visual>'
-    (folder / "arm.urdf").write_text(re.sub(rf'(<link name="{link}">)', rf"\1{mesh}", text))
-    (folder / "upper.stl").write_bytes(tetrahedron(300.0))
 
 
 def ours(url: str, room: Room) -> bool:

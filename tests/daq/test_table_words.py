@@ -1,0 +1,57 @@
+"""Tables whose columns have other words and units than ours: what is guessed, what a mapping says, what is noted."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from armscope.cli import run
+from tests.daq.test_foreign_tables import imported
+
+
+def test_a_german_table_in_degrees(tmp_path: Path) -> None:
+    rows = [f"{k * 0.01:.2f};{90 + k};{-k};{k / 10};2,5".replace(".", ",") for k in range(30)]
+    table = tmp_path / "messung.csv"
+    table.write_text(
+        "Time [s];Joint1 Position [deg];Joint2 Position [deg];Joint1 Current [A];Joint2 Current [A]\n" + "\n".join(rows)
+    )
+    recording = imported(table, "--guess")
+    np.testing.assert_allclose(np.rad2deg(recording.q[4]), [94, -4])
+    np.testing.assert_allclose(recording.i[4], [0.4, 2.5])
+    (tmp_path / "map.toml").write_text(
+        'separator = ";"\ndecimal = ","\n[columns]\nt = "Time [s]"\nq = "Joint{1} Position [deg]"\n'
+        'i = "Joint{1} Current [A]"\n[units]\nq = "deg"\ni = "mA"\n[scale]\ni = [1.0, -1.0]\n'
+    )
+    mapped = imported(table, "--map", str(tmp_path / "map.toml"))
+    np.testing.assert_allclose(mapped.i[4], [0.4e-3, -2.5e-3])
+
+
+@pytest.mark.parametrize(
+    ("header", "factor"),
+    [("Zeit [ms];Achse1 Winkel [deg];Achse1 Strom [A]", 1e-3), ("elapsed time [s];angle1;torque1", 1.0)],
+)
+def test_other_words_for_time_position_and_current(header: str, factor: float, tmp_path: Path) -> None:
+    (tmp_path / "log.csv").write_text(
+        header + "\n" + "\n".join(f"{k / 10};{20 * k};{k}".replace(".", ",") for k in range(30))
+    )
+    recording = imported(tmp_path / "log.csv", "--guess")
+    np.testing.assert_allclose(recording.t, np.arange(30) * 0.1 * factor, atol=1e-12)
+    np.testing.assert_allclose(recording.q[:, 0], np.deg2rad(20 * np.arange(30)))
+
+
+def test_a_table_in_our_words_that_seems_to_be_in_degrees_is_noted(
+    tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    (tmp_path / "map.toml").write_text('[columns]\nt = "t"\nq = "q{1}"\ni = "i{1}"\n[units]\nq = "deg"\n')
+    for reach, options, noted in (
+        (90.0, [], True),
+        (90.0, ["--map", str(tmp_path / "map.toml")], False),
+        (12.0, [], False),
+    ):
+        rows = "\n".join(f"{k / 10},0,{reach * k / 20},1,1" for k in range(21))
+        (tmp_path / "log.csv").write_text(f"t,q1,q2,i1,i2\n{rows}\n")
+        (tmp_path / "run.mcap").unlink(missing_ok=True)
+        assert run(["import", str(tmp_path / "log.csv"), "--out", str(tmp_path / "run.mcap"), *options]) == 0
+        assert ("joint 2 goes to 90 rad, more than two turns" in capsys.readouterr().err) == noted
