@@ -59,9 +59,9 @@ def read_visuals(path: str | Path) -> tuple[Visual, ...]:
 def _with_fixed(
     path: Path, tree: Tree, link: str, chain: Sequence[xml.Element], number: int, pose: Array
 ) -> list[Visual]:
-    """The meshes of a link, and of what is fixed to it beside the chain."""
+    """The meshes of a link, and of what hangs on it beside the chain."""
     found = _of_link(path, tree.links[link], number, pose)
-    for joint in tree.fixed_beside(link, chain):
+    for joint in tree.beside(link, chain):
         child = attribute(path, joint, "child", "link")
         found += _with_fixed(path, tree, child, chain, number, pose @ origin_of(path, joint))
     return found

@@ -46,7 +46,7 @@ class XmlText:
     """A text in UTF-8 and the edits to it. InputError where it is not well-formed."""
 
     def __init__(self, path: str | Path, data: bytes) -> None:
-        self._path, self._data = path, data
+        self.path, self._data = path, data
         self._edits: list[tuple[int, int, bytes]] = []
         self.root = self._parse()
 
@@ -64,7 +64,7 @@ class XmlText:
             found = re.search(rb"\s" + name.encode() + rb"\s*=\s*(\"[^\"]*\"|'[^']*')", tag)
             if "${" in element.attributes.get(name, ""):
                 raise InputError(
-                    self._path, f"<{element.tag}> has {name}={element.attributes[name]!r}: expand it first, xacro FILE"
+                    self.path, f"<{element.tag}> has {name}={element.attributes[name]!r}: expand it first, xacro FILE"
                 )
             if found:
                 first = element.start + found.start(1) + 1
@@ -132,7 +132,7 @@ class XmlText:
             self._data.decode("utf-8")
             parser.Parse(self._data, True)
         except (expat.ExpatError, ValueError) as error:
-            raise InputError(self._path, f"cannot be read as XML in UTF-8: {error}") from None
+            raise InputError(self.path, f"cannot be read as XML in UTF-8: {error}") from None
         return top.children[0]
 
 

@@ -18,6 +18,8 @@ from arm_model.mjcf.tree import NeedsCompiler
 
 _TYPES = ("free", "ball", "slide", "hinge")
 """By MuJoCo's numbers, mjtJoint."""
+_DRIVES_JOINT = (0, 1)
+"""By MuJoCo's numbers, mjtTrn: in the frame of the joint or of its parent."""
 
 
 def compiled_text(path: Path, needed: NeedsCompiler, content: bytes | None = None) -> bytes:
@@ -48,8 +50,15 @@ def compiled_text(path: Path, needed: NeedsCompiler, content: bytes | None = Non
     gravity = _numbers(model.opt.gravity)
     return (
         f'<mujoco model={quoteattr(name)}><compiler angle="radian" autolimits="true"/><option gravity="{gravity}"/>'
-        f"<worldbody>{''.join(_body(model, one) for one in _children(model, 0))}</worldbody></mujoco>"
+        f"<worldbody>{''.join(_body(model, one) for one in _children(model, 0))}</worldbody>"
+        f"<actuator>{''.join(_motor(model, one) for one in range(model.nu))}</actuator></mujoco>"
     ).encode()
+
+
+def _motor(model: Any, actuator: int) -> str:
+    """An actuator that drives a joint; of others nothing."""
+    kind, driven = model.actuator_trntype[actuator], model.actuator_trnid[actuator, 0]
+    return f"<motor joint={quoteattr(model.joint(driven).name)}/>" if kind in _DRIVES_JOINT else ""
 
 
 def _children(model: Any, body: int) -> list[int]:

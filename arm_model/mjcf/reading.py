@@ -16,6 +16,7 @@ import numpy as np
 
 from arm_io import InputError
 from arm_io.types import Array
+from arm_model.branches import ends_that_move, joints_of_arm
 from arm_model.description import Arm, Joint
 from arm_model.mjcf.compiled import compiled_text
 from arm_model.mjcf.geom_inertia import geom_inertia
@@ -34,6 +35,7 @@ class Body:
 
     link        from 0
     childclass  default class of what is in it
+    moves       whether it moves against its link in the file: a finger, which counts as fixed
     """
 
     link: int
@@ -41,36 +43,44 @@ class Body:
     pose: Array
     parameters: Array
     childclass: str | None
+    moves: bool = False
 
 
 @dataclass(frozen=True)
 class Reading:
-    """An arm, and where its numbers stand: the element of each joint with its attributes, and the bodies."""
+    """An arm, and where its numbers stand: the element of each joint with its attributes, and the bodies.
+
+    end: name of the last body of the chain
+    """
 
     tree: Tree
     arm: Arm
     joints: tuple[tuple[Node, Attributes], ...]
     bodies: tuple[Body, ...]
+    end: str
 
 
 def read_mjcf(path: str | Path, *, tip: str | None = None) -> Arm:
     """The arm in an MJCF file, from the world to body ``tip`` (needed where the moving bodies branch).
 
-    What is fixed to a link is merged into it. InputError for anything but a serial chain of hinges and slides.
+    What is fixed to a link is merged into it, and so is what moves beside the chain, as the fingers of a hand, in the
+    pose of the file (``mjcf_gaps`` says so). Of a scene, the tree that has actuators is the arm.
+    InputError for anything but a serial chain of hinges and slides.
     """
-    return _arm(path, tip, None)
+    return read_reading(path, tip=tip).arm
 
 
 def mjcf_of(text: str, path: str | Path) -> Arm:
     """``read_mjcf`` of a text; ``path`` names it in errors, and what it includes is looked for beside it."""
-    return _arm(path, None, text.encode())
+    return read_reading(path, content=text.encode()).arm
 
 
-def _arm(path: str | Path, tip: str | None, content: bytes | None) -> Arm:
+def read_reading(path: str | Path, *, tip: str | None = None, content: bytes | None = None) -> Reading:
+    """As ``read_all``, with MuJoCo's own compiler for what is not read here."""
     try:
-        return read_all(path, tip=tip, content=content).arm
+        return read_all(path, tip=tip, content=content)
     except NeedsCompiler as needed:
-        return read_all(path, tip=tip, content=compiled_text(Path(path), needed, content)).arm
+        return read_all(path, tip=tip, content=compiled_text(Path(path), needed, content))
 
 
 def read_all(path: str | Path, *, tip: str | None = None, content: bytes | None = None) -> Reading:
@@ -80,13 +90,13 @@ def read_all(path: str | Path, *, tip: str | None = None, content: bytes | None 
     """
     tree = read_tree(path, content)
     _check_compiler(tree)
-    chain = _Chain(tree, tip)
+    chain = _chain(tree, tip)
     joints: list[Joint] = []
     found: list[tuple[Node, Attributes]] = []
     bodies: list[Body] = []
     pose: Array = np.eye(4)
     childclass: str | None = None
-    for number, node in enumerate(chain.path):
+    for number, node in enumerate(chain):
         pose = pose @ tree.pose(node.element.attributes)
         childclass = node.element.attributes.get("childclass", childclass)
         for element in _joints_of(tree, node):
@@ -96,7 +106,7 @@ def read_all(path: str | Path, *, tip: str | None = None, content: bytes | None 
             joints.append(_joint(tree, element, given, pose @ anchor))
             found.append((element, given))
             pose = np.asarray(np.linalg.inv(anchor), float)
-        after = chain.path[number + 1] if number + 1 < len(chain.path) else None
+        after = chain[number + 1] if number + 1 < len(chain) else None
         bodies += _merged(tree, node, len(joints) - 1, pose, childclass, after)
     if not joints:
         raise InputError(tree.path, "has no moving joint")
@@ -110,47 +120,57 @@ def read_all(path: str | Path, *, tip: str | None = None, content: bytes | None 
         gravity=(float(gravity[0]), float(gravity[1]), float(gravity[2])),
         tool=tuple(tuple(float(value) for value in row) for row in pose),  # type: ignore[arg-type]
     )
-    return Reading(tree, arm, tuple(found), tuple(one for one in bodies if one.link >= 0))
+    return Reading(tree, arm, tuple(found), tuple(one for one in bodies if one.link >= 0), chain[-1].name)
 
 
-class _Chain:
-    """The bodies from the world to the tip, in order."""
+def _chain(tree: Tree, tip: str | None) -> list[Node]:
+    """The bodies from the world to ``tip``, else to the end of the arm: ``joints_of_arm``.
 
-    def __init__(self, tree: Tree, tip: str | None) -> None:
-        self._tree = tree
-        top = [child for child in tree.all("worldbody") if child.tag == "body"]
-        self.path = self._longest(top) if tip is None else self._to(top, tip)
-
-    def _longest(self, bodies: list[Node]) -> list[Node]:
-        """Along the bodies that move; behind the last of them along what is fixed to it, as far as it is one body."""
-        path: list[Node] = []
-        while bodies:
-            moving = [one for one in bodies if _moves(one)]
-            if len(moving) > 1:
-                names = ", ".join(one.name for one in moving)
-                raise InputError(
-                    self._tree.path,
-                    f"branches into {names}; name the tip: armscope model FILE --tip BODY --out ARM.toml",
-                )
-            if not moving and len(bodies) > 1:
-                break
-            path.append((moving or bodies)[0])
-            bodies = path[-1].all("body")
-        return path
-
-    def _to(self, bodies: list[Node], tip: str) -> list[Node]:
-        for body in bodies:
-            if body.name == tip:
-                return [body]
-            try:
-                return [body, *self._to(body.all("body"), tip)]
-            except InputError:
-                continue
-        raise InputError(self._tree.path, f"no body {tip!r}")
+    Behind the last joint along what is fixed to it, as far as it is one body; of a hand, to the body of its fingers.
+    """
+    ways = [way for body in tree.all("worldbody") if body.tag == "body" for way in _ways(body)]
+    if tip is not None:
+        for way in ways:
+            for place, body in enumerate(way, 1):
+                if body.name == tip:
+                    return way[:place]
+        raise InputError(tree.path, f"no body {tip!r}")
+    ways = _driven(tree, ways)
+    chains = [[id(joint) for body in way for joint in _moving(body)] for way in ways]
+    count = joints_of_arm(chains)
+    moving = ends_that_move(chains)
+    if not moving:
+        raise InputError(tree.path, "has no moving joint")
+    if count is None:
+        names = ", ".join(ways[index][-1].name for index in moving)
+        raise InputError(
+            tree.path, f"branches into {names}; name the tip: armscope model FILE --tip BODY --out ARM.toml"
+        )
+    arm = chains[moving[0]][:count]
+    hand = [way for way, chain in zip(ways, chains) if chain[:count] == arm and len(chain) > count]
+    shared = hand or [way for way, chain in zip(ways, chains) if chain == arm]
+    return [bodies[0] for bodies in zip(*shared) if all(one is bodies[0] for one in bodies)]
 
 
-def _moves(body: Node) -> bool:
-    return bool(body.all("joint") or body.all("freejoint")) or any(_moves(one) for one in body.all("body"))
+def _ways(body: Node) -> Iterator[list[Node]]:
+    """Per end of the tree below a body, the bodies on the way to it, with both ends."""
+    below = body.all("body")
+    if not below:
+        yield [body]
+    for one in below:
+        for way in _ways(one):
+            yield [body, *way]
+
+
+def _moving(body: Node) -> list[Node]:
+    return [*body.all("joint"), *body.all("freejoint")]
+
+
+def _driven(tree: Tree, ways: list[list[Node]]) -> list[list[Node]]:
+    """Of the trees of a scene those with a joint that an actuator drives, if there is one; else all."""
+    driven = {one.element.attributes.get("joint") for one in tree.all("actuator")}
+    trees = {id(way[0]) for way in ways for body in way for joint in body.all("joint") if joint.name in driven}
+    return [way for way in ways if id(way[0]) in trees] or ways
 
 
 def _joints_of(tree: Tree, body: Node) -> list[Node]:
@@ -166,14 +186,15 @@ def _check_compiler(tree: Tree) -> None:
 
 
 def _merged(
-    tree: Tree, node: Node, link: int, pose: Array, childclass: str | None, after: Node | None
+    tree: Tree, node: Node, link: int, pose: Array, childclass: str | None, after: Node | None, moves: bool = False
 ) -> Iterator[Body]:
-    """A body and what is fixed to it, but for the next of the chain, and for what moves."""
-    yield Body(link, node, pose, _inertial(tree, node, childclass), childclass)
+    """A body and what hangs on it, but for the next of the chain; what moves, in the pose of the file."""
+    yield Body(link, node, pose, _inertial(tree, node, childclass), childclass, moves)
     for child in node.all("body"):
-        if child is not after and not child.all("joint"):
+        if child is not after:
             inner = child.element.attributes.get("childclass", childclass)
-            yield from _merged(tree, child, link, pose @ tree.pose(child.element.attributes), inner, after)
+            here = pose @ tree.pose(child.element.attributes)
+            yield from _merged(tree, child, link, here, inner, after, moves or bool(_moving(child)))
 
 
 def _inertial(tree: Tree, body: Node, childclass: str | None) -> Array:

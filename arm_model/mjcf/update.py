@@ -24,7 +24,7 @@ def update_mjcf(original: str | Path, arm: Arm, out: str | Path, *, tip: str | N
     """Writes the MJCF ``original`` with the inertials, damping, frictionloss, armature and ranges of ``arm``.
 
     Returns what changed, one line each. Names, meshes, comments, order, defaults and white space stay. A number that a
-    default class gives is written at the joint itself. What is fixed to a moving body keeps its own inertial, and the
+    default class gives is written at the joint itself. What hangs on a moving body keeps its own inertial, and the
     body gets the rest; if the rest is not physical, the body gets all, and what is fixed to it nothing. An included
     file with numbers that change is written beside ``out``, under its own name and that of ``out``.
 
@@ -88,6 +88,12 @@ def _inertial(reading: Reading, link: int, was: Joint, now: Joint) -> list[str]:
         rest = rest - transform(one.parameters, back @ one.pose)
     mass, _, inertia = about_com(rest)
     if mass <= 0 or unphysical(mass, inertia):
+        if any(one.moves and np.any(one.parameters) for one in fixed):
+            raise InputError(
+                reading.tree.path,
+                f"body {main.node.name!r}: {now.mass:.4g} kg are not possible for it and what moves on it; "
+                "write the arm as .toml",
+            )
         for one in fixed:
             if np.any(one.parameters):
                 _set_inertial(reading.tree, one, np.zeros(10))

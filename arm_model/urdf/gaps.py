@@ -8,12 +8,10 @@ from enum import StrEnum
 from pathlib import Path
 
 from arm_io import read_file
+from arm_model.branches import are, counted_as_fixed, listed
 from arm_model.meshes import FORMATS, mesh_file
 from arm_model.urdf.reading import numbers_of
 from arm_model.urdf.tree import Tree, attribute
-
-MOST = 4
-"""Names in a line; of more, their number."""
 
 
 class Use(StrEnum):
@@ -43,7 +41,7 @@ def urdf_gaps(path: str | Path, uses: Collection[Use], *, tip: str | None = None
         (Use.PICTURE, "visual", "these links are drawn as capsules or lines from joint to joint"),
     ):
         if use in uses and (missing := missing_meshes(path, tag)):
-            found.append(f"{_listed(missing)} of <{tag}> {_are(missing)} not there or not {_formats()}: {instead}")
+            found.append(f"{listed(missing)} of <{tag}> {are(missing)} not there or not {_formats()}: {instead}")
     return found
 
 
@@ -69,7 +67,7 @@ def _massless(path: Path, tip: str | None) -> list[str]:
 
 def _has_inertial(tree: Tree, link: str, chain: Sequence[xml.Element]) -> bool:
     """Whether a link or something that is fixed to it beside the chain has an <inertial>."""
-    below = (attribute(tree.path, one, "child", "link") for one in tree.fixed_beside(link, chain))
+    below = (attribute(tree.path, one, "child", "link") for one in tree.beside(link, chain))
     return tree.links[link].find("inertial") is not None or any(_has_inertial(tree, one, chain) for one in below)
 
 
@@ -79,31 +77,28 @@ def _beside(path: Path, tip: str | None) -> list[str]:
     chain = tree.chain(tip)
     found = []
     if tip is None and (others := [name for name in tree.ends(chain) if name != tree.names(chain)[-1]]):
-        found.append(f"the tool frame is {tree.names(chain)[-1]}; --tip takes {_listed(others)} instead")
-    if moving := tree.moving_beside(chain):
+        found.append(f"the tool frame is {tree.names(chain)[-1]}; --tip takes {listed(others)} instead")
+    for counted in (True, False):
+        moving = [
+            one for one in tree.moving_beside(chain) if tree.moves(attribute(path, one, "parent", "link")) == counted
+        ]
+        if not moving:
+            continue
+        names, end = [joint.get("name", "") for joint in moving], tree.names(chain)[-1]
         mass = sum(
             numbers_of(path, tree.links[name].find("inertial/mass"), "value", "0", 1)[0]
             for joint in moving
             for name in tree.behind(joint)
         )
-        names = [joint.get("name", "") for joint in moving]
-        found.append(
-            f"{_listed(names)} {_are(names)} beside the way to {tree.names(chain)[-1]}: left out, with {mass:.4g} kg"
-        )
+        if counted:
+            found.append(counted_as_fixed(names, end, mass))
+        else:
+            found.append(f"{listed(names)} {are(names)} beside the arm on its base: left out")
     return found
 
 
 def _names(what: str, names: Sequence[str]) -> str:
-    return f"{what}{'s' * (len(names) > 1)} {_listed(names)} {'have' if len(names) > 1 else 'has'}"
-
-
-def _listed(names: Sequence[str]) -> str:
-    shown = ", ".join(names[:MOST])
-    return shown if len(names) <= MOST else f"{shown} and {len(names) - MOST} more"
-
-
-def _are(names: Sequence[str]) -> str:
-    return "are" if len(names) > 1 else "is"
+    return f"{what}{'s' * (len(names) > 1)} {listed(names)} {'have' if len(names) > 1 else 'has'}"
 
 
 def _formats() -> str:

@@ -1,6 +1,6 @@
 """URDF in and out: the kinematics, inertias, limits and joint friction of one serial chain.
 
-See http://wiki.ros.org/urdf/XML).
+See http://wiki.ros.org/urdf/XML.
 
 Of the motors URDF knows the gears (``<mechanicalReduction>`` of a ``<transmission>``, as ros_control has it), but no
 rotor inertias, torque constants and controllers: currents of an arm from URDF are torques at the joint, with a gear or
@@ -43,7 +43,8 @@ def read_urdf(path: str | Path, *, tip: str | None = None) -> Arm:
     """The arm in a URDF file, from its root link to link ``tip`` (needed where several chains move: ``tip_of``).
 
     What is fixed to a link is merged into it, also beside the way to ``tip``; where ``tip`` is behind the last joint
-    makes the tool. What moves beside that way is left out (``urdf_gaps`` says so).
+    makes the tool. What moves beside that way, as the fingers of a hand, counts as fixed where the file places it
+    (``urdf_gaps`` says so).
     InputError for anything that is not a serial chain of revolute, continuous and prismatic joints with physical links.
     """
     return urdf_of(read_file(path), path, tip=tip)
@@ -98,7 +99,7 @@ Capsules = tuple[Capsule, ...] | None
 
 @dataclass(frozen=True)
 class Body:
-    """A link with all that is fixed to it beside the chain.
+    """A link with all that hangs on it beside the chain.
 
     inertial  (10,) barycentric parameters in the link's frame; shape: capsules there
     lacking   whether the file of a mesh that its shape needs is missing
@@ -113,7 +114,7 @@ def _body(path: str | Path, tree: Tree, name: str, chain: Sequence[xml.Element])
     link = tree.links[name]
     inertial, shape = _inertial(path, link), _capsules(path, link)
     lacking = _unknown(shape, link)
-    for joint in tree.fixed_beside(name, chain):
+    for joint in tree.beside(name, chain):
         pose = origin_of(path, joint)
         other = _body(path, tree, attribute(path, joint, "child", "link"), chain)
         inertial = inertial + transform(other.inertial, pose)

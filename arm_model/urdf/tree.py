@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from arm_io import InputError
+from arm_model.branches import ends_that_move, joints_of_arm
 
 TOOL_FRAME = "tool0"
 """Link at the end of an arm, without anything mounted on it, in the files of ROS-Industrial."""
@@ -51,23 +52,35 @@ class Tree:
         return chain[::-1]
 
     def tip_of(self) -> str:
-        """The end of the only chain of moving joints. Of several links fixed there ``tool0``, else the first.
+        """The end of the arm among the chains of moving joints: ``joints_of_arm``.
 
-        InputError where several chains move, as the fingers of a gripper.
+        Of several links fixed there ``tool0``, else the first; where a hand has none, the link that its fingers are on.
+        InputError where the file does not decide.
         """
         ends = [name for name, joints in self.below.items() if not joints]
+        chains = [self._moving(self.chain(name)) for name in ends]
+        moving = ends_that_move(chains)
+        count = joints_of_arm(chains)
         if len(ends) == 1:
             return ends[0]
-        moving = {name: self._moving(self.chain(name)) for name in ends}
-        longest = max(moving.values(), key=len, default=[])
-        # The base frame of many files and a camera on the forearm end ways that are part of another.
-        if not longest or any(way != longest[: len(way)] for way in moving.values()):
+        if not ends:
             raise InputError(
-                self.path,
-                f"branches into {', '.join(ends)}; name the tip: armscope model FILE --tip LINK --out ARM.toml",
+                self.path, "has no <link> that ends a chain of joints; xacro files need: xacro FILE > ARM.urdf"
             )
-        last = self.ends(self.chain(next(name for name in ends if moving[name] == longest)))
-        return TOOL_FRAME if TOOL_FRAME in last else last[0]
+        if count is None:
+            names = ", ".join(self.named_end(chains[index]) for index in moving) or ", ".join(self.links)
+            raise InputError(
+                self.path, f"branches into {names}; name the tip: armscope model FILE --tip LINK --out ARM.toml"
+            )
+        arm = chains[moving[0]][:count]
+        if arm not in chains:
+            return attribute(self.path, chains[moving[0]][count], "parent", "link")
+        return self.named_end(arm)
+
+    def named_end(self, moving: Sequence[xml.Element]) -> str:
+        """Of the ends behind the last of a chain's moving joints ``tool0``, else the first."""
+        ends = self.ends(moving)
+        return TOOL_FRAME if TOOL_FRAME in ends else ends[0]
 
     def ends(self, chain: Sequence[xml.Element]) -> list[str]:
         """The links without any below them behind the last moving joint of a chain."""
@@ -85,9 +98,14 @@ class Tree:
             attribute(self.path, joint, "child", "link") for joint in chain
         ]
 
-    def fixed_beside(self, link: str, chain: Sequence[xml.Element]) -> list[xml.Element]:
-        """The fixed joints below a link that are not on the chain."""
-        return [one for one in self.below[link] if not _moves(one) and one not in chain]
+    def beside(self, link: str, chain: Sequence[xml.Element]) -> list[xml.Element]:
+        """The joints below a link that are not on the chain: fixed ones, behind the arm's first joint also others."""
+        moves = self.moves(link)
+        return [one for one in self.below[link] if one not in chain and (moves or not _moves(one))]
+
+    def moves(self, link: str) -> bool:
+        """Whether there is a moving joint between the root and a link."""
+        return bool(self._moving(self.chain(link)))
 
     def moving_beside(self, chain: Sequence[xml.Element]) -> list[xml.Element]:
         """The first moving joint of every branch beside the chain."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -21,12 +22,12 @@ _ENTRIES = ("ixx", "iyy", "izz", "ixy", "iyz", "ixz")
 def update_urdf(original: str | Path, arm: Arm, out: str | Path, *, tip: str | None = None) -> list[str]:
     """Writes the URDF file ``original`` with the masses, centres, inertias, friction and joint origins of ``arm``.
 
-    Returns what changed, one line each. Names, meshes, comments, order and white space stay. What is fixed to a moving
+    Returns what changed, one line each. Names, meshes, comments, order and white space stay. What hangs on a moving
     link keeps its own inertial, and the link gets the rest; if the rest is not physical, the link gets all, and what is
     fixed to it nothing.
 
-    InputError where the arm has other joints than the file, where a number to change is an expression of xacro, or the
-    file cannot be written.
+    InputError where the arm has other joints than the file, where a number to change is an expression of xacro, where a
+    link would need the mass of a hand that moves on it, or the file cannot be written.
     """
     before = read_urdf(original, tip=tip)
     text = XmlText(original, read_file(original))
@@ -38,7 +39,7 @@ def update_urdf(original: str | Path, arm: Arm, out: str | Path, *, tip: str | N
         element = text.root.named("joint", now.name)
         assert element is not None
         changed += _origin(text, original, element, was, now) + _friction(text, element, was, now)
-        changed += _inertial(text, original, element, was, now)
+        changed += _inertial(text, element, was, now, names)
     write_text(out, text.text())
     return changed
 
@@ -69,8 +70,8 @@ def _friction(text: XmlText, element: Element, was: Joint, now: Joint) -> list[s
     return [f"joint {now.name}: friction"]
 
 
-def _inertial(text: XmlText, path: str | Path, element: Element, was: Joint, now: Joint) -> list[str]:
-    """Mass, centre and inertia of the link behind a joint."""
+def _inertial(text: XmlText, element: Element, was: Joint, now: Joint, names: Sequence[str]) -> list[str]:
+    """Mass, centre and inertia of the link behind a joint; names: of the arm's joints."""
     if not any(differ(getattr(was, name), getattr(now, name)) for name in ("mass", "com", "inertia")):
         return []
     child = element.child("child")
@@ -81,24 +82,31 @@ def _inertial(text: XmlText, path: str | Path, element: Element, was: Joint, now
     rest = total - (old - own)
     mass, _, inertia = about_com(rest)
     if mass < 0 or unphysical(mass, inertia):
-        for fixed in _fixed_to(text, link.attributes["name"]):
+        hung = _hung_on(text, link.attributes["name"], names)
+        if any(moves for _, moves in hung):
+            raise InputError(
+                text.path,
+                f"link {link.attributes['name']!r}: {now.mass:.4g} kg are not possible for it and what moves on it; "
+                "write the arm as .toml",
+            )
+        for fixed, _ in hung:
             _set_inertial(text, fixed, np.zeros(10))
         rest = total
     _set_inertial(text, link, rest)
     return [f"link {link.attributes['name']}: mass {was.mass:.6g} -> {now.mass:.6g} kg, with what is fixed to it"]
 
 
-def _fixed_to(text: XmlText, link: str) -> list[Element]:
-    """Links with inertials that are fixed to a link."""
-    found: list[Element] = []
+def _hung_on(text: XmlText, link: str, arm: Collection[str]) -> list[tuple[Element, bool]]:
+    """Links with inertials that hang on a link, but not by a joint of the arm, and whether they move."""
+    found: list[tuple[Element, bool]] = []
     for joint in text.root.children:
         parent, child = joint.child("parent"), joint.child("child")
-        if joint.tag != "joint" or joint.attributes.get("type") != "fixed" or parent is None or child is None:
+        if joint.tag != "joint" or joint.attributes.get("name") in arm or parent is None or child is None:
             continue
         if parent.attributes.get("link") == link:
-            below = text.root.named("link", child.attributes["link"])
-            found += [below] if below is not None and below.child("inertial") else []
-            found += _fixed_to(text, child.attributes["link"])
+            below, moves = text.root.named("link", child.attributes["link"]), joint.attributes.get("type") != "fixed"
+            found += [(below, moves)] if below is not None and below.child("inertial") else []
+            found += [(one, moves or other) for one, other in _hung_on(text, child.attributes["link"], arm)]
     return found
 
 

@@ -118,14 +118,19 @@ def read_experiment(experiment: File | Experiment) -> Experiment:
 
 
 def note_gaps(model: File | None, *uses: str, tip: str | None = None) -> None:
-    """One note on standard error for each thing that a URDF file does not say and ``uses`` need: what stands in for it.
+    """One note on standard error for each thing that a model from elsewhere does not say and ``uses`` need.
 
-    uses: of ``arm_model.urdf.Use``; tip: last link, of a file that branches. Another file than URDF has no gaps: what
-    it lacks is refused.
+    It says what stands in for it. uses: of ``arm_model.urdf.Use``; tip: last link or body, of a file that branches.
+    A model file of armscope has no gaps: what it lacks is refused.
     """
-    if model is None or Path(model).suffix != ".urdf":
-        return
-    from arm_model.urdf import Use, urdf_gaps
+    gaps: list[str] = []
+    if model is not None and Path(model).suffix == ".urdf":
+        from arm_model.urdf import Use, urdf_gaps
 
-    for gap in urdf_gaps(Path(model), {Use(use) for use in uses}, tip=tip):
+        gaps = urdf_gaps(Path(model), {Use(use) for use in uses}, tip=tip)
+    elif model is not None and "dynamics" in uses and Path(model).suffix in (".xml", ".mjcf"):
+        from arm_model.mjcf import mjcf_gaps
+
+        gaps = mjcf_gaps(Path(model), tip=tip)
+    for gap in gaps:
         print(f"note: {model}: {gap}", file=sys.stderr)

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from arm_io import InputError
 from arm_model import Arm, read_model, write_model
 from arm_model.description import Joint
-from arm_model.mjcf import update_mjcf
+from arm_model.mjcf import mjcf_gaps, update_mjcf
 from arm_model.system.inverse import torque_with_effects
 from armscope.cli import run
 
@@ -185,6 +185,32 @@ def test_what_is_not_read_is_said_in_one_line(old: str, new: str, complaint: str
     with pytest.raises(InputError, match=complaint) as caught:
         read_model(original)
     assert "\n" not in str(caught.value)
+
+
+HAND = (
+    '<body name="hand" pos="0 0 .4"><inertial mass=".3" pos="0 0 0" diaginertia="1e-3 1e-3 1e-3"/>'
+    '<body name="left" pos="0 .04 .05"><inertial mass=".05" pos="0 0 .02" diaginertia="1e-5 1e-5 1e-5"/>{}</body>'
+    '<body name="right" pos="0 -.04 .05"><inertial mass=".05" pos="0 0 .02" diaginertia="1e-5 1e-5 1e-5"/>{}</body>'
+    "</body></body>"
+)
+SLIDES = ('<joint name="open" type="slide" axis="0 1 0"/>', '<joint name="close" type="slide" axis="0 -1 0"/>')
+SCENE = '<body name="cube"><freejoint/><geom size=".1"/></body><body name="door"><joint/><geom size=".1"/></body>'
+
+
+@pytest.mark.parametrize("compiled", [False, True])
+def test_of_a_scene_the_driven_arm_is_read_with_its_hand_at_rest(original: Path, compiled: bool) -> None:
+    """As MuJoCo has it with the fingers fixed."""
+    forearm = original.parent / "forearm.xml"
+    forearm.write_text(FOREARM.replace("</body>", HAND.format(*SLIDES)))
+    include = '<include file="forearm.xml"/>'
+    framed = ARM.replace(include, f"<frame>{include}</frame>") if compiled else ARM
+    original.write_text(framed.replace("</worldbody>", f"{SCENE}</worldbody>"))
+    said = "open, close are not part of the chain to hand: counted as fixed where the file places them, with 0.1 kg"
+    assert mjcf_gaps(original) == [said]
+    with_hand = read_model(original)
+    original.write_text(ARM)
+    forearm.write_text(FOREARM.replace("</body>", HAND.format("", "")))
+    agree(original, with_hand)
 
 
 PLATE = '<body name="plate" pos="0.2 0 0"><inertial mass="0.4" pos="0 0 0" diaginertia="1e-3 1e-3 2e-3"/></body>'

@@ -147,6 +147,7 @@ def test_fixed_links_are_merged(tmp_path: Path) -> None:
         ("<robot", "cannot be read as URDF"),
         ("<sdf/>", "not a URDF"),
         ("<robot><link name='a'/><link name='b'/></robot>", "branches into a, b"),
+        ("<robot><macro name='arm'><link name='a'/></macro></robot>", "has no <link> that ends a chain .* xacro FILE"),
         ("<robot><link name='a'/><joint name='j'><parent link='a'/></joint></robot>", "needs <child link"),
     ],
 )

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from arm_io import InputError
+from arm_model.branches import joints_of_arm
 from arm_model.rigid_body import numeric
 from arm_model.urdf import Use, read_urdf, update_urdf, urdf_gaps
 from tests.arm_model.random_arms import random_states
@@ -77,14 +78,65 @@ def test_the_only_chain_that_moves_is_the_arm_with_all_that_is_fixed_to_it(tmp_p
     assert urdf_gaps(path, {Use.DYNAMICS}, tip="hand") == []
 
 
-def test_of_what_moves_beside_the_way_to_the_tip_the_mass_is_said(tmp_path: Path) -> None:
+def test_fingers_count_as_fixed_where_the_file_places_them(tmp_path: Path) -> None:
+    fixed = [part.replace('type="prismatic"', 'type="fixed"') for part in FINGERS]
+    expected = read_urdf(written(tmp_path, ARM + fixed), tip="tool0")
     path = written(tmp_path, ARM + FINGERS)
-    with pytest.raises(InputError, match=r"branches into frame, tool0, cable, left, right; name the tip"):
+    assert read_urdf(path) == read_urdf(path, tip="tool0") == expected != read_urdf(path, tip="camera")
+    said = "are not part of the chain to tool0: counted as fixed where the file places them, with 0.1 kg"
+    assert urdf_gaps(path, {Use.DYNAMICS}) == [f"hand_left, hand_right {said}"]
+    # a hand without a frame for tools: the tool is the link that the fingers are on
+    path = written(tmp_path, [part for part in ARM + FINGERS if "tool0" not in part])
+    assert read_urdf(path) == read_urdf(path, tip="hand")
+
+
+def test_a_camera_that_turns_beside_the_wrist_is_no_hand(tmp_path: Path) -> None:
+    path = written(tmp_path, [*ARM, link("lens", 0.3), joint("upper", "lens", "revolute")])
+    with pytest.raises(InputError, match=r"branches into tool0, lens; name the tip: armscope model FILE --tip LINK"):
+        read_urdf(path)
+    assert sum(one.mass for one in read_urdf(path, tip="tool0").joints) == pytest.approx(6.5)
+
+
+def test_what_moves_on_the_base_is_not_the_arms(tmp_path: Path) -> None:
+    path = written(tmp_path, [*ARM, link("wheel", 4.0), joint("base", "wheel", "continuous")])
+    with pytest.raises(InputError, match="branches into tool0, wheel"):
         read_urdf(path)
     assert read_urdf(path, tip="tool0") == read_urdf(written(tmp_path, ARM))
+    path = written(tmp_path, [*ARM, link("wheel", 4.0), joint("base", "wheel", "continuous")])
+    assert urdf_gaps(path, {Use.DYNAMICS}, tip="tool0") == ["base_wheel is beside the arm on its base: left out"]
+
+
+@pytest.mark.parametrize(
+    ("chains", "count"),
+    [
+        (["", "abc"], 3),
+        (["abc", "ab", "abc"], 3),
+        (["abcx", "abcy"], 3),
+        (["abcx", "abcy", "abc", "a"], 3),
+        (["abcxX", "abcyY", "abcz", "abcw"], 3),  # two fingers of two joints, two of one
+        (["abcxX", "abcy"], None),  # a wrist and a camera
+        (["abx", "abcde"], None),
+        (["xa", "yb"], None),  # two arms
+        (["abxyz", "abuvw"], None),  # two arms on a torso
+        (["", ""], None),
+        ([], None),
+    ],
+)
+def test_the_arm_among_chains(chains: list[str], count: int | None) -> None:
+    assert joints_of_arm(chains) == count
+
+
+def test_an_identified_mass_comes_back_beside_fingers(tmp_path: Path) -> None:
     path = written(tmp_path, ARM + FINGERS)
-    said = ["hand_left, hand_right are beside the way to tool0: left out, with 0.1 kg"]
-    assert urdf_gaps(path, {Use.DYNAMICS}, tip="tool0") == said
+    arm = read_urdf(path)
+    fore = replace(arm.joints[1], mass=1.1 * arm.joints[1].mass, inertia=tuple(1.1 * v for v in arm.joints[1].inertia))
+    update_urdf(path, replace(arm, joints=(arm.joints[0], fore)), tmp_path / "out.urdf")
+    back = read_urdf(tmp_path / "out.urdf").joints[1]
+    assert back.mass == pytest.approx(fore.mass) and back.com == pytest.approx(fore.com)
+    with pytest.raises(InputError, match=r"link 'fore': 0.03 kg are not possible for it and what moves on it"):
+        light = replace(arm.joints[1], mass=0.03)
+        update_urdf(path, replace(arm, joints=(arm.joints[0], light)), tmp_path / "light.urdf")
+    assert not (tmp_path / "light.urdf").exists()
 
 
 def test_an_identified_mass_comes_back_beside_a_camera(tmp_path: Path) -> None:
