@@ -133,7 +133,8 @@ def _off_the_setpoints(arm: Arm, designed: Experiment, rig: Rig | None) -> Exper
     """The experiment, sampled at no multiple of the setpoint rate if the rig's own rate is one."""
     from identification.preprocessing import rate_beside
 
-    if rig is None or rig.trigger is None or (rate := rate_beside(arm, rig.trigger.rate)) == rig.trigger.rate:
+    period = 0.0 if arm.controller is None else arm.controller.setpoint_period
+    if rig is None or rig.trigger is None or (rate := rate_beside(period, rig.trigger.rate)) == rig.trigger.rate:
         return designed
     return designed.model_copy(update={"rate": rate})
 

@@ -7,8 +7,9 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from diagnosis.residual.expected_current import rate_of
-from diagnosis.residual.run import FOLDED, Run
-from identification.preprocessing import UNSEEN, rate_beside, rows_a_setpoint
+from diagnosis.residual.folded import FOLDED
+from diagnosis.residual.run import Run
+from identification.preprocessing import UNSEEN, rate_beside
 
 
 def folding_warnings(runs: Sequence[Run]) -> Iterator[str]:
@@ -16,20 +17,21 @@ def folding_warnings(runs: Sequence[Run]) -> Iterator[str]:
     of_rate: dict[int, list[Run]] = {}
     for run in runs:
         if run.folded.any():
-            of_rate.setdefault(rows_a_setpoint(run.arm, 1 / rate_of(run.raw[0])), []).append(run)
+            of_rate.setdefault(run.setpoint_rows, []).append(run)
     for rows, alike in of_rate.items():
         noise = np.sqrt(np.mean([run.noise**2 for run in alike], axis=0))
         ratio = np.sqrt(np.mean(np.concatenate([run.folded**2 for run in alike]), axis=0)) / noise
-        if rows > UNSEEN and ratio.max() < FOLDED:
+        controller, rate = alike[0].arm.controller, rate_of(alike[0].raw[0])
+        hidden = rows <= UNSEEN and controller is not None
+        if not hidden and ratio.max() < FOLDED:
             continue
-        arm, rate = alike[0].arm, rate_of(alike[0].raw[0])
         far = f"two std of it are {2 * ratio.max():.1f} times the noise of joint {int(ratio.argmax()) + 1}"
-        if rows <= UNSEEN:
+        if hidden:
             far = "how far cannot be seen at so few rows per setpoint"
-        assert arm.controller is not None
+        period = rows / rate if controller is None else controller.setpoint_period
         yield (
             f"{', '.join(dict.fromkeys(run.name for run in alike))}: {rate:.5g} Hz is {rows} times the rate of the "
-            f"controller's setpoints (every {arm.controller.setpoint_period * 1e3:.3g} ms): the servos' ripple is "
-            f"folded onto the acceleration; {far}, and errors of inertias up to there are not named; at "
-            f"{rate_beside(arm, rate):.5g} Hz, or with currents averaged over each row, they would be"
+            f"controller's setpoints (every {period * 1e3:.3g} ms{', as the currents show' * (controller is None)}): "
+            f"the servos' ripple is folded onto the acceleration; {far}, and errors of inertias up to there are not "
+            f"named; at {rate_beside(period, rate):.5g} Hz, or with currents averaged over each row, they would be"
         )

@@ -36,17 +36,16 @@ from diagnosis.residual.expected_current import (
     reading,
     true_angle,
 )
+from diagnosis.residual.folded import folded_currents, rows_per_setpoint
 from diagnosis.residual.noise import NOTHING_KNOWN, KnownNoise, angle_noise, encoder_steps, scatter
 from diagnosis.residual.perpendicular import beside
-from identification.preprocessing import UNSEEN, drifting, folded_along, rows_a_setpoint
+from identification.preprocessing import UNSEEN, drifting
 
 ROWS_PER_SECOND = 100
 ROWS_FOR_ONE = ROWS_PER_SECOND / (2.0 * COMPARE_BAND)
 """Rows that count as one: the filters leave 2 x COMPARE_BAND independent values per second."""
 KEPT = 8
 """Residuals of one recording under other effects that are kept."""
-FEW_ROWS, FOLDED = 10, 0.5
-"""Rows per setpoint, and share of the noise: of more rows, what sampling folds counts from that share on."""
 AHEAD = 0.02
 """s by which setpoints are ahead of the motion: the delay of a servo with a bandwidth of 8 Hz."""
 CREEP = 0.02
@@ -61,7 +60,8 @@ class Run:
     n) rad and per second of the motor over gear; current, expected, residual (m, n) A; current_rate A/s;
     rigid (m, n) N m: torque to the links; inertia (m, n) kg m2 of the links alone; both at the drives, where joints are
     coupled;
-    folded (m, n) A: one std of what sampling may have put into the currents unseen (``identification.preprocessing``);
+    folded (m, n) A: one std of what sampling may have put into the currents unseen (``identification.preprocessing``),
+    where rows come at this many ``setpoint_rows`` per setpoint of the controller, stated or seen (0: not so);
     brisk_v, brisk_rigid: v and rigid from the motion in the band of comparison, less smooth and noisier;
     noise (n,) A: std of the residual from the instruments alone; instruments (m, n) A: the same row by row, larger
     where steps of an encoder beat with the rows (``beats``); deviation (m, n) A: std that the residual has with nothing
@@ -89,6 +89,7 @@ class Run:
     noise: Array
     instruments: Array
     folded: Array
+    setpoint_rows: int
     block: NDArray[np.intp]
     arm: Arm
     powered: bool = True
@@ -194,7 +195,7 @@ class Run:
     @cached_property
     def _unseen(self) -> list[tuple[slice, int, Array, Array]]:
         """Rows, joint, orthonormal directions (r, k) of what folds there, and the share by which these count less."""
-        found, of_unseen = [], rows_a_setpoint(self.arm, 1 / rate_of(self.raw[0])) == UNSEEN
+        found, of_unseen = [], self.setpoint_rows == UNSEEN and self.arm.controller is not None
         for part, j in itertools.product(self.parts, np.flatnonzero(self.folded.any(axis=0)).tolist()):
             over, folded = 1.0 / self.deviation[part, j], self.folded[part, j]
             own = drifting(folded * over, self.t[part] - self.t[part][0])
@@ -240,6 +241,7 @@ def residual_run(
     rows, current, expected = t[keep], thin(i), thin(reading(arm, t, q, powered=powered))
     block = ((rows - rows[0]) // 1.0).astype(np.intp)
     instruments = _row_by_row(noise, q, slow_v, moved, rate, known)
+    setpoint_rows = rows_per_setpoint(arm, i, a, rate) if powered else 0
     brisk = [thin(values) for values in (position, v, a)]
     return Run(
         name=name,
@@ -258,7 +260,8 @@ def residual_run(
         deviation=np.hypot(instruments, friction_std),
         noise=noise,
         instruments=instruments,
-        folded=_folded(arm, t, angle, i, brisk[2], noise) if powered else np.zeros_like(instruments),
+        folded=folded_currents(arm, (t, angle, i), setpoint_rows, keep, brisk[2], noise),
+        setpoint_rows=setpoint_rows,
         block=block,
         arm=arm,
         powered=powered,
@@ -317,23 +320,6 @@ def _row_by_row(noise: Array, q: Array, v: Array, inertia: Array, rate: float, k
     """
     beats = beat_variance(v, steps_of(q, known.steps), rate, lambda f: (2 * np.pi * f) ** 2 * passed(f))
     return np.sqrt(np.maximum(noise**2, beats @ np.mean(inertia**2, axis=0).T))
-
-
-def _folded(arm: Arm, t: Array, q: Array, i: Array, a: Array, noise: Array) -> Array:
-    """(m, n) A: one std of what sampling may have put into currents i (k, n) unseen, of joints where that matters.
-
-    a: (m, n) the acceleration in the band of comparison; of two rows per setpoint, all of it times 1 kg m2 (kg).
-    From many rows on, the line that folds is far below what those that are seen allow.
-    """
-    constant, rate = arm.joint_array("drive_constant"), rate_of(t)
-    rows = rows_a_setpoint(arm, 1 / rate)
-    if rows == UNSEEN:
-        return a / constant
-    torque = folded_along(arm, t, q, i * constant)
-    if torque is None:
-        return np.zeros_like(a)
-    folded = torque[kept(rate)] / constant
-    return np.asarray(folded * ((rows <= FEW_ROWS) | (np.sqrt(np.mean(folded**2, axis=0)) > FOLDED * noise)))
 
 
 def residual_with(run: Run, terms: Sequence[EffectTerm]) -> Array:

@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from identification.preprocessing.demands import demand_of_run, tracked_as_recorded
     from identification.preprocessing.filtering import zero_phase
     from identification.preprocessing.readiness import Readiness
+    from identification.preprocessing.setpoint_lines import seen_rows
 else:
     __getattr__ = lazy(__name__)
 
@@ -20,6 +21,7 @@ __all__ = [
     "folded_along",
     "rate_beside",
     "rows_a_setpoint",
+    "seen_rows",
     "tracked_as_recorded",
     "zero_phase",
 ]

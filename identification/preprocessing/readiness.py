@@ -18,7 +18,7 @@ from scipy import signal
 from arm_io.types import Array
 from arm_model import Arm
 from daq.recording import Recording
-from identification.preprocessing.aliased_ripple import rate_beside, rows_a_setpoint
+from identification.preprocessing.aliased_ripple import rate_beside
 from identification.preprocessing.quality import Trusted
 from identification.preprocessing.signals import Motion
 
@@ -178,10 +178,10 @@ def _left_out(name: str, motion: Motion) -> list[str]:
 
 def _folded(name: str, motion: Motion, arm: Arm) -> list[str]:
     """Where transients at setpoints are aliased by the sampling (``aliased_ripple``)."""
-    rows = rows_a_setpoint(arm, motion.dt)
-    if rows == 0 or arm.controller is None:
+    rows, known = motion.setpoint_rows, "how far cannot be seen at so few rows a setpoint"
+    if rows == 0:
         return []
-    period, known = arm.controller.setpoint_period, "how far cannot be seen at so few rows a setpoint"
+    period = rows * motion.dt if arm.controller is None else arm.controller.setpoint_period
     if motion.folded is not None:
         shares = 2 * np.std(motion.folded, axis=0) / np.maximum(np.std(motion.torque, axis=0), 1e-12)
         known = (
@@ -190,9 +190,9 @@ def _folded(name: str, motion: Motion, arm: Arm) -> list[str]:
         )
     return [
         f"{name}: {1 / motion.dt:.5g} Hz is {rows} times the rate of the controller's setpoints (every "
-        f"{period * 1e3:.3g} ms): the servos'"
+        f"{period * 1e3:.3g} ms{', as the currents show' * (arm.controller is None)}): the servos'"
         f" ripple is folded onto the acceleration, and a joint's own inertia may be off; {known};"
-        f" at {rate_beside(arm, 1 / motion.dt):.5g} Hz, or with currents averaged over each row, it would not be"
+        f" at {rate_beside(period, 1 / motion.dt):.5g} Hz, or with currents averaged over each row, it would not be"
     ]
 
 

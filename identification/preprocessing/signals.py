@@ -45,7 +45,8 @@ class Motion:
     the velocity is known for as long as the low-pass smears a step. Around a reversal the torque's step of Coulomb
     friction is smeared and the column's is not, and what friction does there is not Coulomb's law in the first place:
     for a fit, such samples are made zero on both sides; in a motion for judging fits they stay. folded (m, J): what
-    sampling may have put into the torque unseen, one standard deviation (``setpoint_ripple``). sparing: every so many
+    sampling may have put into the torque unseen, one standard deviation, where rows come at this many ``setpoint_rows``
+    per setpoint of the controller (``aliased_ripple``; 0: at no multiple of their rate). sparing: every so many
     rows of the parallel filter are kept, all by default (``spared``). temperatures: of the motors meanwhile, where
     they were recorded.
     """
@@ -61,6 +62,7 @@ class Motion:
     excluded: Mapping[str, NDArray[np.int64]]
     band: Band
     folded: Array | None = None
+    setpoint_rows: int = 0
     for_judging: bool = False
     sparing: int = 1
     temperatures: Temperatures | None = None

@@ -16,7 +16,7 @@ from arm_model.friction_split import split_arm
 from arm_model.tables import recorded_temperatures
 from daq.recording import Recording
 from identification.preprocessing import checks
-from identification.preprocessing.aliased_ripple import folded_torque
+from identification.preprocessing.aliased_ripple import folded_torque, setpoint_rows
 from identification.preprocessing.quality import trusted
 from identification.preprocessing.readiness import Excitation, RunReadiness, readiness_of
 from identification.preprocessing.signals import Motion, smooth_motion, spared, with_reversals
@@ -116,8 +116,14 @@ def motion_of(recording: Recording, arm: Arm) -> tuple[Motion, RunReadiness]:
     motion = smooth_motion(recording.t, q, torque, saturated=found.saturated)
     checks.check_motion(recording.path, motion)
     motion = motion.without(resting(motion, arm), "at rest")
-    folded = folded_torque(arm, motion, recording.t - recording.t[0], torque)
-    motion = replace(motion, folded=folded, temperatures=recorded_temperatures(recording.t, recording.temp))
+    t = recording.t - recording.t[0]
+    rows = setpoint_rows(arm, motion, t, torque)
+    motion = replace(
+        motion,
+        setpoint_rows=rows,
+        folded=folded_torque(arm, motion, t, torque, rows),
+        temperatures=recorded_temperatures(recording.t, recording.temp),
+    )
     return motion, readiness_of(recording, found, motion, arm)
 
 

@@ -54,14 +54,17 @@ def recorded(root: Path, tmp_path: Path) -> Callable[..., list[Recording]]:
 
 
 @pytest.mark.parametrize("phase", [0.0, pytest.param(0.5, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("stated", [True, False])
 def test_what_sampling_folds_onto_the_acceleration_is_no_inertia(
-    arm: Arm, recorded: Callable[..., list[Recording]], phase: float
+    arm: Arm, recorded: Callable[..., list[Recording]], phase: float, stated: bool
 ) -> None:
     fit, held_out = recorded(arm, 500.0, phase)
-    result = armscope.diagnose(fit, arm, held_out=held_out)
+    # a model from a URDF file knows nothing of its controller
+    result = armscope.diagnose(fit, arm if stated else replace(arm, controller=None), held_out=held_out)
     assert result.verdict == "consistent"
     (warning,) = result.details.warnings
-    assert "500 Hz is 5 times the rate of the controller's setpoints" in warning
+    assert "500 Hz is 5 times the rate of the controller's setpoints (every 10 ms" in warning
+    assert ("as the currents show" in warning) != stated
     assert "460 Hz" in warning
 
 

@@ -1,0 +1,57 @@
+"""Whether recorded currents show that rows come at a multiple of the rate of setpoints that nobody has stated.
+
+A model from a URDF file says nothing of its controller. But transients at setpoints are lines of the current at whole
+multiples of the setpoints' rate, and follow the acceleration (``aliased_ripple``): with n rows per setpoint the product
+of current and acceleration has a line at 1/n of the sampling rate, and beside it none. It is held against the same
+product some Hz beside it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import stats
+
+from arm_io.types import Array
+
+MOST = 10
+"""Rows per setpoint; of more, the line that folds is far below those that are seen."""
+SECONDS = 5.0
+"""s of a stretch, over which the clocks of rows and setpoints stay in phase."""
+BESIDE = (4.0, 14.0)
+"""Hz from a line: where the product has no line of the setpoints; the modulation by the acceleration is narrower."""
+CHANCE = 1e-8
+"""Probability, per joint and number of rows, that noise has such a line."""
+EXACT = 2520
+"""Least common multiple of 1 to ``MOST``: a transform of a multiple of it has each of the lines in one bin."""
+
+
+def seen_rows(ripple: Array, acceleration: Array, rate: float) -> int:
+    """Rows per setpoint, at ``rate`` rows per second; 0 where no joint shows any.
+
+    ripple (m, J): currents or torques without what a low-pass leaves of them; acceleration (m, J): below that low-pass;
+    NaN where a row is missing. Of several numbers the largest, because every n rows show the lines of a part of n.
+    """
+    rows_of = np.array_split(np.arange(len(ripple)), max(1, int(len(ripple) / rate / SECONDS)))
+    stretches = [np.nan_to_num(ripple[own] * _changing(acceleration[own])) for own in rows_of]
+    length = EXACT * -(-max(map(len, stretches)) // EXACT)
+    power = np.sum([np.abs(np.fft.rfft(one, length, axis=0)) ** 2 for one in stretches], axis=0)
+    near, far = (round(hertz * length / rate) for hertz in BESIDE)
+    for rows in range(MOST, 1, -1):
+        line = length // rows
+        beside = np.concatenate([power[max(line - far, 1) : max(line - near, 1)], power[line + near : line + far]])
+        if not len(beside):
+            continue
+        level, there = beside.mean(axis=0), np.any(beside > 0.0, axis=0)
+        # bins closer than a stretch is long repeat one another
+        others = 2 * len(stretches) * max(1, int(len(beside) * rate / length * SECONDS))
+        # at the Nyquist frequency the transform is real: one degree of freedom in place of two
+        own = (1 if rows == 2 else 2) * len(stretches)
+        if np.any(stats.f.sf(power[line, there] / level[there], own, others) < CHANCE):
+            return rows
+    return 0
+
+
+def _changing(acceleration: Array) -> Array:
+    """(m, J) without its mean, slope and curvature: a steady line, as of the mains, is none of its product."""
+    trends = np.vander(np.linspace(-1.0, 1.0, len(acceleration)), 3)
+    return np.asarray(acceleration - trends @ np.linalg.lstsq(trends, acceleration, rcond=None)[0])
