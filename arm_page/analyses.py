@@ -15,10 +15,9 @@ from pathlib import Path
 from typing import Any
 
 from arm_io import DeviceFault, InputError, make_folder
-from arm_io.progress import Step
+from arm_io.progress import Progress, Step
 
 Table = dict[str, Any]
-Progress = Callable[[str], None]
 MOST_KEPT = 50
 NICE = 15
 

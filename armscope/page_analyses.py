@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
+from arm_io.types import Progress
 from arm_page import Analysis
-
-Progress = Callable[[str], None]
 
 
 def identify(fit: Sequence[Path], held_out: Sequence[Path], model: Path, out: Path, progress: Progress) -> str:

@@ -1,9 +1,9 @@
 """Measured against simulated -> causes -> extended model -> gain; the report."""
 
-from diagnosis.against_noise import against_noise
 from diagnosis.cause import Cause, in_words
 from diagnosis.diagnose import Diagnosis, check_recordings, diagnose
-from diagnosis.left_over import left_over
+from diagnosis.remainder.against_noise import against_noise
+from diagnosis.remainder.of_identification import left_over
 
 __all__ = [
     "Cause",

@@ -131,7 +131,7 @@ class Cause:
     of_arm         False for a fact about the instruments that the model has no place for
     of_recordings  parameters in each recording, by its file name, where no one value serves them all
     of_joints      of a cause of the whole rig that acts joint by joint: its parameters at each joint (from 1)
-    harmonics      of a ripple: those of its own order, as effects of a model (``diagnosis.harmonics``)
+    harmonics      of a ripple: those of its own order, as effects of a model (``diagnosis.selection.harmonics``)
     remainder      what is left unexplained beside it; None: nothing, or it is not the dominant cause of its joint
     support        evidence that the confidence follows from; None: it is that of the gain alone
     lost_rows      of dropped triggers: every loss

@@ -15,11 +15,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from arm_io.types import Array
+from arm_io.types import Array, Progress
 from arm_model import Arm
 from arm_model.effects import Instrument, dissipative
 from daq.recording import Recording
-from diagnosis.against_noise import ratios
 from diagnosis.cause import Cause, Signal, Structure, Undetectable, extend, merge
 from diagnosis.closed_loop.clear_errors import clear_errors
 from diagnosis.closed_loop.comparison import (
@@ -33,9 +32,7 @@ from diagnosis.closed_loop.comparison import (
 )
 from diagnosis.closed_loop.model_errors import healthy, spreads
 from diagnosis.confidence import stated
-from diagnosis.find_causes import Named, Progress, Recordings, has_dynamics, named_causes
-from diagnosis.last_gate import idle_limits
-from diagnosis.left_over import Remainder, remainders
+from diagnosis.find_causes import Named, Recordings, has_dynamics, named_causes
 from diagnosis.measurements.currents.causes import from_event
 from diagnosis.measurements.currents.detectability import not_judged, not_visible
 from diagnosis.measurements.currents.shortage import Shortage
@@ -43,8 +40,10 @@ from diagnosis.measurements.demands.wrist_coupling import wrist_coupling
 from diagnosis.measurements.link_encoders.causes import LinkSide, link_side
 from diagnosis.measurements.single_axis.causes import AxisSide
 from diagnosis.measurements.tracker.causes import Tracked, tracked_causes
-from diagnosis.not_held_out import known_to, not_held_out, structures_of_fit
 from diagnosis.origins import Suspect, evidence_of, suspects
+from diagnosis.remainder.against_noise import ratios
+from diagnosis.remainder.fitted_only import known_to, not_held_out, structures_of_fit
+from diagnosis.remainder.of_identification import Remainder, remainders
 from diagnosis.residual.folding import folding_warnings
 from diagnosis.residual.noise import angle_noise
 from diagnosis.residual.run import Run, with_own
@@ -54,6 +53,7 @@ from diagnosis.screening.event import Event
 from diagnosis.screening.plausibility import check_motion, mixed_up
 from diagnosis.selection.design import Dataset
 from diagnosis.units import unit_at
+from diagnosis.verification.idle_limits import idle_limits
 from identification.selection import Split
 
 

@@ -1,48 +1,42 @@
-"""Causes in the currents, conditional on what is known of an arm: search, verification, resonances in closed loop.
+"""Causes in the currents, conditional on what is known of an arm.
 
-A cause is withdrawn if no parameter of it differs significantly from zero, or if the closed loop has a smaller error
-without it. The search is then repeated without that candidate.
+The search and its verification, friction near rest, values that differ between recordings, and resonances in closed
+loop: each of the last three is found in what the search leaves, and the search is repeated with it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence, Set
+from collections.abc import Sequence, Set
 from dataclasses import dataclass, replace
 from functools import partial
 
-from scipy import stats
-
+from arm_io.types import Progress
 from arm_model import Arm
-from arm_model.effects import CATALOGUE, friction_near_rest
+from arm_model.effects import friction_near_rest
 from daq.recording import Recording
-from diagnosis.by_recording import cause_of
-from diagnosis.cause import Cause, EffectKey, Remainder, extend
+from diagnosis.cause import Cause, EffectKey, extend
 from diagnosis.closed_loop import resonance
-from diagnosis.closed_loop.comparison import refuted, with_smoothing_velocities
-from diagnosis.harmonics import with_harmonics
-from diagnosis.last_gate import negligible, with_significance, within_model
+from diagnosis.closed_loop.comparison import with_smoothing_velocities
 from diagnosis.measurements.currents.basis_functions import TWO_FACED
-from diagnosis.measurements.currents.causes import from_axis, of_candidate
+from diagnosis.measurements.currents.causes import from_axis
 from diagnosis.measurements.currents.columns import candidates
 from diagnosis.measurements.currents.design_matrix import bounded, columns_of, dataset_of, dataset_with, free_columns
-from diagnosis.measurements.currents.dominant import dominant, remainder_of
-from diagnosis.measurements.currents.estimates import estimates_of
-from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.measurements.currents.model import Currents
-from diagnosis.measurements.currents.possible import impossible
-from diagnosis.measurements.currents.search import Found, search, without
+from diagnosis.measurements.currents.model_errors import model_uncertainty
+from diagnosis.measurements.currents.search import Found
 from diagnosis.measurements.currents.shortage import Shortage, shortage
 from diagnosis.measurements.near_rest.friction import friction_causes
 from diagnosis.measurements.near_rest.time_at_rest import with_rise_at_rest
 from diagnosis.measurements.single_axis.causes import AxisSide, axis_side, with_sharp_friction
-from diagnosis.per_recording import per_recording
+from diagnosis.per_recording.search import per_recording
+from diagnosis.per_recording.values import cause_of
 from diagnosis.residual.run import Run
 from diagnosis.screening.cleaned import Residuals, Screened, confirmed, realigned, residuals_of
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Dataset, Pair
-from diagnosis.selection.model_uncertainty import model_uncertainty
-from diagnosis.selection.next_order import is_harmonic
+from diagnosis.selection.harmonics import with_harmonics
 from diagnosis.selection.ripple_orders import of_shafts, order_of
+from diagnosis.verification.tenable import tenable_causes
 from identification.selection import Split
 
 
@@ -82,7 +76,6 @@ class Named:
 
 
 Recordings = Split[Sequence[Recording]]
-Progress = Callable[[str], None]
 OF_ANOTHER = 0.5
 """Share of a joint's held-out residual that load or position predict, from which on its friction near rest is not
 judged: a drive that loses a part of its torque was named two laws of friction."""
@@ -183,7 +176,7 @@ def _searched(
     data, free = bounded(data, free)
     searched, ripples = (library, ripples) if axis is None else ({}, ())
     model = Currents(arm, data, searched, free, ripples, excluded, model_uncertainty(arm, data))
-    found, causes = _tenable(model, recordings.held_out, runs[first:], progress)
+    found, causes = tenable_causes(model, recordings.held_out, runs[first:], progress)
     return Named(
         arm=arm,
         sight=sight,
@@ -217,40 +210,6 @@ def _datasets(runs: Sequence[Run], first: int, two_fold: bool) -> Split[Dataset]
     return Split(dataset_of(runs[:first]), dataset_of(runs[first:]), two_fold)
 
 
-def _tenable(
-    model: Currents, recordings: Sequence[Recording], runs: Sequence[Run], progress: Progress
-) -> tuple[Found, list[Cause]]:
-    """Causes that the search finds and closed loops on held-out ``recordings`` do not refute.
-
-    In the place of a refuted one it searches again.
-    """
-    refused: list[EffectKey] = []
-    found = search(model, progress)
-    while True:
-        progress("estimating parameters")
-        causes = _of_search(found)
-        progress("judging in closed loop")
-        removed = within_model(found.state)
-        if removed is None:
-            removed = negligible(found.state, causes)
-        if removed is not None:
-            found = without(found, found.state.chosen[removed])
-            continue
-        removed = _untenable(model.arm, causes, recordings, runs)
-        if removed is None:
-            return found, with_significance(found.state, causes)
-        candidate = found.state.chosen[removed]
-        if is_harmonic(candidate, found.state.chosen):
-            found = without(found, candidate)
-            continue
-        refused.append(candidate.key)
-        if len(refused) <= LIMITS.searched_again:
-            # another effect may explain the same
-            found = search(replace(model, excluded=model.excluded | set(refused)), progress)
-        else:
-            found = without(found, candidate)
-
-
 def _resonance(named: Named, recordings: Recordings) -> Cause | None:
     """A spring or a gap that closed loops show: in the place of one that the search named, or in addition."""
     springs: list[Cause | None] = [one for one in named.causes if one.effect in resonance.transmissions()]
@@ -272,51 +231,3 @@ def has_dynamics(arm: Arm) -> bool:
         joint.mass or joint.rotor_inertia or any(joint.coulomb) or any(joint.viscous) or joint.friction_curve
         for joint in arm.joints
     )
-
-
-def _of_search(found: Found) -> list[Cause]:
-    """The causes that a search found, in its order, with parameters."""
-    state, first = found.state, dominant(found.state) if found.unexplained.structures else []
-    return [
-        replace(of_candidate(c, values, state), remainder=_remainder(c, found) if c in first else None)
-        for c, values in zip(state.chosen, estimates_of(state))
-    ]
-
-
-def _remainder(candidate: Candidate, found: Found) -> Remainder | None:
-    """What is left beside the dominant cause of a joint, where that has structure."""
-    against = [one.against for one in found.unexplained.structures if one.joint == candidate.joint]
-    share = remainder_of(candidate, found.state) if against else 0.0
-    return Remainder(share, tuple(against)) if share > 0.0 else None
-
-
-def _indistinct(arm: Arm, causes: Sequence[Cause]) -> int | None:
-    """The first cause without a linear parameter that differs significantly from zero, corrected for their number.
-
-    None where the model says how well it is known, which is judged by ``within_model``.
-    """
-    for index, cause in enumerate(causes if arm.uncertainty is None else ()):
-        sizes = {p.name for p in CATALOGUE[cause.effect].linear}
-        values = [p for p in cause.parameters if p.name in sizes]
-        # of k parameters without any effect, one exceeds it as often as one alone exceeds the limit
-        limit = float(stats.norm.isf(stats.norm.sf(LIMITS.significant_sizes) / max(len(values), 1)))
-        if values and all(abs(p.value) < limit * p.std for p in values):
-            return index
-    return None
-
-
-def _untenable(arm: Arm, causes: list[Cause], recordings: Sequence[Recording], runs: Sequence[Run]) -> int | None:
-    """The first cause that no body has, none of whose parameters is significant, or that the closed loop refutes."""
-    if not causes:
-        return None
-    for untenable in (impossible(arm, causes), _indistinct(arm, causes)):
-        if untenable is not None:
-            return untenable
-    full = with_smoothing_velocities(extend(arm, causes), recordings)
-    widths = [joint.sign_velocity for joint in full.joints]
-    less = [extend(arm, [one for one in causes if one is not cause]) for cause in causes]
-    turned = [
-        replace(one, joints=tuple(replace(joint, sign_velocity=w) for joint, w in zip(one.joints, widths)))
-        for one in less
-    ]
-    return refuted(full, turned, [cause.felt_at or 1 for cause in causes], recordings, runs)

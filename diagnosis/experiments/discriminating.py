@@ -8,12 +8,12 @@ experiment, such as a reference shunt.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from arm_io.progress import Step
+from arm_io.progress import Progress, Step
 from arm_model.effects import CATALOGUE
 from arm_model.rigid_body import drive_rigid_torque
 from diagnosis.cause import Cause, EffectKey, Signal, in_words
@@ -25,7 +25,6 @@ from diagnosis.selection.candidate import Candidate
 from experiment import Experiment, demand_of
 from identification.experiment_design import Limits
 
-Progress = Callable[[str], None]
 Distances = dict[tuple[EffectKey, EffectKey], float]
 
 ENOUGH = 10.0

@@ -12,7 +12,7 @@ import arm_report
 from diagnosis.cause import in_words
 from diagnosis.diagnose import Diagnosis
 from diagnosis.measurements.currents.design_matrix import dataset_of
-from diagnosis.measurements.currents.structure_share import FROM
+from diagnosis.remainder.predictable import FROM
 from diagnosis.report.wording import gain, place, title, values_of
 from diagnosis.residual.comparable_rows import comparable_rows
 from diagnosis.units import readable, rounded

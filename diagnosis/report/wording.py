@@ -10,7 +10,7 @@ import numpy as np
 from arm_model.effects import CATALOGUE
 from diagnosis.cause import NO_VARIABLE, Cause, Estimate, LostRows, Signal, in_words
 from diagnosis.diagnose import Diagnosis
-from diagnosis.remaining import remaining
+from diagnosis.report.joint_verdicts import remaining
 from diagnosis.units import readable, rounded
 
 

@@ -14,24 +14,24 @@ from arm_model import write_model
 from arm_model.effects import CATALOGUE
 from arm_report import write_report
 from daq.recording import Recording
-from diagnosis.against_noise import ratios
 from diagnosis.cause import Cause, Estimate, in_words
 from diagnosis.closed_loop import clear_errors, resonance
 from diagnosis.diagnose import Diagnosis
 from diagnosis.experiments.discriminating import Separation, separations
 from diagnosis.experiments.revealing import Showing, shown_by
-from diagnosis.left_over import Remainder
 from diagnosis.measurements.currents import limits as currents
 from diagnosis.measurements.currents.design_matrix import dataset_of
-from diagnosis.measurements.currents.structure_share import predictable
 from diagnosis.measurements.demands import wrist_coupling
 from diagnosis.measurements.link_encoders import model as link_encoders
 from diagnosis.measurements.near_rest import friction as near_rest
 from diagnosis.measurements.single_axis import model as single_axis
 from diagnosis.measurements.tracker import model as tracker
 from diagnosis.origins import JUDGEMENT
-from diagnosis.remaining import remaining
+from diagnosis.remainder.against_noise import ratios
+from diagnosis.remainder.of_identification import Remainder
+from diagnosis.remainder.predictable import predictable
 from diagnosis.report.html import report
+from diagnosis.report.joint_verdicts import remaining
 from diagnosis.report.origins import of_cause, origin_row
 from diagnosis.units import unit_at
 from experiment import Experiment, write_experiment

@@ -9,8 +9,8 @@ import numpy as np
 from arm_model import read_model
 from arm_model.description import EffectTerm
 from diagnosis.cause import Cause, Estimate
-from diagnosis.harmonics import with_harmonics
 from diagnosis.residual.expected_current import true_angle
+from diagnosis.selection.harmonics import with_harmonics
 
 
 def _ripple(effect: str, order: float, explained: float, joint: int = 2) -> Cause:

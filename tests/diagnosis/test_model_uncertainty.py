@@ -17,8 +17,8 @@ import armscope
 from arm_model import Arm, parameter, with_parameters, write_model
 from arm_model.tables import uncertainty_of
 from daq.recording import Recording
+from diagnosis.measurements.currents.model_errors import ModelUncertainty, Significance
 from diagnosis.selection.design import Columns, Dataset
-from diagnosis.selection.model_uncertainty import ModelUncertainty, Significance
 from identification.selection import Split
 from tests.diagnosis.two_link import WIDTH, Day, recorded
 

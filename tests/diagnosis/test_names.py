@@ -14,7 +14,7 @@ import pytest
 
 import armscope
 from arm_model.description import FrictionCurve
-from diagnosis.own_friction import straight_part
+from diagnosis.selection.friction_shares import straight_part
 from tests.diagnosis.numpy_arm import REST, Friction, NumpyArm, humped, model, straight
 
 COULOMB, VISCOUS = ((10.0, 7.0), (6.0, 4.0)), (8.0, 5.0)

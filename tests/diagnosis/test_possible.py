@@ -12,8 +12,8 @@ from arm_io import InputError
 from arm_model import Arm, EffectTerm
 from arm_model.effects import described
 from diagnosis.cause import Cause, Estimate
-from diagnosis.find_causes import _indistinct
 from diagnosis.measurements.currents.possible import exists, impossible
+from diagnosis.verification.tenable import indistinct
 
 
 @pytest.fixture(scope="module")
@@ -62,11 +62,11 @@ def test_a_link_of_two_kilograms_has_no_negative_inertia_nor_less_than_its_mass_
 
 def test_ten_values_within_two_deviations_of_zero_are_no_cause(arm: Arm) -> None:
     nothing = dict.fromkeys(("mass", "mx", "my", "mz", "ixx", "iyy", "izz", "ixy", "iyz", "ixz"), (1.8, 1.0))
-    assert _indistinct(arm, [_cause("link_inertia", 6, **nothing)]) == 0
+    assert indistinct(arm, [_cause("link_inertia", 6, **nothing)]) == 0
     # one in ten is beyond two deviations by chance in every third case
-    assert _indistinct(arm, [_cause("link_inertia", 6, **{**nothing, "mass": (2.5, 1.0)})]) == 0
-    assert _indistinct(arm, [_cause("link_inertia", 6, **{**nothing, "mass": (3.5, 1.0)})]) is None
-    assert _indistinct(arm, [_cause("current_offset", 6, offset=(2.5, 1.0))]) is None
+    assert indistinct(arm, [_cause("link_inertia", 6, **{**nothing, "mass": (2.5, 1.0)})]) == 0
+    assert indistinct(arm, [_cause("link_inertia", 6, **{**nothing, "mass": (3.5, 1.0)})]) is None
+    assert indistinct(arm, [_cause("current_offset", 6, offset=(2.5, 1.0))]) is None
 
 
 def test_what_the_data_says_nothing_of_is_not_impossible(arm: Arm) -> None:

@@ -12,8 +12,8 @@ from arm_model.description import Arm
 from arm_model.rigid_body.numeric import rigid_torque
 from arm_model.system import inverse_dynamics
 from daq.recording import Attachments, Recording, open_recording, write_table
-from diagnosis.against_noise import against_noise
 from diagnosis.diagnose import diagnose
+from diagnosis.remainder.against_noise import against_noise
 from diagnosis.residual.comparable_rows import comparable_rows
 from diagnosis.residual.noise import KnownNoise
 from diagnosis.residual.run import residual_run

@@ -18,8 +18,8 @@ from diagnosis.cause import NO_VARIABLE, Estimate, Signal, Structure
 from diagnosis.diagnose import Diagnosis
 from diagnosis.measurements.currents.design_matrix import dataset_of
 from diagnosis.measurements.currents.shortage import Shortage
-from diagnosis.measurements.currents.structure_share import predictable
-from diagnosis.remaining import Remaining
+from diagnosis.remainder.predictable import predictable
+from diagnosis.report.joint_verdicts import Remaining
 from diagnosis.report.tables import unseen
 from diagnosis.report.wording import either, estimate, gain, sentence
 from diagnosis.units import rounded

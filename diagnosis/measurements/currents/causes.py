@@ -14,11 +14,11 @@ from diagnosis.cause import Cause, EffectKey, Estimate, Signal, confidence_of
 from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.measurements.currents.model import State
 from diagnosis.measurements.single_axis.causes import AxisCause
-from diagnosis.own_friction import with_shares
 from diagnosis.screening.event import Event, Gain
 from diagnosis.selection.aliasing import confusability, span_of
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Dataset
+from diagnosis.selection.friction_shares import with_shares
 from diagnosis.selection.regression import Fitted, score
 from diagnosis.selection.ripple_orders import in_words
 from diagnosis.units import unit_at

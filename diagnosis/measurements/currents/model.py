@@ -21,13 +21,13 @@ from arm_model.effects import same_columns
 from diagnosis.cause import EffectKey
 from diagnosis.measurements.currents.design_matrix import columns_of, dataset_with
 from diagnosis.measurements.currents.limits import LIMITS, CurrentLimits, leakage, matters
+from diagnosis.measurements.currents.model_errors import ModelUncertainty, Significance
 from diagnosis.measurements.currents.pairs import pair_of
 from diagnosis.measurements.currents.refinement import is_physical, refined
 from diagnosis.measurements.currents.unexplained import joints_above_noise
 from diagnosis.selection.bodies import body_of, link_of
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Columns, Dataset, Pair
-from diagnosis.selection.model_uncertainty import ModelUncertainty, Significance
 from diagnosis.selection.next_order import harmonics, is_harmonic, next_orders, of_last_term, small_term, term_share
 from diagnosis.selection.regression import Fitted, best_of_each, fit_together, score
 from diagnosis.selection.ripple_orders import detectable

@@ -20,9 +20,9 @@ from arm_model import Arm
 from diagnosis.cause import NO_VARIABLE, Signal, Structure
 from diagnosis.measurements.currents.basis_functions import Shape, shapes_of
 from diagnosis.measurements.currents.limits import LIMITS
+from diagnosis.measurements.currents.model_errors import Significance
 from diagnosis.residual.noise import quiet_noise
 from diagnosis.selection.design import Dataset, Pair
-from diagnosis.selection.model_uncertainty import Significance
 from diagnosis.selection.regression import Fitted, fit_gain, gain_of, residual_with
 from diagnosis.selection.waves import wave_of
 from identification.selection import Split, p_value

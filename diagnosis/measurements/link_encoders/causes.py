@@ -18,11 +18,12 @@ from arm_model.effects import CATALOGUE, Instrument
 from arm_model.effects.description_errors import JOINT_ZERO_OFFSET
 from daq.recording import Recording
 from diagnosis.cause import MAX_CONFIDENCE, NO_VARIABLE, Cause, EffectKey, Estimate, Signal, Structure, confidence_of
-from diagnosis.measurements.link_encoders.by_recording import CHANCE, alone, chance_of, contradicted
 from diagnosis.measurements.link_encoders.columns import LinkCandidate, Rows, late, orders, standing_orders, turns
 from diagnosis.measurements.link_encoders.model import LIMITS, Chosen, LinkEncoders, link_encoders
 from diagnosis.measurements.link_encoders.model_errors import directions
+from diagnosis.measurements.link_encoders.per_recording import alone, contradicted
 from diagnosis.selection.beyond_model import in_deviations
+from diagnosis.selection.contradiction import CHANCE, chance_of
 from diagnosis.selection.estimates import estimates
 from diagnosis.units import unit_at
 from identification.selection import BLOCK_SECONDS, select

@@ -29,10 +29,10 @@ from diagnosis.measurements.near_rest.laws import (
     torque_of,
 )
 from diagnosis.measurements.near_rest.passages import SLIDES, STANDS, NearRest, near_rest
-from diagnosis.own_friction import with_shares
 from diagnosis.residual.expected_current import coulomb_at
 from diagnosis.residual.run import Run
 from diagnosis.selection.candidate import Candidate
+from diagnosis.selection.friction_shares import with_shares
 from diagnosis.units import unit_at
 from identification.selection import Split, Thresholds, p_value
 from identification.selection.cluster_covariance import cluster_covariance

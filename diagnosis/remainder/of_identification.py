@@ -13,15 +13,15 @@ import numpy as np
 
 from arm_model import Arm
 from daq.recording import Recording
-from diagnosis.against_noise import runs_of
 from diagnosis.cause import NO_VARIABLE, Structure
 from diagnosis.closed_loop.resonance import left_in_loop
 from diagnosis.measurements.currents.design_matrix import dataset_of
 from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.measurements.currents.model import State
+from diagnosis.measurements.currents.model_errors import Significance
 from diagnosis.measurements.currents.unexplained import noise_ratio, structures_at
+from diagnosis.remainder.against_noise import runs_of
 from diagnosis.selection.design import Dataset
-from diagnosis.selection.model_uncertainty import Significance
 from diagnosis.selection.regression import fit_together
 from identification.selection import Split
 

@@ -8,7 +8,7 @@ from typing import Any, cast
 import numpy as np
 
 from diagnosis.cause import NO_VARIABLE, Signal, Structure
-from diagnosis.not_held_out import not_held_out, structures_of_fit
+from diagnosis.remainder.fitted_only import not_held_out, structures_of_fit
 from diagnosis.selection.design import Dataset
 
 ROWS = 1200

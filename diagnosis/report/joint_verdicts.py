@@ -11,10 +11,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from diagnosis.against_noise import ratios
 from diagnosis.cause import Signal
 from diagnosis.diagnose import Diagnosis
-from diagnosis.left_over import Remainder
+from diagnosis.remainder.against_noise import ratios
+from diagnosis.remainder.of_identification import Remainder
 
 NOISE = 1.3
 """Rms over the noise floor up to which a residual is noise along the motion: the floor is known no better."""

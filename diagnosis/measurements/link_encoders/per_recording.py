@@ -7,35 +7,20 @@ made of.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-
 import numpy as np
-from scipy import stats
 
-from arm_io.types import Array
 from diagnosis.measurements.link_encoders.columns import LinkCandidate
 from diagnosis.measurements.link_encoders.model import Chosen, LinkEncoders
+from diagnosis.selection.contradiction import CHANCE, SAME, Alone, chance_of
 from identification.selection import BLOCK_SECONDS
 from identification.selection.cluster_covariance import cluster_covariance
 
-CHANCE = 1e-3
-"""Probability of differences that large by chance, over all causes, below which recordings contradict each other."""
-SAME = 0.05
-"""Relative difference of values that is no contradiction: first-order columns are not better."""
-
-
-@dataclass(frozen=True)
-class Alone:
-    """Coefficients (c,) by one recording alone, and their covariance: a constant per joint, then the causes."""
-
-    name: str
-    values: Array
-    covariance: Array
-
 
 def alone(chosen: Chosen, model: LinkEncoders) -> list[Alone]:
-    """Every recording fitted alone; one entry where there is one recording, split by time."""
+    """Every recording fitted alone: a constant per joint, then the causes.
+
+    One entry where there is one recording, split by time.
+    """
     found = []
     for rows in model.recordings:
         x, values = model.stacked(chosen, rows), model.fitted(chosen, rows)
@@ -54,15 +39,6 @@ def contradicted(chosen: Chosen, model: LinkEncoders) -> LinkCandidate | None:
     chances = {candidate: chance_of(seen, _place(candidate, chosen, model)) for candidate in chosen}
     worst = min(chances, key=lambda candidate: chances[candidate], default=None)
     return worst if worst is not None and chances[worst] < CHANCE / len(chosen) else None
-
-
-def chance_of(seen: Sequence[Alone], place: slice) -> float:
-    """Probability that coefficients at ``place`` differ as they do between recordings, were they the same in all."""
-    precise = [np.linalg.pinv(one.covariance[place, place]) for one in seen]
-    mean = np.linalg.pinv(np.sum(precise, axis=0)) @ sum(p @ one.values[place] for p, one in zip(precise, seen))
-    apart = [one.values[place] - mean for one in seen]
-    distance = float(sum(d @ p @ d for d, p in zip(apart, precise)))
-    return float(stats.chi2.sf(distance, (len(seen) - 1) * len(mean)))
 
 
 def _place(candidate: LinkCandidate, chosen: Chosen, model: LinkEncoders) -> slice:

@@ -16,11 +16,11 @@ import numpy as np
 
 from arm_model import EffectTerm
 from arm_model.effects import CATALOGUE, same_columns
-from diagnosis.by_recording import OwnValues, contradicted, own_values, promising, quiet
 from diagnosis.cause import EffectKey
 from diagnosis.measurements.currents.columns import columns
 from diagnosis.measurements.currents.model import State
 from diagnosis.measurements.currents.search import Found
+from diagnosis.per_recording.values import OwnValues, contradicted, own_values, promising, quiet
 from diagnosis.residual.free_values import with_free
 from diagnosis.residual.run import Run, with_own
 from diagnosis.selection.candidate import Candidate

@@ -1,7 +1,7 @@
 """Causes whose values differ between recordings: a load mounted differently, friction of a warmer day.
 
 A property of an arm is the same in every recording. What each recording alone says of a cause shows whether one value
-serves them all; ``per_recording`` searches with such values.
+serves them all; ``search`` beside it finds them.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from arm_io import InputError
 from arm_io.types import Array
 from arm_model import EffectTerm
 from arm_model.effects import Instrument
-from diagnosis.against_noise import ratios
 from diagnosis.cause import Cause, Estimate, confidence_of
 from diagnosis.measurements.currents.model import State
 from diagnosis.measurements.currents.possible import exists
-from diagnosis.measurements.link_encoders.by_recording import CHANCE, SAME, Alone, chance_of
+from diagnosis.remainder.against_noise import ratios
 from diagnosis.residual.comparable_rows import comparable_rows
 from diagnosis.residual.free_values import with_free
 from diagnosis.residual.run import Run, with_own
 from diagnosis.selection.candidate import Candidate
+from diagnosis.selection.contradiction import CHANCE, SAME, Alone, chance_of
 from diagnosis.selection.design import Pair
 from diagnosis.selection.estimates import estimates
 from identification.selection import p_value, scaled_lstsq

@@ -15,8 +15,6 @@ from daq.recording import open_recording
 from daq.recording.parts import Attachments
 from daq.recording.tables.table import write_table
 from diagnosis.cause import Cause, Estimate
-from diagnosis.find_causes import _of_search
-from diagnosis.last_gate import idle_limits, negligible, stood
 from diagnosis.measurements.currents.columns import candidates
 from diagnosis.measurements.currents.design_matrix import columns_of, dataset_of
 from diagnosis.measurements.currents.model import Currents
@@ -24,6 +22,9 @@ from diagnosis.measurements.currents.refinement import is_physical
 from diagnosis.measurements.currents.unexplained import noise_ratio
 from diagnosis.residual.run import Run, residual_run
 from diagnosis.selection.candidate import Candidate
+from diagnosis.verification.final_gain import negligible
+from diagnosis.verification.idle_limits import idle_limits, stood
+from diagnosis.verification.tenable import causes_of
 from identification.selection import Split
 from tests.diagnosis.two_link import DRIVE, WIDTH, Day, motion, torque
 
@@ -64,7 +65,7 @@ def _causes(state: object) -> list[Cause]:
     from diagnosis.measurements.currents.search import Found
     from diagnosis.measurements.currents.unexplained import Unexplained
 
-    return _of_search(Found(state, Unexplained([], [])))  # type: ignore[arg-type]
+    return causes_of(Found(state, Unexplained([], [])))  # type: ignore[arg-type]
 
 
 def test_a_ripple_of_twelve_degrees_is_no_ripple(arm: Arm) -> None:

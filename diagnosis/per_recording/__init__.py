@@ -1,0 +1,1 @@
+"""Causes whose values differ between recordings: what each recording says alone, and the search with such values."""

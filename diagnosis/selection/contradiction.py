@@ -1,0 +1,38 @@
+"""Whether recordings contradict each other on the values of a cause, by what each of them says alone.
+
+A property of an arm is the same in every recording: the coefficients that single recordings give agree within their
+covariances. Their weighted distance from the common mean is chi-squared distributed if they do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from arm_io.types import Array
+
+CHANCE = 1e-3
+"""Probability of differences that large by chance, over all causes, below which recordings contradict each other."""
+SAME = 0.05
+"""Relative difference of values that is no contradiction: first-order columns are not better."""
+
+
+@dataclass(frozen=True)
+class Alone:
+    """Coefficients (c,) by one recording alone, and their covariance (c, c)."""
+
+    name: str
+    values: Array
+    covariance: Array
+
+
+def chance_of(seen: Sequence[Alone], place: slice) -> float:
+    """Probability that coefficients at ``place`` differ as they do between recordings, were they the same in all."""
+    precise = [np.linalg.pinv(one.covariance[place, place]) for one in seen]
+    mean = np.linalg.pinv(np.sum(precise, axis=0)) @ sum(p @ one.values[place] for p, one in zip(precise, seen))
+    apart = [one.values[place] - mean for one in seen]
+    distance = float(sum(d @ p @ d for d, p in zip(apart, precise)))
+    return float(stats.chi2.sf(distance, (len(seen) - 1) * len(mean)))

@@ -1,0 +1,112 @@
+"""The causes that a search finds and nothing refutes: in the place of a refuted one, the search is repeated.
+
+A cause is refuted if its gain does not matter in the final model, if no parameter of it differs significantly from
+zero, if no body has its sizes, or if the held-out closed loop has a smaller error without it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from scipy import stats
+
+from arm_io.types import Progress
+from arm_model import Arm
+from arm_model.effects import CATALOGUE
+from daq.recording import Recording
+from diagnosis.cause import Cause, EffectKey, Remainder, extend
+from diagnosis.closed_loop.comparison import refuted, with_smoothing_velocities
+from diagnosis.measurements.currents.causes import of_candidate
+from diagnosis.measurements.currents.dominant import dominant, remainder_of
+from diagnosis.measurements.currents.estimates import estimates_of
+from diagnosis.measurements.currents.limits import LIMITS
+from diagnosis.measurements.currents.model import Currents
+from diagnosis.measurements.currents.possible import impossible
+from diagnosis.measurements.currents.search import Found, search, without
+from diagnosis.residual.run import Run
+from diagnosis.selection.candidate import Candidate
+from diagnosis.selection.next_order import is_harmonic
+from diagnosis.verification.final_gain import negligible, with_significance, within_model
+
+
+def tenable_causes(
+    model: Currents, recordings: Sequence[Recording], runs: Sequence[Run], progress: Progress
+) -> tuple[Found, list[Cause]]:
+    """Causes that the search finds and closed loops on held-out ``recordings`` do not refute.
+
+    In the place of a refuted one it searches again.
+    """
+    refused: list[EffectKey] = []
+    found = search(model, progress)
+    while True:
+        progress("estimating parameters")
+        causes = causes_of(found)
+        progress("judging in closed loop")
+        removed = within_model(found.state)
+        if removed is None:
+            removed = negligible(found.state, causes)
+        if removed is not None:
+            found = without(found, found.state.chosen[removed])
+            continue
+        removed = _untenable(model.arm, causes, recordings, runs)
+        if removed is None:
+            return found, with_significance(found.state, causes)
+        candidate = found.state.chosen[removed]
+        if is_harmonic(candidate, found.state.chosen):
+            found = without(found, candidate)
+            continue
+        refused.append(candidate.key)
+        if len(refused) <= LIMITS.searched_again:
+            # another effect may explain the same
+            found = search(replace(model, excluded=model.excluded | set(refused)), progress)
+        else:
+            found = without(found, candidate)
+
+
+def causes_of(found: Found) -> list[Cause]:
+    """The causes that a search found, in its order, with parameters."""
+    state, first = found.state, dominant(found.state) if found.unexplained.structures else []
+    return [
+        replace(of_candidate(c, values, state), remainder=_remainder(c, found) if c in first else None)
+        for c, values in zip(state.chosen, estimates_of(state))
+    ]
+
+
+def _remainder(candidate: Candidate, found: Found) -> Remainder | None:
+    """What is left beside the dominant cause of a joint, where that has structure."""
+    against = [one.against for one in found.unexplained.structures if one.joint == candidate.joint]
+    share = remainder_of(candidate, found.state) if against else 0.0
+    return Remainder(share, tuple(against)) if share > 0.0 else None
+
+
+def indistinct(arm: Arm, causes: Sequence[Cause]) -> int | None:
+    """The first cause without a linear parameter that differs significantly from zero, corrected for their number.
+
+    None where the model says how well it is known, which is judged by ``within_model``.
+    """
+    for index, cause in enumerate(causes if arm.uncertainty is None else ()):
+        sizes = {p.name for p in CATALOGUE[cause.effect].linear}
+        values = [p for p in cause.parameters if p.name in sizes]
+        # of k parameters without any effect, one exceeds it as often as one alone exceeds the limit
+        limit = float(stats.norm.isf(stats.norm.sf(LIMITS.significant_sizes) / max(len(values), 1)))
+        if values and all(abs(p.value) < limit * p.std for p in values):
+            return index
+    return None
+
+
+def _untenable(arm: Arm, causes: list[Cause], recordings: Sequence[Recording], runs: Sequence[Run]) -> int | None:
+    """The first cause that no body has, none of whose parameters is significant, or that the closed loop refutes."""
+    if not causes:
+        return None
+    for untenable in (impossible(arm, causes), indistinct(arm, causes)):
+        if untenable is not None:
+            return untenable
+    full = with_smoothing_velocities(extend(arm, causes), recordings)
+    widths = [joint.sign_velocity for joint in full.joints]
+    less = [extend(arm, [one for one in causes if one is not cause]) for cause in causes]
+    turned = [
+        replace(one, joints=tuple(replace(joint, sign_velocity=w) for joint, w in zip(one.joints, widths)))
+        for one in less
+    ]
+    return refuted(full, turned, [cause.felt_at or 1 for cause in causes], recordings, runs)
