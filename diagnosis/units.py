@@ -16,6 +16,12 @@ SLIDING = {
     "N m/rad": "N/m",
     "N m s/rad": "N s/m",
     "N m s2/rad2": "N s2/m2",
+    "N m/rad3": "N/m3",
+    "N m/rad5": "N/m5",
+    "N m/s": "N/s",
+    "N m/K": "N/K",
+    "N m s/(rad K)": "N s/(m K)",
+    "rad/(N m)": "m/N",
     "kg m2": "kg",
 }
 MILLI = ("A", "rad", "m")
@@ -30,7 +36,7 @@ def unit_at(joint: Joint, unit: str, name: str = "") -> str:
 
     ``name`` of the parameter: a phase stays one.
     """
-    if unit in ("A", "1/A2"):
+    if unit in ("A", "1/A2", "1/A4"):
         own = joint.command_unit if " " not in joint.command_unit else f"({joint.command_unit})"
         return joint.command_unit if unit == "A" else unit.replace("A", own)
     if unit == "N m/A":

@@ -183,8 +183,9 @@ BASE_TILT = Effect(
     name="base_tilt",
     place=Place.GEOMETRY,
     parameters=(
-        Parameter("roll", "rad", (0.002, 0.05), True, "rotation of the base about its x axis", signed=True),
-        Parameter("pitch", "rad", (0.002, 0.05), True, "rotation of the base about its y axis", signed=True),
+        # half a turn is the most that a base can be turned
+        Parameter("roll", "rad", (0.002, 0.05), True, "rotation of the base about its x axis", signed=True, most=3.2),
+        Parameter("pitch", "rad", (0.002, 0.05), True, "rotation of the base about its y axis", signed=True, most=3.2),
     ),
     equation="g is not along the base's z",
     shows="torque of joint 1 as sin(q1 + phi)",
@@ -229,6 +230,8 @@ JOINT_ZERO_OFFSET = Effect(
             True,
             "encoder reading with the link at 0",
             signed=True,
+            # of a joint that turns, a whole turn; few slides are longer
+            most=6.3,
             chain="theta",
             noun="zero offset",
         ),

@@ -22,7 +22,7 @@ from diagnosis.measurements.currents.dominant import dominant, remainder_of
 from diagnosis.measurements.currents.estimates import estimates_of
 from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.measurements.currents.model import Currents
-from diagnosis.measurements.currents.possible import impossible
+from diagnosis.measurements.currents.possible import exists, impossible
 from diagnosis.measurements.currents.search import Found, search, without
 from diagnosis.residual.run import Run
 from diagnosis.selection.candidate import Candidate
@@ -44,7 +44,8 @@ def tenable_causes(
         causes = causes_of(found)
         progress("judging in closed loop")
         removed = within_model(found.state)
-        if removed is None:
+        # an arm that cannot be has no gain to judge: the cause that makes it impossible goes first, below
+        if removed is None and exists(model.arm, [term for cause in causes for term in cause.terms]):
             removed = negligible(found.state, causes)
         if removed is not None:
             found = without(found, found.state.chosen[removed])

@@ -24,7 +24,7 @@ from diagnosis.residual.run import Run, residual_run
 from diagnosis.selection.candidate import Candidate
 from diagnosis.verification.final_gain import negligible
 from diagnosis.verification.idle_limits import idle_limits, stood
-from diagnosis.verification.tenable import causes_of
+from diagnosis.verification.tenable import causes_of, tenable_causes
 from identification.selection import Split
 from tests.diagnosis.two_link import DRIVE, WIDTH, Day, motion, torque
 
@@ -51,6 +51,16 @@ def test_a_cause_whose_gain_in_the_final_model_does_not_matter_is_found(arm: Arm
     assert negligible(state, _causes(state)) is None
     state = model.refitted([true, idle], {true.key: [], idle.key: []})
     assert negligible(state, _causes(state)) == 1
+
+
+def test_a_cause_of_which_no_arm_is_left_is_refused_before_its_gain_is_judged(arm: Arm) -> None:
+    """A link lighter by more than it weighs explained the data, and the command ended in an error of the model file."""
+    data = Split(*(dataset_of([_run(arm, seed, Day(load=(-6.0, 0.0, 0.0)))]) for seed in (1, 2)))
+    link = Candidate("link_inertia", 2)
+    model = Currents(arm, data, {link: data.map(lambda part: columns_of(link, part))}, [])
+    assert model.refitted([link], {link.key: []}).terms[0].parameters["mass"] < -arm.joints[1].mass
+    found, causes = tenable_causes(model, [], data.held_out.runs, lambda sentence: None)
+    assert causes == [] and found.state.chosen == ()
 
 
 @pytest.mark.parametrize("scale", [0.5, 0.9, 1.0])

@@ -10,7 +10,7 @@ import pytest
 import armscope
 from arm_io import InputError
 from arm_model import Arm, EffectTerm
-from arm_model.effects import described
+from arm_model.effects import CATALOGUE, described
 from diagnosis.cause import Cause, Estimate
 from diagnosis.measurements.currents.possible import exists, impossible
 from diagnosis.verification.tenable import indistinct
@@ -71,3 +71,16 @@ def test_ten_values_within_two_deviations_of_zero_are_no_cause(arm: Arm) -> None
 
 def test_what_the_data_says_nothing_of_is_not_impossible(arm: Arm) -> None:
     assert impossible(arm, [_cause("link_inertia", 3, izz=(-3.0, 2.0))]) is None
+
+
+def test_causes_that_are_possible_one_by_one_may_be_impossible_together(arm: Arm) -> None:
+    mass = arm.joints[2].mass
+    half = _cause("link_inertia", 3, mass=(-0.6 * mass, 5.0))
+    assert impossible(arm, [half]) is None
+    assert impossible(arm, [half, half]) == 1
+
+
+def test_a_base_turns_by_half_a_turn_at_most() -> None:
+    """Of a planar arm, a roll has no first-order effect: rounding of it made one of -45800 rad."""
+    assert CATALOGUE["base_tilt"].admits("roll", 0.3) and not CATALOGUE["base_tilt"].admits("roll", -45800.0)
+    assert not CATALOGUE["joint_zero_offset"].admits("offset", 40.0)

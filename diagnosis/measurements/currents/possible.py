@@ -30,7 +30,7 @@ def exists(arm: Arm, terms: Iterable[EffectTerm]) -> bool:
 
 
 def impossible(arm: Arm, causes: Sequence[Cause]) -> int | None:
-    """The first cause that no body has; None where all are possible.
+    """The first cause that no body has, or not together with those before it; None where all are possible.
 
     A link's pseudo-inertia (its mass, centre of mass and second moments of mass: Wensing, Kim, Slotine, IEEE RA-L 3(1),
     2018) is positive definite for every body, and its rotor's inertia positive; neither may miss that by more than
@@ -38,7 +38,7 @@ def impossible(arm: Arm, causes: Sequence[Cause]) -> int | None:
     """
     for index, cause in enumerate(causes):
         terms = extend(replace(arm, effects=()), [cause]).effects
-        if not exists(arm, terms):
+        if not exists(arm, terms) or not exists(arm, [term for one in causes[: index + 1] for term in one.terms]):
             return index
         if cause.joint is None:
             continue
