@@ -185,7 +185,7 @@ def _searched(
         ripples=ripples,
         found=found,
         axis=axis,
-        causes=with_harmonics(causes) + of_axis,
+        causes=with_harmonics(causes, arm) + of_axis,
         shortage=shortage(found) if axis is None else None,
     )
 

@@ -41,13 +41,28 @@ GRAVITY_SPRING = Effect(
             # of a torque with the cube of the angle alone, a spring explains 84 to 91 %
             term_share=0.05,
         ),
+        Parameter(
+            "quintic",
+            "N m/rad5",
+            (0.02, 5.0),
+            True,
+            "by how much the hardening itself grows away from the rest angle",
+            signed=True,
+            term="quintic hardening",
+            term_share=0.05,
+            noun="quintic coefficient",
+        ),
     ),
-    equation="tau = k (q - q0) + h (q - q0)^3",
+    equation="tau = k (q - q0) + h (q - q0)^3 + g (q - q0)^5",
     shows="error proportional to joint angle",
     confused_with={"current_offset": "the full range of the joint", "link_inertia": "the full range of the joint"},
     observed_by={Instrument.CURRENT: Observation(), Instrument.SINGLE_AXIS: Observation()},
     directional=True,
-    torque=lambda p, s: p.stiffness * (s.q - p.rest_angle) + p.hardening * (s.q - p.rest_angle) ** 3,
+    torque=lambda p, s: (
+        p.stiffness * (s.q - p.rest_angle)
+        + p.hardening * (s.q - p.rest_angle) ** 3
+        + p.quintic * (s.q - p.rest_angle) ** 5
+    ),
     link_side=True,
 )
 

@@ -1,7 +1,8 @@
-"""Ripples of one joint whose orders are small multiples of one another have one origin, and are one cause.
+"""Ripples of one joint that are harmonics or side bands of one another have one origin, and are one cause.
 
 The error of an encoder's sines, or of a wheel, is periodic but no pure sine: its second and third harmonic stand beside
-it in the residual. They stay in the extended model, as terms of the strongest of them.
+it in the residual; and teeth that differ over the turn of a wheel make side bands. They stay in the extended model, as
+terms of the strongest of them.
 """
 
 from __future__ import annotations
@@ -9,24 +10,25 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from arm_model import Arm
 from arm_model.effects import CATALOGUE
 from diagnosis.cause import Cause
 from diagnosis.selection.next_order import are_multiples
+from diagnosis.selection.ripple_orders import shaft_in_words, side_band
 
 WEAKER = 0.5
 """Most that a harmonic that is another effect explains, as a share of what the ripple explains."""
 
 
-def with_harmonics(causes: Sequence[Cause]) -> list[Cause]:
-    """The causes (strongest first), each ripple with its harmonics at the same joint in it."""
+def with_harmonics(causes: Sequence[Cause], arm: Arm) -> list[Cause]:
+    """The causes (strongest first), each ripple with its harmonics and side bands at the same joint in it."""
     kept: list[Cause] = []
     for cause in causes:
-        ripple = next((k for k, one in enumerate(kept) if _is_harmonic(cause, one)), None)
-        if ripple is None:
+        relation = next(((k, words) for k, one in enumerate(kept) if (words := _relation(cause, one, arm))), None)
+        if relation is None:
             kept.append(cause)
             continue
-        multiple = _order(cause) / _order(kept[ripple])
-        which = f"harmonic {multiple:.0f}" if multiple > 1.0 else f"subharmonic 1/{1 / multiple:.0f}"
+        ripple, which = relation
         size = next(p for p in cause.parameters if CATALOGUE[cause.effect][p.name].linear)
         found = f"with its {which} ({size.value:.3g} {size.unit}, as {cause.effect.replace('_', ' ')})"
         sentence = f"{kept[ripple].evidence}; {found}"
@@ -37,15 +39,22 @@ def with_harmonics(causes: Sequence[Cause]) -> list[Cause]:
     return kept
 
 
-def _is_harmonic(cause: Cause, ripple: Cause) -> bool:
-    """Whether a cause is a ripple at the joint of another one, with a multiple of its order or a fraction.
+def _relation(cause: Cause, ripple: Cause, arm: Arm) -> str:
+    """``harmonic 2``, or which side band a cause is of a ripple at its joint; empty where it is none.
 
-    The same effect; or another one that is weaker.
+    A harmonic is the same effect, or another one that is weaker; a side band is the same effect.
     """
-    if cause.joint != ripple.joint or not are_multiples(_order(cause), _order(ripple)):
-        return False
+    if cause.joint != ripple.joint or cause.joint is None or not (_order(cause) and _order(ripple)):
+        return ""
     explained, by_ripple = (one.before**2 - one.after**2 for one in (cause, ripple))
-    return cause.effect == ripple.effect or explained < WEAKER * by_ripple
+    if are_multiples(_order(cause), _order(ripple)):
+        if cause.effect != ripple.effect and explained >= WEAKER * by_ripple:
+            return ""
+        multiple = _order(cause) / _order(ripple)
+        return f"harmonic {multiple:.0f}" if multiple > 1.0 else f"subharmonic 1/{1 / multiple:.0f}"
+    joint = arm.joints[cause.joint - 1]
+    band = side_band(_order(cause), _order(ripple), joint) if cause.effect == ripple.effect else None
+    return "" if band is None else f"side band {band[0]:+d} per turn of {shaft_in_words(band[1], joint)}"
 
 
 def _order(cause: Cause) -> float:

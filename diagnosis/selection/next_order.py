@@ -1,9 +1,10 @@
-"""What belongs to an effect that is chosen: next-order terms of its law, and harmonics of a ripple.
+"""What belongs to an effect that is chosen: next-order terms of its law, harmonics and side bands of a ripple.
 
 An effect that was chosen and leaves what a term of its own law explains is that effect with the term, not two effects.
 A term is a candidate once its effect is chosen. It has a column of its own, and refers to the phase or the rest
 position that its effect has by then. A ripple is periodic, and seldom a pure sine: the same effect at a small multiple
-of its order is its harmonic.
+of its order is its harmonic. A wheel whose teeth differ over its turn, or that sits eccentrically, makes side bands:
+the same effect at an order that is a turn or two of a slower shaft away.
 """
 
 from __future__ import annotations
@@ -14,8 +15,10 @@ from dataclasses import replace
 import numpy as np
 
 from arm_io.types import Array
+from arm_model import Arm
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Columns, Pair
+from diagnosis.selection.ripple_orders import side_band
 
 HIGHEST = 3
 """Multiples that belong to a ripple; higher ones have origins of their own (a motor's poles, the teeth of a wheel)."""
@@ -61,22 +64,23 @@ def term_share(candidate: Candidate) -> float:
     return candidate.definition.of_term(candidate.terms[-1]).term_share
 
 
-def harmonics(chosen: Sequence[Candidate], library: Iterable[Candidate]) -> Iterator[Candidate]:
-    """Candidates that are a chosen ripple at a multiple of its order, or at a fraction, and are not chosen yet."""
+def of_ripples(chosen: Sequence[Candidate], library: Iterable[Candidate], arm: Arm) -> Iterator[Candidate]:
+    """Candidates that are harmonics or side bands of a chosen ripple, and are not chosen yet."""
     for c in library:
-        if c not in chosen and is_harmonic(c, chosen):
+        if c not in chosen and is_of_ripple(c, chosen, arm):
             yield c
 
 
-def is_harmonic(candidate: Candidate, chosen: Sequence[Candidate]) -> bool:
-    """Whether a candidate is a ripple of which another order is chosen: the harmonic of that."""
-    return any(_is_harmonic(candidate, one) for one in chosen)
+def is_of_ripple(candidate: Candidate, chosen: Sequence[Candidate], arm: Arm) -> bool:
+    """Whether a candidate is a ripple of which another order is chosen: its harmonic, or a side band of it."""
+    return any(_of_one_ripple(candidate, one, arm) for one in chosen)
 
 
-def _is_harmonic(candidate: Candidate, ripple: Candidate) -> bool:
+def _of_one_ripple(candidate: Candidate, ripple: Candidate, arm: Arm) -> bool:
     if candidate.key != ripple.key or candidate.amplitude != ripple.amplitude or not candidate.definition.wave:
         return False
-    return are_multiples(*(c.definition.cycles(dict(c.shape)) for c in (candidate, ripple)))
+    orders = [c.definition.cycles(dict(c.shape)) for c in (candidate, ripple)]
+    return are_multiples(*orders) or side_band(*orders, arm.joints[(candidate.joint or 1) - 1]) is not None
 
 
 def are_multiples(order: float, other: float) -> bool:

@@ -97,6 +97,21 @@ def _shafts(joint: Joint) -> list[tuple[GearStage, float, float]]:
     return [(stage, turns[number + 1], turns[number]) for number, stage in enumerate(joint.gear_stage)]
 
 
+def side_band(order: float, carrier: float, joint: Joint) -> tuple[int, float] | None:
+    """(turns, turns of that shaft per turn of the motor) by which an order is a side band of a ``carrier``.
+
+    Side bands are up to ``SIDE_BANDS`` turns of the joint, or of a shaft between, away from waves of many cycles per
+    turn of that shaft. None where an order is none.
+    """
+    turns = [own for _, own, _ in _shafts(joint)[:-1]] + ([1.0 / joint.ratio] if joint.revolute else [])
+    for own in turns:
+        apart = (order - carrier) / own
+        whole = round(apart)
+        if 0 < abs(whole) <= SIDE_BANDS and abs(apart - whole) < 1e-3 and min(order, carrier) >= TEETH[0] * own:
+            return whole, own
+    return None
+
+
 def _of_motor(order: float) -> bool:
     return abs(order - round(order)) < 1e-6 * order
 
@@ -111,6 +126,13 @@ def in_words(candidate: Candidate, joint: Joint) -> str:
         if _of_motor(cycles := order / own):
             found.append(f"{cycles:.4g} of the shaft behind stage {number} of the gear")
     return ", ".join([*found, f"{order:.4g} of the motor"])
+
+
+def shaft_in_words(turns: float, joint: Joint) -> str:
+    """The shaft that makes so many ``turns`` per turn of the motor: the joint's, or one between."""
+    between = (n for n, (_, own, _) in enumerate(_shafts(joint)[:-1], 1) if abs(own / turns - 1.0) < 1e-6)
+    number = next(between, None)
+    return "the joint" if number is None else f"the shaft behind stage {number} of the gear"
 
 
 def detectable(side: Dataset, residual: Array, arm: Arm, joint: int, ripples: Sequence[Candidate]) -> list[Candidate]:

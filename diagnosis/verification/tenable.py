@@ -26,7 +26,7 @@ from diagnosis.measurements.currents.possible import exists, impossible
 from diagnosis.measurements.currents.search import Found, search, without
 from diagnosis.residual.run import Run
 from diagnosis.selection.candidate import Candidate
-from diagnosis.selection.next_order import is_harmonic
+from diagnosis.selection.next_order import is_of_ripple
 from diagnosis.verification.final_gain import negligible, with_significance, within_model
 
 
@@ -54,7 +54,7 @@ def tenable_causes(
         if removed is None:
             return found, with_significance(found.state, causes)
         candidate = found.state.chosen[removed]
-        if is_harmonic(candidate, found.state.chosen):
+        if is_of_ripple(candidate, found.state.chosen, model.arm):
             found = without(found, candidate)
             continue
         refused.append(candidate.key)

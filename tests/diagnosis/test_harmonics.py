@@ -12,6 +12,8 @@ from diagnosis.cause import Cause, Estimate
 from diagnosis.residual.expected_current import true_angle
 from diagnosis.selection.harmonics import with_harmonics
 
+ARM = read_model("config/models/puma560.toml")
+
 
 def _ripple(effect: str, order: float, explained: float, joint: int = 2) -> Cause:
     name = "pole_pairs" if effect == "cogging" else "order"
@@ -32,14 +34,14 @@ def _ripple(effect: str, order: float, explained: float, joint: int = 2) -> Caus
 
 def test_an_encoder_s_second_order_is_no_cogging() -> None:
     first, second = _ripple("encoder_ripple", 1.0, 0.04), _ripple("cogging", 2.0, 0.01)
-    (one,) = with_harmonics([first, second])
+    (one,) = with_harmonics([first, second], ARM)
     assert one.key == first.key and "harmonic 2" in one.evidence and "cogging" in one.evidence
     assert one.terms == (*first.terms, EffectTerm("cogging", 2, {"amplitude": 3e-4, "pole_pairs": 2.0}))
 
 
 def test_an_encoder_s_second_order_may_be_as_strong_as_its_first() -> None:
     first, second = _ripple("encoder_ripple", 1.0, 0.04), _ripple("encoder_ripple", 2.0, 0.03)
-    (one,) = with_harmonics([first, second])
+    (one,) = with_harmonics([first, second], ARM)
     assert one.terms == (*first.terms, *second.terms)
 
 
@@ -53,8 +55,8 @@ def test_ripples_of_other_origins_stay_causes_of_their_own() -> None:
         replace(_ripple("cogging", 1.0, 0.01), effect="gravity_spring", parameters=[]),
     )
     for other in others:
-        assert with_harmonics([ripple, other]) == [ripple, other]
-    assert len(with_harmonics([ripple, _ripple("encoder_ripple", 0.9, 0.01)])) == 1
+        assert with_harmonics([ripple, other], ARM) == [ripple, other]
+    assert len(with_harmonics([ripple, _ripple("encoder_ripple", 0.9, 0.01)], ARM)) == 1
 
 
 def test_an_encoder_reads_the_true_angle_and_all_its_errors() -> None:
@@ -62,7 +64,7 @@ def test_an_encoder_reads_the_true_angle_and_all_its_errors() -> None:
     terms = tuple(
         EffectTerm("encoder_ripple", 2, {"amplitude": a, "order": order, "phase": phase}) for a, order, phase in ripples
     )
-    arm = replace(read_model("config/models/puma560.toml"), effects=terms)
+    arm = replace(ARM, effects=terms)
     true = np.random.default_rng(4).uniform(-1.0, 1.0, (200, 6))
     motor = arm.joints[1].ratio * true[:, 1]
     read = true.copy()

@@ -12,23 +12,24 @@ from arm_model import Arm, GearStage
 from arm_model.rigid_body.numeric import rigid_torque
 from daq.recording import Attachments, Recording, open_recording, write_table
 from diagnosis.diagnose import diagnose
-from diagnosis.selection.ripple_orders import in_words, of_shafts, order_of
+from diagnosis.selection.ripple_orders import in_words, of_shafts, order_of, shaft_in_words, side_band
 from tests.comparison.second_day import motion, puma
 
 TEETH, TORQUE, MISREAD = 45, 0.8, 4e-4
 """Cycles per turn of joint 1; N m and rad."""
 
 
-def _recorded(path: Path, arm: Arm, seed: int, torque: float, misread: float) -> Recording:
+def _recorded(path: Path, arm: Arm, seed: int, torque: float, misread: float, uneven: float = 0.0) -> Recording:
     rng, t = np.random.default_rng(seed), np.arange(3000) / 250.0
-    q, qd, qdd = motion(t, 2, seed, 0.8)
+    # side bands show over half a turn or more
+    q, qd, qdd = (one * [2.5 if uneven else 1.0, 1.0] for one in motion(t, 2, seed, 0.8))
     needed = rigid_torque(arm, q, qd, qdd)
     for j, joint in enumerate(arm.joints):
         v = qd[:, j]
         dry = joint.ratio * np.where(v > 0, joint.coulomb[0], joint.coulomb[1])
         needed[:, j] += dry * v / np.hypot(v, joint.sign_velocity) + joint.ratio**2 * joint.viscous[0] * v
         needed[:, j] += joint.ratio**2 * joint.rotor_inertia * qdd[:, j]
-    wave = np.sin(TEETH * q[:, 0] + 0.4)
+    wave = np.sin(TEETH * q[:, 0] + 0.4) * (1.0 + uneven * np.cos(q[:, 0] - 0.8))
     needed[:, 0] += torque * wave
     i = needed / arm.joint_array("drive_constant") + 0.02 * rng.standard_normal(q.shape)
     read = q + misread * wave[:, None] * (np.arange(2) == 0)
@@ -54,6 +55,38 @@ def test_a_wave_per_turn_of_the_joint_is_named_with_its_order(
     assert f"{TEETH} cycles per turn of the joint" in cause.evidence
     (term,) = found.extended.effects
     assert set(term.parameters) == {amplitude, "order", "phase"}
+
+
+def test_side_bands_of_uneven_teeth_belong_to_the_ripple(tmp_path: Path, root: Path) -> None:
+    """Torque that waves with the teeth, more on one side of the wheel: three orders, and one cause.
+
+    Without side bands the ripple was withdrawn, as a function of the motor's angle left less.
+    """
+    arm = puma(root, 2)
+    runs = [_recorded(tmp_path / f"{seed}.mcap", arm, seed, 2.0, 0.0, 0.5) for seed in (1, 2, 3)]
+    found = diagnose(arm, runs[1:], runs[:1])
+    (cause,) = found.causes
+    assert cause.key == ("gear_ripple", 1) and found.verdict == "explained"
+    values = {p.name: p.value for p in cause.parameters}
+    ratio = arm.joints[0].ratio
+    assert values["order"] * ratio == pytest.approx(TEETH) and values["torque"] == pytest.approx(2.0, rel=0.05)
+    bands = {round(term.parameters["order"] * ratio): term.parameters["torque"] for term in cause.harmonics}
+    assert bands == pytest.approx({TEETH - 1: 0.5, TEETH + 1: 0.5}, rel=0.2)
+    assert "side band -1 per turn of the joint" in cause.evidence
+
+
+def test_side_bands_are_turns_of_a_slower_shaft_away(root: Path) -> None:
+    joint = replace(puma(root, 2).joints[0], gear=-30.0, gear_stage=(GearStage(6.0, 72), GearStage(5.0, 95)))
+    turn = 1 / 30.0
+    assert side_band(96 * turn, 95 * turn, joint) == (1, pytest.approx(turn))
+    assert side_band(93 * turn, 95 * turn, joint) == (-2, pytest.approx(turn))
+    # by the shaft between, five turns of the joint each
+    whole, own = side_band(90 * turn, 95 * turn, joint) or (0, 0.0)
+    assert (whole, shaft_in_words(own, joint)) == (-1, "the shaft behind stage 1 of the gear")
+    assert shaft_in_words(turn, joint) == "the joint"
+    # neither the same order, nor one far away, nor few cycles per turn
+    for order, carrier in ((95.0, 95.0), (98.0, 95.0), (2.0, 1.0)):
+        assert side_band(order * turn, carrier * turn, joint) is None
 
 
 def test_stages_have_the_orders_of_their_teeth_side_bands_and_shafts(root: Path) -> None:

@@ -28,7 +28,7 @@ from diagnosis.measurements.currents.unexplained import joints_above_noise
 from diagnosis.selection.bodies import body_of, link_of
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Columns, Dataset, Pair
-from diagnosis.selection.next_order import harmonics, is_harmonic, next_orders, of_last_term, small_term, term_share
+from diagnosis.selection.next_order import is_of_ripple, next_orders, of_last_term, of_ripples, small_term, term_share
 from diagnosis.selection.regression import Fitted, best_of_each, fit_together, score
 from diagnosis.selection.ripple_orders import detectable
 from identification.selection import MeasurementModel, Score, Split, p_value
@@ -132,12 +132,12 @@ class Currents(MeasurementModel[Candidate, State]):
         scores += [
             score(c, of_last_term(self.columns(c)), state.fitted, state.data.held_out)
             for k, (chosen, own) in enumerate(zip(state.chosen, state.coefficients))
-            if not is_harmonic(chosen, state.chosen[:k])
+            if not is_of_ripple(chosen, state.chosen[:k], self.arm)
             for c in next_orders(chosen, own, self._seconds)
         ]
         scores += [
             score(c, self.library[c], state.fitted, state.data.held_out)
-            for c in harmonics(state.chosen, self.library)
+            for c in of_ripples(state.chosen, self.library, self.arm)
             if c.key not in self.excluded
         ]
         return sorted(
@@ -146,7 +146,7 @@ class Currents(MeasurementModel[Candidate, State]):
 
     def _of_chosen(self, score: Score[Candidate], state: State) -> bool:
         """Whether a candidate belongs to an effect that is chosen: of equals, that comes before another effect."""
-        return bool(score.candidate.terms) or is_harmonic(score.candidate, state.chosen)
+        return bool(score.candidate.terms) or is_of_ripple(score.candidate, state.chosen, self.arm)
 
     def fdr(self, score: Score[Candidate]) -> float | None:
         """Relaxed for a large gain, which may be active in few blocks only."""
@@ -197,7 +197,7 @@ class Currents(MeasurementModel[Candidate, State]):
             return _replaced(state, before, sharp)
         if score.candidate.body:
             return self._with_body(score.candidate, rivals, state)
-        if is_harmonic(score.candidate, state.chosen):
+        if is_of_ripple(score.candidate, state.chosen, self.arm):
             return replace(state, chosen=(*state.chosen, score.candidate))
         sharp = refined(score.candidate, state.fitted, self.data.fit)
         return State(self, (*state.chosen, sharp), state.data, {**state.rivals, sharp.key: rivals})
