@@ -79,8 +79,8 @@ def is_of_ripple(candidate: Candidate, chosen: Sequence[Candidate], arm: Arm) ->
 def _of_one_ripple(candidate: Candidate, ripple: Candidate, arm: Arm) -> bool:
     if candidate.key != ripple.key or candidate.amplitude != ripple.amplitude or not candidate.definition.wave:
         return False
-    orders = [c.definition.cycles(dict(c.shape)) for c in (candidate, ripple)]
-    return are_multiples(*orders) or side_band(*orders, arm.joints[(candidate.joint or 1) - 1]) is not None
+    order, other = (c.definition.cycles(dict(c.shape)) for c in (candidate, ripple))
+    return are_multiples(order, other) or side_band(order, other, arm.joints[(candidate.joint or 1) - 1]) is not None
 
 
 def are_multiples(order: float, other: float) -> bool:
