@@ -102,6 +102,8 @@ class RiseAtRest:
 
     std                it is estimated with; both None: too few rests, or too much alike
     rests              break-aways that show it, after rests of ``shortest`` to ``longest`` s
+    reference          s at rest after which the level is that of its cause
+    slip               rad (m) that a joint slides until its hump is over; contacts are renewed over no less
     """
 
     unit: str
@@ -110,6 +112,8 @@ class RiseAtRest:
     longest: float
     value: float | None = None
     std: float | None = None
+    reference: float | None = None
+    slip: float | None = None
 
     @property
     def determined(self) -> bool:
@@ -178,7 +182,17 @@ class Cause:
         """The cause as effects of a model."""
         each: Iterable[tuple[int | None, list[Estimate]]] = self.of_joints.items() or [(self.joint, self.parameters)]
         own_terms = (EffectTerm(self.effect, joint, {p.name: float(p.value) for p in own}) for joint, own in each)
-        return (*own_terms, *self.harmonics)
+        return (*own_terms, *self.harmonics, *self._rising)
+
+    @property
+    def _rising(self) -> tuple[EffectTerm, ...]:
+        """The rise of its level with the time at rest as an effect of a model; none where it is not clearly one."""
+        rise = self.rise_at_rest
+        if rise is None or not rise.determined or rise.value is None or rise.reference is None or rise.slip is None:
+            return ()
+        effect, own = CATALOGUE[CATALOGUE[self.effect].rises_by], {p.name: p.value for p in self.parameters}
+        values = own | {effect.linear[0].name: rise.value, "reference": rise.reference, "slip": rise.slip}
+        return (EffectTerm(effect.name, self.joint, {p.name: float(values[p.name]) for p in effect.parameters}),)
 
     @property
     def by_tracker(self) -> bool:

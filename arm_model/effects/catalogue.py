@@ -6,6 +6,7 @@ from arm_model.effects import (
     conditional_friction,
     description_errors,
     friction,
+    friction_at_rest,
     position,
     sensing,
     tracking,
@@ -21,6 +22,7 @@ CATALOGUE: dict[str, Effect] = {
     for family in (
         friction,
         conditional_friction,
+        friction_at_rest,
         water,
         position,
         transmission,

@@ -199,6 +199,8 @@ class Effect:
     settable         of an effect that somebody, or the day, may change between two recordings of one arm: what was done
     sparse           acts at a few instants of a recording: may also be judged by when these are
     near_rest        friction that differs from Coulomb's only where the joint turns or creeps: judged there as well
+    rises_by         of friction near rest with a level: the effect by which it rises with the time at rest; it has the
+                     velocity of this one, too
     directional      differs between the directions of motion, or is made up for by an effect that does
     friction         its torque depends on the velocity alone: part of the joint's friction, which opposes the motion as
                      a whole (``arm_model.effects.dissipation``)
@@ -225,6 +227,7 @@ class Effect:
     settable: str = ""
     sparse: bool = False
     near_rest: bool = False
+    rises_by: str = ""
     directional: bool = False
     friction: bool = False
     conditional: bool = False

@@ -212,6 +212,7 @@ STRIBECK_FRICTION = Effect(
     # friction at rest and in reversal is inferred from friction while moving; the law of its turn is not known
     model_error=0.1,
     near_rest=True,
+    rises_by="breakaway_rise",
     friction=True,
     torque=lambda p, s: p.breakaway * hump(p, s) * s.sign,
 )

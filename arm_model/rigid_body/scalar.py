@@ -40,6 +40,11 @@ def exp(x: Scalar) -> Scalar:
     return _call("exp", x)
 
 
+def log(x: Scalar) -> Scalar:
+    """Natural logarithm."""
+    return _call("log", x)
+
+
 def absolute(x: Scalar) -> Scalar:
     return abs(x)
 

@@ -1,6 +1,6 @@
 """Tape expressions as LLVM vector code: every value is a vector of ``width`` lanes, one lane per parameter set.
 
-sin, cos and exp are branch-free: range reduction by a magic addition (Cody and Waite, Software Manual for the
+sin, cos, exp and log are branch-free: range reduction by a magic addition (Cody and Waite, Software Manual for the
 Elementary Functions, 1980) and the polynomials of Cephes / fdlibm, right to about 1 unit in the last place for
 arguments up to 1e5. In single precision the same polynomials, with the constants of single precision (Cephes) for the
 reduction: right to 1e-7 for arguments up to 1e3.
@@ -36,6 +36,15 @@ _COSINE = (
     2.08757008419747316778e-9,
     -1.13585365213876817300e-11,
 )
+_LOGARITHM = (
+    6.666666666666735130e-01,
+    3.999999999940941908e-01,
+    2.857142874366239149e-01,
+    2.222219843214978396e-01,
+    1.818357216161805012e-01,
+    1.531383769920937332e-01,
+    1.479819860511658591e-01,
+)
 
 
 @dataclass(frozen=True)
@@ -45,6 +54,7 @@ class Precision:
     name    of LLVM's intrinsics; bits of a number, fraction of its bits, bias of its exponent
     half_pi, log2   in parts that multiply by small integers exactly
     largest         argument of exp
+    half            bits of sqrt(1/2), from which the mantissa of a logarithm is taken
     guess, steps    of the inverse square root: magic number (Lomont 2003), Newton steps
     """
 
@@ -56,6 +66,7 @@ class Precision:
     half_pi: tuple[float, ...]
     log2: tuple[float, ...]
     largest: float
+    half: int
     guess: int
     steps: int
 
@@ -74,6 +85,7 @@ DOUBLES = Precision(
     half_pi=(1.57079632673412561417, 6.07710050630396597660e-11, 2.02226624879595063154e-21),
     log2=(6.93147180369123816490e-1, 1.90821492927058770002e-10),
     largest=708.0,
+    half=0x3FE6A09E667F3BCD,
     guess=0x5FE6EB50C7B537A9,
     steps=4,
 )
@@ -86,6 +98,7 @@ SINGLES = Precision(
     half_pi=(1.5703125, 4.837512969970703125e-4, 7.54978995489188216e-8),
     log2=(0.693359375, -2.12194440e-4),
     largest=87.0,
+    half=0x3F3504F3,
     guess=0x5F375A86,
     steps=3,
 )
@@ -187,6 +200,22 @@ class Vector:
         exponent = build.shl(build.add(bits, self.integer(self.precision.bias)), self.integer(self.precision.fraction))
         return self.mul(mantissa, build.bitcast(exponent, self.type))
 
+    def log(self, x: Any) -> Any:
+        """Natural logarithm of x, normal and positive: x = 2^k (1 + f), sqrt(1/2) <= 1 + f < sqrt(2)."""
+        build, one = self.builder, self.precision
+        bits = build.bitcast(x, self.int_type)
+        power = build.ashr(build.sub(bits, self.integer(one.half)), self.integer(one.fraction))
+        f = self.sub(
+            build.bitcast(build.sub(bits, build.shl(power, self.integer(one.fraction))), self.type), self.constant(1.0)
+        )
+        magic = self.constant(one.magic)
+        k = build.fsub(build.bitcast(build.add(power, build.bitcast(magic, self.int_type)), self.type), magic)
+        s = build.fdiv(f, self.add(f, self.constant(2.0)))
+        square, half = self.mul(s, s), self.mul(self.mul(f, f), self.constant(0.5))
+        tail = self.mul(s, self.add(half, self.mul(square, self.polynomial(square, _LOGARITHM))))
+        high, low = (self.mul(k, self.constant(part)) for part in one.log2)
+        return build.fsub(high, build.fsub(build.fsub(half, build.fadd(tail, low)), f))
+
     def rsqrt(self, x: Any) -> Any:
         """1 / sqrt(x), x normal and positive, to 1e-15 relative (1e-7 in single precision), without a slow division.
 
@@ -228,6 +257,7 @@ def emit(vector: Vector, tape: Tape, outputs: Sequence[Expr], given: Mapping[int
         "sqrt": lambda a: vector.intrinsic("llvm.sqrt", a),
         "rsqrt": vector.rsqrt,
         "exp": vector.exp,
+        "log": vector.log,
         "abs": lambda a: vector.intrinsic("llvm.fabs", a),
     }
     for index in needed(tape, outputs, given):

@@ -121,6 +121,8 @@ def _value(node: Node, values: list[tuple[str, int]], symbols: Callable[[str], s
             return rf"\sqrt{{{plain[0]}}}", _ATOM
         case "exp":
             return rf"e^{{{plain[0]}}}", _POWER
+        case "log":
+            return rf"\ln\left({plain[0]}\right)", _ATOM
         case "abs":
             return rf"\left|{plain[0]}\right|", _ATOM
         case "min" | "max":

@@ -43,12 +43,12 @@ class Language:
 
 
 PYTHON = Language(
-    {"sin": "sin", "cos": "cos", "sqrt": "sqrt", "exp": "exp", "abs": "abs", "min": "minimum", "max": "maximum"}
+    {name: name for name in ("sin", "cos", "sqrt", "exp", "log", "abs")} | {"min": "minimum", "max": "maximum"}
 )
-PYTHON_FUNCTIONS = ("sin", "cos", "sqrt", "exp", "abs", "minimum", "maximum")
+PYTHON_FUNCTIONS = ("sin", "cos", "sqrt", "exp", "log", "abs", "minimum", "maximum")
 """What ``python_function`` needs in its namespace."""
 C = Language(
-    {"sin": "sin", "cos": "cos", "sqrt": "sqrt", "exp": "exp", "abs": "fabs", "min": "fmin", "max": "fmax"},
+    {name: name for name in ("sin", "cos", "sqrt", "exp", "log")} | {"abs": "fabs", "min": "fmin", "max": "fmax"},
     "const double {name} = {value};",
 )
 
@@ -106,7 +106,7 @@ def python_function(
 ) -> str:
     """Source of a Python function that returns the outputs as a tuple.
 
-    It needs sin, cos, sqrt, exp, abs, minimum and maximum in its namespace: numpy's, math's or another library's.
+    It needs sin, cos, sqrt, exp, log, abs, minimum and maximum in its namespace: numpy's, math's or another library's.
     """
     lines, values = assignments(tape, {str(k): expr for k, expr in enumerate(outputs)}, PYTHON, names)
     body = [*lines, f"return ({', '.join(values.values())},)"]

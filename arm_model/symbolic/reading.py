@@ -1,4 +1,4 @@
-"""A formula as text, read onto a tape: + - * / ** ^, parentheses, numbers, names, sin cos sqrt exp."""
+"""A formula as text, read onto a tape: + - * / ** ^, parentheses, numbers, names, sin cos sqrt exp log."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from arm_io import InputError
 from arm_model.symbolic.tape import Expr, Operand, Tape
 
-FUNCTIONS = ("sin", "cos", "sqrt", "exp")
+FUNCTIONS = ("sin", "cos", "sqrt", "exp", "log")
 _SYNTAX = f"expected + - * / ^, numbers, parentheses and {', '.join(FUNCTIONS)}"
 
 

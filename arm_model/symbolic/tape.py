@@ -32,6 +32,7 @@ _NUMERIC: dict[str, Callable[..., Any]] = {
     "sqrt": np.sqrt,
     "rsqrt": lambda x: 1.0 / np.sqrt(x),
     "exp": np.exp,
+    "log": np.log,
     "abs": np.abs,
 }
 
@@ -222,6 +223,9 @@ class Expr:
     def exp(self) -> Expr:
         return self.tape.unary("exp", self)
 
+    def log(self) -> Expr:
+        return self.tape.unary("log", self)
+
     def minimum(self, other: Operand) -> Expr:
         return self._binary("min", other)
 
@@ -268,7 +272,7 @@ def operations(tape: Tape, outputs: Iterable[Expr]) -> int:
 
 
 def derivative(expression: Expr, by: Expr) -> Expr:
-    """d expression / d by, on the same tape, for the smooth operations: + - * / sin cos sqrt 1/sqrt exp."""
+    """d expression / d by, on the same tape, for the smooth operations: + - * / sin cos sqrt 1/sqrt exp log."""
     return rate(expression, [(by, expression.tape.constant(1.0))])
 
 
@@ -309,4 +313,6 @@ def _slope(whole: Expr, node: Node, values: list[Expr], inner: list[Expr]) -> Ex
             return inner[0] * whole * whole * whole * -0.5
         case "exp":
             return inner[0] * whole
+        case "log":
+            return inner[0] / values[0]
     raise ValueError(f"{node.operation} has no derivative everywhere")

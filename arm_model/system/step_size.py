@@ -9,11 +9,11 @@ import numpy as np
 from arm_io import InputError
 from arm_io.types import Array
 from arm_model.description import Arm
-from arm_model.effects import CATALOGUE
+from arm_model.effects import CATALOGUE, Signals, Values
 from arm_model.rigid_body.numeric import drive_mass_matrix
 
 SWING, DECAY, BRISTLE = 0.4, 1.0, 1.0
-"""Largest products of step and pulsation, step and damping rate, step and relaxation rate of a bristle."""
+"""Largest products of step and pulsation, step and damping rate, step and relaxation rate of a state of friction."""
 
 
 CONTACT_FREQUENCY, CONTACT_DAMPING = 100.0, 0.3
@@ -67,7 +67,7 @@ def contact(arm: Arm, j: int, values: Mapping[str, float]) -> dict[str, float]:
 
 
 def fastest(arm: Arm, inputs: Mapping[str, Array]) -> float:
-    """1/s: one over the step that the arm's springs and bristles allow; 0 where there are none."""
+    """1/s: one over the step that the arm's springs and states of friction allow; 0 where there are none."""
     rates = [0.0]
     for number, term in enumerate(arm.effects):
         effect, j = CATALOGUE[term.name], (term.joint or 0) - 1
@@ -82,5 +82,7 @@ def fastest(arm: Arm, inputs: Mapping[str, Array]) -> float:
             joint = arm.joints[j]
             speed = 2.0 if joint.motor_speed_limit is None else joint.motor_speed_limit / joint.ratio
             level = np.maximum(inputs[f"coulomb_mean{j}"] - abs(inputs[f"coulomb_difference{j}"]), 1e-3)
-            rates.append(float(np.max(inputs[f"effect{number}.stiffness"] * speed / level)) / BRISTLE)
+            values = Values({p.name: inputs[f"effect{number}.{p.name}"] for p in effect.parameters})
+            at = (effect.rate(values, Signals(v=speed, sign=1.0, coulomb=level, state=state)) for state in (0.0, 1.0))
+            rates.append(float(np.max(next(at) - next(at))) / BRISTLE)
     return max(rates)

@@ -251,10 +251,15 @@ def gap_of(effect: Effect, values: Values) -> float:
 
 
 def integrated(effect: Effect, p: Values, s: Signals, step: float) -> Array:
-    """State (m,) of an effect along rows ``step`` s apart, by exponential steps: its rate is affine in the state."""
+    """State (m,) of an effect along rows ``step`` s apart, by exponential steps: its rate is affine in the state.
+
+    Between two rows the rate is the mean of both: with that of the first alone the state is half a row late, which
+    looks like damping.
+    """
     assert effect.rate is not None
     at0 = np.broadcast_to(np.asarray(effect.rate(p, replace(s, state=0.0)), float), s.v.shape)
     slope = np.broadcast_to(np.asarray(effect.rate(p, replace(s, state=1.0)), float), s.v.shape) - at0
+    at0, slope = (np.append((rate[:-1] + rate[1:]) / 2.0, rate[-1]) for rate in (at0, slope))
     grow = np.exp(np.minimum(slope * step, 0.0))
     stiff = np.abs(slope) > 1e-9
     forced = np.where(stiff, at0 * (grow - 1.0) / np.where(stiff, slope, 1.0), at0 * step)

@@ -38,6 +38,7 @@ def test_derivative_is_the_slope() -> None:
     x, y = tape.input("x"), tape.input("y")
     f = (
         scalar.sin(x * y) * scalar.exp(-x) / (2.0 + scalar.cos(x))
+        + scalar.log(1.0 + x * x)
         + scalar.sqrt(1.0 + x * x)
         + scalar.smooth_sign(x, 0.3) * y
     )
@@ -48,7 +49,7 @@ def test_derivative_is_the_slope() -> None:
     assert slope == pytest.approx((ahead - behind) / (2 * step), rel=1e-8)
 
 
-@pytest.mark.parametrize("name", ["sin", "cos", "exp", "rsqrt", "sqrt"])
+@pytest.mark.parametrize("name", ["sin", "cos", "exp", "log", "rsqrt", "sqrt"])
 def test_compiled_functions_are_exact_to_a_few_last_places(name: str) -> None:
     import llvmlite.binding as llvm
 
@@ -71,6 +72,8 @@ def test_compiled_functions_are_exact_to_a_few_last_places(name: str) -> None:
         if name == "exp"
         else np.concatenate([rng.normal(size=1000), rng.uniform(-1e5, 1e5, 1000)])
     )
+    if name == "log":
+        wide = np.concatenate([np.exp(rng.uniform(-300, 300, 1000)), 1.0 + rng.uniform(-0.4, 0.6, 1000), [1.0, 0.5]])
     points = np.abs(wide) + 1e-12 if "sqrt" in name else wide
     exact = {"rsqrt": lambda v: 1 / math.sqrt(v)}.get(name) or getattr(math, name)
     ours, true = np.array([compiled(v) for v in points]), np.array([exact(v) for v in points])

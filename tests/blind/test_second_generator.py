@@ -26,7 +26,7 @@ from tests.blind.second.sensing import Sensing
 from tests.blind.second.simulate import simulated
 
 CALIBRATION_ONLY = {"gravity_sag", "encoder_scale", "encoder_eccentricity", "transmission_coupling"}
-IDENTIFICATION_ONLY = {"load_breakaway", "temperature_friction"}
+IDENTIFICATION_ONLY = {"breakaway_rise", "load_breakaway", "temperature_friction"}
 
 
 @cache

@@ -19,6 +19,7 @@ from diagnosis.measurements.near_rest.laws import fitted_to_all, law_of
 from diagnosis.measurements.near_rest.passages import NearRest, near_rest
 from diagnosis.measurements.near_rest.time_at_rest import rise_at_rest
 from diagnosis.report.wording import rise_at_rest as words
+from diagnosis.residual.expected_current import reading
 from diagnosis.residual.run import Run, residual_run
 from identification.selection import Split
 
@@ -102,11 +103,38 @@ def test_friction_that_builds_up_gradually_is_named_with_its_stiffness() -> None
     assert abs(found["stiffness"].value - 2000.0) < 2 * found["stiffness"].std < 1000.0
 
 
+def _dry(stiffness: float) -> Friction:
+    """Dahl's law without damping: torque over the way since a reversal, exactly."""
+
+    def friction(v: np.ndarray, t: np.ndarray) -> np.ndarray:
+        torque, now = np.empty_like(v), 0.0
+        for k, way in enumerate(((v + np.roll(v, 1)) / 2 / RATE).tolist()):
+            level = COULOMB if way > 0.0 else -COULOMB
+            torque[k] = now = level + (now - level) * np.exp(-stiffness * abs(way) / COULOMB)
+        return torque
+
+    return friction
+
+
+@pytest.mark.parametrize("stiffness", [8_000.0, 80_000.0])
+def test_friction_that_builds_up_within_a_few_encoder_steps_is_named_without_a_damping_that_it_has_not(
+    stiffness: float,
+) -> None:
+    """Within 1.3 and 0.13 mrad; the encoder's step is 0.02 mrad."""
+    (cause,) = _named(_dry(stiffness))
+    assert cause.key == ("presliding_friction", 1)
+    found = {p.name: p for p in cause.parameters}
+    assert abs(found["stiffness"].value - stiffness) < 2 * found["stiffness"].std < 0.5 * stiffness
+    # the damping that its rise would have if it came half a row late
+    assert found["damping"].value < 0.25 * stiffness / RATE / 2
+
+
 @pytest.mark.parametrize(
     "turn",
     [
         lambda v: np.tanh(v / WIDTH),
         lambda v: np.tanh(v / (0.3 * WIDTH)),
+        np.sign,
         lambda v: v / np.hypot(v, 2.0 * WIDTH),
         lambda v: 2 / np.pi * np.arctan(v / (0.4 * WIDTH)),
     ],
@@ -155,6 +183,31 @@ def test_a_level_that_rises_with_the_time_at_rest_is_estimated(rise: float) -> N
     assert found.rests >= 20 and found.value is not None and found.std is not None
     assert abs(found.value - rise) < 3 * found.std < 0.5
     assert found.determined == (rise > 0.0)
+
+
+def test_the_model_that_is_written_has_the_rise_and_breaks_away_as_the_recordings_did() -> None:
+    """Heights of the written law after rests of 0.3 and 3 s, along a motion, are those that were hidden."""
+    cause, every = _after_rests((0.2, 5.0), 1.2)
+    found = replace(cause, rise_at_rest=rise_at_rest(cause, every))
+    assert found.rise_at_rest is not None and found.rise_at_rest.slip is not None
+    hump, rising = found.terms
+    assert (hump.name, rising.joint) == ("stribeck_friction", 1)
+    assert rising.parameters["rise"] == found.rise_at_rest.value
+    assert 0.005 < found.rise_at_rest.slip < 0.1
+    for rest in (0.3, 3.0):
+        begin = 500 + round(rest * RATE)
+        speed = np.concatenate([np.full(500, 0.3), np.zeros(begin - 500), 0.3 * np.linspace(0.0, 1.0, 500) ** 2])
+        t, q = np.arange(len(speed)) / RATE, np.cumsum(speed)[:, None] / RATE
+        with_it, without = (reading(replace(_axis(), effects=own), t, q)[:, 0] for own in (found.terms, ()))
+        slow = slice(begin + 120, begin + 200)
+        shape = np.exp(-((speed[slow] / 0.06) ** 2)) * np.tanh(speed[slow] / WIDTH)
+        height = float((with_it - without)[slow] @ shape / (shape @ shape))
+        assert abs(height - (4.0 + 1.2 * np.log10(rest))) < 0.4
+
+
+def test_a_rise_that_is_not_determined_is_not_in_the_model() -> None:
+    cause, every = _after_rests((0.2, 5.0), 0.0)
+    assert replace(cause, rise_at_rest=rise_at_rest(cause, every)).terms == cause.terms
 
 
 def test_rests_of_one_length_show_no_rise_and_the_report_says_which_would() -> None:

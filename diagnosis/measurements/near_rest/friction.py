@@ -16,7 +16,7 @@ from scipy import optimize
 
 from arm_io.types import Array
 from arm_model import EffectTerm
-from arm_model.effects import CATALOGUE, Effect, friction_near_rest
+from arm_model.effects import CATALOGUE, friction_near_rest
 from diagnosis.cause import Cause, EffectKey, Estimate, confidence_of
 from diagnosis.measurements.near_rest.laws import (
     Judged,
@@ -114,19 +114,18 @@ def _of_joint(
         return None
     as_well = [one for one in laws[1:] if one.energy < LIMITS.tie * best.energy]
     cause = _cause(every, joint, (smooth, best, as_well), min(1.0, chance * tests))
-    return cause if _determined(CATALOGUE[cause.effect], cause.parameters) else None
+    return cause if _determined(best.law, cause.parameters) else None
 
 
-def _determined(effect: Effect, parameters: Sequence[Estimate]) -> bool:
+def _determined(law: Law, parameters: Sequence[Estimate]) -> bool:
     """Whether the recordings determine a law: its coefficients differ from zero, the others end where they may."""
-    found = {one.name: one for one in parameters}
-    for p in effect.parameters:
-        one = found.get(p.name)
-        if one is None:
-            continue
-        if p.linear and one.value < LIMITS.determined * one.std:
-            return False
-        if p.search and not min(p.search) / LIMITS.beyond <= one.value <= max(p.search) * LIMITS.beyond:
+    assert law.effect is not None
+    effect, found = CATALOGUE[law.effect], {one.name: one for one in parameters}
+    if any(found[p.name].value < LIMITS.determined * found[p.name].std for p in effect.linear):
+        return False
+    for name in set(found) & set(law.values[0]):
+        tried = [values[name] for values in law.values]
+        if not min(tried) / LIMITS.beyond <= found[name].value <= max(tried) * LIMITS.beyond:
             return False
     return True
 
@@ -176,11 +175,19 @@ def estimates(every: Sequence[NearRest], law: Law) -> list[Estimate]:
     assert law.effect is not None
     effect, joint = CATALOGUE[law.effect], every[0].run.arm.joints[every[0].joint - 1]
     start = fitted_to_all(every, law)
-    free = [name for name in start if not _fixed(effect, name)]
-    size = np.array([start[name] for name in free])
+    # a damping may be 0; all others are positive, and are varied by factors
+    added = {p.name: p.search[0] for p in effect.parameters if p.fixed}
+    free = [name for name in start if name in added or start[name] > 0.0]
 
-    def left(factor: Array) -> Array:
-        values = {**start, **dict(zip(free, (size * np.exp(factor)).tolist()))}
+    def at(x: Array) -> dict[str, float]:
+        moved = {
+            name: start[name] + added[name] * by if name in added else start[name] * np.exp(by)
+            for name, by in zip(free, x.tolist())
+        }
+        return {**start, **moved}
+
+    def left(x: Array) -> Array:
+        values = at(x)
         return np.concatenate([one.residual - one.of(torque_of(one, effect, values)) for one in every])
 
     fitted = optimize.least_squares(
@@ -189,13 +196,28 @@ def estimates(every: Sequence[NearRest], law: Law) -> list[Estimate]:
     offsets = np.cumsum([0, *(int(one.block.max()) + 1 for one in every[:-1])])
     _, block = np.unique(np.concatenate([one.block + k for one, k in zip(every, offsets)]), return_inverse=True)
     covariance = cluster_covariance(np.asarray(fitted.jac), [left(fitted.x)], block)
-    stds = dict(zip(free, np.sqrt(np.diag(covariance) + effect.model_error**2)))
-    values = {**start, **dict(zip(free, size * np.exp(fitted.x)))}
+    values = {name: max(float(value), 0.0) for name, value in at(fitted.x).items()}
+    turned = _by_another_turn(every, values, np.asarray(fitted.jac))
+    own = np.sqrt(np.diag(covariance) + turned**2)
+    stds = {
+        name: np.hypot(added.get(name, values[name]) * by, effect.model_error * values[name])
+        for name, by in zip(free, own)
+    }
     return [
-        Estimate(p.name, float(values[p.name]), float(values[p.name] * stds.get(p.name, 0.0)), unit_at(joint, p.unit))
+        Estimate(p.name, values[p.name], float(stds.get(p.name, 0.0)), unit_at(joint, p.unit))
         for p in effect.parameters
         if p.name in values
     ]
+
+
+def _by_another_turn(every: Sequence[NearRest], values: dict[str, float], slopes: Array) -> Array:
+    """(p,) by how much parameters of these ``slopes`` would be otherwise if friction turned as tanh(v / width)."""
+    if "width" not in values:
+        return np.zeros(slopes.shape[1])
+    width, drive = values["width"], every[0].run.arm.joints[every[0].joint - 1]
+    other = [coulomb_at(drive, one.v, one.sign(width)) * (np.tanh(one.v / width) - one.sign(width)) for one in every]
+    apart = np.concatenate([one.of(torque) for one, torque in zip(every, other)])
+    return np.asarray(np.linalg.lstsq(slopes, apart, rcond=None)[0], float)
 
 
 def _rises(every: Sequence[NearRest], law: Law) -> bool:
@@ -216,7 +238,3 @@ def _rises(every: Sequence[NearRest], law: Law) -> bool:
     total = coulomb_at(drive, speed, own) * own + torque_of(grid, effect, values)
     more = float(np.max(total - coulomb_at(drive, speed, np.ones_like(speed))))
     return more > LIMITS.rises * size
-
-
-def _fixed(effect: Effect, name: str) -> bool:
-    return any(p.name == name and p.fixed for p in effect.parameters)

@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from arm_io.types import Array
-from arm_model.effects import CATALOGUE, Effect, friction_near_rest
+from arm_model.effects import CATALOGUE, Effect, Scale, friction_near_rest
 from diagnosis.measurements.currents.columns import columns
-from diagnosis.measurements.near_rest.passages import NearRest
+from diagnosis.measurements.near_rest.passages import NearRest, position_noise
+from diagnosis.residual.run import Run
 from diagnosis.selection.candidate import Candidate
 
-WIDTHS = np.array([0.1, 0.2, 0.3, 0.45, 0.65, 0.8, 1.0, 1.25, 1.6, 2.0, 2.5])
+WIDTHS = np.array([0.03, 0.1, 0.2, 0.3, 0.45, 0.65, 0.8, 1.0, 1.25, 1.6, 2.0, 2.5])
 """Smoothing velocities that are tried, as multiples of the model's own."""
+STIFFNESSES, REFINED, BETWEEN = 9, 2, 5
+"""Stiffnesses of bristles that are tried; how often values are tried about the best so far, and how many of each."""
+RESOLVED = 2.0
+"""Standard deviations of a recorded angle over which friction must build up to differ from friction without a
+state."""
 
 
 @dataclass(frozen=True)
@@ -78,23 +84,77 @@ def smoothing(every: Sequence[NearRest]) -> Law:
 
 
 def law_of(every: Sequence[NearRest], effect: Effect) -> Law:
-    """Trials over the searched parameters of an effect; where its friction turns with it, over smoothings as well."""
-    grid = [
-        dict(zip((p.name for p in effect.parameters if p.search), values))
-        for values in itertools.product(*(p.search for p in effect.parameters if p.search))
-    ]
+    """Trials over the searched parameters of an effect, first over all their range, then about the best of them.
+
+    Where its friction turns with the model's, over smoothings as well.
+    """
+    law = _trials(every, effect, _grid(every, effect))
+    for _ in range(REFINED):
+        law = _both(law, _trials(every, effect, _about(law, fitted_to_all(every, law))))
+    return law
+
+
+def _trials(every: Sequence[NearRest], effect: Effect, grid: Mapping[str, Array]) -> Law:
+    """Trials of all combinations of the values in a grid; of ``width`` where friction turns by it."""
+    values = [dict(zip(grid, map(float, one))) for one in itertools.product(*grid.values())]
     if effect.rate is not None:
-        # friction with a state turns by itself: no smoothing is left
-        offset = [one.of(np.stack([one.of_law(effect, values) for values in grid], axis=1)).T for one in every]
-        return Law(effect.name, grid, offset, [np.zeros_like(part) for part in offset])
-    smooth, unit = smoothing(every), {p.name: 1.0 for p in effect.linear}
-    widths = [value["width"] for value in smooth.values]
-    column = [
-        one.of(np.stack([one.of_law(effect, {**unit, **values}, w) for w in widths for values in grid], axis=1)).T
-        for one in every
-    ]
-    offset = [np.repeat(part, len(grid), axis=0) for part in smooth.offset]
-    return Law(effect.name, [{**values, "width": w} for w in widths for values in grid], offset, column)
+        # friction with a state turns by itself: no smoothing is left. Its damping multiplies a column
+        fixed = [p.name for p in effect.parameters if p.fixed]
+        none, unit = (dict.fromkeys(fixed, size) for size in (0.0, 1.0))
+        offset = [_laws(one, effect, [{**v, **none} for v in values]) for one in every]
+        column = [_laws(one, effect, [{**v, **unit} for v in values]) - of for one, of in zip(every, offset)]
+        return Law(effect.name, values, offset, column)
+    size = {p.name: 1.0 for p in effect.linear}
+    column = [_laws(one, effect, [{**size, **v} for v in values]) for one in every]
+    widths = np.array([v["width"] for v in values])
+    once, place = np.unique(widths, return_inverse=True)
+    return Law(effect.name, values, [one.of(one.smoothed(once)).T[place] for one in every], column)
+
+
+def _laws(one: NearRest, effect: Effect, values: Sequence[dict[str, float]]) -> Array:
+    """(T, r) over std: the law with each of these parameters and smoothing velocities."""
+    torque = [one.of_law(effect, {k: x for k, x in v.items() if k != "width"}, v.get("width")) for v in values]
+    return one.of(np.stack(torque, axis=1)).T
+
+
+def _grid(every: Sequence[NearRest], effect: Effect) -> dict[str, Array]:
+    """Values of the searched parameters: as the catalogue has them; bristles as far as encoders show them yield."""
+    one = every[0]
+    drive = one.run.arm.joints[one.joint - 1]
+    grid = {p.name: np.array(p.search) for p in effect.parameters if p.search and not p.fixed}
+    for p in effect.parameters:
+        if p.scale is Scale.YIELD:
+            noise, travel = (max(of(part.run, one.joint) for part in every) for of in (position_noise, _travel))
+            stiffest = max(drive.rest_friction) / max(RESOLVED * noise, min(p.shares) * travel)
+            grid[p.name] = np.geomspace(min(p.search), max(stiffest, 2.0 * min(p.search)), STIFFNESSES)
+    if effect.rate is None:
+        grid["width"] = WIDTHS * drive.sign_velocity
+    return grid
+
+
+def _travel(run: Run, joint: int) -> float:
+    """rad (m): between the outermost angles of a joint (from 1)."""
+    return float(np.ptp(run.raw[1][:, joint - 1]))
+
+
+def _about(law: Law, best: Mapping[str, float]) -> dict[str, Array]:
+    """Values about the best of a law's trials, to its neighbours on either side."""
+    grid = {}
+    for name in law.values[0]:
+        known = np.unique([values[name] for values in law.values])
+        place = int(np.searchsorted(known, best[name]))
+        ends = known[max(place - 1, 0)], known[min(place + 1, len(known) - 1)]
+        grid[name] = np.geomspace(*ends, BETWEEN)
+    return grid
+
+
+def _both(one: Law, other: Law) -> Law:
+    """All trials of two laws of the same effect."""
+    offset, column = (
+        [np.concatenate(pair) for pair in zip(*parts)]
+        for parts in ((one.offset, other.offset), (one.column, other.column))
+    )
+    return Law(one.effect, [*one.values, *other.values], offset, column)
 
 
 def confused(every: Sequence[NearRest], joint: int, library: Sequence[Candidate]) -> Law:
@@ -115,7 +175,12 @@ def fitted_to_all(every: Sequence[NearRest], law: Law) -> dict[str, float]:
     """Parameters of the trial that fits all recordings best; coefficients of 0 where another smoothing does as well."""
     assert law.effect is not None
     trial, c = _fitted(*(part.sum(axis=0) for part in _products(every, law)))
-    return {**law.values[trial], **{p.name: c for p in CATALOGUE[law.effect].linear}}
+    return {**law.values[trial], **dict.fromkeys(coefficients(CATALOGUE[law.effect]), c)}
+
+
+def coefficients(effect: Effect) -> list[str]:
+    """Parameters that a law is proportional to, or that multiply a column of it: the damping of bristles."""
+    return [p.name for p in effect.parameters if (p.fixed if effect.rate is not None else p.linear and not p.term)]
 
 
 def torque_of(one: NearRest, effect: Effect, values: dict[str, float]) -> Array:

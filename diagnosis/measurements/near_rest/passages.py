@@ -109,10 +109,14 @@ def _known_speed(run: Run, joint: int) -> bool:
 
 def speed_noise(run: Run, joint: int) -> float:
     """rad/s (m/s): std of the speed of a joint (from 1) by its encoder."""
-    t, q = run.raw
-    position = float(angle_noise(q[:, [joint - 1]])[0])
-    band = min(MOTION_BAND, rate_of(t) / 2)
-    return float(position * 2 * np.pi * np.sqrt(band**3 / 3 / (rate_of(t) / 2)))
+    rate = rate_of(run.raw[0])
+    band = min(MOTION_BAND, rate / 2)
+    return float(position_noise(run, joint) * 2 * np.pi * np.sqrt(band**3 / 3 / (rate / 2)))
+
+
+def position_noise(run: Run, joint: int) -> float:
+    """rad (m): std of the angle of a joint (from 1) by its encoder."""
+    return float(angle_noise(run.raw[1][:, [joint - 1]])[0])
 
 
 def _of_run(run: Run, joint: int, terms: Sequence[EffectTerm]) -> NearRest:

@@ -36,17 +36,25 @@ SHOWS = 0.5
 """Of the level: std of a height by the noise of its rows from which a break-away shows none."""
 FEWEST = 6
 """Break-aways that a rise is estimated from."""
+OVER = 1.5
+"""Times the velocity of a hump at which it is over (exp(-2.25))."""
+FORGETS = 3.0
+"""Ways to the end of the hump over which sliding renews contacts: over fewer, a break-away itself would renew them."""
 VARIES = 4.0
 """Times the shortest rest that the longest must last."""
 
 
 @dataclass(frozen=True)
 class BreakAways:
-    """n break-aways: s at rest before each, height N m (N) of the hump in each, and its std by noise alone."""
+    """n break-aways: s at rest before each, height N m (N) of the hump in each, and its std by noise alone.
+
+    slid: rad (m) until the hump is over.
+    """
 
     rested: Array
     height: Array
     std: Array
+    slid: Array
 
 
 def with_rise_at_rest(causes: Sequence[Cause], runs: Sequence[Run], terms: Sequence[EffectTerm]) -> list[Cause]:
@@ -64,14 +72,14 @@ def with_rise_at_rest(causes: Sequence[Cause], runs: Sequence[Run], terms: Seque
 
 def _is_hump(effect: Effect) -> bool:
     """Whether it is friction near rest that has a level."""
-    return effect.near_rest and bool(effect.linear)
+    return bool(effect.rises_by)
 
 
 def rise_at_rest(cause: Cause, every: Sequence[NearRest]) -> RiseAtRest:
     """The rise of a hump's level, from the residual that it leaves near rest in ``every`` recording."""
     values, unit = {p.name: p.value for p in cause.parameters}, cause.parameters[0].unit
     effect = CATALOGUE[cause.effect]
-    seen = break_aways(every, effect, values) if every else BreakAways(np.zeros(0), np.zeros(0), np.zeros(0))
+    seen = break_aways(every, effect, values) if every else BreakAways(*np.zeros((4, 0)))
     shortest, longest = (float(of(seen.rested)) if len(seen.rested) else 0.0 for of in (np.min, np.max))
     found = RiseAtRest(unit=unit, rests=len(seen.rested), shortest=shortest, longest=longest)
     if found.rests < FEWEST or longest < VARIES * shortest:
@@ -83,21 +91,42 @@ def rise_at_rest(cause: Cause, every: Sequence[NearRest]) -> RiseAtRest:
     left = (seen.height - x @ solved) * weight
     covariance = np.linalg.inv((x * weight[:, None]).T @ (x * weight[:, None])) * float(left @ left) / (len(x) - 2)
     rise, std = float(solved[1]), float(np.sqrt(covariance[1, 1]))
-    return replace(found, value=rise, std=float(np.hypot(std, effect.model_error * rise)))
+    found = replace(found, value=rise, std=float(np.hypot(std, effect.model_error * rise)))
+    if not found.determined:
+        return found
+    level = values[effect.linear[0].name]
+    reference = float(np.clip(10.0 ** ((level - float(solved[0])) / rise), shortest, longest))
+    return replace(found, reference=reference, slip=FORGETS * float(np.median(seen.slid)))
+
+
+@dataclass(frozen=True)
+class Rest:
+    """A rest that begins within a recording.
+
+    of: number of the recording; rested: s; shows: which of its r rows show the break-away; slid: rad (m) that the joint
+    then slides until its hump is over.
+    """
+
+    of: int
+    rested: float
+    shows: NDArray[np.bool_]
+    slid: float
 
 
 def break_aways(every: Sequence[NearRest], effect: Effect, values: dict[str, float]) -> BreakAways:
     """Heights of a hump, the ``effect`` with parameters ``values``, each from the rows of one break-away."""
-    rows = [(k, rested, here) for k, one in enumerate(every) for rested, here in _after_rests(one)]
-    best = min((_heights(every, rows, (effect, values), width) for width in WIDTHS), key=lambda of: of[0])
+    ends = OVER * max(values[p.name] for p in effect.nonlinear)
+    rests = [rest for k, one in enumerate(every) for rest in _rests(k, one, ends)]
+    best = min((_heights(every, rests, (effect, values), width) for width in WIDTHS), key=lambda of: of[0])
     heights, std = best[1:]
     shows = std < SHOWS * values[effect.linear[0].name]
-    return BreakAways(np.array([rested for _, rested, _ in rows])[shows], heights[shows], std[shows])
+    rested, slid = (np.array([getattr(rest, name) for rest in rests])[shows] for name in ("rested", "slid"))
+    return BreakAways(rested, heights[shows], std[shows], slid)
 
 
 def _heights(
     every: Sequence[NearRest],
-    rows: Sequence[tuple[int, float, NDArray[np.bool_]]],
+    rests: Sequence[Rest],
     law: tuple[Effect, dict[str, float]],
     width: float,
 ) -> tuple[float, Array, Array]:
@@ -112,22 +141,25 @@ def _heights(
         shapes.append(shape)
         parts.append(rest)
         left += float(np.sum((rest - level * shape) ** 2))
-    size = np.array([max(float(shapes[k][here] @ shapes[k][here]), 1e-12) for k, _, here in rows])
-    heights = np.array([float(shapes[k][here] @ parts[k][here]) for k, _, here in rows]) / size
+    own = [(shapes[rest.of][rest.shows], parts[rest.of][rest.shows]) for rest in rests]
+    size = np.array([max(float(shape @ shape), 1e-12) for shape, _ in own])
+    heights = np.array([float(shape @ part) for shape, part in own]) / size
     return left, heights, 1.0 / np.sqrt(size)
 
 
-def _after_rests(one: NearRest) -> Iterator[tuple[float, NDArray[np.bool_]]]:
-    """s of every rest that begins within a recording, and which of the r rows show the break-away from it."""
+def _rests(number: int, one: NearRest, ends: float) -> Iterator[Rest]:
+    """Every rest that begins within a recording of this ``number``; ``ends`` rad/s (m/s): where a hump is over."""
     rate = rate_of(one.run.raw[0])
     place = np.arange(len(one.v))[kept(rate)][one.rows]
     label, count = ndimage.label(standing(one.v, rate))
     stands = [part for (part,) in ndimage.find_objects(label)]
     still = np.abs(one.v) < max(STILL, 3.0 * speed_noise(one.run, one.joint))
-    for number in range(count):
-        part = stands[number]
-        until = stands[number + 1].start if number + 1 < count else len(one.v)
+    for k in range(count):
+        part = stands[k]
+        until = stands[k + 1].start if k + 1 < count else len(one.v)
         here = (place >= part.stop) & (place < min(until, part.stop + BREAKS_AWAY * rate))
         rests = np.flatnonzero(still[part])
         if part.start > 0 and here.any() and len(rests):
-            yield (rests[-1] + 1 - rests[0]) / rate, here
+            speed = np.abs(one.v[part.stop : until])
+            over = int(np.argmax(speed > ends)) or len(speed)
+            yield Rest(number, (rests[-1] + 1 - rests[0]) / rate, here, float(np.sum(speed[:over])) / rate)
