@@ -29,7 +29,7 @@ from diagnosis.measurements.near_rest.laws import (
     torque_of,
 )
 from diagnosis.measurements.near_rest.passages import SLIDES, STANDS, NearRest, near_rest
-from diagnosis.residual.expected_current import coulomb_at
+from diagnosis.residual.expected_current import coulomb_at, rate_of
 from diagnosis.residual.run import Run
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.friction_shares import with_shares
@@ -199,9 +199,11 @@ def estimates(every: Sequence[NearRest], law: Law) -> list[Estimate]:
     values = {name: max(float(value), 0.0) for name, value in at(fitted.x).items()}
     turned = _by_another_turn(every, values, np.asarray(fitted.jac))
     own = np.sqrt(np.diag(covariance) + turned**2)
+    stds = {name: added.get(name, values[name]) * by for name, by in zip(free, own)}
+    # a current that is half a row late turns stiffness into damping
+    late = 0.5 / rate_of(every[0].run.raw[0]) * sum(values[p.name] for p in effect.parameters if p.inverse)
     stds = {
-        name: np.hypot(added.get(name, values[name]) * by, effect.model_error * values[name])
-        for name, by in zip(free, own)
+        name: np.hypot(by, late if name in added else effect.model_error * values[name]) for name, by in stds.items()
     }
     return [
         Estimate(p.name, values[p.name], float(stds.get(p.name, 0.0)), unit_at(joint, p.unit))
