@@ -14,6 +14,20 @@ from contextvars import ContextVar
 Progress = Callable[[str], None]
 """Told in a few words what is being done."""
 
+
+class _Silent:
+    """Takes any progress and says nothing."""
+
+    def __call__(self, *told: object) -> None:
+        pass
+
+    def __repr__(self) -> str:
+        return "silent"
+
+
+silent = _Silent()
+"""The progress of whoever does not follow; ``help`` shows it by its name."""
+
 _follower: ContextVar[Progress | None] = ContextVar("follower", default=None)
 
 

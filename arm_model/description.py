@@ -285,7 +285,7 @@ OPEN_LOOP_PERIOD = 0.001
 """s between the values that are taken of the demanded currents of an arm without controller."""
 
 
-@dataclass(frozen=True, config=STRICT)
+@dataclass(frozen=True, config=STRICT, repr=False)
 class Arm:
     """A serial arm.
 
@@ -346,6 +346,12 @@ class Arm:
 
     def __len__(self) -> int:
         return len(self.joints)
+
+    def __repr__(self) -> str:
+        parts = [f"{len(self)} joint{'s' * (len(self) > 1)}", *(["controller"] if self.controller else [])]
+        parts += ["floating base"] if self.floating else []
+        parts += [term.name + (f" of joint {term.joint}" if term.joint else "") for term in self.effects]
+        return f"<Arm {self.name}: {', '.join(parts)}>"
 
     @property
     def servo_period(self) -> float:

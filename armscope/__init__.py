@@ -1,6 +1,17 @@
-"""armscope instruments a robot arm and tells the truth about its model.
+"""Instruments a robot arm, and tells the truth about its model.
 
-Everything below is imported when it is first used (PEP 562); docs/api.md has an example of each.
+    run = armscope.open("a.mcap")                            # a recording: run.t, run.q, run.i, run.ledger
+    arm = armscope.read_model("arm.toml")                    # or arm.urdf, or a MuJoCo arm.xml
+    found = armscope.identify("a.mcap", arm, held_out="b.mcap")
+    verdict = armscope.diagnose("a.mcap", arm, held_out="b.mcap")
+    armscope.simulate(verdict.extended, "experiment.toml").write("simulated.mcap")
+    armscope.write_model("extended.toml", verdict.extended)
+
+Every argument that is a file may be its path or the object that was read from it. ``print`` of a result is what the
+command prints; results have ``to_json()``, ``plot()`` and ``write(folder)``. Invalid input raises ``InputError``:
+where, what is wrong, what would be right. docs/api.md has an example of each function.
+
+Names are imported when they are first used (PEP 562).
 """
 
 from __future__ import annotations
@@ -12,8 +23,9 @@ __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from arm_archive import Archive, open_archive
+    from arm_fleet import Fleet
     from arm_io import DeviceFault, InputError
-    from arm_model import Arm
+    from arm_model import Arm, write_model
     from arm_model.effects import CATALOGUE
     from armscope.api.calibration import Calibration, Tracker, calibrate
     from armscope.api.comparison import compare
@@ -26,6 +38,7 @@ if TYPE_CHECKING:
     from armscope.api.simulation import Simulation, simulate
     from armscope.api.trend import trend
     from comparison import Comparison
+    from comparison.trend import Trend
     from daq.recording import Recording
     from experiment import Experiment
     from identification import Identification
@@ -40,11 +53,13 @@ _HOMES = {
     "DeviceFault": "arm_io:DeviceFault",
     "Diagnosis": "armscope.api.diagnosis:Diagnosis",
     "Experiment": "experiment:Experiment",
+    "Fleet": "arm_fleet:Fleet",
     "Identification": "identification.result:Identification",
     "InputError": "arm_io:InputError",
     "Recorded": "armscope.api.recording:Recorded",
     "Recording": "daq.recording:Recording",
     "Simulation": "armscope.api.simulation:Simulation",
+    "Trend": "comparison.trend:Trend",
     "Tracker": "armscope.api.calibration:Tracker",
     "calibrate": "armscope.api.calibration:calibrate",
     "compare": "armscope.api.comparison:compare",
@@ -61,6 +76,7 @@ _HOMES = {
     "record": "armscope.api.recording:record",
     "simulate": "armscope.api.simulation:simulate",
     "trend": "armscope.api.trend:trend",
+    "write_model": "arm_model:write_model",
 }
 """Name -> module and name there."""
 
@@ -72,12 +88,14 @@ __all__ = [
     "DeviceFault",
     "Diagnosis",
     "Experiment",
+    "Fleet",
     "Identification",
     "InputError",
     "Recorded",
     "Recording",
     "Simulation",
     "Tracker",
+    "Trend",
     "__version__",
     "calibrate",
     "compare",
@@ -94,6 +112,7 @@ __all__ = [
     "record",
     "simulate",
     "trend",
+    "write_model",
 ]
 
 

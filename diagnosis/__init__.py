@@ -1,6 +1,6 @@
 """Measured against simulated -> causes -> extended model -> gain; the report."""
 
-from diagnosis.cause import Cause, in_words
+from diagnosis.cause import Cause, Structure, Undetectable, in_words
 from diagnosis.diagnose import Diagnosis, check_recordings, diagnose
 from diagnosis.remainder.against_noise import against_noise
 from diagnosis.remainder.of_identification import left_over
@@ -8,6 +8,8 @@ from diagnosis.remainder.of_identification import left_over
 __all__ = [
     "Cause",
     "Diagnosis",
+    "Structure",
+    "Undetectable",
     "against_noise",
     "check_recordings",
     "diagnose",

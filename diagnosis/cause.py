@@ -121,7 +121,7 @@ class RiseAtRest:
         return self.value is not None and self.std is not None and self.value > RISES * self.std
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Cause:
     """One accepted effect.
 
@@ -165,6 +165,10 @@ class Cause:
     lost_rows: tuple[LostRows, ...] = ()
     rise_at_rest: RiseAtRest | None = None
     deviations: tuple[float, float] | None = None
+
+    def __repr__(self) -> str:
+        sizes = ", ".join(f"{p.name} {p.value:.3g} (std {p.std:.2g}) {p.unit}" for p in self.parameters)
+        return f"<Cause {in_words(self.key)}: {sizes}; confidence {self.confidence:.0%}>"
 
     @property
     def next_orders(self) -> tuple[str, ...]:

@@ -49,7 +49,7 @@ class Value:
     std_bootstrap: float | None = None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Prediction:
     """Measured and predicted torque of one run: t (k,), joint (k,) from 0, measured, predicted (k,) N m or N.
 
@@ -67,6 +67,10 @@ class Prediction:
     sliding: NDArray[np.bool_] | None = None
     prediction_std: Array | None = None
     noise: Array | None = None
+
+    def __repr__(self) -> str:
+        rows = f"{self.t.size} torques of {np.unique(self.joint).size} joints"
+        return f"<Prediction of {self.run}: {rows}, relative error {self.relative_error:.2%}>"
 
     @property
     def residual(self) -> Array:

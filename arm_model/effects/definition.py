@@ -175,7 +175,7 @@ class Values(dict[str, Any]):
 Law = Callable[[Values, Signals], Any]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Effect:
     """One effect of the vocabulary.
 
@@ -246,6 +246,9 @@ class Effect:
     coupling: bool = False
     cylinder: bool = False  # it acts along the link's cylinder, and needs one in the model
     link_side: bool = False  # a torque on the link, behind a two-mass transmission; else it acts on the motor
+
+    def __repr__(self) -> str:
+        return f"<Effect {self.name}: {self.equation}; {', '.join(f'{p.name} {p.unit}' for p in self.parameters)}>"
 
     def __getitem__(self, name: str) -> Parameter:
         """The parameter of that name; KeyError where it has none."""

@@ -6,7 +6,7 @@ links, which are most of it, by compiled code.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 
 import numpy as np
@@ -77,7 +77,8 @@ class _Structure:
         self.arm = arm
         terms = tuple((term.name, term.joint) for term in arm.effects)
         warm = tuple(warmth_knots(arm, j) for j in range(len(arm)))
-        self.key = repr(replace(arm, effects=())), terms, warm
+        numbers_of_arm = [getattr(arm, one.name) for one in fields(arm) if one.compare and one.name != "effects"]
+        self.key = repr(numbers_of_arm), terms, warm
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, _Structure) and self.key == other.key

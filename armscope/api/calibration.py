@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from arm_io import InputError, make_folder
+from arm_io.progress import silent
 from armscope.api.reading import File, Source, fixed_model, open_recording
 
 if TYPE_CHECKING:
@@ -159,7 +160,7 @@ def calibrate(
     held_out: Source | Sequence[Source] = (),
     tracker: Tracker = Tracker(),
     geometry_only: bool = False,
-    progress: Callable[[str], None] = lambda _: None,
+    progress: Callable[[str], None] = silent,
 ) -> Calibration:
     """The kinematic parameters of an arm from an external tracker, and its position error before and after.
 

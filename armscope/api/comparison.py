@@ -10,6 +10,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, TypeAlias
 
 from arm_io import InputError
+from arm_io.progress import silent
 from armscope.api.reading import File, Source, fixed_model, for_analysis
 
 if TYPE_CHECKING:
@@ -28,7 +29,7 @@ def compare(
     after: Comparable | Sequence[Comparable],
     model: File | Arm | None = None,
     *,
-    progress: Callable[[str], None] = lambda _: None,
+    progress: Callable[[str], None] = silent,
 ) -> Comparison:
     """What changed in an arm between two recordings, identifications or diagnoses, or two groups of one kind.
 
@@ -80,8 +81,12 @@ def _holds_result(folder: Path) -> bool:
 def _is_result(one: Comparable) -> bool:
     if isinstance(one, str | PathLike):
         return Path(one).is_dir() or Path(one).suffix == ".json"
+    from armscope.api.diagnosis import Diagnosis
     from daq.recording import Recording
+    from identification import Identification
 
+    if not isinstance(one, Recording | Identification | Diagnosis):
+        raise InputError("compare", f"takes recordings and results, as paths or objects (is {type(one).__name__})")
     return not isinstance(one, Recording)
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from arm_io import InputError
+from arm_io.progress import silent
 from armscope.api.reading import File, Source, fixed_model, for_analysis
 
 if TYPE_CHECKING:
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 
     from arm_model import Arm
     from daq.recording import Recording
-    from diagnosis import Cause
+    from diagnosis import Cause, Structure, Undetectable
     from diagnosis import Diagnosis as Details
     from diagnosis.origins import Suspect
 
@@ -55,6 +56,21 @@ class Diagnosis:
     def causes(self) -> list[Cause]:
         """The accepted causes, strongest first, with parameters, confidence, gain and ambiguity group."""
         return list(self.details.causes)
+
+    @property
+    def unexplained(self) -> list[Structure]:
+        """Structure that no effect of the catalogue explains: signal, joint, and the variable that it depends on."""
+        return list(self.details.unexplained)
+
+    @property
+    def undetectable(self) -> list[Undetectable]:
+        """Effects that these recordings could not show, each with the reason and a motion that would show it."""
+        return list(self.details.not_visible)
+
+    @property
+    def warnings(self) -> list[str]:
+        """What to know of the recordings and the model beside the verdict, a sentence each."""
+        return list(self.details.warnings)
 
     @property
     def origins(self) -> list[Suspect]:
@@ -102,7 +118,7 @@ class Diagnosis:
         self,
         folder: str | PathLike[str],
         *,
-        progress: Callable[[str], None] = lambda _: None,
+        progress: Callable[[str], None] = silent,
         pictures: Collection[str] = (),
     ) -> dict[str, Any]:
         """Writes diagnosis.json, report.html, model.toml and the discriminating experiments.
@@ -121,7 +137,7 @@ def diagnose(
     model: File | Arm,
     *,
     held_out: Source | Sequence[Source] = (),
-    progress: Callable[[str], None] = lambda _: None,
+    progress: Callable[[str], None] = silent,
 ) -> Diagnosis:
     """What a model's simulation gets wrong in recordings of the arm, and why.
 

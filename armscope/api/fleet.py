@@ -12,7 +12,7 @@ from typing import Any
 from arm_fleet import ArmNight, ArmTasks, Cluster, Engine, Fleet, Plan, Store, Task, arm_nights, code_version, fleet_of
 from arm_fleet import read_plan as _read_plan
 from arm_io import read_text
-from arm_io.progress import Progress
+from arm_io.progress import Progress, silent
 from arm_model import Arm, write_model
 from armscope.api.reading import File, read_model
 
@@ -26,7 +26,7 @@ def fleet(
     *,
     scheduler: str | None = None,
     workers: int = 1,
-    progress: Progress = lambda _: None,
+    progress: Progress = silent,
 ) -> Fleet:
     """Runs a plan on Dask, judges all its results together and writes them into a folder (docs/fleet.md).
 

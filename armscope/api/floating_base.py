@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from arm_io import InputError
+from arm_io.progress import silent
 from armscope.api.reading import File, Source, read_model, recordings_of
 
 if TYPE_CHECKING:
@@ -31,7 +32,7 @@ def identify_base(
     model: File | Arm,
     *,
     held_out: Source | Sequence[Source] = (),
-    progress: Callable[[str], None] = lambda _: None,
+    progress: Callable[[str], None] = silent,
 ) -> BaseIdentification:
     """Thruster gains, added mass, drag and buoyancy of a floating base with deviations, from its recorded motion.
 
@@ -52,7 +53,7 @@ def diagnose_base(
     model: File | Arm,
     *,
     held_out: Source | Sequence[Source] = (),
-    progress: Callable[[str], None] = lambda _: None,
+    progress: Callable[[str], None] = silent,
 ) -> BaseDiagnosis:
     """Which thrusters, water or reaction of the arm the recordings contradict; arguments as ``identify_base``."""
     arm = read_model(model)

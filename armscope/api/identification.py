@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, get_args
 
 from arm_io import InputError
+from arm_io.progress import silent
 from armscope.api.reading import File, Source, fixed_model, for_analysis
 
 if TYPE_CHECKING:
@@ -30,7 +31,7 @@ def identify(
     method: Method = "wls",
     friction: Friction | None = None,
     shape: Shape = "auto",
-    progress: Callable[[str], None] = lambda _: None,
+    progress: Callable[[str], None] = silent,
 ) -> Identification:
     """The dynamic parameters of an arm with standard deviations, base parameters and held-out error.
 
@@ -45,6 +46,7 @@ def identify(
                 justify it (ols, wls and irls only)
     Raises InputError where a recording does not belong to the arm or cannot be used by the method.
     """
+    _check_choices(method=method, friction=friction, shape=shape)
     arm = fixed_model(model, "'armscope identify'")
     fitted, held = for_analysis(recordings, held_out)
     # Imported last: these libraries take a second, for which a wrong file need not wait.
@@ -58,6 +60,13 @@ def identify(
     result = replace(result, extra={**result.extra, "recorded": min(dates, default=None)}, clips=clips)
     progress("comparing with the noise of the instruments")
     return _against_noise(result, held or fitted, fitted if held else [])
+
+
+def _check_choices(**chosen: str | None) -> None:
+    """InputError where an option is none of its choices; None: the default."""
+    for name, kind in (("method", Method), ("friction", Friction), ("shape", Shape)):
+        if (choice := chosen.get(name)) is not None and choice not in get_args(kind):
+            raise InputError(name, f"must be one of {', '.join(get_args(kind))} (is {choice!r})")
 
 
 def _against_noise(
@@ -87,12 +96,13 @@ def check(
     held_out: Source | Sequence[Source] = (),
     method: Method = "wls",
     friction: Friction | None = None,
-    progress: Callable[[str], None] = lambda _: None,
+    progress: Callable[[str], None] = silent,
 ) -> Readiness:
     """How fit recordings are for ``identify`` (rows, excitation, saturation, lag), and whether ``diagnose`` takes them.
 
     Arguments and errors as of ``identify``; its least squares are solved once, so that what refuses a fit shows here.
     """
+    _check_choices(method=method, friction=friction)
     arm = fixed_model(model, "'armscope identify'")
     fitted, held = for_analysis(recordings, held_out)
     from identification import check_runs, own_friction
@@ -110,7 +120,7 @@ def check(
 
 
 def predict(
-    recordings: Source | Sequence[Source], model: File | Arm, *, progress: Callable[[str], None] = lambda _: None
+    recordings: Source | Sequence[Source], model: File | Arm, *, progress: Callable[[str], None] = silent
 ) -> list[Prediction]:
     """Measured and predicted torque of each recording, with nothing fitted: what ``identify`` judges its model by.
 

@@ -6,7 +6,7 @@ A path such as ``config/models/puma560.toml`` that is not in place means the shi
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -34,16 +34,29 @@ def open_recording(recording: Source) -> Recording:
     """
     from daq.recording import Recording, open_recording
 
-    return recording if isinstance(recording, Recording) else open_recording(Path(recording))
+    return recording if isinstance(recording, Recording) else open_recording(_path(recording, "a recording"))
+
+
+def _path(given: object, what: str) -> Path:
+    """The path itself. InputError where it is none: an object of another kind, in the place of ``what``."""
+    if not isinstance(given, str | PathLike):
+        raise InputError(what, f"must be the path of one, or an object of its own kind (is {type(given).__name__})")
+    return Path(given)
 
 
 def recordings_of(sources: Source | Sequence[Source]) -> list[Recording]:
     """Recordings from one recording or path, or from several."""
+    return [open_recording(source) for source in _listed(sources)]
+
+
+def _listed(sources: Source | Sequence[Source]) -> list[Source]:
+    """One or several, as a list. InputError where it is neither."""
     from daq.recording import Recording
 
     if isinstance(sources, Recording | str | PathLike):
-        return [open_recording(sources)]
-    return [open_recording(source) for source in sources]
+        return [sources]
+    several = list(sources) if isinstance(sources, Iterable) else [sources]
+    return [one if isinstance(one, Recording) else _path(one, "a recording") for one in several]
 
 
 def for_analysis(*groups: Source | Sequence[Source], **bounds: Any) -> list[list[Recording]]:
@@ -55,7 +68,9 @@ def for_analysis(*groups: Source | Sequence[Source], **bounds: Any) -> list[list
     """
     from daq.recording import Recording, open_recordings
 
-    listed = [[group] if isinstance(group, Recording | str | PathLike) else list(group) for group in groups]
+    listed = [_listed(group) for group in groups]
+    if not listed[0]:
+        raise InputError("recordings", "is empty; give at least one")
     paths = [[Path(one) for one in group if not isinstance(one, Recording)] for group in listed]
     read = [iter(group) for group in open_recordings(*paths, **bounds)]
     groups_read = [
@@ -85,11 +100,15 @@ def _floats(model: str) -> bool:
 def read_model(model: File | Arm) -> Arm:
     """The arm of a model file (.toml), a URDF file (.urdf) or a MuJoCo model (.xml); docs/model.md.
 
-    InputError where it is wrong or unphysical.
+    InputError where it is wrong or unphysical; of an ``Arm``, where an effect does not fit it.
     """
     from arm_model import Arm, read_model
+    from arm_model.effects import check_terms
 
-    return model if isinstance(model, Arm) else read_model(found(model))
+    if not isinstance(model, Arm):
+        return read_model(found(_path(model, "a model")))
+    check_terms(model)
+    return model
 
 
 def fixed_model(model: File | Arm, purpose: str) -> Arm:
@@ -107,14 +126,16 @@ def read_rig(rig: File | Rig) -> Rig:
     """
     from daq.rig import Rig, read_rig
 
-    return rig if isinstance(rig, Rig) else read_rig(found(rig))
+    return rig if isinstance(rig, Rig) else read_rig(found(_path(rig, "a rig")))
 
 
 def read_experiment(experiment: File | Experiment) -> Experiment:
     """An experiment file: a motion and how to sample it. InputError names the entry and what would be right."""
     from experiment import Experiment, read_experiment
 
-    return experiment if isinstance(experiment, Experiment) else read_experiment(found(experiment))
+    if isinstance(experiment, Experiment):
+        return experiment
+    return read_experiment(found(_path(experiment, "an experiment")))
 
 
 def note_gaps(model: File | None, *uses: str, tip: str | None = None) -> None:

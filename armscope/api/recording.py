@@ -13,6 +13,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 from arm_io import DeviceFault, InputError, read_file, read_text
+from arm_io.progress import silent
 from armscope.api.reading import File, open_recording
 from armscope.shipped import found
 
@@ -85,8 +86,8 @@ def record(
     out: File,
     *,
     fetch: bool = False,
-    progress: Callable[[Table], None] = lambda run: None,
-    transfer: Callable[[int, int], None] = lambda done, size: None,
+    progress: Callable[[Table], None] = silent,
+    transfer: Callable[[int, int], None] = silent,
 ) -> Recorded:
     """Runs an experiment on a rig, through the rig's daemon where one is running.
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from arm_io import InputError, read_text
+from arm_io.progress import silent
 from arm_io.types import Array, Progress
 from arm_model import Arm, EffectTerm, Motion, write_model
 from arm_model.collision import chain_of
@@ -164,7 +165,7 @@ def simulate(
     rate: float | None = None,
     target: Point | None = None,
     temperature: float | None = None,
-    progress: Progress = lambda _: None,
+    progress: Progress = silent,
 ) -> Simulation:
     """The arm in closed loop with the position controller of its model.
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from arm_io import InputError
-from arm_io.progress import Step
+from arm_io.progress import Step, silent
 from armscope.api.comparison import Comparable, stored_result
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ def trend(
     limits: Mapping[str, float] | Sequence[Limit] = (),
     *,
     filters: Filters | None = None,
-    progress: Callable[[str], None] = lambda _: None,
+    progress: Callable[[str], None] = silent,
 ) -> Trend:
     """How the parameters of an arm moved over many identifications, or many diagnoses.
 

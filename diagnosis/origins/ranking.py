@@ -29,7 +29,7 @@ SPEAKS = 0.8
 LARGEST = 0.99
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Suspect:
     """An origin at a joint (from 1); None: of the arm and its rig.
 
@@ -47,6 +47,10 @@ class Suspect:
     contradicted_by: tuple[str, ...]
     missing: tuple[str, ...]
     sources: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        where = f"of joint {self.joint}" if self.joint else "of the arm"
+        return f"<Suspect {where}: {self.origin.title}; likelihood {self.likelihood:.2f}>"
 
 
 def suspects(places: Sequence[Evidence], table: Table | None = None) -> list[Suspect]:

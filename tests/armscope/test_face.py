@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import ast
+import inspect
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 import armscope
-from armscope import InputError
+from armscope import Arm, InputError
 
 FUNCTIONS = (
     "open",
@@ -68,3 +70,39 @@ def test_a_shipped_model_is_found_from_any_folder(tmp_path: Path, monkeypatch: p
     assert len(armscope.read_model("config/models/scara.toml")) == 3
     with pytest.raises(InputError, match=r"none\.toml"):
         armscope.read_model("config/models/none.toml")
+
+
+def test_objects_show_themselves_in_one_line(root: Path) -> None:
+    arm = armscope.read_model(root / "config/models/puma560_worn.toml")
+    for one in (arm, armscope.effects["backlash"]):
+        assert "\n" not in repr(one) and len(repr(one)) < 250
+    assert "6 joints" in repr(arm) and all(term.name in repr(arm) for term in arm.effects)
+    assert "half_gap rad" in repr(armscope.effects["backlash"])
+
+
+@pytest.mark.parametrize(
+    ("call", "says"),
+    [
+        (lambda arm: armscope.identify("a.mcap", arm, method="wsl"), "method: must be one of ols, wls"),
+        (lambda arm: armscope.identify("a.mcap", arm, friction="asym"), "friction: must be one of symmetric, asymm"),
+        (lambda arm: armscope.identify("a.mcap", arm, shape="curve"), "shape: must be one of auto, straight, free"),
+        (lambda arm: armscope.identify([], arm), "recordings: is empty"),
+        (lambda arm: armscope.diagnose([], arm), "recordings: is empty"),
+        (lambda arm: armscope.diagnose(arm, "a.mcap"), "a model: must be the path of one|no such file"),
+        (lambda arm: armscope.diagnose(arm, arm), "a recording: must be the path of one.*is Arm"),
+        (lambda arm: armscope.open(3), "a recording: must be the path of one.*is int"),
+        (lambda arm: armscope.read_model({"name": "x"}), "a model: must be the path of one.*is dict"),
+        (lambda arm: armscope.simulate(arm, 3), "an experiment: must be the path of one.*is int"),
+        (lambda arm: armscope.compare(3, 4), "compare: takes recordings and results.*is int"),
+        (lambda arm: armscope.read_model(arm.with_effect("backlsh", joint=1)), "no effect 'backlsh'; expected one of"),
+        (lambda arm: armscope.predict("a.mcap", arm.with_effect("backlash", joint=9, half_gap=0.1)), "joint in 1..6"),
+    ],
+)
+def test_a_wrong_argument_is_one_line_that_names_it(call: Callable[[Arm], object], says: str, root: Path) -> None:
+    with pytest.raises(InputError, match=says) as refused:
+        call(armscope.read_model(root / "config/models/puma560.toml"))
+    assert "\n" not in str(refused.value)
+
+
+def test_help_shows_a_default_by_its_name() -> None:
+    assert "= silent" in str(inspect.signature(armscope.diagnose))
