@@ -23,6 +23,11 @@ from diagnosis.screening.lag_path import Step, instant, lag_steps, put_back
 
 SURE = 7.0
 """Std of a short change that it must exceed: it is the largest of all instants, in data with other errors."""
+LIKELY = 3.0
+"""Std of it before the currents are put back: of more than some 10 ms, the first-order effect shows every joint another
+part, by how abruptly its current changes, and the joints agree only once they are put back."""
+REFINEMENTS, SETTLED = 8, 0.1
+"""Times that a change is estimated again at most, and the share of its std by which the last one may move it."""
 WHOLE = 0.3
 """Rows by which a short change of lag may miss a whole number."""
 PLACED = 1.0
@@ -78,7 +83,7 @@ def _of_recording(index: int, run: Run, period: float) -> list[DroppedTriggers]:
 def _refined(run: Run, change: Change) -> Change:
     """The change estimated again with the currents put back by it: the effect of a lag is of first order only."""
     skew = mean_lag(part_of(run, -np.inf, change.time))
-    for _ in range(2):
+    for _ in range(REFINEMENTS):
         back = [Step(-np.inf, -skew), Step(change.time, -change.step)]
         current, rate = put_back(run.current, run.t, back), put_back(run.current_rate, run.t, back)
         aligned = replace(run, current=current, current_rate=rate)
@@ -86,6 +91,8 @@ def _refined(run: Run, change: Change) -> Change:
         if rest is None:
             break
         change = replace(rest, step=change.step + rest.step)
+        if abs(rest.step) < SETTLED * rest.std:
+            break
     return change
 
 
@@ -149,10 +156,16 @@ def _aligned(run: Run, steps: Sequence[Step]) -> tuple[Run, list[float]]:
 def _splits(run: Run) -> list[float]:
     """Times of the changes of lag, s: the most certain one, and those of the parts before and after it."""
     change = change_of_lag(run) if len(run.t) else None
-    if change is None or abs(change.step) < SURE * change.std:
+    if change is None or abs(change.step) < LIKELY * change.std or not _sure(run, change):
         return []
     before, after = part_of(run, -np.inf, change.time), part_of(run, change.time, np.inf)
     return [*_splits(before), change.time, *_splits(after)]
+
+
+def _sure(run: Run, change: Change) -> bool:
+    """Whether a change is certain, at first sight or with the currents put back."""
+    refined = change if abs(change.step) > SURE * change.std else _refined(run, change)
+    return abs(refined.step) > SURE * refined.std
 
 
 def event_of(losses: Sequence[DroppedTriggers], runs: Sequence[Run]) -> Event:

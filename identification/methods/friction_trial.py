@@ -21,6 +21,9 @@ MATTERS = 0.005
 """Of a joint's Coulomb friction: rms of the error that it takes away, at least."""
 BY_CHANCE = 0.01
 """Probability, over all joints that were tried, that blocks of noise gain as much."""
+LARGE, BY_CHANCE_IF_LARGE = 0.5, 0.05
+"""Share of the error that a law leaves, at most, that may gain so by that chance: a short held-out recording has so few
+blocks that all of them gain more often than ``BY_CHANCE``: eight, at each of four joints, in one of 64 cases."""
 SLOWEST = 2.0
 """Times the lowest speed of a joint: slower rows are not free of the reversals beside them, and do not decide."""
 BLOCK = 1.0
@@ -57,7 +60,8 @@ def trial_of(j: int, before: Solved, after: Solved, slowest: float, tried: int) 
     p = p_value(np.bincount(block.ravel(), weights=gain).astype(float))
     size, left = (float(np.sqrt(np.mean(each[mine] ** 2))) for each in (one[1], other[1]))
     removed = np.sqrt(max(size**2 - left**2, 0.0)) / friction_sizes(before.problem, before.best)[j]
-    justified = p * tried < BY_CHANCE and left < (1.0 - REDUCED) * size and removed > MATTERS
+    seldom = BY_CHANCE_IF_LARGE if left < LARGE * size else BY_CHANCE
+    justified = p * tried < seldom and left < (1.0 - REDUCED) * size and removed > MATTERS
     return Trial(joint=j + 1, straight=size, curve=left, p=p, stays=bool(justified))
 
 

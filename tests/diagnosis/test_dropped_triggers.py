@@ -13,11 +13,13 @@ import pytest
 
 from arm_model.description import EffectTerm
 from arm_model.model_file import read_model
+from diagnosis.residual.expected_current import reading
 from diagnosis.residual.noise import KnownNoise
 from diagnosis.residual.run import Run, residual_run
 from diagnosis.screening.cleaned import Residuals, confirmed, realigned
+from diagnosis.screening.lag_change import change_of_lag
 from diagnosis.screening.lag_path import Step, in_order
-from diagnosis.screening.lost_triggers import DroppedTriggers, dropped_triggers, event_of, realigned_rows
+from diagnosis.screening.lost_triggers import SURE, DroppedTriggers, dropped_triggers, event_of, realigned_rows
 from tests.blind.hide import Hidden
 from tests.blind.laboratory import Laboratory
 from tests.blind.motions import fourier
@@ -153,6 +155,32 @@ def test_one_joint_alone_proves_no_lost_edges(root: Path) -> None:
     current[:, 3], rate[:, 3] = whole.current[:, 3], whole.current_rate[:, 3]
     assert len(_found(whole)) == 1
     assert _found(replace(plain, current=current, current_rate=rate)) == []
+
+
+def _of_two_links(root: Path, count: int, *, coulomb: float) -> Run:
+    """250 rows/s of an arm whose second joint turns against ``coulomb`` times its friction; rows lost at 5.87 s."""
+    arm, rng = read_model(root / "config/starters/csv/model.toml"), np.random.default_rng(1)
+    rough = replace(arm.joints[1], coulomb=(coulomb * arm.joints[1].coulomb[0], coulomb * arm.joints[1].coulomb[1]))
+    arm, t = replace(arm, joints=(arm.joints[0], rough)), np.arange(3500) / 250.0
+    q = sum(
+        rng.normal(size=2) / 2 / k * np.sin(0.3 * np.pi * k * t[:, None] + rng.uniform(0.0, 6.0, 2))
+        for k in range(1, 6)
+    )
+    i = reading(arm, t, np.asarray(q))
+    i += 0.02 * i.std(axis=0) * rng.standard_normal(i.shape)
+    rows = np.arange(len(t))
+    return residual_run("run", arm, t, np.asarray(q), i[np.minimum(rows + count * (rows >= 1468), len(t) - 1)])
+
+
+def test_joints_that_show_another_part_of_a_lag_agree_once_it_is_put_back(root: Path) -> None:
+    """Friction turns abruptly: of 12 ms, the first-order effect shows 11 ms at one joint and 6 at the other."""
+    run = _of_two_links(root, 3, coulomb=4.0)
+    first = change_of_lag(run)
+    assert first is not None and abs(first.step) < SURE * first.std
+    (loss,) = dropped_triggers([run], [0.004])
+    assert loss.count == 3
+    assert abs(loss.row - 1468) < 3 * loss.row_std
+    assert dropped_triggers([_of_two_links(root, 0, coulomb=4.0)], [0.004]) == []
 
 
 def test_currents_are_put_back_where_they_belong() -> None:

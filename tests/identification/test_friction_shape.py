@@ -94,6 +94,18 @@ def test_straight_friction_stays_straight(tmp_path: Path) -> None:
     assert "friction of joint 1: Coulomb and viscous (a curve is not justified" in str(result)
 
 
+def test_a_curve_that_halves_the_error_stays_though_few_seconds_are_held_out(
+    curved: tuple[armscope.Identification, Path],
+) -> None:
+    _, folder = curved
+    held_out = recording(folder / "short.mcap", humped, 3, seconds=8.5)
+    result = armscope.identify(folder / "1.mcap", folder / "model.toml", held_out=held_out)
+    for trial in result.extra["friction_trials"]:
+        assert trial["curve"] < 0.5 * trial["straight"]
+        assert trial["p"] > 0.01 / 3
+        assert trial["stays"]
+
+
 def test_a_shape_is_refused_where_the_method_has_none(tmp_path: Path) -> None:
     fit = recording(tmp_path / "1.mcap", straight, 1, seconds=5.0)
     with pytest.raises(armscope.InputError, match="--shape: free is determined by ols, wls and irls"):
