@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from arm_fleet.judging.alarms import Alarm, corrected
-from arm_fleet.judging.verdicts import Condition, Verdict, limits_of
+from arm_fleet.judging.missing import missing
+from arm_fleet.judging.verdicts import Condition, Verdict
 from arm_fleet.parts import ArmTasks, compare, judge
 from arm_fleet.plan import Plan
 from arm_fleet.report.page import fleet_page
@@ -50,6 +51,11 @@ class Fleet:
         return sorted(found, key=lambda one: one.p or 0.0)
 
     @property
+    def returned(self) -> list[Verdict]:
+        """Arms that had changed and are as before again in their last night, as in the plan."""
+        return [one for one in self.verdicts if one.condition is Condition.RETURNED]
+
+    @property
     def failed(self) -> list[TaskLine]:
         """Tasks without a result."""
         return [one for one in self.tasks if not one.done]
@@ -69,6 +75,7 @@ class Fleet:
             "name": self.plan.name,
             "arms": [one.to_json() for one in self.verdicts],
             "changed": [one.arm for one in self.changed],
+            "returned": [one.arm for one in self.returned],
             "tasks": len(self.tasks),
             "ran": self.ran,
             "failed": len(self.failed),
@@ -92,9 +99,8 @@ def fleet_of(
     """Judges the kept results of a plan together, and writes pages and tables into the folder.
 
     parts    the arms as in the plan; workers: processes of this machine that judge a large fleet
-    InputError where a limit is no number, or something cannot be written.
+    InputError where something cannot be written.
     """
-    limits_of(plan)
     count = len(parts)
     with _mapping(workers if sum(len(one.keys) for one in parts) >= MANY else 1) as mapped:
         compared = []
@@ -109,14 +115,15 @@ def fleet_of(
                 progress(Step("trends", k + 1, count, detail=judged.verdict.arm))
                 append(judged.tables)
                 verdicts.append(judged.verdict)
+    lines = [line for one in compared for line in one.lines]
     fleet = Fleet(
         plan=plan,
         folder=folder,
-        tasks=[line for one in compared for line in one.lines],
+        tasks=lines,
         alarms=[alarm for several in own for alarm in several],
         verdicts=verdicts,
         ran=ran,
-        notes=tuple(notes),
+        notes=(*notes, *missing(plan, verdicts, lines)),
     )
     write_text(folder / "fleet.html", fleet_page(fleet).html())
     write_text(folder / "fleet.json", json.dumps(fleet.to_json(), indent=1, default=float) + "\n")

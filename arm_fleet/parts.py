@@ -55,7 +55,7 @@ def compare(plan: Plan, folder: Path, part: ArmTasks) -> Compared:
 def judge(plan: Plan, folder: Path, part: ArmTasks, alarms: Sequence[Alarm]) -> Judged:
     """Judges an arm by its alarms, which are corrected over the whole fleet; writes its page where it changed.
 
-    InputError where a limit of the plan is no number, or the page cannot be written.
+    InputError where the page cannot be written.
     """
     store = Store(folder)
     records = _records(store, part)

@@ -4,16 +4,36 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from datetime import date
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from arm_io import InputError, check_table, read_toml
 from arm_io.table import Seconds, Table
+from comparison.trend import Limit
+
+
+def _night(text: str) -> str:
+    try:
+        return date.fromisoformat(text).isoformat()
+    except ValueError:
+        raise ValueError(f"must be a date such as 2026-01-31 (is {text!r})") from None
+
+
+def _pattern(text: str) -> str:
+    if not text.strip():
+        raise ValueError("must be a pattern such as 'nights/{night}/{arm}_*.mcap' (is empty)")
+    unknown = re.search(r"\{(?!arm\}|night\})[^}]*\}?", text)
+    if unknown:
+        raise ValueError(f"{unknown[0]} stands for nothing; {{arm}} and {{night}} do")
+    return text
+
 
 Name = Annotated[str, Field(min_length=1, max_length=100, pattern=r"^[\w .:+-]+$")]
-Night = Annotated[str, Field(pattern=r"^\d{4}-\d\d-\d\d$")]
+Night = Annotated[str, AfterValidator(_night)]
+Pattern = Annotated[str, AfterValidator(_pattern)]
 StepName = Literal["identify", "diagnose", "calibrate"]
 LEAST_MEMORY, MOST_MEMORY = 0.2, 1e5
 """GB of a task: less does not hold the libraries, more no machine has."""
@@ -29,7 +49,7 @@ class ArmTable(Table):
 
     name: Name
     model: str | None = None
-    recordings: str | None = None
+    recordings: Pattern | None = None
     calibration: str | None = None
     rig: str | None = None
 
@@ -54,7 +74,7 @@ class Plan(Table):
 
     name: Name = "fleet"
     model: str | None = None
-    recordings: str | None = None
+    recordings: Pattern | None = None
     archive: str | None = None
     run: tuple[StepName, ...] = ("identify", "diagnose")
     baseline: tuple[Night, Night] | None = None
@@ -86,7 +106,25 @@ class Plan(Table):
                 raise ValueError(f"arm {arm.name!r} has no model; give 'model' to it or to the plan")
             if arm.recordings is None and self.recordings is None and self.archive is None:
                 raise ValueError(f"arm {arm.name!r} has no recordings; give 'recordings' or 'archive'")
+        shared = [arm.name for arm in self.arm if arm.recordings is None and self.archive is None]
+        if len(shared) > 1 and "{arm}" not in (self.recordings or ""):
+            raise ValueError(
+                f"recordings: must contain {{arm}}, or arms {shared[0]!r} and {shared[1]!r} have the same recordings"
+            )
+        self.owners_limits()
         return self
+
+    def owners_limits(self) -> list[Limit]:
+        """What the owner must know of. ValueError where one is no number and no share."""
+        found = []
+        for name, value in self.limits.items():
+            try:
+                found.append(Limit.of(f"{name}={value}"))
+            except InputError:
+                raise ValueError(
+                    f"limits.{name}: must be a number, or '+50%' of the first value (is {value!r})"
+                ) from None
+        return found
 
     def place(self, text: str) -> str:
         """A path relative to the plan; a URL as it is."""

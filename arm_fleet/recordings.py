@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import re
 import struct
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, date, datetime, timedelta
 from pathlib import Path
@@ -41,43 +41,86 @@ class ArmNight:
     contents: tuple[str, ...]
 
 
-def arm_nights(plan: Plan) -> list[ArmNight]:
+def arm_nights(plan: Plan, note: Callable[[str], None] = lambda _: None) -> list[ArmNight]:
     """All arms and nights for which there are recordings, by arm as in the plan, then by night.
 
-    InputError where an arm has none at all, or the night of a recording is not known.
+    note  called with a sentence about an arm without recordings, a recording whose night is not known, and one that
+          two arms have
+    InputError where no arm has any.
     """
     found = []
+    without: list[InputError] = []
     archived = None if plan.archive is None else _archived(plan)
     for arm in plan.arm:
         pattern = plan.pattern_of(arm)
-        by_night = _by_pattern(plan, arm, pattern) if pattern is not None else (archived or {}).get(arm.name, {})
-        if not by_night:
-            raise InputError(pattern or str(plan.archive), f"has no recording of arm {arm.name!r}")
+        try:
+            by_night = _by_pattern(plan, arm, pattern, note) if pattern else (archived or {}).get(arm.name, {})
+            if not by_night:
+                raise InputError(pattern or str(plan.archive), f"has no recording of arm {arm.name!r}")
+        except InputError as error:
+            without.append(error)
+            continue
         for night in sorted(by_night):
             places = sorted(by_night[night])
             found.append(ArmNight(arm, night, tuple(places), tuple(by_night[night][place] for place in places)))
+    if not found:
+        raise without[0]
+    for sentence in [str(error) for error in without] + list(_twice(found)):
+        note(sentence)
     return found
+
+
+def _twice(found: Sequence[ArmNight]) -> Iterator[str]:
+    """Sentences about recordings that two arms have, or that stand for two nights."""
+    first: dict[str, tuple[ArmNight, str]] = {}
+    for one in found:
+        for content, place in zip(one.contents, one.places):
+            other, where = first.setdefault(content, (one, place))
+            if (other.arm.name, other.night) != (one.arm.name, one.night):
+                yield (
+                    f"{place} ({one.arm.name}, {one.night}) has the content of {where} "
+                    f"({other.arm.name}, {other.night}): one of them is of another arm or night"
+                )
 
 
 Nights = dict[str, dict[str, str]]
 """Night -> place -> content."""
 
 
-def _by_pattern(plan: Plan, arm: ArmTable, pattern: str) -> Nights:
+def _by_pattern(plan: Plan, arm: ArmTable, pattern: str, note: Callable[[str], None]) -> Nights:
+    """InputError where the pattern is a folder, or a file system that is not known; where no recording has a date."""
     system, path = file_system(pattern.replace("{arm}", arm.name), plan.storage)
+    if "://" not in pattern and Path(path).is_dir():
+        raise InputError(pattern, "is a folder; a pattern such as 'nights/{night}/{arm}_*.mcap' is needed")
     expression = re.compile(_expression(path))
     nights: Nights = {}
-    for place in sorted(system.glob(path.replace("{night}", "????-??-??"))):
+    unknown = []
+    matching = system.glob(path.replace("{night}", "????-??-??"), detail=True)
+    for place in sorted(name for name, entry in matching.items() if entry["type"] != "directory"):
         matched = expression.fullmatch(place)
         if matched is None:
             continue
-        content, moment = identity(system, place)
-        night = matched["night"] if "{night}" in path else _night(moment, plan.night_begins)
         where = system.unstrip_protocol(place) if system.protocol not in ("file", ("file", "local")) else place
+        content, moment = _identified(system, place, where)
+        night = matched["night"] if "{night}" in path else _night(moment, plan.night_begins)
         if night is None:
-            raise InputError(where, "does not say when it was made; put {night} into the pattern of recordings")
-        nights.setdefault(night, {})[where] = content
+            unknown.append(where)
+        else:
+            nights.setdefault(night, {})[where] = content
+    why = "does not say when it was made; put {night} into the pattern of recordings"
+    if unknown and not nights:
+        raise InputError(unknown[0], why)
+    for where in unknown:
+        note(f"{where} is left out: it {why}")
     return nights
+
+
+def _identified(system: Any, place: str, where: str) -> tuple[str, int | None]:
+    """As ``identity``; what cannot be read is a task of its own, which says so."""
+    try:
+        return identity(system, place)
+    except InputError:
+        return f"unreadable {where}", None
 
 
 def _expression(path: str) -> str:

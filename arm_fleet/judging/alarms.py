@@ -1,11 +1,11 @@
 """Which arms changed in which night, with false alarms controlled over the whole fleet.
 
 Each night is compared with the reference nights of its arm, as ``armscope compare`` does (``comparison.significance``),
-with the scatter between reference nights. A quantity has changed in a night if it has in the night before it as well,
-to the same side: its p-value is the larger one of both (an intersection-union test), so that what one night shows
-is no change of an arm, and what grows from night to night is one. The smallest p-value of an arm and night, times the
-number of quantities (Bonferroni), is that of "this arm had changed in this night"; over all arms and nights these are
-corrected as Benjamini and Hochberg do (JRSS B 57 (1995) 289).
+with the scatter between reference nights (of causes like friction: ``scatter``). A quantity has changed in a night if
+it has in the night before it as well, to the same side: its p-value is the larger one of both (an intersection-union
+test), so that what one night shows is no change of an arm, and what grows from night to night is one. The smallest
+p-value of an arm and night, times the number of quantities (Bonferroni), is that of "this arm had changed in this
+night"; over all arms and nights these are corrected as Benjamini and Hochberg do (JRSS B 57 (1995) 289).
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import stats
 
+from arm_fleet.judging.scatter import widened
 from arm_fleet.plan import Plan
 from comparison import Change, Stored, compare_results
 
@@ -98,7 +99,7 @@ def _confirmed(earlier: Change | None, later: Change) -> float:
 def _all_changes(before: Sequence[Night], night: Night) -> list[Change]:
     """Tested quantities of one night against its reference nights."""
     found = [one for kind in ("identifications", "diagnoses") for one in _changes(kind, before, [night])]
-    return [one for one in found if one.p is not None]
+    return [one for one in widened(found, len(before)) if one.p is not None]
 
 
 def _changes(kind: str, before: Sequence[Night], after: Sequence[Night]) -> list[Change]:

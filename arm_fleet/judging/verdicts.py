@@ -11,13 +11,14 @@ from arm_fleet.judging.alarms import Alarm, Night
 from arm_fleet.plan import Plan
 from arm_fleet.tasks.store import Record
 from arm_fleet.tasks.task import State
-from arm_io import InputError
-from comparison.trend import Limit, Trend, limit_sentence, sentence, trend_of
+from comparison.trend import Trend, limit_sentence, sentence, trend_of
 
 FEWEST = 3
 """Results of a trend."""
 FAILED = 3
 """Nights in a row without a result after which somebody should look."""
+HINTS = 8
+"""Quantities that are listed where a limit is of none."""
 CHECKS = 2
 """Origins per cause whose check is named."""
 
@@ -43,6 +44,8 @@ class Verdict:
     key      of the last named night, whose report shows the cause
     failed   its nights without a result: night, state, reason
     page     path of its page relative to the folder; None: it has none
+    without_limit  limits of the plan whose quantity its results lack; None: they were not looked at
+    quantities     some names of quantities that they have, where there is such a limit
     """
 
     arm: str
@@ -58,6 +61,8 @@ class Verdict:
     key: str | None = None
     failed: tuple[tuple[str, str, str], ...] = field(default=())
     page: str | None = None
+    without_limit: tuple[str, ...] | None = None
+    quantities: tuple[str, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         return {
@@ -96,6 +101,8 @@ def verdict_of(
     moved = [sentence(one, trend.histories) for trend in trends for one in trend.moved] if series else []
     moved += [limit_sentence(one, trend.histories) for trend in trends for one in trend.limited]
     by_key = {one["key"]: one for one in records}
+    known = [one.moved.history.quantity.name for trend in trends for one in trend.movements]
+    absent = tuple(name for name in plan.limits if name not in known)
     return Verdict(
         arm=arm,
         condition=condition,
@@ -109,6 +116,8 @@ def verdict_of(
         actions=tuple(_actions(condition, series, by_key, failed, trends)),
         key=series[-1].key if series else None,
         failed=failed,
+        without_limit=absent if known else None,
+        quantities=tuple(known[:HINTS]) if absent else (),
     )
 
 
@@ -139,21 +148,8 @@ def _trends(plan: Plan, nights: Sequence[Night]) -> list[Trend]:
         if len(results) >= FEWEST:
             plain = trend_of(results)
             known = {one.moved.history.quantity.name for one in plain.movements}
-            limits = [limit for limit in limits_of(plan) if limit.name in known]
+            limits = [limit for limit in plan.owners_limits() if limit.name in known]
             found.append(trend_of(results, limits) if limits else plain)
-    return found
-
-
-def limits_of(plan: Plan) -> list[Limit]:
-    """The owner's limits. InputError where one is no number and no share."""
-    found = []
-    for name, value in plan.limits.items():
-        try:
-            found.append(Limit.of(f"{name}={value}"))
-        except InputError:
-            raise InputError(
-                "plan", f"limits.{name}: must be a number, or '+50%' of the first (is {value!r})"
-            ) from None
     return found
 
 

@@ -1,4 +1,4 @@
-"""The page of an arm that changed: histories of what moved, its nights with their reports."""
+"""The page of an arm that changed: histories of what changed, its nights with their reports."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from markupsafe import Markup
 
 from arm_fleet.judging.alarms import Alarm
-from arm_fleet.judging.verdicts import Verdict
+from arm_fleet.judging.verdicts import Condition, Verdict
 from arm_fleet.tasks.store import TaskLine
 from arm_report import Report, table
 from comparison.trend import histories_chart
@@ -17,21 +17,27 @@ MOST_PANELS = 12
 
 
 def arm_page(arm: Verdict, tasks: Sequence[TaskLine], alarms: Sequence[Alarm]) -> Report:
-    """Histories of what moved, and the nights with their reports."""
+    """Histories of what changed, and the nights with their reports."""
+    changed = {change.quantity.name for one in alarms if one.named for change in one.changes}
     charts = []
     for trend in arm.trends:
-        shown = [*trend.moved, *(one for one in trend.limited if one not in trend.moved)][:MOST_PANELS]
+        shown = [one for one in trend.movements if one in trend.moved or one.moved.history.quantity.name in changed]
+        shown += [one for one in trend.limited if one not in shown]
         if shown:
-            charts.append(
-                histories_chart(
-                    trend.histories, shown, trend.histories.what, f"{trend.histories.what}: histories of what moved"
-                )
-            )
+            title = f"{trend.histories.what}: histories of what changed"
+            charts.append(histories_chart(trend.histories, shown[:MOST_PANELS], trend.histories.what, title))
+    now = arm.condition is Condition.CHANGED
+    says = (
+        f"{arm.cause}: changed since {arm.since}."
+        if now
+        else (f"{arm.cause}: changed from {arm.since} to {arm.until}, as before again since.")
+    )
     return Report(
         title=f"{arm.arm}: {arm.condition}",
         template="arm_fleet.report/arm.html",
         content={
-            "says": f"{arm.cause}: {arm.condition}, named {arm.since} to {arm.until}." if arm.cause else "",
+            "says": says[:1].upper() + says[1:] if arm.cause else "",
+            "refuted": now,
             "moved": list(arm.moved),
             "actions": list(arm.actions),
             "charts": charts,
@@ -60,11 +66,10 @@ def _nights(tasks: Sequence[TaskLine], alarms: Sequence[Alarm]) -> Markup:
         rows.append(
             [
                 link(task.report and f"../{task.report}", task.night or "baseline"),
-                task.state if task.reason == "" else f"{task.state}: {task.reason}",
-                task.verdict,
+                task.verdict if task.reason == "" else f"{task.state}: {task.reason}",
                 task.causes,
                 "" if alarm is None else f"{alarm.corrected:.2g}",
-                "named" if alarm is not None and alarm.named else "",
+                "changed" if alarm is not None and alarm.named else "",
             ]
         )
-    return table(rows, ["night", "task", "verdict", "causes", "p corrected", ""], [4])
+    return table(rows, ["night", "verdict", "causes", "p corrected", ""], [3])

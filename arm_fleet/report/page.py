@@ -27,12 +27,12 @@ MOST_FAILED = 1000
 NOT_REACHED = "is not reached at the present trend"
 """Of a limit: such sentences are counted, not listed."""
 MARKS = {"named": "●", "compared": "·", "failed": "×", "reference": "○"}
+"""Of an arm and night; a mark with a report links to it."""
 
 
 def fleet_page(fleet: Fleet) -> Report:
     """The whole fleet."""
     changed = fleet.changed
-    returned = [one for one in fleet.verdicts if one.since and one not in changed]
     limits = [(one.arm, s) for one in fleet.verdicts for s in one.moved if ": limit " in s]
     failed = [[one.arm, one.night or "baseline", one.state, one.reason] for one in fleet.failed[:MOST_FAILED]]
     return Report(
@@ -44,8 +44,11 @@ def fleet_page(fleet: Fleet) -> Report:
             "refuted": bool(changed),
             "notes": list(fleet.notes),
             "changed": _changed(fleet, changed) if changed else None,
-            "actions": [(one.arm, one.actions) for one in fleet.verdicts if one.actions],
-            "returned": [f"{one.arm}: {one.cause}, named {one.since} to {one.until}" for one in returned],
+            "actions": [(link(one.page, one.arm), one.actions) for one in fleet.verdicts if one.actions],
+            "returned": [
+                Markup("{}: {}, named {} to {}").format(link(one.page, one.arm), one.cause, one.since, one.until)
+                for one in fleet.returned
+            ],
             "limits": [(arm, s) for arm, s in limits if NOT_REACHED not in s],
             "not_reached": sum(NOT_REACHED in s for _, s in limits),
             "chart": _named_per_night(fleet),
@@ -100,5 +103,12 @@ def _map(fleet: Fleet) -> Markup:
     for one in fleet.alarms:
         if one.arm in shown:
             marks[one.arm, one.night] = MARKS["named" if one.named else "compared"]
-    rows = [[one.arm, *(marks.get((one.arm, night), "") for night in nights)] for one in fleet.verdicts[:MOST_ARMS]]
+    reports = {(one.arm, one.night): one.report for one in fleet.tasks if one.arm in shown}
+    rows = [
+        [
+            link(one.page, one.arm),
+            *(link(reports.get((one.arm, night)), marks.get((one.arm, night), "")) for night in nights),
+        ]
+        for one in fleet.verdicts[:MOST_ARMS]
+    ]
     return table(rows, ["arm", *(night[5:] for night in nights)])

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from typing import TYPE_CHECKING
 
+from arm_fleet.judging.verdicts import Condition
 from arm_report import text_table
 
 if TYPE_CHECKING:
@@ -22,7 +23,14 @@ def verdict(fleet: Fleet) -> str:
     if not fleet.alarms:
         return "No night could be compared with reference nights of its arm."
     changed, arms = len(fleet.changed), len(fleet.verdicts)
-    return f"{changed} of {arms} arms are changed; {named} of {nights} compared nights are named ({share})."
+    returned = len(fleet.returned)
+    again = f" {returned} had changed, and {'is' if returned == 1 else 'are'} as before again." if returned else ""
+    unknown = sum(one.condition is Condition.UNKNOWN for one in fleet.verdicts)
+    without = f" {unknown} cannot be compared." if unknown else ""
+    return (
+        f"{changed} of {arms} arms {'is' if changed == 1 else 'are'} changed.{again}{without} "
+        f"In {named} of {nights} compared nights an arm is named ({share})."
+    )
 
 
 def tasks(fleet: Fleet) -> str:
@@ -39,11 +47,7 @@ def text(fleet: Fleet) -> str:
     for one in fleet.changed:
         lines += [f"{one.arm}: {sentence}" for sentence in one.moved[:2]]
         lines += [f"{one.arm}: next: {action}" for action in one.actions[:2]]
-    lines += [
-        f"{one.arm}: {one.condition} (named {one.since} to {one.until}: {one.cause})"
-        for one in fleet.verdicts
-        if one.since and one not in fleet.changed
-    ]
+    lines += [f"{one.arm}: {one.condition} (named {one.since} to {one.until}: {one.cause})" for one in fleet.returned]
     lines += [
         f"no result: {one.arm} {one.night or 'baseline'}: {one.state}: {one.reason}"
         for one in fleet.failed[:MOST_FAILED]

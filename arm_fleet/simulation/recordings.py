@@ -1,20 +1,23 @@
 """A simulated fleet: recordings of arms that wear, made by the batch engine, with the truth beside them.
 
 All nights of one kind of wear are lanes of one simulation. What is recorded has the noise of the transducers and the
-steps of the encoders; the truth says by how much wear changes the current, in units of that noise.
+steps of the encoders; the truth says by how much wear changes the current, in units of that noise. Where arms have
+another temperature every night (``weather``), every arm and night is a lane.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, date, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy import signal
 
 from arm_fleet.simulation.wear import Life, Wear
+from arm_fleet.simulation.weather import Weather, friction_at
 from arm_io import InputError, make_folder, whole_file, write_toml
 from arm_io.progress import Progress, Step
 from arm_io.types import Array
@@ -24,7 +27,7 @@ from arm_model.simulation import Demand, simulate_batch
 from daq.recording import Attachments, write_table
 
 NOISE = 0.01
-"""A, white, of every transducer."""
+"""A, of every transducer."""
 ENCODER = 1.5e-6
 """rad (m) of one step, at the joint."""
 FREQUENCIES, SIZES = (0.17, 0.47, 1.3), (0.5, 0.28, 0.08)
@@ -40,12 +43,18 @@ LANES = 256
 
 @dataclass(frozen=True, kw_only=True)
 class Scene:
-    """What every arm does every night: ``runs`` recordings of ``seconds`` at ``rate`` rows/s."""
+    """What every arm does every night: ``runs`` recordings of ``seconds`` at ``rate`` rows/s.
+
+    correlation  s over which the noise of a transducer forgets itself (by 1/e); 0: it is white
+    temperature  K, deviation of an arm's temperature from night to night; 0: all nights are alike, none is recorded
+    """
 
     arm: Arm
     runs: int = 2
     seconds: float = 12.0
     rate: float = 250.0
+    correlation: float = 0.0
+    temperature: float = 0.0
 
     @property
     def times(self) -> Array:
@@ -82,14 +91,17 @@ def write_fleet(
     write_model(folder / "model.toml", scene.arm)
     model = (folder / "model.toml").read_text(encoding="utf-8")
     draw = np.random.default_rng([seed, 1])
-    ratios: dict[str, Array] = {life.arm: np.zeros(nights) for life in lives}
+    weather = Weather.drawn(len(lives), nights, scene.temperature, np.random.default_rng([seed, 2]))
+    ratios = np.zeros((len(lives), nights))
     for run in range(scene.runs):
-        healthy = _simulated(scene, run, None, np.zeros(1))
-        for life, night, shown, ratio in _all(scene, run, lives, nights, healthy):
-            ratios[life.arm][night] = max(ratios[life.arm][night], ratio)
+        for which, night, shown, ratio in _all(scene, run, lives, weather.temperature):
+            life = lives[which]
+            ratios[which, night] = max(ratios[which, night], ratio)
             moment = datetime.combine(START + timedelta(days=night), datetime.min.time(), UTC) + timedelta(hours=22)
             path = folder / "nights" / night_of(night) / f"{life.arm}_{run + 1}.mcap"
             make_folder(path.parent)
+            if scene.temperature:
+                shown["temp"] = np.full_like(shown["q"], weather.temperature[which, night])
             _write(path, scene, shown, model, moment, draw)
             progress(Step("recordings", night + 1, nights, detail=f"{life.arm}, run {run + 1} of {scene.runs}"))
     truth = _truth(lives, nights, ratios)
@@ -120,43 +132,59 @@ def plan_table(lives: Sequence[Life]) -> dict[str, Any]:
     }
 
 
-def _all(
-    scene: Scene, run: int, lives: Sequence[Life], nights: int, healthy: tuple[Motion, Readings, Demand]
-) -> Iterator[tuple[Life, int, tuple[Array, Array, Array], float]]:
-    """Arm, night, its (rows, J) angles, currents and demands without noise, and change of current over the noise.
+Shown = dict[str, Array]
+"""Signal -> (rows, J), without noise: q, i, qref."""
 
-    The change is against the same arm before it wears: a gear whose teeth are flexible differs from a rigid one
-    without any gap.
+
+def _all(scene: Scene, run: int, lives: Sequence[Life], temperature: Array) -> Iterator[tuple[int, int, Shown, float]]:
+    """Arm (index), night, what is shown, and change of current by wear over the noise.
+
+    temperature  (arms, nights) degC
+    The change is against the same arm before it wears, at the same temperature: a gear whose teeth are flexible
+    differs from a rigid one without any gap.
     """
+    nights = temperature.shape[1]
     for wear in {life.wear: None for life in lives}:
-        mine = [life for life in lives if life.wear == wear]
-        motion, readings, _ = healthy if wear is None else _simulated(scene, run, wear, np.zeros(1))
-        still = readings.q[0], readings.current[0], motion.demand
-        if wear is None:
-            yield from ((life, night, still, 0.0) for life in mine for night in range(nights))
-            continue
-        values = np.array([life.values(nights) for life in mine])
-        for life, own in zip(mine, values):
-            yield from ((life, int(night), still, 0.0) for night in np.flatnonzero(own == 0))
-        places = np.argwhere(values != 0)
+        mine = [which for which, life in enumerate(lives) if life.wear == wear]
+        values = np.array([lives[which].values(nights) for which in mine])
+        places = np.argwhere(np.ones_like(values, bool))
+        # Without wear all nights are alike then: one lane.
+        still = None if scene.temperature else _simulated(scene, run, wear, np.zeros(1), None)
         for first in range(0, len(places), LANES):
             some = places[first : first + LANES]
-            worn, shown, _ = _simulated(scene, run, wear, values[tuple(some.T)])
+            degrees = temperature[mine][tuple(some.T)] if scene.temperature else None
+            own = values[tuple(some.T)]
+            healthy = _simulated(scene, run, wear, 0 * own, degrees) if still is None else still
+            worn = _simulated(scene, run, wear, own, degrees) if own.any() else healthy
             for lane, (which, night) in enumerate(some):
-                change = shown.current[lane] - still[1]
-                ratio = float(np.sqrt(np.mean(change**2, axis=0)).max() / NOISE)
-                yield mine[which], int(night), (shown.q[lane], shown.current[lane], worn.demand), ratio
+                before = healthy.lane(lane)
+                shown = worn.lane(lane) if own[lane] else before
+                change = shown["i"] - before["i"]
+                yield mine[which], int(night), shown, float(np.sqrt(np.mean(change**2, axis=0)).max() / NOISE)
 
 
-def _simulated(scene: Scene, run: int, wear: Wear | None, values: Array) -> tuple[Motion, Readings, Demand]:
-    """One lane per value of the parameter of a wear."""
-    arm, demand = scene.arm, scene.demand(run)
-    varied: Mapping[str, Array] | None = None
+@dataclass(frozen=True)
+class _Lanes:
+    """What several lanes show."""
+
+    readings: Readings
+    demand: Array
+
+    def lane(self, number: int) -> Shown:
+        """Of one lane; of a single one, whichever is asked for."""
+        which = number % len(self.readings.q)
+        return {"q": self.readings.q[which], "i": self.readings.current[which], "qref": self.demand}
+
+
+def _simulated(scene: Scene, run: int, wear: Wear | None, values: Array, temperature: Array | None) -> _Lanes:
+    """One lane per value of the parameter of a wear, and its temperature (lanes,) degC; None: that of the model."""
+    arm = scene.arm
+    varied: dict[str, Array] = {} if temperature is None else dict(friction_at(arm, temperature))
     if wear is not None:
         arm = replace(arm, effects=(*arm.effects, wear.term(float(values[0]))))
-        varied = {wear.quantity: values}
-    motion = simulate_batch(arm, demand, scene.times, parameters=varied)
-    return motion, _readings(arm, motion, wear, values), demand
+        varied[wear.quantity] = values
+    motion = simulate_batch(arm, scene.demand(run), scene.times, parameters=varied or None)
+    return _Lanes(_readings(arm, motion, wear, values), np.asarray(motion.demand))
 
 
 def _readings(arm: Arm, motion: Motion, wear: Wear | None, values: Array) -> Readings:
@@ -177,31 +205,28 @@ def _lane(motion: Motion, lane: int) -> Motion:
     return Motion(**fields)
 
 
-def _write(
-    path: Path,
-    scene: Scene,
-    shown: tuple[Array, Array, Array],
-    model: str,
-    moment: datetime,
-    draw: np.random.Generator,
-) -> None:
-    q, current, demand = shown
-    write_table(
-        path,
-        scene.times,
-        {
-            "q": np.round(q / ENCODER) * ENCODER,
-            "i": current + NOISE * draw.standard_normal(current.shape),
-            "qref": demand,
-        },
-        Attachments(model=model, provenance={"kind": "simulated", "made": moment.isoformat()}),
-    )
+def _write(path: Path, scene: Scene, shown: Shown, model: str, moment: datetime, draw: np.random.Generator) -> None:
+    made = {"kind": "simulated", "made": moment.isoformat()}
+    current = shown["i"] + NOISE * _noise(shown["i"].shape, scene, draw)
+    recorded = shown | {"q": np.round(shown["q"] / ENCODER) * ENCODER, "i": current}
+    write_table(path, scene.times, recorded, Attachments(model=model, provenance=made))
 
 
-def _truth(lives: Sequence[Life], nights: int, ratios: Mapping[str, Array]) -> dict[str, Any]:
+def _noise(shape: tuple[int, ...], scene: Scene, draw: np.random.Generator) -> Array:
+    """(rows, J) of variance 1: white, or of first order with the scene's correlation time."""
+    white = draw.standard_normal(shape)
+    if not scene.correlation:
+        return white
+    kept = float(np.exp(-1 / (scene.rate * scene.correlation)))
+    # The state before the first row, so that it has the variance of all others.
+    before = kept * draw.standard_normal((1, shape[1]))
+    gain = np.sqrt(1 - kept**2)
+    return np.asarray(signal.lfilter([gain], [1.0, -kept], white, axis=0, zi=before)[0])
+
+
+def _truth(lives: Sequence[Life], nights: int, ratios: Array) -> dict[str, Any]:
     arms = []
-    for life in lives:
-        ratio = ratios[life.arm]
+    for life, ratio in zip(lives, ratios):
         clear = np.flatnonzero(ratio >= CLEAR)
         arms.append(
             {

@@ -40,7 +40,8 @@ def fleet(
     progress("finding recordings")
     files = {path: read_model(path) for path in {plan.model_of(arm) for arm in plan.arm}}
     models = {arm.name: files[plan.model_of(arm)] for arm in plan.arm}
-    tasks = tasks_of(plan, arm_nights(plan), models)
+    notes: list[str] = []
+    tasks = tasks_of(plan, arm_nights(plan, notes.append), models)
     store = Store(Path(out))
     engine = Engine(store, Cluster(scheduler, workers), progress)
     engine.run([task for several in tasks.values() for task in several])
@@ -49,7 +50,8 @@ def fleet(
         for name, several in tasks.items()
     ]
     judging = workers if scheduler is None else os.cpu_count() or 1
-    return fleet_of(plan, store.folder, parts, workers=judging, ran=engine.ran, notes=engine.notes, progress=progress)
+    notes += engine.notes
+    return fleet_of(plan, store.folder, parts, workers=judging, ran=engine.ran, notes=notes, progress=progress)
 
 
 def tasks_of(plan: Plan, nights: Sequence[ArmNight], models: Mapping[str, Arm]) -> dict[str, list[Task]]:

@@ -30,6 +30,12 @@ def command(
     model: Annotated[Path, typer.Option(metavar="MODEL.toml", help="of all arms; must have a [controller]")] = Path(
         MODEL
     ),
+    temperature_std: Annotated[
+        float, typer.Option(min=0, max=30, help="K, of an arm's temperature from night to night; friction follows it")
+    ] = 0.0,
+    noise_correlation: Annotated[
+        float, typer.Option(min=0, max=10, help="s over which the noise of a current forgets itself; 0: white")
+    ] = 0.0,
     as_json: Json = False,
 ) -> None:
     """Writes a fleet."""
@@ -37,7 +43,8 @@ def command(
     from armscope.api.reading import read_model
 
     check_folder(out)
-    scene = Scene(arm=read_model(found(model)), seconds=seconds)
+    arm = read_model(found(model))
+    scene = Scene(arm=arm, seconds=seconds, temperature=temperature_std, correlation=noise_correlation)
     with shown(as_json) as progress:
         truth = write_fleet(out, scene, lives(arms, nights, worn=worn, seed=seed), nights, seed=seed, progress=progress)
     if as_json:

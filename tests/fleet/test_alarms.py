@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ Shift = Callable[[int], float]
 
 
 def plan(arms: int, **more: Any) -> Plan:
-    table = {"model": "m", "recordings": "r", "arm": [{"name": f"arm-{k}"} for k in range(arms)], **more}
+    table = {"model": "m", "recordings": "{arm}", "arm": [{"name": f"arm-{k}"} for k in range(arms)], **more}
     return Plan.model_validate(table)
 
 
@@ -133,6 +134,37 @@ def test_what_changed_is_named_with_its_nights() -> None:
     assert verdicts["arm-1"].cause == "backlash of joint 1"
     assert any("drift of" in sentence for sentence in verdicts["arm-0"].moved)
     assert any("limit" in sentence for sentence in verdicts["arm-5"].moved)
+
+
+def test_friction_that_follows_the_temperature_is_no_change_by_another_name() -> None:
+    """Diagnoses call it viscous friction in cold nights, current gain in warm ones; a gap beside it is a change."""
+    arm = Night(night="", key="", results=())
+    nights: dict[str, list[Night]] = {"healthy": [], "gap": []}
+    warmer = np.random.default_rng(5).normal(size=NIGHTS)
+    warmer[8:11] = 1.3, 1.6, 1.4
+    for night, warm in enumerate(warmer):
+        values = np.array([5.0 - 0.6 * warm, *np.arange(6.0, 11.0)])
+        values += STD * np.random.default_rng(night).normal(size=QUANTITIES)
+        causes = {("current_gain", "error"): (-0.03 * warm, 0.001, "1")}
+        if night < 5 or warm < 0:
+            causes = {("viscous_friction", "viscous"): (-0.6 * warm, 0.01, "N m s/rad")}
+        for name in nights:
+            more = {("backlash", "half_gap"): (8e-4, 5e-5, "rad")} if name == "gap" and night >= 8 else {}
+            results = (identified(0, night, values), _diagnosis(night, causes | more))
+            nights[name].append(replace(arm, night=_date(night)[:10], key=f"{name}-{night}", results=results))
+    found = alarms(plan(2), nights)
+    named = {(one.arm, one.night) for one in found if one.named}
+    assert named == {("gap", _date(night)[:10]) for night in range(9, NIGHTS)}
+
+
+def _diagnosis(night: int, causes: Mapping[tuple[str, str], tuple[float, float, str]]) -> Stored:
+    """(effect, parameter) -> value, deviation, unit; all of joint 1."""
+    entries = [
+        {"effect": effect, "joint": 1, "group": [], "parameters": {name: dict(zip(("value", "std", "unit"), entry))}}
+        for (effect, name), entry in causes.items()
+    ]
+    table = {"causes": entries, "not_visible": [], "recorded": _date(night)}
+    return Stored(Path(f"{night}/diagnosis.json"), "diagnoses", table, None)
 
 
 def test_the_correction_is_over_all_arms_and_nights() -> None:

@@ -55,6 +55,24 @@ def test_a_gap_of_nearly_nothing_changes_nearly_nothing(scene: Scene, tmp_path: 
     assert 0.0 == worn["ratios"][0] < worn["ratios"][1] < worn["ratios"][2] < 0.1
 
 
+def test_nights_of_another_temperature(scene: Scene, tmp_path: Path) -> None:
+    """Recorded, with friction that follows it; wear counts alone; noise that forgets itself in 0.02 s."""
+    fleet = [Life(arm="a", wear=replace(TRANSDUCER, growth=0.1), begins=0), Life(arm="b")]
+    changing = replace(scene, runs=1, seconds=8.0, temperature=10.0, correlation=0.02)
+    truth = write_fleet(tmp_path, changing, fleet, 3, seed=3)
+    assert truth["arms"][1]["ratios"] == [0.0] * 3 and truth["arms"][0]["ratios"][2] > 10
+    nights = [open_recording(tmp_path / f"nights/{night_of(k)}/b_1.mcap") for k in range(3)]
+    cold, warm = sorted(nights, key=lambda one: one.temp[0, 0])[:: len(nights) - 1]
+    assert warm.temp[0, 0] > cold.temp[0, 0] + 5
+    moving = np.abs(cold.i[:, 0]) > 1.0
+    assert np.mean(np.abs(warm.i[moving, 0])) < 0.97 * np.mean(np.abs(cold.i[moving, 0]))
+    write_fleet(tmp_path / "alike", replace(changing, temperature=0.0), [Life(arm="b"), Life(arm="c")], 1, seed=3)
+    one, other = (open_recording(tmp_path / f"alike/nights/{night_of(0)}/{arm}_1.mcap") for arm in "bc")
+    noise = (one.i - other.i)[:, 0] / truth["noise"]
+    assert one.temp is None and noise.std() == pytest.approx(np.sqrt(2), rel=0.1)
+    assert np.corrcoef(noise[1:], noise[:-1])[0, 1] == pytest.approx(np.exp(-1 / 5), abs=0.05)
+
+
 def test_an_arm_without_controller_is_refused(scene: Scene, tmp_path: Path) -> None:
     bare = replace(scene, arm=replace(scene.arm, controller=None))
     with pytest.raises(InputError, match=r"Two links: has no \[controller\]"):

@@ -64,7 +64,7 @@ def test_a_plan_over_a_bucket(storage: dict[str, Any], tmp_path: Path) -> None:
         for k, night in enumerate(NIGHTS):
             local[arm, night] = recording(tmp_path / f"{night}/{arm}.mcap", noise=k)
             system.put_file(str(local[arm, night]), f"{lab}/{night}/{arm}.mcap")
-    text = PLAN.replace("{pattern}", f"s3://{lab}/{{night}}/{{arm}}.mcap")
+    text = PLAN.replace("{arm}/PATTERN", f"s3://{lab}/{{night}}/{{arm}}.mcap")
     options = f"[storage]\nendpoint_url = {storage['endpoint_url']!r}\n"
     found = arm_nights(read_plan(plan(tmp_path, text + options)))
     assert [(one.arm.name, one.night) for one in found] == [(arm, night) for arm in ("a1", "a2") for night in NIGHTS]

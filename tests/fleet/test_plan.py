@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +17,7 @@ from daq.recording import Attachments, write_table
 
 PLAN = """
 model = "model.toml"
-recordings = "{pattern}"
+recordings = "{arm}/PATTERN"
 [[arm]]
 name = "a1"
 [[arm]]
@@ -23,9 +25,10 @@ name = "a2"
 """
 
 
-def recording(path: Path, noise: int = 0, made: str = "2026-01-01T23:00:00Z") -> Path:
+def recording(path: Path, noise: int = 0, made: str = "2026-01-01T23:00:00Z", begin: float = 0.0) -> Path:
+    """begin: s since 1970 of the first row; 0: the rows do not say."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    t = np.arange(200) / 100
+    t = begin + np.arange(200) / 100
     q = np.random.default_rng(noise).normal(size=(200, 2))
     write_table(path, t, {"q": q, "i": q}, Attachments(provenance={"made": made}))
     return path
@@ -59,6 +62,8 @@ def test_a_wrong_plan_is_refused(tmp_path: Path, more: str, complaint: str) -> N
         ("memory = 0.01", "memory"),
         ("timeout = nan", "timeout"),
         ('folder = "x"', "folder: unknown entry"),
+        ('baseline = ["2026-01-41", "2026-02-01"]', "baseline[1]: must be a date such as 2026-01-31"),
+        ('limits = {"joint1.coulomb" = "much"}', "limits.joint1.coulomb: must be a number, or '+50%'"),
     ],
 )
 def test_a_wrong_entry_is_named(tmp_path: Path, head: str, complaint: str) -> None:
@@ -67,12 +72,26 @@ def test_a_wrong_entry_is_named(tmp_path: Path, head: str, complaint: str) -> No
     assert complaint in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("pattern", "complaint"),
+    [
+        ("", "recordings: must be a pattern such as"),
+        ("{arm}/{nihgt}.mcap", "{nihgt} stands for nothing; {arm} and {night} do"),
+        ("{night}/*.mcap", "recordings: must contain {arm}, or arms 'a1' and 'a2' have the same recordings"),
+    ],
+)
+def test_a_pattern_that_cannot_be_meant_is_refused(tmp_path: Path, pattern: str, complaint: str) -> None:
+    with pytest.raises(InputError) as caught:
+        read_plan(plan(tmp_path, PLAN.replace("{arm}/PATTERN", pattern)))
+    assert complaint in str(caught.value)
+
+
 def test_nights_of_a_pattern(tmp_path: Path) -> None:
     for arm, night, run in (("a1", "2026-01-01", 1), ("a1", "2026-01-01", 2), ("a1", "2026-01-03", 1)):
         recording(tmp_path / f"data/{night}/{arm}_{run}.mcap", noise=run)
     recording(tmp_path / "data/2026-01-01/a2_1.mcap", noise=7)
     recording(tmp_path / "data/not-a-night/a2_1.mcap")
-    found = arm_nights(read_plan(plan(tmp_path, PLAN.replace("{pattern}", "data/{night}/{arm}_*.mcap"))))
+    found = arm_nights(read_plan(plan(tmp_path, PLAN.replace("{arm}/PATTERN", "data/{night}/{arm}_*.mcap"))))
     assert [(one.arm.name, one.night, [Path(place).name for place in one.places]) for one in found] == [
         ("a1", "2026-01-01", ["a1_1.mcap", "a1_2.mcap"]),
         ("a1", "2026-01-03", ["a1_1.mcap"]),
@@ -84,9 +103,57 @@ def test_nights_of_a_pattern(tmp_path: Path) -> None:
 def test_an_arm_without_recordings(tmp_path: Path) -> None:
     recording(tmp_path / "a1.mcap")
     with pytest.raises(InputError, match=r"does not say when it was made; put \{night\} into the pattern"):
-        arm_nights(read_plan(plan(tmp_path, PLAN.replace("{pattern}", "{arm}.mcap"))))
+        arm_nights(read_plan(plan(tmp_path, PLAN.replace("{arm}/PATTERN", "{arm}.mcap"))))
     with pytest.raises(InputError, match="has no recording of arm 'a1'"):
-        arm_nights(read_plan(plan(tmp_path, PLAN.replace("{pattern}", "none/{night}/{arm}.mcap"))))
+        arm_nights(read_plan(plan(tmp_path, PLAN.replace("{arm}/PATTERN", "none/{night}/{arm}.mcap"))))
+
+
+def test_what_one_arm_lacks_does_not_stop_the_others(tmp_path: Path) -> None:
+    """No recording, one that does not say when it was made, a folder, the recording of another arm: a sentence each."""
+    evening = datetime(2026, 1, 1, 23, tzinfo=UTC).timestamp()
+    mine = recording(tmp_path / "a1/a1_1.mcap", begin=evening)
+    cut = tmp_path / "a1/a1_2.mcap"
+    cut.write_bytes(mine.read_bytes()[:-100])
+    (tmp_path / "a1/a1_3.mcap").mkdir()
+    read = read_plan(plan(tmp_path, PLAN.replace("{arm}/PATTERN", "{arm}/*.mcap")))
+    notes: list[str] = []
+    found = arm_nights(read, notes.append)
+    assert [(one.arm.name, [Path(place).name for place in one.places]) for one in found] == [("a1", ["a1_1.mcap"])]
+    assert len(notes) == 2
+    assert notes[0].startswith(f"{cut} is left out: it does not say when it was made")
+    assert notes[1].endswith("has no recording of arm 'a2'")
+    copied = tmp_path / "a2/x.mcap"
+    copied.parent.mkdir()
+    copied.write_bytes(mine.read_bytes())
+    notes.clear()
+    assert len(arm_nights(read, notes.append)) == 2
+    assert f"{copied} (a2, 2026-01-01) has the content of {mine} (a1, 2026-01-01)" in notes[1]
+
+
+def test_a_folder_is_no_pattern(tmp_path: Path) -> None:
+    (tmp_path / "a1").mkdir()
+    with pytest.raises(InputError, match=r"\{arm\}: is a folder; a pattern such as"):
+        arm_nights(read_plan(plan(tmp_path, PLAN.replace("{arm}/PATTERN", "{arm}"))))
+
+
+def test_a_recording_that_cannot_be_read_is_a_task_that_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The other nights are computed."""
+    for night in ("2026-01-01", "2026-01-02"):
+        recording(tmp_path / f"a1/{night}.mcap")
+    local = pytest.importorskip("fsspec.implementations.local").LocalFileSystem
+    whole = local.cat_file
+
+    def refused(self: Any, path: str, *more: int, **named: int) -> bytes:
+        if "2026-01-02" in path:
+            raise PermissionError(13, "Permission denied")
+        return bytes(whole(self, path, *more, **named))
+
+    monkeypatch.setattr(local, "cat_file", refused)
+    found = arm_nights(read_plan(plan(tmp_path, PLAN.replace("{arm}/PATTERN", "{arm}/{night}.mcap"))))
+    assert [one.night for one in found] == ["2026-01-01", "2026-01-02"]
+    assert found[1].contents == (f"unreadable {tmp_path / 'a1/2026-01-02.mcap'}",)
 
 
 def test_nights_of_an_archive(tmp_path: Path) -> None:
@@ -99,7 +166,7 @@ def test_nights_of_an_archive(tmp_path: Path) -> None:
         (tmp_path / "lab").mkdir(exist_ok=True)
         write_table(tmp_path / f"lab/{name}.mcap", t, {"q": q, "i": q}, attached)
     open_archive(tmp_path / "lab").close()
-    text = PLAN.replace('recordings = "{pattern}"', 'archive = "lab"')
+    text = PLAN.replace('recordings = "{arm}/PATTERN"', 'archive = "lab"')
     found = arm_nights(read_plan(plan(tmp_path, text)))
     assert [(one.arm.name, one.night) for one in found] == [("a1", "2026-01-01"), ("a2", "2026-01-02")]
 

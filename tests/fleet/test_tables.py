@@ -112,7 +112,7 @@ def test_the_pages(tmp_path: Path, root: Path, monkeypatch: pytest.MonkeyPatch, 
     assert table["changed"] == ["arm-1"] and table["failed"] == 1 and table["named_nights"] >= 5
     assert [one["nights"] for one in table["arms"]] == [13, 14, 14]
     page = (tmp_path / "fleet.html").read_text()
-    assert "1 of 3 arms are changed" in page and "backlash of joint 1" in page
+    assert "1 of 3 arms is changed" in page and "backlash of joint 1" in page
     assert "took &lt;longer&gt;" in page and "took <longer>" not in page
     assert f'href="{arm_file("arm-1")}"' in page
     own_page = (tmp_path / arm_file("arm-1")).read_text()
@@ -120,3 +120,21 @@ def test_the_pages(tmp_path: Path, root: Path, monkeypatch: pytest.MonkeyPatch, 
     assert "no result: arm-0 2026-01-04: timeout: took <longer>" in str(result)
     polars = pytest.importorskip("polars")
     assert polars.read_parquet(tmp_path / "tasks.parquet")["named"].sum() == table["named_nights"]
+
+
+def test_what_results_lack_is_said(tmp_path: Path, root: Path) -> None:
+    """A limit of no quantity, arms without reference nights, an arm that stopped recording."""
+    nights = fleet(2, 3, count=6)
+    parts = stored(tmp_path, nights | {"arm-1": nights["arm-1"][:2]}, read_model(root / "config/models/two_link.toml"))
+    result = fleet_of(plan(2, limits={"joint9.nothing": 1.0, "joint1.coulomb": "+50%"}), tmp_path, parts)
+    assert [note.partition(":")[0] for note in result.notes] == [
+        "arm-1 cannot be compared",
+        "no recording, though the latest of the fleet is of 2026-01-06",
+        "limits",
+    ]
+    assert "arm-1 (since 2026-01-02)" in result.notes[1]
+    assert "joint9.nothing is no quantity of any arm; there are joint1.coulomb, joint2.coulomb" in result.notes[2]
+    assert "1 cannot be compared." in str(result)
+    assert "joint9.nothing is no quantity" in (tmp_path / "fleet.html").read_text()
+    elsewhere = fleet_of(plan(2, baseline=["2027-01-01", "2027-01-05"]), tmp_path, parts)
+    assert "arm-0, arm-1 cannot be compared: that needs results of at least 2 nights of the baseline" in str(elsewhere)

@@ -1,0 +1,57 @@
+"""What the results of a fleet lack, in sentences: reference nights, recent recordings, the quantities of limits."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from datetime import date
+
+from arm_fleet.judging.alarms import FEWEST_REFERENCE
+from arm_fleet.judging.verdicts import Condition, Verdict
+from arm_fleet.plan import Plan
+from arm_fleet.tasks.store import TaskLine
+
+SILENT = 3
+"""Days after an arm's last recording, with others recording, from which on it is said."""
+MOST_NAMES = 5
+"""Arms that a sentence names; fleet.json has all."""
+
+
+def missing(plan: Plan, verdicts: Sequence[Verdict], tasks: Sequence[TaskLine]) -> list[str]:
+    """Sentences for the top of the page."""
+    return [*_reference(plan, verdicts), *_silent(tasks), *_limits(verdicts)]
+
+
+def _reference(plan: Plan, verdicts: Sequence[Verdict]) -> Iterator[str]:
+    alone = [one.arm for one in verdicts if one.condition is Condition.UNKNOWN and one.nights]
+    if not alone:
+        return
+    place = "" if plan.baseline is None else f" of the baseline {plan.baseline[0]} to {plan.baseline[1]}"
+    need = f"needs results of at least {FEWEST_REFERENCE} nights{place}, and of two later ones"
+    yield f"{_names(alone)} cannot be compared: that {need}"
+
+
+def _silent(tasks: Sequence[TaskLine]) -> Iterator[str]:
+    last: dict[str, str] = {}
+    for one in tasks:
+        last[one.arm] = max(last.get(one.arm, ""), one.night)
+    latest = max(last.values(), default="")
+    if not latest:
+        return
+    days = {arm: (date.fromisoformat(latest) - date.fromisoformat(night)).days for arm, night in last.items() if night}
+    silent = [f"{arm} (since {last[arm]})" for arm, behind in days.items() if behind >= SILENT]
+    if silent:
+        yield f"no recording, though the latest of the fleet is of {latest}: {_names(silent)}"
+
+
+def _limits(verdicts: Sequence[Verdict]) -> Iterator[str]:
+    """Limits of quantities that no arm has: a misspelt name must not look like one that is kept."""
+    judged = [one for one in verdicts if one.without_limit is not None]
+    for name in judged[0].without_limit or () if judged else ():
+        if all(name in (one.without_limit or ()) for one in judged):
+            hint = next((one.quantities for one in judged if one.quantities), ())
+            yield f"limits: {name} is no quantity of any arm; there are {', '.join(hint)}"
+
+
+def _names(several: Sequence[str]) -> str:
+    more = len(several) - MOST_NAMES
+    return ", ".join(several[:MOST_NAMES]) + (f" and {more} more" if more > 0 else "")

@@ -1,0 +1,53 @@
+"""What differs from night to night in a healthy simulated arm: its temperature, and friction with it.
+
+Half of the variance of a temperature is that of the hall, which all arms share and which follows the night before; half
+is the arm's own and independent. Warm grease is thin: viscous friction falls by some per cent per kelvin, Coulomb
+friction by a fraction of that (Bittencourt, Gunnarsson, J. Dyn. Sys. Meas. Control 134(5), 051013, 2012, figure 4).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from arm_io.types import Array
+from arm_model import Arm, parameter
+
+REFERENCE = 35.0
+"""degC at which the friction of the model holds."""
+VISCOUS, COULOMB = 0.02, 0.005
+"""Share by which friction falls per K."""
+FOLLOWS = 0.7
+"""Correlation of the hall's temperature with that of the night before."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Weather:
+    """Conditions of every arm and night.
+
+    temperature  (arms, nights) degC of all motors of an arm
+    """
+
+    temperature: Array
+
+    @classmethod
+    def drawn(cls, arms: int, nights: int, std: float, draw: np.random.Generator) -> Weather:
+        """std: K, of the temperature of an arm from night to night."""
+        hall = np.empty(nights)
+        for night, step in enumerate(draw.standard_normal(nights)):
+            hall[night] = step if night == 0 else FOLLOWS * hall[night - 1] + np.sqrt(1 - FOLLOWS**2) * step
+        own = draw.standard_normal((arms, nights))
+        return cls(temperature=REFERENCE + std * np.sqrt(0.5) * (hall + own))
+
+
+def friction_at(arm: Arm, temperature: Array) -> Mapping[str, Array]:
+    """Friction parameters of all joints (``arm_model.parameters``), (lanes,) each, at (lanes,) degC."""
+    warmer = np.asarray(temperature) - REFERENCE
+    shares = {"viscous": np.exp(-VISCOUS * warmer), "coulomb": np.exp(-COULOMB * warmer)}
+    return {
+        f"joint{j}.{name}": parameter(arm, f"joint{j}.{name}") * share
+        for j in range(1, len(arm) + 1)
+        for name, share in shares.items()
+    }
