@@ -69,10 +69,6 @@ class Access:
         self._sessions[token] = (user, now + SESSION_SECONDS)
         return token
 
-    def log_out(self, token: str) -> None:
-        """Ends a session."""
-        self._sessions.pop(token, None)
-
 
 def hosts_of(host: str, port: int, others: Collection[str] = ()) -> frozenset[str]:
     """The values of ``Host`` under which a page that listens on ``host`` may be asked for; ``others``: more names."""

@@ -74,8 +74,3 @@ def _pair(name: str, symbolic: str, a: Scalar, b: Scalar) -> Scalar:
 def smooth_sign(v: Scalar, width: Scalar) -> Scalar:
     """v / sqrt(v^2 + width^2): the sign of v, smooth over +-width."""
     return v / sqrt(v * v + width * width)
-
-
-def smooth_abs(v: Scalar, width: Scalar) -> Scalar:
-    """v^2 / sqrt(v^2 + width^2): v smooth_sign(v), below abs v by no more than 0.39 width, zero at v = 0."""
-    return v * v / sqrt(v * v + width * width)

@@ -60,20 +60,8 @@ def tune_friction(
 
     InputError without demands or controller, and where the closed loop is not stable.
     """
-    for recording in recordings:
-        if recording.qref is None:
-            raise InputError(
-                recording.path,
-                "has no demanded positions (qref); friction is tuned in the closed loop that follows them",
-            )
-    if arm.controller is None:
-        raise InputError("model", "has no [controller]; friction is tuned in the closed loop")
+    _check_closed_loop(recordings, motions, arm)
     moving = [j for j in range(len(arm)) if any(motion.moves(j) for motion in motions)]
-    if not any(parallel_rows(motion)[1].any() for motion in motions):
-        raise InputError(
-            ", ".join(str(recording.path) for recording in recordings),
-            "have no row in which a joint moves for long enough",
-        )
     names = tuple(f"joint{j + 1}.{kind}" for j in moving for kind in ("viscous", *DIRECTIONS))
     values = np.array([parameter(arm, name) for name in names])
     floor = _floors(arm, names, motions)
@@ -115,6 +103,23 @@ def tune_friction(
     spread = uncertainty(jacobian, rows, Fit(values, np.ones(len(error)), error, jacobian * values))
     tuned = with_parameters(arm, dict(zip(names, map(float, values))))
     return Tuning(names, values, spread, tuned, first, _relative(recordings, motions, arm, names, values), count)
+
+
+def _check_closed_loop(recordings: Sequence[Recording], motions: Sequence[Motion], arm: Arm) -> None:
+    """InputError where the closed loop cannot be simulated, or no joint moves in it."""
+    for recording in recordings:
+        if recording.qref is None:
+            raise InputError(
+                recording.path,
+                "has no demanded positions (qref); friction is tuned in the closed loop that follows them",
+            )
+    if arm.controller is None:
+        raise InputError("model", "has no [controller]; friction is tuned in the closed loop")
+    if not any(parallel_rows(motion)[1].any() for motion in motions):
+        raise InputError(
+            ", ".join(str(recording.path) for recording in recordings),
+            "have no row in which a joint moves for long enough",
+        )
 
 
 def _stable(errors: Array) -> Array:

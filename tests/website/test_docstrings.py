@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -45,3 +46,10 @@ def test_every_document_is_in_the_navigation(root: Path) -> None:
     """A page that is left out ends the build of the site, which only a slow test does."""
     settings = (root / "mkdocs.yml").read_text()
     assert [path.name for path in (root / "docs").glob("*.md") if f": {path.name}\n" not in settings] == []
+
+
+def test_every_package_whose_names_are_offered_is_loaded(root: Path) -> None:
+    """A name of a package that the site does not load ends its build."""
+    (listed,) = re.findall(r"preload_modules: \[(.+)\]", (root / "mkdocs.yml").read_text())
+    homes = {home.partition(":")[0].partition(".")[0] for home in armscope._HOMES.values()}
+    assert homes - {"armscope"} <= set(listed.split(", "))

@@ -239,11 +239,6 @@ def xyz_ypr(pose: ArrayLike) -> tuple[float, float, float, float, float, float]:
     return float(x), float(y), float(z), float(yaw), float(pitch), float(roll)
 
 
-def elementary(motion: Motion, value: float) -> Array:
-    """The homogeneous transform (4, 4) of one step."""
-    return forward(Chain((Step(motion, value, ""),)), np.zeros((1, 0)))[0]
-
-
 def product(*steps: tuple[Motion, float]) -> Array:
     """The homogeneous transform (4, 4) of several steps, from left to right."""
     return forward(Chain(tuple(Step(m, v, "") for m, v in steps)), np.zeros((1, 0)))[0]
