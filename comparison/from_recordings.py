@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,12 +12,13 @@ from arm_io import InputError
 from arm_io.progress import Step
 from arm_io.types import Array, Progress
 from arm_model import Arm
-from comparison.change import Estimate, Quantity
+from comparison.change import Change, Estimate, Quantity
 from comparison.circumstances import circumstances
-from comparison.groups.fewest import with_fewest
+from comparison.current_limits import limit_changes
+from comparison.joint_fit.fewest import Recorded, with_fewest
 from comparison.outcome import Comparison
 from comparison.quantities import friction_maps, values_quantities
-from comparison.regression import Fitted, Rows, Structure, fit, rows_of, shown_by, structure_of
+from comparison.regression import Fitted, Rows, Structure, fit, rows_of, shown_by, structure_of, wide
 from comparison.significance import changes
 from comparison.summary import summaries
 from daq.recording import Recording
@@ -40,7 +42,7 @@ def compare_recordings(
     base = structural_base(arm, "asymmetric")
     side = np.array([True] * len(before) + [False] * len(after))
     structure = structure_of(arm, base, motions, names, side)
-    fits, shown, data = _fits(structure, recordings, motions, progress)
+    fits, shown, _ = _fits(structure, recordings, motions, motions, progress)
     quantities, maps = _quantities(structure, fits, shown, side, names)
     progress("changes")
     estimates = [_estimate(name, each, maps) for name, each in zip(names, fits)]
@@ -50,17 +52,25 @@ def compare_recordings(
         [one for one, mine in zip(estimates, side) if not mine],
         _leaked(structure, fits, maps, side),
     )
-    found = with_fewest(structure, data, fits, side, alone)
+    band = [wide(motion) for motion in motions]
+    in_band, _, rows = _fits(structure, recordings, band, motions, progress)
+    progress("the fewest changes")
+    decided, added = with_fewest(Recorded(structure, band, rows, in_band, side), alone)
     return Comparison(
         what="recordings",
         arm=arm,
         before=tuple(str(recording.path) for recording in before),
         after=tuple(str(recording.path) for recording in after),
-        changes=found,
+        changes=[*decided, *added, *limit_changes(before, after, arm)],
         circumstances=circumstances(recordings, motions, side, arm),
-        summaries=summaries(structure, fits, side, found),
+        summaries=summaries(structure, fits, side, _as_decided(alone, decided)),
         warnings=[warning for run in runs for warning in run.warnings],
     )
+
+
+def _as_decided(alone: Sequence[Change], decided: Sequence[Change]) -> list[Change]:
+    """Each with the value and the deviation of the regressions of single recordings, whose correlations are known."""
+    return [replace(one, corrected=other.corrected) for one, other in zip(alone, decided)]
 
 
 def _check(before: Sequence[Recording], after: Sequence[Recording]) -> None:
@@ -75,13 +85,17 @@ def _check(before: Sequence[Recording], after: Sequence[Recording]) -> None:
 
 
 def _fits(
-    structure: Structure, recordings: Sequence[Recording], motions: Sequence[Motion], progress: Progress
+    structure: Structure,
+    recordings: Sequence[Recording],
+    motions: Sequence[Motion],
+    whole: Sequence[Motion],
+    progress: Progress,
 ) -> tuple[list[Fitted], NDArray[np.bool_], list[Rows]]:
-    """One fit per recording, (recordings, c) what each shows, and the rows of each."""
+    """One fit per recording, (recordings, c) what each shows, and the rows of each; ``whole`` as of ``rows_of``."""
     data: list[Rows] = []
-    for recording, motion in zip(recordings, motions):
+    for recording, motion, of_all in zip(recordings, motions, whole):
         progress(Step("equations", len(data), len(recordings), detail=recording.path.name))
-        data.append(rows_of(structure, motion, set_up(structure.arm, recording)))
+        data.append(rows_of(structure, motion, set_up(structure.arm, recording), of_all))
     shown = np.array([shown_by(rows, structure) for rows in data])
     model = structure.model()
     fits: list[Fitted] = []

@@ -9,7 +9,7 @@ What the recording's setup adds (a known payload) is subtracted first.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +30,11 @@ EXCITED = 1e-3
 """Share of a column that no other explains; below it, a recording says nothing about the parameter."""
 UNKNOWN = 0.1
 """Least uncertainty of a value taken from the model, over the largest value of its unit."""
+
+WIDE, WITHIN = 20.0, 0.7
+"""Hz of the band of the joint fit, within so much of that in which the motion is known."""
+APART = 1.2
+"""Samples per second of the joint fit, over the least whose folding its low-pass removes."""
 
 
 @dataclass(frozen=True)
@@ -139,8 +144,25 @@ def structure_of(
     return Structure(arm, base, np.array(rows, np.intp), curves, mean_loads(arm, motions))
 
 
-def rows_of(structure: Structure, motion: Motion, carrying: Arm) -> Rows:
-    """The rows of one recording; ``carrying``: the arm with the known payload of its setup, which is subtracted."""
+def wide(motion: Motion) -> Motion:
+    """The motion with rows in the band of the joint fit, which ripples need, and friction and bodies do not.
+
+    Of samples that are many times as fast as its band, every so many: the low-pass of the rows removes what folds.
+    """
+    parallel = max(motion.band.parallel, min(WIDE, WITHIN * motion.band.motion))
+    step = max(1, int(1.0 / (APART * (motion.band.motion + parallel) * motion.dt)))
+    names = ("t", "q", "qd", "qdd", "torque", "usable", "certain")
+    thinned = {name: getattr(motion, name)[::step] for name in names}
+    band = replace(motion.band, parallel=parallel)
+    return replace(motion, dt=step * motion.dt, band=band, folded=None, **thinned)
+
+
+def rows_of(structure: Structure, motion: Motion, carrying: Arm, whole: Motion) -> Rows:
+    """The rows of one recording.
+
+    carrying  the arm with the known payload of its setup, which is subtracted
+    whole     the motion with all its samples, by which it shows friction or does not (``wide``)
+    """
     arm, base = structure.arm, structure.base
     found = equations(arm, [motion], "asymmetric")
     y = found.torque if found.rest is None else found.torque - found.rest
@@ -150,7 +172,7 @@ def rows_of(structure: Structure, motion: Motion, carrying: Arm) -> Rows:
     joint, row = np.nonzero(trusted.T)
     compared, own = [], []
     for curve in structure.curves:
-        knots, common = knots_of(curve, motion)
+        knots, common = knots_of(curve, whole)
         if not len(knots):
             compared.append(np.zeros((len(row), len(curve.speeds))))
             continue

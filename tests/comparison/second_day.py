@@ -62,11 +62,16 @@ def record(
     temp: float | None = None,
     experiment: str | None = None,
     by_load: float = 0.0,
+    ripple: tuple[float, float, float] = (0.0, 1.0, 0.0),
+    spring: float = 0.0,
+    limit: float = np.inf,
 ) -> Recording:
     """Encoders of 1e-5 rad; currents with white noise of 10 mA and as much that is correlated over 20 rows.
 
     seed, noise  of the motion and of the noise; resting: a joint (from 0) that stands still;
                  by_load: share of the load of joint 2 that is added to its friction
+    ripple       of joint 1: N m, cycles per turn of the joint, rad; spring: N m/rad at joint 2, at rest at 0.4 rad;
+                 limit: A that the current of joint 1 does not exceed
     """
     t = np.arange(int(rate * seconds)) / rate
     q, qd, qdd = motion(t, len(arm), seed, speed)
@@ -76,8 +81,11 @@ def record(
     torque[:, 1] += by_load * np.abs(torque[:, 1]) * np.sign(qd[:, 1])
     for j, joint in enumerate(arm.joints):
         torque[:, j] += joint.ratio**2 * joint.rotor_inertia * qdd[:, j] + friction(qd[:, j], levels[j])
+    torque[:, 0] += ripple[0] * np.sin(ripple[1] * q[:, 0] + ripple[2])
+    torque[:, 1 % len(arm)] += spring * (q[:, 1 % len(arm)] - 0.4)
     white, driven = np.random.default_rng(noise).standard_normal((2, *q.shape))
     i = torque / arm.joint_array("drive_constant")
+    i[:, 0] = np.clip(i[:, 0], -limit, limit)
     i += 0.01 * white + 0.01 * lfilter([np.sqrt(1 - 0.95**2)], [1, -0.95], driven, axis=0)
     signals = {"q": np.round(q / 1e-5) * 1e-5, "i": i}
     if temp is not None:

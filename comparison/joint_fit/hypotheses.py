@@ -1,18 +1,20 @@
 """What may have changed in an arm, each as a direction in the space of the compared values.
 
 Level, slope, asymmetry and hump of a joint's friction, friction by load, a rotor, a parameter of an effect, the body of
-a link (ten parameters, of which some combinations show), the scale of a joint's currents.
+a link (ten parameters, of which some combinations show), the scale of a joint's currents; and effects beyond the model
+(``effects``), whose columns come after those of the compared values.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from arm_io.types import Array
 from comparison.change import Quantity
+from comparison.joint_fit.effects import Added
 from comparison.load_friction import loaded_joints
 from comparison.quantities import values_quantities
 from comparison.regression import Fitted, Structure
@@ -28,28 +30,55 @@ class Hypothesis:
     joint       from 1; None: of the whole arm
     directions  (c, k) change of the compared values per unit of each coefficient
     quantity    the compared quantity that it changes by its coefficient; "" of several
+    added       the effect beyond the model that it is of
+    tries       number of alternatives among which it was chosen
     """
 
     what: str
     joint: int | None
     directions: Array
     quantity: str = ""
+    added: Added | None = None
+    tries: int = 1
 
 
-def hypotheses(structure: Structure, fits: Sequence[Fitted]) -> list[Hypothesis]:
+def hypotheses(structure: Structure, fits: Sequence[Fitted], added: Sequence[Added]) -> list[Hypothesis]:
     """All of an arm; ``fits`` of the recordings after, whose currents may have another scale."""
-    every = [
+    described = [
         *_of_friction(structure),
         *_of_bodies(structure),
         *_single(structure),
         *_of_scales(structure, fits),
     ]
+    every = [*_widened(described, added), *_of_added(structure, added)]
     return [one for one in every if np.abs(one.directions).max(initial=0.0) > 0.0]
 
 
-def single_values(structure: Structure) -> list[Hypothesis]:
+def chance(one: float, every: Sequence[Hypothesis]) -> float:
+    """Natural logarithm of a chance, from that of a single test, with the number of alternatives that were tried."""
+    return one + float(np.log(sum(each.tries for each in every)))
+
+
+def _widened(every: Sequence[Hypothesis], added: Sequence[Added]) -> list[Hypothesis]:
+    more = sum(len(one.units) for one in added)
+    return [replace(one, directions=np.pad(one.directions, ((0, more), (0, 0)))) for one in every]
+
+
+def _of_added(structure: Structure, added: Sequence[Added]) -> Iterator[Hypothesis]:
+    size = structure.size + sum(len(one.units) for one in added)
+    first = structure.size
+    for one in added:
+        own = np.eye(size)[:, first : (first := first + len(one.units))]
+        if one.effect == "gravity_spring":
+            constant = _shapes(structure, one.joint - 1)[2]
+            own = np.column_stack([own, np.pad(constant, (0, size - structure.size))])
+        yield Hypothesis("effect beyond the model", one.joint, own, added=one, tries=one.tries)
+
+
+def single_values(structure: Structure, added: Sequence[Added]) -> list[Hypothesis]:
     """Each compared value alone, in their order."""
-    return [_unit(structure, k, quantity) for k, quantity in enumerate(values_quantities(structure))]
+    every = [_unit(structure, k, quantity) for k, quantity in enumerate(values_quantities(structure))]
+    return _widened(every, added)
 
 
 def _unit(structure: Structure, k: int, quantity: Quantity) -> Hypothesis:
@@ -58,15 +87,19 @@ def _unit(structure: Structure, k: int, quantity: Quantity) -> Hypothesis:
 
 
 def _of_friction(structure: Structure) -> Iterator[Hypothesis]:
-    start = len(structure.rows)
     for joint in range(len(structure.arm)):
-        places = [(start + k, *point) for k, point in enumerate(structure.points) if point[0].joint == joint]
-        shapes = np.zeros((4, structure.size))
-        for row, curve, k in places:
-            shapes[:, row] = 1.0, curve.speeds[k], curve.direction, float(k == 0)
         names = [f"joint{joint + 1}.{name}" for name in ("coulomb", "viscous", "offset")]
-        for shape, name in zip(shapes, [*names, ""]):
+        for shape, name in zip(_shapes(structure, joint), [*names, ""]):
             yield Hypothesis("friction", joint + 1, shape[:, None], name)
+
+
+def _shapes(structure: Structure, joint: int) -> Array:
+    """(4, c) level, slope, asymmetry and hump of the friction of a joint (from 0), in the compared values."""
+    start, shapes = len(structure.rows), np.zeros((4, structure.size))
+    for k, (curve, place) in enumerate(structure.points):
+        if curve.joint == joint:
+            shapes[:, start + k] = 1.0, curve.speeds[place], curve.direction, float(place == 0)
+    return shapes
 
 
 def _of_bodies(structure: Structure) -> Iterator[Hypothesis]:

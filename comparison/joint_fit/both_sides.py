@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from arm_io.types import Array
-from comparison.groups.hypotheses import Hypothesis
+from comparison.joint_fit.hypotheses import Hypothesis
 from comparison.regression import Fitted, Rows, Structure
 from comparison.significance import moderate
 
@@ -37,6 +37,7 @@ class Both:
     """Weighted normal equations per block of time, for values in units of ``scale`` (c,).
 
     grams (b, c, c), scores (b, c) of blocks, relative to the values of the model; recording (b,) and after (b,) of each
+    rows   per recording (k, c) columns and (k,) torques less the model's, over the noise
     """
 
     grams: Array
@@ -44,6 +45,7 @@ class Both:
     recording: NDArray[np.intp]
     after: NDArray[np.bool_]
     scale: Array
+    rows: Sequence[tuple[Array, Array]]
 
     @property
     def recordings(self) -> int:
@@ -87,22 +89,32 @@ class Tested:
 
 @dataclass(frozen=True)
 class _Raw:
-    """Coefficients (k,) of independent directions (c, k), scaled; covariance (k, k) by blocks; scatter over it."""
+    """Coefficients (k,) of independent directions (c, k), scaled; covariance (k, k) by blocks; scatter over it.
+
+    freedom  degrees of freedom by the blocks of both sides that show the coefficients
+    """
 
     directions: Array
     coefficients: Array
     covariance: Array
     scatter: float
     gain: float
+    freedom: float
 
 
 def both_sides(structure: Structure, data: Sequence[Rows], fits: Sequence[Fitted], side: NDArray[np.bool_]) -> Both:
-    """Of recordings with their own fits; ``side`` (n,) is True for those before."""
-    model, joints = structure.model(), len(structure.arm)
+    """Of recordings with their own fits; ``side`` (n,) is True for those before.
+
+    Columns beyond those of the compared values are zero in the model.
+    """
+    size, joints = data[0].columns.shape[1], len(structure.arm)
+    model = np.concatenate([structure.model(), np.zeros(size - structure.size)])
     square = np.array([_spread(rows, one, joints) for rows, one in zip(data, fits)])
     noise = np.sqrt(np.array([np.median(of[np.isfinite(of)]) if np.isfinite(of).any() else 1.0 for of in square.T]))
     parts = [_weighted(rows, model, noise) for rows in data]
-    scale = 1.0 / np.sqrt(np.maximum(sum((x**2).sum(axis=0) for x, _ in parts), 1e-300))
+    square = sum((x**2).sum(axis=0) for x, _ in parts)
+    # of a joint that stands, or a gap that its load never crosses, nothing is shown
+    scale = 1.0 / np.sqrt(np.where(square > 0.0, square, 1.0))
     grams, scores, recording = [], [], []
     for number, ((x, y), rows, one) in enumerate(zip(parts, data, fits)):
         _, block = np.unique((rows.equations.t / max(one.block, LEAST_BLOCK)).astype(np.intp), return_inverse=True)
@@ -112,7 +124,7 @@ def both_sides(structure: Structure, data: Sequence[Rows], fits: Sequence[Fitted
             scores.append(mine.T @ y[block == b])
             recording.append(number)
     of = np.array(recording, np.intp)
-    return Both(np.array(grams), np.array(scores), of, ~side[of], scale)
+    return Both(np.array(grams), np.array(scores), of, ~side[of], scale, parts)
 
 
 def _spread(rows: Rows, fitted: Fitted, joints: int) -> Array:
@@ -132,16 +144,27 @@ def _weighted(rows: Rows, model: Array, noise: Array) -> tuple[Array, Array]:
     return x, y
 
 
+def left_of(both: Both, found: Sequence[Tested]) -> list[Array]:
+    """(k,) per recording: what the shared fit with the changes ``found`` leaves of its rows, over their noise."""
+    values, changes = _shared(both, found)
+    late = [bool(both.after[both.recording == k].any()) for k in range(both.recordings)]
+    return [y - (x * both.scale) @ (values + changes if after else values) for (x, y), after in zip(both.rows, late)]
+
+
+def _shared(both: Both, found: Sequence[Tested]) -> tuple[Array, Array]:
+    """(c,) scaled: the values of the side before, less the model's, and the changes ``found``."""
+    changes = sum((one.changes for one in found), np.zeros(len(both.scale))) / both.scale
+    scores = both.scores - np.where(both.after[:, None], both.grams @ changes, 0.0)
+    return both.weighed()[0] @ scores.sum(axis=0), changes
+
+
 def shared_values(both: Both, model: Array, found: Sequence[Tested]) -> tuple[Array, Array]:
     """(c,) values of the side before, with the changes ``found``, and their covariance (c, c), of white rows.
 
     model: (c,) values of the model.
     """
-    changes = sum((one.changes for one in found), np.zeros(len(both.scale))) / both.scale
-    scores = both.scores - np.where(both.after[:, None], both.grams @ changes, 0.0)
-    inverse, _, _ = both.weighed()
-    values = model + both.scale * (inverse @ scores.sum(axis=0))
-    return values, inverse * both.scale[:, None] * both.scale
+    values, _ = _shared(both, found)
+    return model + both.scale * values, both.weighed()[0] * both.scale[:, None] * both.scale
 
 
 def tested(both: Both, every: Sequence[Hypothesis], chosen: Sequence[Hypothesis]) -> list[Tested]:
@@ -180,12 +203,29 @@ def _raw(both: Both, scores: Array, directions: Array, weighed: tuple[Array, Arr
     np.add.at(whole, both.recording, sums / size)
     freedom = max(both.recordings - 2, 1)
     scatter = float(np.mean(np.sum(whole**2, axis=0) * both.recordings / freedom / np.diag(covariance)))
-    return _Raw(along, coefficients, covariance, scatter, float(np.sum(coefficients**2 * size)))
+    gains = coefficients**2 * size
+    shown = np.sum((both.grams @ along) * along, axis=1)
+    return _Raw(along, coefficients, covariance, scatter, float(gains.sum()), _effective(shown, both.after, gains))
+
+
+def _effective(shown: Array, after: NDArray[np.bool_], gains: Array) -> float:
+    """Degrees of freedom of Welch and Satterthwaite by the information (b, k) of blocks, a mean by ``gains`` (k,).
+
+    Of a side, n = (sum u)^2 / sum u^2 blocks count, and its variance is 1 / sum u.
+    """
+    sides = [shown[after], shown[~after]]
+    variance = [1.0 / np.maximum(u.sum(axis=0), 1e-300) for u in sides]
+    count = [np.sum(u, axis=0) ** 2 / np.maximum(np.sum(u**2, axis=0), 1e-300) for u in sides]
+    largest = np.maximum(*variance)
+    shares = [one / largest for one in variance]
+    freedom = (shares[0] + shares[1]) ** 2 / sum(one**2 / np.maximum(n, 1.0) for one, n in zip(shares, count))
+    return float(freedom @ gains / max(float(gains.sum()), 1e-300))
 
 
 def _judged(both: Both, every: Sequence[Hypothesis], raw: Sequence[_Raw | None]) -> list[Tested]:
     pairs = [(one, of) for one, of in zip(every, raw) if of is not None]
-    scatter = np.array([of.scatter for _, of in pairs])
+    # of one recording on each side, nothing says how far the next would differ
+    scatter = np.array([of.scatter if both.recordings > 2 else 0.0 for _, of in pairs])
     freedom = np.full(len(pairs), float(max(both.recordings - 2, 1)))
     for what in {one.what for one, _ in pairs}:
         mine = np.array([one.what == what for one, _ in pairs])
@@ -194,7 +234,7 @@ def _judged(both: Both, every: Sequence[Hypothesis], raw: Sequence[_Raw | None])
     for (one, of), more, degrees in zip(pairs, scatter, freedom):
         covariance, count = of.covariance * max(more, 1.0), len(of.coefficients)
         square = float(of.coefficients @ np.linalg.pinv(covariance, hermitian=True) @ of.coefficients)
-        left = min(float(len(both.grams)), degrees) if more > 1.0 else float(len(both.grams))
+        left = min(of.freedom, degrees) if more > 1.0 else of.freedom
         left = max(left - count + 1, 1.0)
         log_p = float(stats.f.logsf(square / count, count, left))
         along = of.directions * both.scale[:, None]

@@ -1,1 +1,0 @@
-"""Groups of recordings: what changed between them, if as little as possible did."""

@@ -1,0 +1,1 @@
+"""All recordings of both sides in one regression: the fewest changes that explain how the sides differ."""

@@ -1,0 +1,157 @@
+"""Effects beyond the model whose change is looked for: springs, elastic gears, gaps, and ripples that stand out.
+
+Each is columns of the joint fit: the torque of all joints for a unit of each coefficient, by the law of the catalogue.
+All sides share its value, and its change is a hypothesis like any other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy import signal
+
+from arm_io.types import Array
+from arm_model import Arm
+from arm_model.effects import CATALOGUE, Effect, Signals, Values, units
+from arm_model.system import mass_matrix_along, rigid_torque_along
+from comparison.regression import Rows
+from diagnosis.residual.expected_current import through_gap, wound_up
+from identification.preprocessing.signals import Motion, equation_rows, equation_weight, parallel_filter
+
+STIFFNESSES = (1e3, 4e3, 2e4, 2e5)
+"""N m/rad (N/m) at which an elastic gear is tried: one that is stiffer is the last of them, in proportion."""
+DAMPING = 80.0
+"""N m s/rad (N s/m) of an elastic gear."""
+HALF_GAPS = (5e-4, 2e-3)
+"""rad (m) at which a gap is tried: what it does is in proportion, but for the time in which the link crosses it."""
+NEAR = 0.1
+"""Relative difference of the orders of two ripples of which one looks like the other."""
+STEP = 1e-3
+"""Of an angle (rad) and its rates: of the central differences by which an error of an angle moves the torques."""
+
+
+@dataclass(frozen=True)
+class Added:
+    """One effect at one joint (from 1) with its nonlinear parameters ``held``.
+
+    amplitude  of a ripple: the linear parameter that it has; "": the effect's first
+    tries      number of alternatives from which it was chosen by the data
+    """
+
+    effect: str
+    joint: int
+    held: Mapping[str, float] = field(default_factory=dict)
+    amplitude: str = ""
+    tries: int = 1
+
+    def same(self, other: Added) -> bool:
+        """Whether both have the same columns."""
+        key = self.effect, self.joint, dict(self.held), self.amplitude
+        return key == (other.effect, other.joint, dict(other.held), other.amplitude)
+
+    @property
+    def wave(self) -> bool:
+        """Whether it is a ripple."""
+        return self.definition.wave
+
+    def near(self, other: Added) -> bool:
+        """Whether both are ripples of one joint that a travel of one turn hardly distinguishes."""
+        if not (self.wave and other.wave) or self.joint != other.joint:
+            return False
+        return abs(self.held["order"] / other.held["order"] - 1.0) < NEAR
+
+    @property
+    def definition(self) -> Effect:
+        """The effect as the catalogue defines it."""
+        return CATALOGUE[self.effect]
+
+    @property
+    def units(self) -> list[Values]:
+        """Parameter values, one set per column."""
+        if self.definition.wave:
+            return units(self.definition, self.held, self.amplitude)
+        # of a spring at rest at some angle: elsewhere, it adds a constant torque, which friction has as well
+        return [Values({"stiffness": 1.0, "hardening": 0.0, **self.held})]
+
+
+def always(arm: Arm, motions: Sequence[Motion]) -> list[Added]:
+    """Springs, elastic gears and gaps of every joint, but those that the model has."""
+    centre = np.mean([arm.link_angles(motion.q).mean(axis=0) for motion in motions], axis=0)
+    own = {(term.name, term.joint) for term in arm.effects}
+    every = []
+    for joint in range(1, len(arm) + 1):
+        every.append(Added("gravity_spring", joint, {"rest_angle": float(centre[joint - 1])}))
+        elastic = [{"stiffness": stiffness, "damping": DAMPING} for stiffness in STIFFNESSES]
+        every += [Added("joint_compliance", joint, held, tries=len(elastic)) for held in elastic]
+        gaps = [{"half_gap": gap, "contact_stiffness": 1e5, "contact_damping": DAMPING} for gap in HALF_GAPS]
+        every += [Added("backlash", joint, held, tries=len(gaps)) for held in gaps]
+    return [one for one in every if (one.effect, one.joint) not in own]
+
+
+def added_rows(every: Sequence[Added], arm: Arm, motion: Motion) -> Array:
+    """(k, e) columns of all of them in the rows of one recording."""
+    joint, row = np.nonzero(equation_rows(motion)[1].T)
+    weight = equation_weight(motion)[..., None]
+    load = _smooth(rigid_torque_along(arm, motion.q, motion.qd, motion.qdd), motion)
+    inertia = mass_matrix_along(arm, motion.q, rotors=False).diagonal(axis1=1, axis2=2)
+    parts = [parallel_filter(motion, torque_of(one, arm, motion, load, inertia) * weight)[row, joint] for one in every]
+    return np.concatenate([np.empty((len(row), 0)), *parts], axis=1)
+
+
+def with_columns(rows: Rows, more: Array) -> Rows:
+    """The rows of a recording with further columns (k, e), after those of the compared values."""
+    return Rows(rows.equations, np.concatenate([rows.columns, more], axis=1), rows.own, rows.y)
+
+
+def torque_of(one: Added, arm: Arm, motion: Motion, load: Array, inertia: Array) -> Array:
+    """(m, J, k) N m (N) at the drives per unit of each coefficient.
+
+    load, inertia  (m, J) N m and kg m2 (N and kg) of the links at the drives
+    """
+    j, effect = one.joint - 1, one.definition
+    motor = Signals(q=arm.link_angles(motion.q)[:, j], motor=arm.joints[j].ratio * motion.q[:, j])
+    found = []
+    for p in one.units:
+        if effect.spring is not None:
+            found.append(_moved(arm, motion, j, *_twist(one, p, load[:, j], inertia[:, j], motion)))
+        elif effect.angle is not None:
+            error = np.asarray(effect.angle(p, motor))
+            rates = np.gradient(error, motion.dt), np.gradient(np.gradient(error, motion.dt), motion.dt)
+            torque = _moved(arm, motion, j, error, *rates)
+            # the motor itself does not turn as its encoder says
+            torque[:, j] -= arm.joints[j].ratio ** 2 * arm.joints[j].rotor_inertia * rates[1]
+            found.append(torque)
+        else:
+            assert effect.torque is not None
+            found.append(np.outer(np.asarray(effect.torque(p, motor)), arm.coupling_matrix[j]))
+    return np.stack(found, axis=-1)
+
+
+def _twist(one: Added, p: Values, load: Array, inertia: Array, motion: Motion) -> tuple[Array, Array, Array]:
+    """Motor angle less link angle (m,) and its rates."""
+    if one.effect == "joint_compliance":
+        return wound_up(load, inertia, p["stiffness"], p["damping"], motion.dt)
+    gap = _smooth(through_gap(load, inertia, p["half_gap"], motion.dt)[:, None], motion)[:, 0]
+    speed = np.gradient(gap, motion.dt)
+    return gap, speed, np.gradient(speed, motion.dt)
+
+
+def _smooth(values: Array, motion: Motion) -> Array:
+    """Values (m, ...) in the band of the regression, beyond which their rates would be noise."""
+    low_pass = signal.butter(4, min(2 * motion.band.parallel * motion.dt, 0.98), output="sos")
+    return np.asarray(signal.sosfiltfilt(low_pass, values, axis=0))
+
+
+def _moved(arm: Arm, motion: Motion, j: int, angle: Array, speed: Array, acceleration: Array) -> Array:
+    """(m, J) N m: what torques change by where link j (from 0) is behind its drive by ``angle`` (m,), with rates."""
+    size = STEP / max(float(np.abs(angle).max()), 1e-300)
+    shift = [np.zeros_like(motion.q) for _ in range(3)]
+    for one, by in zip(shift, (angle, speed, acceleration)):
+        one[:, j] = size * by
+    behind, ahead = (
+        rigid_torque_along(arm, motion.q - sign * shift[0], motion.qd - sign * shift[1], motion.qdd - sign * shift[2])
+        for sign in (1.0, -1.0)
+    )
+    return np.asarray((behind - ahead) / (2 * size))

@@ -1,0 +1,225 @@
+"""The fewest changes that explain how two sides differ: forward selection among hypotheses.
+
+Of those that are certain, the one that explains most enters, and the others are tested beside it, until none is
+certain. A change that the regressions of single recordings call significant stands only if the shared regression shows
+it, too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_io.types import Array
+from comparison.change import Change
+from comparison.joint_fit.added_changes import added_changes
+from comparison.joint_fit.both_sides import Both, Tested, both_sides, left_of, shared_values, tested
+from comparison.joint_fit.effects import Added, added_rows, always, with_columns
+from comparison.joint_fit.hypotheses import Hypothesis, chance, hypotheses, single_values
+from comparison.joint_fit.ripples import ripples
+from comparison.quantities import friction_maps
+from comparison.regression import Fitted, Rows, Structure
+from identification.preprocessing.signals import Motion
+
+CERTAIN = 1e-3
+"""Probability by chance, times the number of hypotheses, of a change that enters."""
+SLACK, NEARLY = 3.0, 0.2
+"""Deviations, and share of its change, by which a value that cannot be negative may seem so."""
+MOST = 6
+"""Changes at most: an arm that differs in more is another arm."""
+SHOWN_TOO = 0.05
+"""Probability by chance in the shared regression, times the number of hypotheses, of a change that single regressions
+call significant."""
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """The recordings in the band of the joint fit, and what each says alone.
+
+    side   (n,) True for those before
+    """
+
+    structure: Structure
+    motions: Sequence[Motion]
+    rows: Sequence[Rows]
+    fits: Sequence[Fitted]
+    side: NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class _Joint:
+    """The joint fit with the columns of some effects beyond the model, its hypotheses, and those that entered."""
+
+    both: Both
+    added: Sequence[Added]
+    every: Sequence[Hypothesis]
+    found: Sequence[Tested]
+
+
+def with_fewest(recorded: Recorded, changes: Sequence[Change]) -> tuple[list[Change], list[Change]]:
+    """The changes of all quantities, decided by the shared regression; and those of effects beyond the model.
+
+    changes: by regressions of single recordings; the last of them are those of the values.
+    """
+    joint = _searched(recorded)
+    structure, found = recorded.structure, joint.found
+    chances = _chances(structure, joint)
+    values, covariance = shared_values(joint.both, _model(structure, joint.added), found)
+    maps = _maps(structure, np.diag(covariance), len(values))
+    made = np.zeros(len(changes), bool)
+    for one in found:
+        sizes, errors = one.seen_by(maps)
+        made |= np.abs(sizes) > 2.0 * errors
+    decided = [
+        each if by else _stands(each, chances, joint.every) for each, by in zip(changes, made & _possible(changes))
+    ]
+    std = np.sqrt(np.maximum(np.sum(maps @ covariance * maps, axis=1), 0.0))
+    for one in found:
+        if one.hypothesis.added is None:
+            sizes, errors = one.seen_by(maps)
+            k = _clearest(one, decided, sizes, errors, structure.size)
+            before, after = (float(maps[k] @ values), float(std[k])), (float(sizes[k]), float(errors[k]))
+            decided[k] = _conditional(decided[k], before, after, one, joint.every)
+    beside = tested(joint.both, joint.every, [one.hypothesis for one in found])
+    return decided, added_changes(structure, joint.every, [*found, *beside], values, covariance)
+
+
+def _searched(recorded: Recorded) -> _Joint:
+    """With ripples that stand out of what a fit without them leaves.
+
+    First those that all recordings have alike, then those that differ, without any change and with those found.
+    """
+    arm, motions, after = recorded.structure.arm, recorded.motions, ~recorded.side
+    joint, rows = _with(recorded, recorded.rows, [], always(arm, motions))
+    for common in (True, False):
+        every = [[], joint.found] if joint.found else [[]]
+        left = [left_of(joint.both, found) for found in every]
+        proposed = [one for e in left for one in ripples(arm, motions, e, after, common=common)]
+        if proposed:
+            joint, rows = _with(recorded, rows, joint.added, proposed)
+    return _without_rivals(recorded, joint, rows)
+
+
+def _without_rivals(recorded: Recorded, joint: _Joint, rows: Sequence[Rows]) -> _Joint:
+    """Without the ripples that are nearly those found, beside which nothing says how large these were before."""
+    waves = [one.hypothesis.added for one in joint.found if one.hypothesis.added and one.hypothesis.added.wave]
+    rivals = {k for k, one in enumerate(joint.added) if one not in waves and any(one.near(other) for other in waves)}
+    if not rivals:
+        return joint
+    added, columns, first = [], list(range(recorded.structure.size)), recorded.structure.size
+    for k, one in enumerate(joint.added):
+        own = range(first, first := first + len(one.units))
+        if k not in rivals:
+            # it was chosen among theirs, too
+            more = sum(joint.added[k].tries for k in rivals if one in waves and joint.added[k].near(one))
+            added.append(replace(one, tries=one.tries + more))
+            columns += own
+    data = [replace(own, columns=own.columns[:, columns]) for own in rows]
+    return _with(recorded, data, added, [])[0]
+
+
+def _with(
+    recorded: Recorded, rows: Sequence[Rows], added: Sequence[Added], proposed: Sequence[Added]
+) -> tuple[_Joint, list[Rows]]:
+    """The joint fit of ``rows``, which have the columns of those ``added``, with those of the others ``proposed``."""
+    structure, fits, side = recorded.structure, recorded.fits, recorded.side
+    new = [one for k, one in enumerate(proposed) if all(not one.same(other) for other in [*added, *proposed[:k]])]
+    data = [with_columns(own, added_rows(new, structure.arm, motion)) for own, motion in zip(rows, recorded.motions)]
+    both, every = both_sides(structure, data, fits, side), [*added, *new]
+    late = [one for one, mine in zip(fits, side) if not mine]
+    tried = hypotheses(structure, late, every)
+    return _Joint(both, every, tried, selected(both, tried)), data
+
+
+def _model(structure: Structure, added: Sequence[Added]) -> Array:
+    return np.concatenate([structure.model(), np.zeros(sum(len(one.units) for one in added))])
+
+
+def _maps(structure: Structure, variance: Array, size: int) -> Array:
+    """(r, c) how the compared quantities follow from the values and from those of effects beyond the model."""
+    own = structure.size
+    maps = np.concatenate([np.nan_to_num(friction_maps(structure, variance[:own])[1]), np.eye(own)])
+    return np.pad(maps, ((0, 0), (0, size - own)))
+
+
+def selected(both: Both, every: Sequence[Hypothesis]) -> list[Tested]:
+    """The hypotheses that entered, each as tested beside the others that did."""
+    chosen: list[Hypothesis] = []
+    least = np.log(CERTAIN)
+    while len(chosen) < MOST:
+        rest = [one for one in every if all(one is not other for other in chosen)]
+        certain = [one for one in tested(both, rest, chosen) if chance(one.log_p, every) < least]
+        certain = [one for one in certain if _is_possible(both, one)]
+        if not certain:
+            break
+        chosen.append(max(certain, key=lambda one: one.gain - 2 * one.hypothesis.directions.shape[1]).hypothesis)
+    again = []
+    for one in chosen:
+        others = [other for other in chosen if other is not one]
+        # with all that did not enter, as their scatter between recordings is part of what it is judged by
+        beside = tested(both, [each for each in every if all(each is not other for other in others)], others)
+        again += [each for each in beside if each.hypothesis is one]
+    return [one for one in again if chance(one.log_p, every) < least]
+
+
+def _is_possible(both: Both, one: Tested) -> bool:
+    """Not of an elastic gear or a gap that would be less than nothing on a side."""
+    added = one.hypothesis.added
+    if added is None or added.definition.spring is None:
+        return True
+    place = int(np.argmax(one.hypothesis.directions[:, 0]))
+    values, covariance = shared_values(both, np.zeros(len(both.scale)), [one])
+    least = min(values[place], values[place] + one.changes[place])
+    return bool(least > -max(SLACK * np.sqrt(covariance[place, place]), NEARLY * abs(one.changes[place])))
+
+
+def _chances(structure: Structure, joint: _Joint) -> dict[str, float]:
+    """Name of a quantity -> logarithm of its chance beside what was found."""
+    singles = [*(one for one in joint.every if one.quantity), *single_values(structure, joint.added)]
+    found = tested(joint.both, singles, [one.hypothesis for one in joint.found])
+    return {one.hypothesis.quantity: one.log_p for one in found}
+
+
+def _possible(changes: Sequence[Change]) -> NDArray[np.bool_]:
+    return np.array([one.significant for one in changes], bool)
+
+
+def _stands(change: Change, chances: dict[str, float], every: Sequence[Hypothesis]) -> Change:
+    """The change, not significant where the shared regression does not show it."""
+    shared = min(1.0, float(np.exp(chance(chances.get(change.quantity.name, 0.0), every))))
+    if change.significant and change.corrected is not None and shared > SHOWN_TOO:
+        return replace(change, corrected=max(change.corrected, shared))
+    return change
+
+
+def _clearest(one: Tested, changes: Sequence[Change], sizes: Array, errors: Array, values: int) -> int:
+    """The quantity that shows a hypothesis best: its own, or the value that changes by most deviations."""
+    own = next((k for k, each in enumerate(changes) if each.quantity.name == one.hypothesis.quantity), None)
+    if own is not None and errors[own] > 0.0:
+        return own
+    # several values, or a level of friction that is compared in one direction only
+    first = len(sizes) - values
+    return first + int(np.argmax(np.abs(sizes[first:]) / np.maximum(errors[first:], 1e-300)))
+
+
+def _conditional(
+    change: Change, before: tuple[float, float], by: tuple[float, float], one: Tested, every: Sequence[Hypothesis]
+) -> Change:
+    """A quantity with its change as the shared regression has it, significant whatever single regressions say.
+
+    before, by: value of the side before, and its change, each with its std
+    """
+    return replace(
+        change,
+        quantity=replace(change.quantity, why=""),
+        before=before[0],
+        after=before[0] + by[0],
+        std_before=before[1],
+        std_after=float(np.hypot(before[1], by[1])),
+        std=by[1],
+        p=float(np.exp(one.log_p)),
+        corrected=min(1.0, float(np.exp(chance(one.log_p, every)))),
+    )

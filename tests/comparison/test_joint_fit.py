@@ -1,0 +1,73 @@
+"""Effects beyond the model between two recordings: ripples, springs and limits that came, or that both have."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from arm_model.description import Arm
+from comparison.change import Change
+from comparison.from_recordings import compare_recordings
+from comparison.outcome import Comparison
+from daq.recording import Recording
+from tests.comparison.second_day import puma, record
+
+SHORT: dict[str, Any] = {"seconds": 12.0, "rate": 125.0}
+RIPPLE = (1.5, 24.0, 0.7)
+"""N m, cycles per turn of the joint, rad."""
+ANOTHER: dict[str, Any] = {"seed": 1, "speed": 1.2}
+
+
+@pytest.fixture(scope="module")
+def arm(root: Path) -> Arm:
+    return puma(root, 2)
+
+
+@pytest.fixture(scope="module")
+def before(arm: Arm, tmp_path_factory: pytest.TempPathFactory) -> Recording:
+    return record(tmp_path_factory.mktemp("day") / "before.mcap", arm, 1, **SHORT)
+
+
+def significant(result: Comparison) -> dict[str, Change]:
+    return {one.quantity.name: one for one in result.significant}
+
+
+@pytest.mark.parametrize("again", [{}, ANOTHER], ids=["same motion", "another motion"])
+def test_a_ripple_that_came_is_named_with_amplitude_and_phase(
+    arm: Arm, before: Recording, tmp_path: Path, again: dict[str, Any]
+) -> None:
+    after = record(tmp_path / "after.mcap", arm, 2, **SHORT, **again, ripple=RIPPLE)
+    result = compare_recordings([before], [after], arm)
+    ((name, one),) = significant(result).items()
+    assert name == "joint1.gear_ripple.torque(24).amplitude" and one.quantity.words.startswith("torque ripple of joint")
+    assert one.std is not None and one.before is not None and one.before < 0.3
+    assert one.change == pytest.approx(RIPPLE[0], abs=max(3 * one.std, 0.1 * RIPPLE[0]))
+    phase = next(one for one in result.changes if one.quantity.name == name.replace("amplitude", "phase"))
+    assert phase.after is not None and abs(np.angle(np.exp(1j * (phase.after - RIPPLE[2])))) < 0.2
+
+
+def test_a_ripple_that_both_have_is_no_change(arm: Arm, tmp_path: Path) -> None:
+    """Another motion shows it elsewhere, at other speeds."""
+    days = [{}, ANOTHER]
+    pair = [record(tmp_path / f"{k}.mcap", arm, k, **SHORT, **day, ripple=RIPPLE) for k, day in enumerate(days)]
+    assert significant(compare_recordings(pair[:1], pair[1:], arm)) == {}
+
+
+@pytest.mark.parametrize("again", [{}, ANOTHER], ids=["same motion", "another motion"])
+def test_a_spring_that_came_is_named(arm: Arm, before: Recording, tmp_path: Path, again: dict[str, Any]) -> None:
+    after = record(tmp_path / "after.mcap", arm, 2, **SHORT, **again, spring=20.0)
+    found = significant(compare_recordings([before], [after], arm))
+    one = found["joint2.gravity_spring.stiffness"]
+    assert one.std is not None and one.change == pytest.approx(20.0, abs=max(4 * one.std, 1.0))
+    assert {each.quantity.joint for each in found.values()} == {2}
+
+
+def test_a_limit_that_came_is_named(arm: Arm, before: Recording, tmp_path: Path) -> None:
+    limit = 0.8 * float(np.quantile(np.abs(before.i[:, 0]), 0.99))
+    after = record(tmp_path / "after.mcap", arm, 2, **SHORT, limit=limit)
+    one = significant(compare_recordings([before], [after], arm))["joint1.current_limit.limit"]
+    assert one.after == pytest.approx(limit, rel=0.01)
+    assert one.before is not None and one.before > limit
