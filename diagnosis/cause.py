@@ -63,6 +63,7 @@ class LostRows:
     joint  whose counter lost them, alone (from 1); None: all counters, or all currents
     row    of the recorded columns: the first after the loss, from 0; time: s of that instant
     count  number of rows; negative: of angles
+    row_std  of ``row``; a jump of an angle is at one row, a change of lag is seen over many
     """
 
     file: str
@@ -70,6 +71,7 @@ class LostRows:
     row: int
     time: float
     count: int
+    row_std: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)

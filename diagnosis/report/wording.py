@@ -140,9 +140,10 @@ def values_of(cause: Cause) -> list[str]:
 
 
 def _lost(one: LostRows) -> str:
-    """``counter of joint 2: 12 rows before row 2500 (2.500 s) of a.mcap``."""
+    """``counter of joint 2: 12 rows before row 2500 (2.500 s) of a.mcap``; a row with two std where it has some."""
     channels = "currents" if one.count > 0 else f"counter of joint {one.joint}" if one.joint else "all counters"
-    return f"{channels}: {abs(one.count)} rows before row {one.row} ({one.time:.3f} s) of {one.file}"
+    row = f"{one.row} ± {rounded(2 * one.row_std, 2)}" if one.row_std > 0.0 else f"{one.row}"
+    return f"{channels}: {abs(one.count)} rows before row {row} ({one.time:.3f} s) of {one.file}"
 
 
 def uncertain(one: Estimate) -> bool:

@@ -24,6 +24,8 @@ from diagnosis.screening.encoder_jumps import jumps, without_jumps
 from diagnosis.screening.event import Event, Gain, united
 from diagnosis.screening.lost_triggers import MOST_ROWS, dropped_triggers, event_of, realigned_rows, unmeasured
 from diagnosis.screening.mains_hum import lines_near_mains, mains_hum, other_lines, without_hum
+from diagnosis.screening.missing_rows import event_of as event_of_missing
+from diagnosis.screening.missing_rows import gaps_of, missing_rows
 
 Samples = tuple[Array, Array, Array]
 
@@ -57,7 +59,7 @@ class Screened:
 
     events   in raw rows; samples: t (k,) s, q (k, n) rad, i (k, n) A of every recording without them
     known    of the noise of the instruments of each recording
-    counter_gaps  of every recording: rows that single counters lost, interpolated in its angles
+    counter_gaps  of every recording: rows that its counters lost, interpolated in its angles
     remarks  what the raw rows show besides
     """
 
@@ -77,12 +79,16 @@ def screened(
     check(arm, recordings)
     progress("searching for events in raw rows")
     known = KnownNoise(still=still_noise([r for r in recordings if not setup_of(r).drives_off]))
+    missing = missing_rows(recordings)
+    of_all = [event_of_missing(missing, recordings)] if any(missing) else []
+    by_all = [gaps_of(instants, r.joints, r.dt) for r, instants in zip(recordings, missing)]
+    recordings = [replace(r, q=put_back(r.q, own)) if own else r for r, own in zip(recordings, by_all)]
     gaps, of_counters = _counter_gaps(arm, recordings, known)
     recordings = [replace(r, q=put_back(r.q, own)) if own else r for r, own in zip(recordings, gaps)]
     lines = lines_near_mains(recordings, arm)
     events = [
         *mains_hum(recordings, lines),
-        *united([*of_counters, *jumps(recordings, arm)]),
+        *united([*of_all, *of_counters, *jumps(recordings, arm)]),
         *(event for event in current_limits(recordings, arm) if not _its_own(arm, event)),
     ]
     return Screened(
@@ -90,7 +96,7 @@ def screened(
         events=events,
         samples=[(r.t, without_jumps(r, index, events), without_hum(r, events)) for index, r in enumerate(recordings)],
         known=[known] * len(recordings),
-        counter_gaps=gaps,
+        counter_gaps=tuple((*own, *single) for own, single in zip(by_all, gaps)),
         remarks=tuple(other_lines(lines, arm)),
     )
 

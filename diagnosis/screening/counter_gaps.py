@@ -150,14 +150,14 @@ def _gaps(joint: int, q: Array, jumps: Sequence[Jump], dt: float) -> list[Counte
     edges = [0, *(jump.row for jump in jumps), len(q)]
     gaps, before = [], 0
     for jump, start, end in zip(jumps, edges, edges[2:]):
-        lost, std = _lost(q, jump, (start, end), dt)
+        lost, std = rows_lost(q, jump, (start, end), dt)
         if lost:
             gaps.append(CounterGap(joint=joint, row=jump.row, lost=lost, time=(jump.row + before) * dt, std=std))
             before += lost
     return gaps
 
 
-def _lost(q: Array, jump: Jump, part: tuple[int, int], dt: float) -> tuple[int, float]:
+def rows_lost(q: Array, jump: Jump, part: tuple[int, int], dt: float) -> tuple[int, float]:
     """Number of rows lost at a jump and its std: with them in between, one polynomial goes through both sides.
 
     0 for a jump that is none of a motion.

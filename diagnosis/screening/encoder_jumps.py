@@ -1,4 +1,4 @@
-"""Angles that jump between two rows: counts that an encoder lost or added, and missing rows of the counters.
+"""Angles that jump between two rows and keep the offset: counts that an encoder lost or added.
 
 Searched for in the raw rows of every recording, before a filter would smear them, and removed before the residual is
 computed.
@@ -6,7 +6,7 @@ computed.
 
 from __future__ import annotations
 
-from collections.abc import Sequence, Set
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,35 +14,25 @@ from scipy import signal
 
 from arm_io.types import Array
 from arm_model import Arm, Joint
-from arm_model.effects.sensing import DROPPED_TRIGGER, MISSED_COUNTS
+from arm_model.effects.sensing import MISSED_COUNTS
 from daq.recording import Recording
-from diagnosis.cause import Estimate, LostRows
+from diagnosis.cause import Estimate
 from diagnosis.residual.encoder_step import encoder_step
 from diagnosis.residual.noise import resolution
 from diagnosis.screening.event import Event, Gain
 
 JUMP_IN_STEPS = 2.4
 """Steps of the encoder that a jump must exceed."""
-STEPS_OFF = 3.0
-"""Steps of the encoder by which a jump may differ from the turn in the missing rows."""
 JUMP_OVER_OTHERS = 2.4
 """Ratio to the 99 % quantile of the differences between rows that a jump must exceed."""
 
 
-def jumps(recordings: list[Recording], arm: Arm) -> list[Event]:
-    """Angles that jump by several encoder steps between two rows and keep the offset; one event per joint.
-
-    Where all moving angles jump by their turn in a whole number of rows, rows are missing, not counts.
-    """
+def jumps(recordings: Sequence[Recording], arm: Arm) -> list[Event]:
+    """Angles that jump by several encoder steps between two rows and keep the offset; one event per joint."""
     jumps_of = [[_jump(r, j) for j in range(r.joints)] for r in recordings]
-    missing = [_rows_missing(r, of_joint) for r, of_joint in zip(recordings, jumps_of)]
-    instants = {instant for instant in missing if instant is not None}
-    missing = [instant_of or _as_elsewhere(r, of, instants) for instant_of, r, of in zip(missing, recordings, jumps_of)]
-    events = [_dropped_triggers(recordings, missing)] if any(missing) else []
+    events = []
     for j in range(recordings[0].joints):
-        with_jump = [
-            (index, jump) for index, of in enumerate(jumps_of) if not missing[index] and (jump := of[j]) is not None
-        ]
+        with_jump = [(index, jump) for index, of in enumerate(jumps_of) if (jump := of[j]) is not None]
         if not with_jump:
             continue
         index, (row, size) = max(with_jump, key=lambda instant_of: abs(instant_of[1][1]))
@@ -69,66 +59,10 @@ def jumps(recordings: list[Recording], arm: Arm) -> list[Event]:
     return events
 
 
-def _rows_missing(recording: Recording, jumps: Sequence[tuple[int, float] | None]) -> tuple[int, int] | None:
-    """(row, number of rows missing before it) where all jumps (row, rad) are at one row.
-
-    Each is then the turn of its joint in so many rows. None where they are not.
-    """
-    jumped = [(j, jump) for j, jump in enumerate(jumps) if jump is not None]
-    if len(jumped) < 2 or len({row for _, (row, _) in jumped}) > 1:
-        return None
-    row, near = jumped[0][1][0], max(3, round(0.01 / recording.dt))
-    turned = np.array([_turned(recording.q[:, j], row, near) for j, _ in jumped])
-    rows = np.array([size for _, (_, size) in jumped]) / np.where(turned == 0.0, np.inf, turned)
-    count = round(float(np.median(rows)))
-    difference = np.abs(rows - count) * np.abs(turned)  # rad
-    tolerance = 0.2 * count * np.abs(turned) + [STEPS_OFF * resolution(recording.q[:, j]) for j, _ in jumped]
-    return (row, count) if count > 0 and np.all(difference < tolerance) else None
-
-
-def _turned(q: Array, row: int, near: int) -> float:
+def turned_per_row(q: Array, row: int, dt: float) -> float:
     """rad: turn of an angle (m,) per row about a row, without the step there."""
+    near = _near(dt)
     return float(q[row - 1] - q[row - near] + q[row + near - 1] - q[row]) / (2 * (near - 1))
-
-
-def _as_elsewhere(
-    recording: Recording, jumps: Sequence[tuple[int, float] | None], instants: Set[tuple[int, int]]
-) -> tuple[int, int] | None:
-    """Rows missing at the row of other recordings, in one with a single small jump, as of a slow joint."""
-    jumped = [(j, *jump) for j, jump in enumerate(jumps) if jump is not None]
-    if len(jumped) != 1:
-        return None
-    j, row, size = jumped[0]
-    turned = _turned(recording.q[:, j], row, max(3, round(0.01 / recording.dt)))
-    least = STEPS_OFF * resolution(recording.q[:, j])
-    return next(
-        (instant for instant in instants if instant[0] == row and abs(size - instant[1] * turned) < least),
-        None,
-    )
-
-
-def _dropped_triggers(recordings: Sequence[Recording], missing: Sequence[tuple[int, int] | None]) -> Event:
-    """Missing rows of the counters, with the parameters of the first recording that misses some."""
-    instants = [(index, *instant) for index, instant in enumerate(missing) if instant is not None]
-    index, row, count = instants[0]
-    names = ", ".join(f"{recordings[k].path.name} {n} at {recordings[k].t[at]:.3f} s" for k, at, n in instants)
-    period = recordings[index].dt
-    return Event(
-        effect=DROPPED_TRIGGER.name,
-        joint=None,
-        parameters=[
-            Estimate("row", float(row), 1.0, "1"),
-            Estimate("count", -float(count), 0.2, "1"),
-            Estimate("period", period, 1e-3 * period, "s"),
-        ],
-        evidence="all moving angles jump at one row by as much as they turn in a whole number of rows: so many rows of "
-        f"the counters are missing ({names})",
-        recordings=tuple(k for k, _, _ in instants),
-        lost_rows=tuple(
-            LostRows(file=recordings[k].path.name, joint=None, row=at, time=float(recordings[k].t[at]), count=-n)
-            for k, at, n in instants
-        ),
-    )
 
 
 def _count(q: Array, joint: Joint) -> float:
@@ -196,22 +130,12 @@ def _near(dt: float) -> int:
 
 
 def without_jumps(recording: Recording, index: int, events: list[Event]) -> Array:
-    """(n, J) rad: the angles of recording ``index`` without its jumps, missing rows interpolated."""
+    """(n, J) rad: the angles of recording ``index`` without its jumps."""
     q = recording.q.copy()
     for event in events:
-        if event.effect == DROPPED_TRIGGER.name and index in event.recordings:
-            missing = _rows_missing(recording, [_jump(recording, j) for j in range(recording.joints)])
-            q = q if missing is None else _bridged(q, *missing)
         if event.effect == MISSED_COUNTS.name and event.joint is not None and index in event.recordings:
             jump = _jump(recording, event.joint - 1)
             if jump is not None:
                 row, size = jump
                 q[row:, event.joint - 1] -= size
     return q
-
-
-def _bridged(q: Array, row: int, count: int) -> Array:
-    """Angles (m, n) with ``count`` interpolated rows inserted before a row; as many are cut at the end."""
-    rows = np.arange(len(q), dtype=float)
-    source = np.where(rows < row, rows, np.maximum(rows - count, row - 1 + (rows - row + 1) / (count + 1)))
-    return np.column_stack([np.interp(source, rows, column) for column in q.T])

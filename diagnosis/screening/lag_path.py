@@ -102,9 +102,15 @@ def in_order(steps: Sequence[Step]) -> bool:
 def _changes(path: Index) -> list[tuple[int, int, int, int]]:
     """(begin of the part before, its last piece, piece after, end of the part after) of every change.
 
-    A piece in the middle of one is skipped.
+    A piece in the middle of one is skipped. Lags that differ by one row are one part: so short a change is none of this
+    path, and what is judged on either side of the next one must be long.
     """
-    edges = [0, *(np.flatnonzero(np.diff(path)) + 1).tolist(), len(path)]
+    edges, lag = [0], int(path[0])
+    for piece, own in enumerate(path.tolist()):
+        if abs(own - lag) > 1:
+            edges.append(piece)
+            lag = own
+    edges.append(len(path))
     parts = [(a, b) for a, b in itertools.pairwise(edges) if b - a > 1]
     return [(one[0], one[1] - 1, two[0], two[1]) for one, two in itertools.pairwise(parts)]
 

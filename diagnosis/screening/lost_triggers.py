@@ -195,6 +195,7 @@ def event_of(losses: Sequence[DroppedTriggers], runs: Sequence[Run]) -> Event:
                 row=round(loss.row),
                 time=loss.row * loss.period,
                 count=loss.count,
+                row_std=loss.row_std,
             )
             for loss in losses
         ),

@@ -18,7 +18,7 @@ from diagnosis.residual.noise import KnownNoise
 from diagnosis.residual.run import Run, residual_run
 from diagnosis.screening.cleaned import Residuals, confirmed, realigned
 from diagnosis.screening.lag_change import change_of_lag
-from diagnosis.screening.lag_path import Step, in_order
+from diagnosis.screening.lag_path import Step, _changes, in_order
 from diagnosis.screening.lost_triggers import SURE, DroppedTriggers, dropped_triggers, event_of, realigned_rows
 from tests.blind.hide import Hidden
 from tests.blind.laboratory import Laboratory
@@ -55,6 +55,7 @@ def test_lost_edges_are_found_and_put_back(root: Path, row: int, count: int) -> 
     assert abs(loss.row - row) < 3 * loss.row_std
     assert loss.row_std < 1000
     event = event_of([loss], [run])
+    assert [one.row_std for one in event.lost_rows] == [loss.row_std]
     assert event.effect == "dropped_trigger"
     assert {p.name: p.value for p in event.parameters} == {"row": loss.row, "count": count, "period": PERIOD}
 
@@ -76,6 +77,12 @@ def test_several_gaps_of_one_recording_are_found(root: Path) -> None:
     assert [loss.count for loss in found] == [30, 60, 4]
     for loss, (row, _) in zip(found, lost):
         assert abs(loss.row - row) < 3 * loss.row_std + 50
+
+
+def test_a_lag_that_changes_by_one_row_of_the_comparison_divides_no_part() -> None:
+    """Of 40, 5 and 12 rows at 400 Hz, the 5 made the part before the 12 too short to judge; the 40 were told as 50."""
+    path = np.repeat([0, 10, 11, 14], [10, 13, 3, 20])
+    assert _changes(path) == [(0, 9, 10, 26), (10, 25, 26, 46)]
 
 
 def test_a_lag_that_is_always_there_is_not_lost_edges(root: Path) -> None:

@@ -11,7 +11,8 @@ from arm_model.model_file import read_model
 from daq.recording import Recording, open_recording
 from daq.recording.parts import Attachments
 from daq.recording.tables.table import write_table
-from diagnosis.screening.encoder_jumps import jumps, without_jumps
+from diagnosis.screening.cleaned import screened
+from diagnosis.screening.encoder_jumps import jumps
 
 ARM = read_model(Path(__file__).resolve().parents[2] / "config" / "models" / "puma560.toml")
 COUNT = 2 * np.pi / (4 * (ARM.joints[0].encoder_lines or 0) * abs(ARM.joints[0].ratio))
@@ -39,23 +40,37 @@ def test_an_angle_without_a_jump_has_none(tmp_path: Path, noise: float) -> None:
     assert jumps([_recorded(tmp_path / "a.mcap", counts=0.0, noise=noise)], ARM) == []
 
 
+def _with_missing_rows(
+    path: Path, lost: tuple[tuple[int, int], ...], slow: float = 0.7
+) -> tuple[Recording, np.ndarray]:
+    """A recording whose counters lost rows at (row by the other channels, number), and its angles without that."""
+    t = np.arange(0.0, 8.2, 1e-3)
+    true = np.column_stack([np.sin(0.9 * t), 0.8 * np.cos(0.7 * t), 0.3 * np.sin(t), *np.zeros((3, len(t)))])
+    true = np.round(true / COUNT) * COUNT
+    q = np.delete(true, [row + k for row, count in lost for k in range(count)], axis=0)[:8000]
+    write_table(path, t[:8000], {"q": q, "i": np.cos(true[:8000] + t[:8000, None])}, Attachments())
+    return open_recording(path), true[:8000]
+
+
 def test_missing_rows_of_the_counters_are_no_missed_counts(tmp_path: Path) -> None:
-    """Three rows missing: every joint that moves jumps as far as it turns in three.
+    """Every joint that moves jumps as far as it turns in the missing rows. Put back, the angles run on as they did."""
+    recording, true = _with_missing_rows(tmp_path / "run.mcap", ((5000, 3),))
+    found = screened(ARM, [recording])
+    (event,) = found.events
+    assert (event.effect, event.joint) == ("dropped_trigger", None)
+    assert {p.name: p.value for p in event.parameters} == pytest.approx({"row": 5000, "count": -3, "period": 1e-3})
+    assert np.max(np.abs(found.samples[0][1][:-10] - true[:-10])) < 2 * COUNT
 
-    Put back, the angles run on as they did.
-    """
-    t, missing = np.arange(0.0, 8.0, 1e-3), 3
-    seen = np.where(t >= 5.0, t + missing * 1e-3, t)
-    q = np.column_stack([np.sin(0.9 * seen), 0.8 * np.cos(0.7 * seen), 0.3 * np.sin(seen), *np.zeros((3, len(t)))])
-    q = np.round(q / COUNT) * COUNT
-    write_table(tmp_path / "run.mcap", t, {"q": q, "i": np.cos(q)}, Attachments())
-    recording = open_recording(tmp_path / "run.mcap")
 
-    events = jumps([recording], ARM)
-
-    assert [(event.effect, event.joint) for event in events] == [("dropped_trigger", None)]
-    assert {p.name: p.value for p in events[0].parameters} == pytest.approx(
-        {"row": 5000, "count": -missing, "period": 1e-3}
-    )
-    put_right = without_jumps(recording, 0, events)
-    assert np.max(np.abs(put_right[:, 0] - np.sin(0.9 * t))) < 2 * COUNT
+def test_all_counters_may_miss_rows_at_several_instants(tmp_path: Path) -> None:
+    """Only the largest jump of each joint was looked at."""
+    lost = ((2000, 5), (3600, 40), (6000, 12))
+    recording, true = _with_missing_rows(tmp_path / "run.mcap", lost)
+    found = screened(ARM, [recording])
+    (event,) = found.events
+    assert [(one.row, -one.count) for one in event.lost_rows] == [(2000, 5), (3595, 40), (5955, 12)]
+    assert {one.joint for one in event.lost_rows} == {None}
+    inside = slice(0, 8000 - 60)
+    assert np.max(np.abs(found.samples[0][1][inside] - true[inside])) < 5 * COUNT
+    # rows that nobody measured weigh nothing
+    assert {gap.joint for gap in found.counter_gaps[0]} == {1, 2, 3, 4, 5, 6}

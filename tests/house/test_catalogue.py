@@ -31,6 +31,7 @@ DETECTORS = {
     "diagnosis/screening/encoder_jumps.py": "jumps of angles between two rows",
     "diagnosis/screening/counter_gaps.py": "an angle that jumps by its turn in rows that its counter lost",
     "diagnosis/screening/lost_triggers.py": "a lag that changes by whole rows",
+    "diagnosis/screening/missing_rows.py": "rows that all counters lost, by jumps of all moving angles at one row",
     "diagnosis/measurements/demands/wrist_coupling.py": "motor angles that depart from the setpoints of their own axes",
     "diagnosis/measurements/link_encoders/causes.py": "the constant between two encoders, which is always free",
     "diagnosis/measurements/tracker/columns.py": "values of the kinematic chain, which are fitted and not added",

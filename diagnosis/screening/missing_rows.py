@@ -1,0 +1,130 @@
+"""Rows that all counters lost together, at one instant or at several of a recording, while the currents went on.
+
+Every joint that moves then jumps at one row by what it turned in the lost rows. The number of rows is the mean of what
+its joints show. What one counter loses alone is in ``counter_gaps``.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+
+import numpy as np
+
+from arm_model.effects.sensing import DROPPED_TRIGGER
+from daq.recording import Recording
+from diagnosis.cause import Estimate, LostRows
+from diagnosis.residual.noise import resolution
+from diagnosis.screening.counter_gaps import CounterGap, rows_lost
+from diagnosis.screening.encoder_jumps import Jump, jumps_of, turned_per_row
+from diagnosis.screening.event import Event
+
+STEPS_OFF = 3.0
+"""Steps of the encoder by which a jump may differ from the turn in the missing rows."""
+OFF = 0.2
+"""Share of that turn by which it may differ, as joints accelerate."""
+
+Instant = tuple[int, int]
+"""Row after a loss, and the number of rows that are missing before it."""
+
+
+def missing_rows(recordings: Sequence[Recording]) -> list[list[Instant]]:
+    """Rows that all counters lost in each recording, in time."""
+    jumps = [[jumps_of(column, r.dt) for column in r.q.T] for r in recordings]
+    found = [_common(r, of_joint) for r, of_joint in zip(recordings, jumps)]
+    known = {instant for instants in found for instant in instants}
+    for r, of_joint, instants in zip(recordings, jumps, found):
+        instants += [one for one in _of_one_joint(r, of_joint, known, bool(instants)) if one not in instants]
+        instants.sort()
+    return found
+
+
+def gaps_of(instants: Sequence[Instant], joints: int, dt: float) -> tuple[CounterGap, ...]:
+    """The same as rows that every counter lost; ``dt`` s between rows."""
+    before = [0, *itertools.accumulate(count for _, count in instants)]
+    return tuple(
+        CounterGap(joint=joint, row=row, lost=count, time=(row + earlier) * dt)
+        for joint in range(1, joints + 1)
+        for (row, count), earlier in zip(instants, before)
+    )
+
+
+def event_of(missing: Sequence[Sequence[Instant]], recordings: Sequence[Recording]) -> Event:
+    """Missing rows of the counters, with the parameters of the first recording that misses some."""
+    instants = [(index, *instant) for index, several in enumerate(missing) for instant in several]
+    index, row, count = instants[0]
+    names = ", ".join(f"{recordings[k].path.name} {n} at {recordings[k].t[at]:.3f} s" for k, at, n in instants)
+    period = recordings[index].dt
+    return Event(
+        effect=DROPPED_TRIGGER.name,
+        joint=None,
+        parameters=[
+            Estimate("row", float(row), 1.0, "1"),
+            Estimate("count", -float(count), 0.2, "1"),
+            Estimate("period", period, 1e-3 * period, "s"),
+        ],
+        evidence="all moving angles jump at one row by as much as they turn in a whole number of rows: so many rows of "
+        f"the counters are missing ({names})",
+        recordings=tuple(dict.fromkeys(k for k, _, _ in instants)),
+        lost_rows=tuple(
+            LostRows(file=recordings[k].path.name, joint=None, row=at, time=float(recordings[k].t[at]), count=-n)
+            for k, at, n in instants
+        ),
+    )
+
+
+def _common(recording: Recording, jumps: Sequence[Sequence[Jump]]) -> list[Instant]:
+    """Instants at which two joints or more jump, each by its turn in as many rows."""
+    rows = sorted({jump.row for of_joint in jumps for jump in of_joint})
+    edges = [0, *rows, recording.q.shape[0]]
+    found = []
+    for row, start, end in zip(rows, edges, edges[2:]):
+        here = [(j, jump) for j, of_joint in enumerate(jumps) for jump in of_joint if jump.row == row]
+        if len(here) > 1 and (count := _rows(recording, here, (start, end))):
+            found.append((row, count))
+    return found
+
+
+def _rows(recording: Recording, jumped: Sequence[tuple[int, Jump]], part: tuple[int, int]) -> int:
+    """Rows missing at jumps of several joints at one row; 0 where they are no turns in as many rows."""
+    each = [rows_lost(recording.q[:, j], jump, part, recording.dt) for j, jump in jumped]
+    if not all(count for count, _ in each):
+        return 0
+    counts, stds = np.array(each).T
+    count = round(float(np.sum(counts / stds**2) / np.sum(stds**-2)))
+    for j, jump in jumped:
+        turned = turned_per_row(recording.q[:, j], jump.row, recording.dt)
+        tolerance = OFF * count * abs(turned) + STEPS_OFF * resolution(recording.q[:, j])
+        if abs(jump.size - count * turned) > tolerance:
+            return 0
+    return count
+
+
+def _of_one_joint(
+    recording: Recording, jumps: Sequence[Sequence[Jump]], known: set[Instant], others: bool
+) -> list[Instant]:
+    """Rows missing where only one joint moved enough to jump: as in other recordings, or as elsewhere in this one.
+
+    others: whether this recording lost rows elsewhere. All other joints must turn too little in the missing rows.
+    """
+    found = []
+    rows = sorted({jump.row for of_joint in jumps for jump in of_joint})
+    edges = [0, *rows, recording.q.shape[0]]
+    for row, start, end in zip(rows, edges, edges[2:]):
+        here = [(j, jump) for j, of_joint in enumerate(jumps) for jump in of_joint if jump.row == row]
+        if len(here) != 1:
+            continue
+        j, jump = here[0]
+        turned = turned_per_row(recording.q[:, j], row, recording.dt)
+        least = STEPS_OFF * resolution(recording.q[:, j])
+        found += [one for one in known if one[0] == row and abs(jump.size - one[1] * turned) < least]
+        count, _ = rows_lost(recording.q[:, j], jump, (start, end), recording.dt) if others else (0, 0.0)
+        if count and all(_too_slow(recording, k, row, count) for k in range(recording.joints) if k != j):
+            found.append((row, count))
+    return list(dict(found).items())
+
+
+def _too_slow(recording: Recording, j: int, row: int, count: int) -> bool:
+    """Whether a joint turns too little in so many rows for a jump of it to be seen."""
+    q = recording.q[:, j]
+    return abs(count * turned_per_row(q, row, recording.dt)) < 2 * STEPS_OFF * resolution(q)
