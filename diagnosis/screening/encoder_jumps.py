@@ -23,6 +23,9 @@ from diagnosis.screening.event import Event, Gain
 
 JUMP_IN_STEPS = 2.4
 """Steps of the encoder that a jump must exceed."""
+PRINTED = 0.01
+"""Of the count of the model's encoder: angles with smaller steps were printed with so many digits. Interpolators of
+sines divide a count, seldom by more."""
 JUMP_OVER_OTHERS = 2.4
 """Ratio to the 99 % quantile of the differences between rows that a jump must exceed."""
 
@@ -66,11 +69,13 @@ def turned_per_row(q: Array, row: int, dt: float) -> float:
 
 
 def _count(q: Array, joint: Joint) -> float:
-    """rad: one count of an encoder: the step of its angle (n,), or, if that has none, of the model's encoder."""
+    """rad: one count of an encoder: the step of its angle (n,), or, if that has none, of the model's encoder.
+
+    A step that is far finer than the model's encoder is that of printed digits.
+    """
     step = encoder_step(q)
-    if step > 0.0 or joint.encoder_lines is None:
-        return step or resolution(q)
-    return 2 * np.pi / (4 * joint.encoder_lines * abs(joint.ratio))
+    own = 0.0 if joint.encoder_lines is None else 2 * np.pi / (4 * joint.encoder_lines * abs(joint.ratio))
+    return own if step < PRINTED * own else step or own or resolution(q)
 
 
 def _jump(recording: Recording, j: int) -> tuple[int, float] | None:

@@ -18,18 +18,23 @@ ARM = read_model(Path(__file__).resolve().parents[2] / "config" / "models" / "pu
 COUNT = 2 * np.pi / (4 * (ARM.joints[0].encoder_lines or 0) * abs(ARM.joints[0].ratio))
 
 
-def _recorded(path: Path, *, counts: float, noise: float) -> Recording:
+def _recorded(path: Path, *, counts: float, noise: float, digits: int | None = None) -> Recording:
     rng = np.random.default_rng(3)
     t = np.arange(0.0, 8.0, 1e-3)
     true = 0.4 * np.sin(0.9 * t)
     q = np.round((true + np.where(t >= 3.0, counts * COUNT, 0.0)) / COUNT) * COUNT + rng.normal(0.0, noise, len(t))
+    q = q if digits is None else np.round(q, digits)
     write_table(path, t, {"q": q[:, None], "i": np.cos(0.9 * t)[:, None]}, Attachments())
     return open_recording(path)
 
 
-@pytest.mark.parametrize(("counts", "noise"), [(13.0, 0.0), (13.0, 0.3 * COUNT), (-4.0, 0.0)])
-def test_a_jump_is_told_in_counts(tmp_path: Path, counts: float, noise: float) -> None:
-    (event,) = jumps([_recorded(tmp_path / "a.mcap", counts=counts, noise=noise)], ARM)
+@pytest.mark.parametrize(
+    ("counts", "noise", "digits"),
+    # of an angle drowned in noise and printed with ten digits, the last digit was taken for the count
+    [(13.0, 0.0, None), (13.0, 0.3 * COUNT, None), (13.0, 0.3 * COUNT, 10), (-4.0, 0.0, None), (-4.0, 0.0, 10)],
+)
+def test_a_jump_is_told_in_counts(tmp_path: Path, counts: float, noise: float, digits: int | None) -> None:
+    (event,) = jumps([_recorded(tmp_path / "a.mcap", counts=counts, noise=noise, digits=digits)], ARM)
     found = {p.name: p for p in event.parameters}
     assert abs(found["counts"].value - counts) <= 2 * found["counts"].std
     assert abs(found["time"].value - 3.0) < 0.005
