@@ -13,7 +13,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from llvmlite import ir
 
-from arm_model.simulation.engine import cores
+from arm_io.parallel import cores
 from arm_model.simulation.kernel import module_of
 from arm_model.symbolic.codegen import Vector
 from arm_model.symbolic.machine_code import LANES, machine_for_engine, target

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
 
 from arm_fleet import Cluster
+from arm_io.parallel import CORES
 
 
 @contextmanager
@@ -16,6 +18,8 @@ def executor(workers: int | None, scheduler: str | None) -> Iterator[Executor]:
     InputError where no scheduler answers.
     """
     if scheduler is None:
+        # processes share the cores among them
+        os.environ.setdefault(CORES, "1")
         with ProcessPoolExecutor(workers) as pool:
             yield pool
         return

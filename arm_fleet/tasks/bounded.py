@@ -27,6 +27,7 @@ from typing import Any
 
 from arm_fleet.tasks.task import Outcome, State, Task
 from arm_io import DeviceFault, InputError
+from arm_io.parallel import CORES
 
 END = 5.0
 """s that an ended process may take to disappear."""
@@ -111,6 +112,8 @@ def _called(there: Connection, task: Task, folder: str, before: dict[str, bytes]
     """What runs in the process."""
     threading.Thread(target=_end_with_parent, daemon=True).start()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # there are as many tasks as cores
+    os.environ[CORES] = "1"
     module, _, name = task.call.partition(":")
     try:
         function = getattr(import_module(module), name)

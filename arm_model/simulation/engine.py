@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from arm_io.parallel import cores
 from arm_io.types import Array
 from arm_model.simulation.kernel_layout import layout_of
 from arm_model.symbolic.machine_code import engine_of, key_of
@@ -82,9 +83,9 @@ def _workers() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(max_workers=cores(), thread_name_prefix="arm")
 
 
-def cores() -> int:
-    """Processors that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+if hasattr(os, "register_at_fork"):
+    # threads do not follow into a fork
+    os.register_at_fork(after_in_child=_workers.cache_clear)
 
 
 def run_blocks(
@@ -112,7 +113,7 @@ def run_blocks(
     def part(first: int, last: int) -> None:
         program.run(first, last, *pointers, stride, count, *tail)
 
-    pieces = min(blocks, 4 * cores()) if blocks > 1 else 1
+    pieces = min(blocks, 4 * cores()) if cores() > 1 else 1
     if pieces == 1:
         part(0, blocks)
         return

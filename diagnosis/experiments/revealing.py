@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from arm_io.parallel import in_parallel
 from arm_io.types import Array
 from arm_model.effects import CATALOGUE, Excitation, Instrument
 from diagnosis.cause import EffectKey, Undetectable
@@ -54,20 +55,18 @@ def shown_by(
     stage = stage_of(result, [1], rig, visited=False)
     noise = np.mean([run.noise for run in result.fit], axis=0)
     known = {c.key for c in candidates(result.arm)}
-    tried: dict[tuple[int, str], list[tuple[Trial, dict[EffectKey, float]]]] = {}
-    found = []
+    alike: dict[tuple[int, str], set[EffectKey]] = {}
     for one in result.not_visible:
-        if one.joint is None or (one.effect, one.joint) not in known:
-            found.append(Showing(one))
-            continue
-        progress(f"detection experiment for {one.effect.replace('_', ' ')} of joint {one.joint}")
-        at = one.joint, _family(one.effect)
-        if at not in tried:
-            alike: set[EffectKey] = {(e.effect, e.joint) for e in result.not_visible if e.joint == at[0]}
-            alike = {key for key in alike if _family(key[0]) == at[1]}
-            tried[at] = list(_tried(stage, noise, *at, alike))
-        found.append(_best(one, tried[at]))
-    return found
+        if one.joint is not None:
+            alike.setdefault((one.joint, _family(one.effect)), set()).add((one.effect, one.joint))
+    places = [at for at, keys in alike.items() if not known.isdisjoint(keys)]
+    progress("detection experiments")
+    tried = in_parallel(lambda at: list(_tried(stage, noise, *at, alike[at])), places)
+    shown = {key: trials for at, trials in zip(places, tried) for key in alike[at] & known}
+    return [
+        Showing(one) if (trials := shown.get((one.effect, one.joint))) is None else _best(one, trials)
+        for one in result.not_visible
+    ]
 
 
 def _family(effect: str) -> str:

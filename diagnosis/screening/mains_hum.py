@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
+from arm_io.parallel import in_parallel
 from arm_io.types import Array
 from arm_model import Arm
 from arm_model.effects.sensing import MAINS_HUM
@@ -57,7 +59,9 @@ def lines_near_mains(recordings: Sequence[Recording], arm: Arm) -> dict[int, lis
 
     None of the setpoints of the arm's controller (``_of_setpoints``).
     """
-    every = ([line_near_mains(r.t, r.i[:, j]) for r in recordings] for j in range(recordings[0].joints))
+    places = list(itertools.product(range(recordings[0].joints), recordings))
+    lines_found = in_parallel(lambda place: line_near_mains(place[1].t, place[1].i[:, place[0]]), places)
+    every = [lines_found[first : first + len(recordings)] for first in range(0, len(places), len(recordings))]
     return {
         joint: lines
         for joint, lines in enumerate(every, 1)

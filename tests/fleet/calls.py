@@ -11,6 +11,7 @@ from typing import Any
 
 from arm_fleet import Task, code_version
 from arm_io import InputError
+from arm_io.parallel import cores, in_parallel
 
 HERE = "tests.fleet.calls"
 
@@ -29,6 +30,11 @@ def task(name: str, call: str = "square", *, timeout: float = 60.0, memory: int 
         timeout=timeout,
         memory=memory,
     )
+
+
+def processes(job: Mapping[str, Any], folder: Path, before: Mapping[str, bytes]) -> dict[str, Any]:
+    """How many cores a task uses, and how many processes."""
+    return {"cores": cores(), "processes": len(set(in_parallel(lambda _: os.getpid(), range(4))))}
 
 
 def square(job: Mapping[str, Any], folder: Path, before: Mapping[str, bytes]) -> dict[str, Any]:

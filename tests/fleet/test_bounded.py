@@ -25,6 +25,11 @@ def test_a_result_and_its_files() -> None:
     assert outcome.cpu > 0 and outcome.peak > 10**6
 
 
+def test_a_task_uses_one_core_as_the_others_are_for_other_tasks() -> None:
+    outcome = bounded(task("a", "processes"), {})
+    assert outcome.value == {"cores": 1, "processes": 1}
+
+
 @pytest.mark.parametrize(
     ("call", "state", "reason"),
     [

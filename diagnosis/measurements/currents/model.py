@@ -15,6 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from arm_io import InputError
+from arm_io.parallel import in_parallel
 from arm_io.types import Array
 from arm_model import Arm, EffectTerm
 from arm_model.effects import same_columns
@@ -303,10 +304,14 @@ class Currents(MeasurementModel[Candidate, State]):
 
     def _add_ripples(self, residual: Array) -> None:
         """Adds the strongest ripples of the whitened residual of the fit set to the library."""
-        for joint in sorted({c.joint for c in self.ripples if c.joint}):
+
+        def of_joint(joint: int) -> dict[Candidate, Pair]:
             own = [c for c in self.ripples if c.joint == joint]
-            for c in detectable(self.data.fit, residual, self.arm, joint, own):
-                self.columns(c)
+            strongest = detectable(self.data.fit, residual, self.arm, joint, own)
+            return {c: self.columns(c) for c in strongest if c not in self.library}
+
+        for found in in_parallel(of_joint, sorted({c.joint for c in self.ripples if c.joint})):
+            self.library.update(found)
 
 
 def _harm(explained: Array, left: Array) -> float:

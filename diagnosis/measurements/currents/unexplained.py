@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
+from arm_io.parallel import in_parallel
 from arm_io.types import Array
 from arm_model import Arm
 from diagnosis.cause import NO_VARIABLE, Signal, Structure
@@ -41,12 +42,10 @@ def unexplained_structure(data: Split[Dataset], fitted: Fitted, arm: Arm, signif
 
     significance: of columns beside those fitted, with the model as uncertain as it is.
     """
-    structures_found: list[Structure] = []
-    pairs: list[Pair] = []
-    for joint in range(1, len(arm) + 1):
-        structures, columns = structures_at(joint, data, fitted, arm, significance)
-        structures_found, pairs = structures_found + structures, pairs + columns
-    return Unexplained(structures_found, pairs)
+    joints = range(1, len(arm) + 1)
+    found = in_parallel(lambda joint: structures_at(joint, data, fitted, arm, significance), joints)
+    structures, pairs = ([one for part in parts for one in part] for parts in zip(*found))
+    return Unexplained(structures, pairs)
 
 
 def structures_at(

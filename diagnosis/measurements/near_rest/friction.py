@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import optimize
 
+from arm_io.parallel import in_parallel
 from arm_io.types import Array
 from arm_model import EffectTerm
 from arm_model.effects import CATALOGUE, friction_near_rest
@@ -80,7 +81,7 @@ def friction_causes(
     """
     joints = range(1, len(runs.fit[0].arm) + 1)
     tests = len(joints) * len(friction_near_rest())
-    found = (_of_joint(runs, joint, terms, taken, library, tests) for joint in joints)
+    found = in_parallel(lambda joint: _of_joint(runs, joint, terms, taken, library, tests), joints)
     return [cause for cause in found if cause is not None]
 
 

@@ -122,7 +122,7 @@ def position_noise(run: Run, joint: int) -> float:
 def _of_run(run: Run, joint: int, terms: Sequence[EffectTerm]) -> NearRest:
     t, q = run.raw
     rate, j = rate_of(t), joint - 1
-    v = motion_of(true_angle(_with(run, terms), q), MOTION_BAND, rate)[1][:, j]
+    v = motion_of(true_angle(_with(run, terms), q)[:, j], MOTION_BAND, rate)[1]
     instruments = run.instruments[:, j]
     stands = _spread(standing(v, rate), AFTER_REST * rate)
     slow = _spread(np.abs(v) < SLIDES, SMEARED * rate)

@@ -1,0 +1,141 @@
+"""Independent work on all cores, with the results of one: forked processes know what their parent knows.
+
+A fork shares the parent's memory until either writes, so that arguments cost nothing; only results are sent back. Which
+process does what depends on who is free; what comes back is in the order of the items, and equal to the last bit.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import pickle
+import signal
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any, NoReturn, TypeVar
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+CORES = "ARMSCOPE_CORES"
+"""Environment: the most cores that a command uses; by default all that it may use."""
+_NUMBER, _MOST = 4, 1024
+"""Bytes of the number of an item in the queue, and items of one queue: what the smallest pipe holds."""
+_DEATH_SIGNAL = 1
+"""PR_SET_PDEATHSIG of prctl(2)."""
+
+_sharing = False
+"""Whether this process is one of several that share the cores."""
+
+
+def cores() -> int:
+    """Processors that this process may use now: 1 beside others of ``in_parallel``, and at most ``ARMSCOPE_CORES``."""
+    if _sharing:
+        return 1
+    here = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    stated = os.environ.get(CORES, "")
+    return max(1, min(here, int(stated))) if stated.isdecimal() else here
+
+
+def in_parallel(work: Callable[[T], R], items: Sequence[T]) -> list[R]:
+    """``work`` of every item, in their order, on all ``cores``; in this process alone where a fork is not safe.
+
+    Results must be such as pickle takes; what ``work`` keeps elsewhere (caches) may be lost. The first exception, in
+    the order of the items, is raised. No process outlives the call, whatever ends it.
+    """
+    count = min(cores(), len(items))
+    # the frameworks of macOS do not survive a fork
+    if count < 2 or len(items) > _MOST or not hasattr(os, "fork") or sys.platform == "darwin":
+        return [work(item) for item in items]
+    queue = _queue(len(items))
+    others: dict[int, int] = {}
+    try:
+        with _shared():
+            for _ in range(count - 1):
+                _fork(work, items, queue, others)
+            done = _done(work, items, queue)
+        for here in others.values():
+            done |= _received(here)
+    finally:
+        os.close(queue)
+        _end(others)
+    # what failed is done again, so that its exception is that of one process
+    return [done[number] if number in done else work(item) for number, item in enumerate(items)]
+
+
+@contextmanager
+def _shared() -> Iterator[None]:
+    """Whatever is called within uses one core."""
+    global _sharing
+    _sharing = True
+    try:
+        yield
+    finally:
+        _sharing = False
+
+
+def _queue(count: int) -> int:
+    """A pipe that holds the numbers of all items, from which each process takes the next."""
+    queue, end = os.pipe()
+    os.write(end, b"".join(number.to_bytes(_NUMBER, "big") for number in range(count)))
+    os.close(end)
+    return queue
+
+
+def _done(work: Callable[[T], R], items: Sequence[T], queue: int) -> dict[int, R]:
+    """Results, by their numbers, of the items that this process takes; an exception leaves its item undone."""
+    done: dict[int, R] = {}
+    while number := os.read(queue, _NUMBER):
+        index = int.from_bytes(number, "big")
+        try:
+            done[index] = work(items[index])
+        except Exception:
+            break
+    return done
+
+
+def _fork(work: Callable[[T], R], items: Sequence[T], queue: int, others: dict[int, int]) -> None:
+    """One more process that takes from the queue; adds its number and the pipe that its results come from."""
+    here, there = os.pipe()
+    # an interrupt is the parent's to answer, which ends the other process
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        process = os.fork()
+        if process == 0:
+            _work_and_exit(work, items, queue, there)
+        others[process] = here
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        os.close(there)
+
+
+def _work_and_exit(work: Callable[[T], R], items: Sequence[T], queue: int, there: int) -> NoReturn:
+    """The forked process: nothing of its parent's is flushed or closed, whatever happens."""
+    try:
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+        if sys.platform == "linux":
+            # with its parent; elsewhere at the latest when it writes what nobody reads
+            ctypes.CDLL(None).prctl(_DEATH_SIGNAL, signal.SIGKILL)
+        with os.fdopen(there, "wb") as pipe:
+            pickle.dump(_done(work, items, queue), pipe, pickle.HIGHEST_PROTOCOL)
+    finally:
+        os._exit(0)
+
+
+def _received(here: int) -> dict[int, Any]:
+    """What a process sends; nothing of one that was killed."""
+    with os.fdopen(here, "rb", closefd=False) as pipe:
+        try:
+            received: dict[int, Any] = pickle.load(pipe)
+        except (EOFError, pickle.UnpicklingError):
+            return {}
+    return received
+
+
+def _end(others: dict[int, int]) -> None:
+    """Every process has ended, and none is left to be waited for, when this returns."""
+    for process, here in others.items():
+        os.close(here)
+        os.kill(process, signal.SIGKILL)
+        os.waitpid(process, 0)

@@ -1,0 +1,137 @@
+"""Work on several cores: equal to that of one, whatever happens to the processes, none of which is left behind."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from arm_io import parallel
+from arm_io.parallel import CORES, cores, in_parallel
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="other systems work in one process")
+SLEEPERS = """
+import os, sys, time
+from arm_io import parallel
+parallel.cores = lambda: 3
+def work(number):
+    os.write(1, b"%d\\n" % os.getpid())
+    time.sleep(60)
+try:
+    parallel.in_parallel(work, list(range(3)))
+except KeyboardInterrupt:
+    sys.exit(130)
+"""
+
+
+@pytest.fixture(autouse=True)
+def three_cores(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As many processes, however many cores the machine has."""
+    monkeypatch.setattr(parallel, "cores", lambda: 1 if parallel._sharing else 3)
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 40])
+def test_equal_to_the_last_bit_and_in_order(count: int) -> None:
+    def work(number: int) -> tuple[int, np.ndarray]:
+        time.sleep(0.002 * (number % 3))
+        return number, np.random.default_rng(number).standard_normal((200, 300)).T
+
+    for (a, x), (b, y) in zip(in_parallel(work, range(count)), map(work, range(count)), strict=True):
+        assert a == b and x.tobytes() == y.tobytes() and x.flags.f_contiguous == y.flags.f_contiguous
+
+
+def test_several_processes_work_and_none_of_them_starts_more() -> None:
+    def work(number: int) -> tuple[int, list[int], int]:
+        time.sleep(0.02)
+        return os.getpid(), in_parallel(lambda _: os.getpid(), range(3)), parallel.cores()
+
+    found = in_parallel(work, range(12))
+    assert len({process for process, _, _ in found}) == 3
+    assert all(inner == [process] * 3 and alone == 1 for process, inner, alone in found)
+    assert parallel.cores() == 3
+
+
+def test_the_first_exception_is_raised() -> None:
+    def work(number: int) -> int:
+        if number in (7, 3):
+            raise ValueError(number)
+        return number
+
+    with pytest.raises(ValueError, match="3"):
+        in_parallel(work, range(12))
+    assert _children() == set()
+
+
+def test_what_a_killed_process_did_is_done_again() -> None:
+    here = os.getpid()
+
+    def work(number: int) -> int:
+        time.sleep(0.01)
+        if os.getpid() != here:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return number**2
+
+    assert in_parallel(work, range(9)) == [number**2 for number in range(9)]
+    assert _children() == set()
+
+
+def test_cores_are_those_stated(monkeypatch: pytest.MonkeyPatch) -> None:
+    here = len(os.sched_getaffinity(0))
+    for stated, expected in (("1", 1), ("0", 1), ("100", here), ("many", here), ("", here)):
+        monkeypatch.setenv(CORES, stated)
+        assert cores() == expected
+
+
+@pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+def test_no_process_outlives_its_parent(end: signal.Signals, root: Path) -> None:
+    with _sleeping(root) as (process, workers):
+        # Ctrl-C reaches all processes of a terminal
+        os.killpg(process.pid, end) if end is signal.SIGINT else process.send_signal(end)
+        assert process.wait(10) == (130 if end is signal.SIGINT else -end)
+        deadline = time.monotonic() + 10
+        while any(map(_runs, workers)) and time.monotonic() < deadline:
+            time.sleep(0.01)
+        assert not any(map(_runs, workers))
+        assert process.stderr is not None and process.stderr.read() == ""
+
+
+@contextmanager
+def _sleeping(root: Path) -> Iterator[tuple[subprocess.Popen[str], set[int]]]:
+    """A process, and those of all three that work for it, in the middle of their work."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", SLEEPERS],
+        env=os.environ | {"PYTHONPATH": str(root)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    try:
+        assert process.stdout is not None
+        workers = {int(process.stdout.readline()) for _ in range(3)}
+        assert len(workers) == 3 and all(map(_runs, workers))
+        yield process, workers
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def _runs(process: int) -> bool:
+    """Whether a process exists that is no zombie."""
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except (FileNotFoundError, ProcessLookupError):
+        return False
+
+
+def _children() -> set[int]:
+    """Of this process, zombies too."""
+    return set(map(int, Path(f"/proc/self/task/{os.getpid()}/children").read_text().split()))
