@@ -27,9 +27,10 @@ class Readings:
 def recorded(arm: Arm, motion: Motion) -> Readings:
     """What a recording of ``motion`` holds.
 
-    Delayed currents are interpolated between rows (cubic; the first row stays before it).
+    Delayed currents are interpolated between rows (cubic; the first row stays before it). What no effect changes is
+    that of the motion itself, not a copy.
     """
-    q, current = motion.qm.copy(), motion.current.copy()
+    q, current = motion.qm, motion.current
     terms = [
         (CATALOGUE[term.name], term.joint, values_of(CATALOGUE[term.name], term.parameters)) for term in arm.effects
     ]
@@ -37,6 +38,8 @@ def recorded(arm: Arm, motion: Motion) -> Readings:
         if effect.delay is not None:
             late = np.broadcast_to(np.asarray(effect.delay(values, Signals(t=motion.t)), float), motion.t.shape)
             current = _at(motion.t, current, motion.t - late)
+    if any(effect.angle is not None or effect.current is not None for effect, _, _ in terms):
+        q, current = q.copy(), current.copy()
     for effect, joint, values in terms:
         if effect.angle is not None or effect.current is not None:
             if joint is None:

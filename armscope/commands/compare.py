@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from arm_io import InputError
+from armscope import allocation
 from armscope.commands.options import Pdf, Png, pictures
 from armscope.progress import shown
 
@@ -59,6 +60,7 @@ def command(
     from armscope.api.comparison import compare
     from comparison import Threshold
 
+    allocation.for_computation()
     sides = _sides(pair or [], before or [], after or [])
     threshold = None if fail_above is None else Threshold.of(fail_above)
     if out is not None:

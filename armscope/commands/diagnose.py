@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 import typer
 
 from arm_io import InputError
+from armscope import allocation
 from armscope.api.reading import note_gaps
 from armscope.commands.options import HeldOut, Json, Pdf, Png, pictures
 from armscope.progress import Display, shown
@@ -64,6 +65,7 @@ def command(
     from armscope.api.floating_base import floats, refuse
     from armscope.api.reading import fixed_model, for_analysis
 
+    allocation.for_computation()
     check_folder(out)
     if rig is None and model is not None and floats(model):
         refuse(model, {"--distort": distort is not None})

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from armscope import allocation
 from armscope.api.reading import note_gaps
 from armscope.commands.options import HeldOut, Json, Pdf, Png, pictures
 from armscope.progress import shown
@@ -88,6 +89,7 @@ def command(
     from armscope.api.floating_base import floats, refuse
     from armscope.api.identification import check, identify
 
+    allocation.for_computation()
     if out is None and not only_check:
         raise InputError("--out", "is missing: a folder for the results; or give --check to check the recordings only")
     if out is not None:

@@ -33,6 +33,10 @@ NO_INERTIA = 1e-12
 """kg m2 (kg): rounding errors of a link without inertia about its axis; a gram on a millimetre has a thousand times."""
 
 
+Motion = tuple[Array, Array, Array]
+"""Angle, speed and acceleration (m, n)."""
+
+
 def low_pass(values: Array, band: float, rate: float) -> Array:
     """Zero-phase fourth-order Butterworth along the first axis; ``rate`` Hz is that of the rows."""
     return zero_phase(_sections(band, rate), values, pad=min(len(values) - 1, int(3 * rate / band)))
@@ -59,7 +63,7 @@ def coulomb_at(joint: Joint, v: Array, sign: Array) -> Array:
     return np.asarray((up + down) / 2 + (up - down) / 2 * sign + curve)
 
 
-def motion_of(q: Array, band: float, rate: float) -> tuple[Array, Array, Array]:
+def motion_of(q: Array, band: float, rate: float) -> Motion:
     """Angle, speed and acceleration (m, n) of recorded angles q (m, n), as far as they lie in the band."""
     angle = low_pass(q, band, rate)
     speed = np.gradient(angle, 1.0 / rate, axis=0)
@@ -87,14 +91,15 @@ def true_angle(arm: Arm, q: Array) -> Array:
     return angle
 
 
-def reading(arm: Arm, t: Array, q: Array, *, powered: bool = True) -> Array:
+def reading(arm: Arm, t: Array, q: Array, *, powered: bool = True, motion: Motion | None = None) -> Array:
     """(m, n) A that the transducers show at times t (m,) s, uniform, while the encoders show q (m, n) rad.
 
     Not ``powered``: the drives are off, no current flows, and the transducers show what they add themselves.
+    motion: ``motion_of`` the ``true_angle``, where that is known already.
     """
     rate = rate_of(t)
     angle = true_angle(arm, q)
-    motion = motion_of(angle, MOTION_BAND, rate)
+    motion = motion_of(angle, MOTION_BAND, rate) if motion is None else motion
     bent, terms = described(arm), terms_of(arm)
     torque = inverse_dynamics(arm, *motion, time=t)
     if any(effect.spring or effect.rate for effect, _, _ in terms):

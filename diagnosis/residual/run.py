@@ -238,7 +238,7 @@ def residual_run(
     width = arm.joint_array("sign_velocity")
     uncertain = np.maximum(np.exp(-((slowest / CREEP) ** 2)), 1.0 - slowest / np.hypot(slowest, width))
     friction_std = coulomb * uncertain * powered
-    rows, current, expected = t[keep], thin(i), thin(reading(arm, t, q, powered=powered))
+    rows, current, expected = t[keep], thin(i), thin(reading(arm, t, q, powered=powered, motion=(position, v, a)))
     block = ((rows - rows[0]) // 1.0).astype(np.intp)
     instruments = _row_by_row(noise, q, slow_v, moved, rate, known)
     setpoint_rows = rows_per_setpoint(arm, i, a, rate) if powered else 0

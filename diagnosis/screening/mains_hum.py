@@ -59,9 +59,11 @@ def lines_near_mains(recordings: Sequence[Recording], arm: Arm) -> dict[int, lis
 
     None of the setpoints of the arm's controller (``_of_setpoints``).
     """
-    places = list(itertools.product(range(recordings[0].joints), recordings))
-    lines_found = in_parallel(lambda place: line_near_mains(place[1].t, place[1].i[:, place[0]]), places)
-    every = [lines_found[first : first + len(recordings)] for first in range(0, len(places), len(recordings))]
+    joints = recordings[0].joints
+    # the joints of a recording one after the other: they share a transform
+    places = list(itertools.product(recordings, range(joints)))
+    found = in_parallel(lambda place: line_near_mains(place[0].t, place[0].i[:, place[1]]), places)
+    every = [found[joint::joints] for joint in range(joints)]
     return {
         joint: lines
         for joint, lines in enumerate(every, 1)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from scipy import signal
@@ -95,9 +97,16 @@ def _in_band(values: Array, dt: float) -> tuple[Array, Array]:
     if last < first:
         return np.zeros(0), np.zeros(0)
     # the band alone: the transform of all frequencies of a prime number of rows takes ten times as long
-    turn = 2j * np.pi / (4 * len(values))
-    spectrum = signal.czt(values, last - first + 1, np.exp(-turn), np.exp(turn * first))
+    spectrum = _transform(len(values), first, last)(values)
     return np.asarray(apart * np.arange(first, last + 1), float), np.asarray(np.abs(spectrum) ** 2, float)
+
+
+@lru_cache(maxsize=4)  # the same for every joint
+def _transform(rows: int, first: int, last: int) -> Callable[[Array], Array]:
+    """Of values (rows,), the lines ``first`` to ``last`` of a spectrum of four times as many rows."""
+    turn = 2j * np.pi / (4 * rows)
+    transform: Callable[[Array], Array] = signal.CZT(rows, last - first + 1, np.exp(-turn), np.exp(turn * first))
+    return transform
 
 
 def waves(frequency: float, t: Array) -> Array:

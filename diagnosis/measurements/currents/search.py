@@ -11,6 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from arm_io.parallel import in_parallel
+from arm_io.types import Array
 from arm_model.effects import CATALOGUE, Excitation
 from diagnosis.cause import EffectKey
 from diagnosis.measurements.currents.design_matrix import dataset_with
@@ -301,13 +303,15 @@ def gauss_newton_refined(state: State) -> State:
     if not exists(model.arm, state.terms):
         return state
     here = dataset_with(model.data.fit, state.terms)
-    slopes = []
-    for k, name in searched:
+
+    def slope_of(place: tuple[int, str]) -> Array:
+        k, name = place
         value = dict(state.chosen[k].shape)[name]
         step = 0.02 * value
         moved = [c.at(name, value + step) if n == k else c for n, c in enumerate(state.chosen)]
-        slopes.append((dataset_with(model.data.fit, terms(moved, own)) - here) / step)
-    slope = np.stack(slopes, axis=1)
+        return (dataset_with(model.data.fit, terms(moved, own)) - here) / step
+
+    slope = np.stack(in_parallel(slope_of, searched), axis=1)
     slope -= basis @ (basis.T @ slope)
     change = -np.linalg.lstsq(slope, here - basis @ (basis.T @ here), rcond=1e-3)[0]
     better = list(state.chosen)
