@@ -30,10 +30,10 @@ from typing import TypeVar
 
 import numpy as np
 
+from arm_io.parallel import cores
 from arm_io.types import Array
 from arm_model.description import Arm, Cylinder
 from arm_model.model_file import read_model
-from arm_io.parallel import cores
 from arm_model.simulation.simulation import prepared, references, row_times, servo_period, simulate, simulate_batch
 from arm_model.symbolic.machine_code import LANES
 from benchmarks import simulation_peers as peers

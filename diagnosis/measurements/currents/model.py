@@ -305,13 +305,13 @@ class Currents(MeasurementModel[Candidate, State]):
     def _add_ripples(self, residual: Array) -> None:
         """Adds the strongest ripples of the whitened residual of the fit set to the library."""
 
-        def of_joint(joint: int) -> dict[Candidate, Pair]:
+        def of_joint(joint: int) -> list[Candidate]:
             own = [c for c in self.ripples if c.joint == joint]
-            strongest = detectable(self.data.fit, residual, self.arm, joint, own)
-            return {c: self.columns(c) for c in strongest if c not in self.library}
+            return detectable(self.data.fit, residual, self.arm, joint, own)
 
-        for found in in_parallel(of_joint, sorted({c.joint for c in self.ripples if c.joint})):
-            self.library.update(found)
+        for strongest in in_parallel(of_joint, sorted({c.joint for c in self.ripples if c.joint})):
+            for c in strongest:
+                self.columns(c)
 
 
 def _harm(explained: Array, left: Array) -> float:
