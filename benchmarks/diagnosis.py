@@ -11,7 +11,9 @@ joints_N_*       N joints, one cause, 2 minutes: the Puma without its last joint
 causes_K_*       six joints, K causes, 2 minutes
 *_wall_s, *_cpu_s, *_rss_mb, *_causes_named
 stage_S_cpu_s    with --stages: processor time of each stage of a diagnosis of 2 minutes, six joints and one cause, as
-                 the progress names them (those of one kind together), its imports before and its report behind
+                 the progress names them (those of one kind together), its imports before and its report behind;
+                 of the processes that it forks too
+stage_S_wall_s   wall time of the same
 longest_over_linear  processor time per minute of recording of the longest over that of the shortest; 1 or less is
                      linear or better
 
@@ -82,13 +84,15 @@ def stages(case: Case, folder: Path) -> dict[str, float]:
     """Processor time of the stages of one diagnosis in this process, from its imports to its report."""
     subprocess.run([sys.executable, "-m", "benchmarks.diagnosis_recordings", *case.arguments(folder)], check=True)
     spent: dict[str, float] = {}
-    stage, since = "imports", time.process_time()
+    stage, since = "imports", _spent()
 
     def begins(sentence: str) -> None:
         nonlocal stage, since
-        now = time.process_time()
-        spent[stage] = spent.get(stage, 0.0) + now - since
-        # "detection experiment for added mass of joint 3" is one of a kind
+        now = _spent()
+        for kind, seconds in now.items():
+            name = f"stage_{stage}_{kind}_s"
+            spent[name] = spent.get(name, 0.0) + seconds - since[kind]
+        # what is said for one joint or one file is one of a kind
         stage, since = "_".join(sentence.split(" for ")[0].split(":")[0].split()), now
 
     from armscope.api.diagnosis import fit_and_held_out
@@ -104,7 +108,12 @@ def stages(case: Case, folder: Path) -> dict[str, float]:
     begins("tables")
     write_diagnosis(folder / "result", result, fit, held_out, progress=begins)
     begins("end")
-    return {f"stage_{name}_cpu_s": seconds for name, seconds in spent.items()}
+    return spent
+
+
+def _spent() -> dict[str, float]:
+    """s of wall time, and of processor time of this process and of those that it has waited for."""
+    return {"cpu": sum(os.times()[:4]), "wall": time.perf_counter()}
 
 
 def diagnosed(case: Case, folder: Path) -> dict[str, float]:

@@ -48,9 +48,17 @@ def test_equal_to_the_last_bit_and_in_order(count: int) -> None:
         assert a == b and x.tobytes() == y.tobytes() and x.flags.f_contiguous == y.flags.f_contiguous
 
 
-def test_several_processes_work_and_none_of_them_starts_more() -> None:
+def _all_work(folder: Path) -> None:
+    """Returns when three processes have come here."""
+    (folder / str(os.getpid())).touch()
+    deadline = time.monotonic() + 20
+    while len(list(folder.iterdir())) < 3 and time.monotonic() < deadline:
+        time.sleep(0.002)
+
+
+def test_several_processes_work_and_none_of_them_starts_more(tmp_path: Path) -> None:
     def work(number: int) -> tuple[int, list[int], int]:
-        time.sleep(0.02)
+        _all_work(tmp_path)
         return os.getpid(), in_parallel(lambda _: os.getpid(), range(3)), parallel.cores()
 
     found = in_parallel(work, range(12))
@@ -70,11 +78,11 @@ def test_the_first_exception_is_raised() -> None:
     assert _children() == set()
 
 
-def test_what_a_killed_process_did_is_done_again() -> None:
+def test_what_a_killed_process_did_is_done_again(tmp_path: Path) -> None:
     here = os.getpid()
 
     def work(number: int) -> int:
-        time.sleep(0.01)
+        _all_work(tmp_path)
         if os.getpid() != here:
             os.kill(os.getpid(), signal.SIGKILL)
         return number**2
