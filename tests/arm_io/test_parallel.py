@@ -19,8 +19,10 @@ from arm_io.parallel import CORES, cores, in_parallel
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="other systems work in one process")
 SLEEPERS = """
-import os, sys, time
+import os, signal, sys, time
 from arm_io import parallel
+# a shell starts what it puts in the background without
+signal.signal(signal.SIGINT, signal.default_int_handler)
 parallel.cores = lambda: 3
 def work(number):
     os.write(1, b"%d\\n" % os.getpid())
