@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -102,11 +101,10 @@ def _in_band(values: Array, dt: float) -> tuple[Array, Array]:
 
 
 @lru_cache(maxsize=4)  # the same for every joint
-def _transform(rows: int, first: int, last: int) -> Callable[[Array], Array]:
+def _transform(rows: int, first: int, last: int) -> signal.CZT:
     """Of values (rows,), the lines ``first`` to ``last`` of a spectrum of four times as many rows."""
     turn = 2j * np.pi / (4 * rows)
-    transform: Callable[[Array], Array] = signal.CZT(rows, last - first + 1, np.exp(-turn), np.exp(turn * first))
-    return transform
+    return signal.CZT(rows, last - first + 1, np.exp(-turn), np.exp(turn * first))
 
 
 def waves(frequency: float, t: Array) -> Array:
