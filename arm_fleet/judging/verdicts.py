@@ -8,6 +8,7 @@ from enum import StrEnum
 from typing import Any
 
 from arm_fleet.judging.alarms import Alarm, Night
+from arm_fleet.judging.scatter import effect_of
 from arm_fleet.plan import Plan
 from arm_fleet.tasks.store import Record
 from arm_fleet.tasks.task import State
@@ -153,6 +154,12 @@ def _trends(plan: Plan, nights: Sequence[Night]) -> list[Trend]:
     return found
 
 
+def _that_changed(causes: Sequence[Mapping[str, Any]], series: Sequence[Alarm]) -> list[Mapping[str, Any]]:
+    """Of the causes of a night those that changed; all where none did."""
+    quantities = {(effect_of(c.quantity.name), c.quantity.joint) for one in series for c in one.changes}
+    return [one for one in causes if (one["effect"], one["joint"]) in quantities] or list(causes)
+
+
 def _actions(
     condition: Condition,
     series: Sequence[Alarm],
@@ -164,7 +171,7 @@ def _actions(
     found = []
     if condition is Condition.CHANGED:
         causes = records[series[-1].key]["value"].get("causes", []) if series[-1].key in records else []
-        for cause in causes:
+        for cause in _that_changed(causes, series):
             found += [f"{one['title']}: {one['check']}" for one in cause.get("origins", [])[:CHECKS]]
         if not causes:
             found.append("Record the same experiments once more, with more speed, so that diagnose can name a cause")

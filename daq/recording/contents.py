@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import struct
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -37,6 +38,8 @@ class Keeper(Protocol):
 
 
 K = TypeVar("K", bound=Keeper)
+MOST_TOPICS = 4
+"""Of a file of another program that are named."""
 
 
 class Whole:
@@ -128,6 +131,34 @@ class Contents:
         return LedgerSummary(table["triggers"], table["latched"], table["recorded"], tuple(losses))
 
 
+def _topics(path: Path) -> list[str]:
+    """Of the channels in the summary of a file; empty where it has none that can be read."""
+    from mcap.exceptions import McapError
+    from mcap.reader import make_reader
+
+    try:
+        with open(path, "rb") as file:
+            summary = make_reader(file).get_summary()
+    except (McapError, ValueError, struct.error, OSError):
+        return []
+    return sorted({channel.topic for channel in summary.channels.values()}) if summary else []
+
+
+def _foreign(path: Path, data: memoryview) -> str:
+    """What a file without rows of ours is, and what to do with it."""
+    if data[: len(MAGIC)] != MAGIC:
+        return "is not an MCAP file; 'armscope import' takes tables and ROS 2 bags"
+    topics = _topics(path)
+    if not topics:
+        return "is not a recording of armscope, or damaged beyond repair; 'armscope import' takes tables and ROS 2 bags"
+    more = len(topics) - MOST_TOPICS
+    listed = ", ".join(topics[:MOST_TOPICS]) + (f" and {more} more" if more > 0 else "")
+    return (
+        f"is not a recording of armscope but an MCAP file of another program, with {listed}; of a ROS 2 bag "
+        "'armscope import FILE --out RUN.mcap' makes a recording"
+    )
+
+
 def read_contents(path: Path, keeper: Callable[[Layout], K]) -> tuple[Contents, K]:
     """Walks the file, and hands its rows to what ``keeper`` makes.
 
@@ -160,9 +191,7 @@ def read_contents(path: Path, keeper: Callable[[Layout], K]) -> tuple[Contents, 
             case mcap_walk.End():
                 contents.finished = True
     if contents.form is None:
-        magic = contents.data[: len(MAGIC)] == MAGIC
-        kind = "is not a recording of armscope, or damaged beyond repair" if magic else "is not an MCAP file"
-        raise InputError(path, f"{kind}; 'armscope import' takes tables and ROS 2 bags")
+        raise InputError(path, _foreign(path, contents.data))
     if kept is None:
         kept = keeper(contents.layout)
         kept.append(contents.nothing())

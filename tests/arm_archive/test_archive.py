@@ -19,6 +19,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from mcap.writer import Writer
 
 from arm_archive import INDEX, Filters, open_archive
 from arm_io import InputError
@@ -212,6 +213,17 @@ def test_an_updated_index_equals_a_new_one(lab: Path, seed: int) -> None:
         updated = rows_of(lab)
         assert updated == rebuilt(lab)
         assert all(row["note"] for row in updated if row["state"] != "whole")
+
+
+def test_a_bag_of_another_program_says_what_it_is(tmp_path: Path) -> None:
+    with open(tmp_path / "bag.mcap", "wb") as file:
+        writer = Writer(file)
+        writer.start(profile="ros2")
+        for topic in ("/tf", "/joint_states"):
+            writer.add_message(writer.register_channel(topic, "cdr", 0), 0, b"", 0)
+        writer.finish()
+    ((_, note),) = ((row["state"], row["note"]) for row in rows_of(tmp_path))
+    assert "an MCAP file of another program, with /joint_states, /tf; of a ROS 2 bag 'armscope import FILE" in note
 
 
 def test_damaged_files_are_listed_with_what_is_wrong(tmp_path: Path) -> None:

@@ -120,6 +120,12 @@ def test_what_changed_is_named_with_its_nights() -> None:
         ]
         for arm, its in nights.items()
     }
+    records["arm-1"][-1]["value"] = {
+        "causes": [
+            {"effect": "missed_counts", "joint": 1, "origins": [{"title": "Cable", "check": "look at it"}]},
+            {"effect": "backlash", "joint": 1, "origins": [{"title": "Gear", "check": "turn it by hand"}]},
+        ]
+    }
     verdicts = {
         arm: verdict_of(wanted, arm, nights[arm], [one for one in found if one.arm == arm], records[arm])
         for arm in ("arm-0", "arm-1", "arm-3", "arm-5")
@@ -132,6 +138,7 @@ def test_what_changed_is_named_with_its_nights() -> None:
     ]
     assert verdicts["arm-0"].cause == "Coulomb friction of joint 1"
     assert verdicts["arm-1"].cause == "backlash of joint 1"
+    assert verdicts["arm-1"].actions == ("Gear: turn it by hand",), "what changed, not all that the night names"
     assert any("drift of" in sentence for sentence in verdicts["arm-0"].moved)
     assert any("limit" in sentence for sentence in verdicts["arm-5"].moved)
 
