@@ -164,12 +164,13 @@ def _searched(
     ripples = tuple(c for c in every if order_of(c) is not None)
     runs, data = sight.runs, _datasets(sight.runs, first, parts)
     library = {c: data.map(partial(columns_of, c)) for c in every if order_of(c) is None}
-    axis = axis_side(arm, sight.samples[:first], sight.samples[first:], two_fold=parts)
+    warm = [run.arm.temperatures for run in sight.runs]
+    axis = axis_side(arm, (sight.samples[:first], sight.samples[first:]), two_fold=parts, temperatures=warm)
     of_axis, base = [from_axis(one, arm) for one in axis.causes] if axis else [], arm
     if of_axis:
         # the search continues in their residual
         base = with_sharp_friction(arm, sight.samples)
-        runs = [replace(run, arm=base) for run in runs]
+        runs = [replace(run, arm=replace(base, temperatures=run.arm.temperatures)) for run in runs]
         terms = extend(base, of_axis).effects[len(arm.effects) :]
         data = _datasets(runs, first, parts).map(lambda part: replace(part, y=dataset_with(part, terms)))
     free = [Split(*pair) for pair in zip(free_columns(data.fit, arm), free_columns(data.held_out, arm))]

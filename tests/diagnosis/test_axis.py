@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from arm_model.description import Arm, Joint
-from arm_model.tables import uncertainty_of
+from arm_model.tables import constant_temperatures, uncertainty_of
 from armscope.cli import run
 from daq.recording.parts import Attachments
 from daq.recording.tables.table import write_table
@@ -94,7 +94,7 @@ def _model() -> Arm:
 
 
 def _causes(true: Carriage) -> dict[str, AxisCause]:
-    found = axis_side(_model(), [_record(true, 1)], [_record(true, 2)], two_fold=False)
+    found = axis_side(_model(), ([_record(true, 1)], [_record(true, 2)]), two_fold=False)
     assert found is not None
     return {cause.effect: cause for cause in found.causes}
 
@@ -106,6 +106,26 @@ def _near(cause: AxisCause, name: str, wanted: float) -> None:
 
 def test_nothing_is_named_where_the_model_is_right() -> None:
     assert _causes(Carriage()) == {}
+
+
+@pytest.mark.parametrize("more", [0.0, 8.0])
+def test_friction_at_the_recorded_temperature(more: float) -> None:
+    """The model's friction is that of 20 degC, and 0.5 N more per kelvin; both days were 10 K warmer."""
+    warmer = COULOMB + 5.0 + more
+    true = Carriage(coulomb=(warmer, warmer))
+    joint = replace(_model().joints[0], temperature=20.0)
+    law = {"coulomb": 0.5, "viscous": 0.0, "breakaway": 0.0, "stribeck_velocity": 0.05, "thinning": 25.0}
+    arm = replace(_model(), joints=(joint,)).with_effect("temperature_friction", 1, **law)
+    samples = [_record(true, 1)], [_record(true, 2)]
+    warm = [constant_temperatures(30.0, 1)] * 2
+    known = axis_side(arm, samples, two_fold=False, temperatures=warm)
+    unknown = axis_side(arm, samples, two_fold=False)
+    assert known is not None and unknown is not None
+    found = {cause.effect: cause for cause in known.causes}
+    assert set(found) == ({"coulomb_friction"} if more else set())
+    if more:
+        _near(found["coulomb_friction"], "coulomb", more)
+    _near(next(one for one in unknown.causes if one.effect == "coulomb_friction"), "coulomb", 5.0 + more)
 
 
 def test_friction_that_differs_by_direction() -> None:
@@ -127,13 +147,13 @@ def test_friction_that_differs_by_direction_a_lead_and_less_friction_at_rest_com
 def test_a_wave_over_the_place_is_named_where_another_run_has_it_at_the_same_places() -> None:
     first = _record(Carriage(wave=2.0), 1)
     same, elsewhere = (_record(Carriage(wave=2.0, ahead=ahead), 2) for ahead in (0.0, 2.0))
-    held = axis_side(_model(), [first], [same], two_fold=False)
+    held = axis_side(_model(), ([first], [same]), two_fold=False)
     assert held is not None
     assert [cause.effect for cause in held.causes] == ["cogging"]
     _near(held.causes[0], "amplitude", 2.0)
     _near(held.causes[0], "pole_pairs", 2 * np.pi / 4e-3)
     _near(held.causes[0], "phase", 0.0)
-    refuted = axis_side(_model(), [first], [elsewhere], two_fold=False)
+    refuted = axis_side(_model(), ([first], [elsewhere]), two_fold=False)
     assert refuted is not None and refuted.causes == []
 
 
@@ -142,7 +162,7 @@ def test_a_wave_over_the_place_of_one_run_is_told_and_not_named() -> None:
     cut = len(t) // 2
     pieces = (t[:cut], q[:cut], i[:cut]), (t[cut:] - t[cut], q[cut:], i[cut:])
     for parts in (True, False):  # cut by the diagnosis, or into two tables before
-        found = axis_side(_model(), [pieces[0]], [pieces[1]], two_fold=parts)
+        found = axis_side(_model(), ([pieces[0]], [pieces[1]]), two_fold=parts)
         assert found is not None and found.causes == []
         assert found.wave is not None
         assert found.wave.length == pytest.approx(4e-3, rel=0.02)
@@ -152,7 +172,7 @@ def test_a_wave_over_the_place_of_one_run_is_told_and_not_named() -> None:
 def test_how_slowly_the_model_lets_friction_turn_round_decides_nothing() -> None:
     joint = replace(_model().joints[0], sign_velocity=0.01)
     true = Carriage(viscous=(165.0, 240.0), at_rest=0.5, lead=0.7e-3)
-    found = axis_side(replace(_model(), joints=(joint,)), [_record(true, 1)], [_record(true, 2)], two_fold=False)
+    found = axis_side(replace(_model(), joints=(joint,)), ([_record(true, 1)], [_record(true, 2)]), two_fold=False)
     assert found is not None
     assert {cause.effect for cause in found.causes} == {"friction_asymmetry", "time_skew", "stribeck_friction"}
 
@@ -160,7 +180,7 @@ def test_how_slowly_the_model_lets_friction_turn_round_decides_nothing() -> None
 def test_a_coarse_encoder_is_left_to_the_filters_of_arms() -> None:
     t, q, i = _record(Carriage(), 1, 4.0)
     coarse = np.round(q / 1e-5) * 1e-5
-    assert axis_side(_model(), [(t, coarse, i)], [(t, coarse, i)], two_fold=True) is None
+    assert axis_side(_model(), ([(t, coarse, i)], [(t, coarse, i)]), two_fold=True) is None
 
 
 def _known_to(viscous: float, std: float) -> Arm:
@@ -175,7 +195,7 @@ def test_a_model_that_is_off_by_what_it_says_names_nothing() -> None:
     samples = [_record(Carriage(), 1)], [_record(Carriage(), 2)]
     model = _known_to(VISCOUS + 40.0, 30.0)
     exact, rough, fine = (
-        axis_side(arm, *samples, two_fold=False)
+        axis_side(arm, samples, two_fold=False)
         for arm in (replace(model, uncertainty=None), model, _known_to(VISCOUS + 40.0, 3.0))
     )
     assert exact is not None and rough is not None and fine is not None

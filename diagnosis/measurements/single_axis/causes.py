@@ -12,8 +12,9 @@ import numpy as np
 
 from arm_io.types import Array
 from arm_model import Arm
+from arm_model.tables import Temperatures
 from diagnosis.cause import Estimate
-from diagnosis.measurements.single_axis.columns import Rows, columns, encoder_noise, rows_of, waves
+from diagnosis.measurements.single_axis.columns import AxisSamples, Rows, columns, encoder_noise, rows_of, waves
 from diagnosis.measurements.single_axis.model import LIMITS, Chosen, SingleAxis
 from diagnosis.measurements.single_axis.model_errors import model_errors
 from diagnosis.residual.expected_current import low_pass, rate_of
@@ -91,14 +92,25 @@ def with_sharp_friction(arm: Arm, recordings: Sequence[Samples]) -> Arm:
     return replace(arm, joints=(replace(joint, sign_velocity=min(joint.sign_velocity, max(TURN * speed, 1e-9))),))
 
 
-def axis_side(arm: Arm, fit: Sequence[Samples], held_out: Sequence[Samples], *, two_fold: bool) -> AxisSide | None:
+def axis_side(
+    arm: Arm,
+    recordings: tuple[Sequence[Samples], Sequence[Samples]],
+    *,
+    two_fold: bool,
+    temperatures: Sequence[Temperatures | None] = (),
+) -> AxisSide | None:
     """Diagnoses a single axis; None where the arm has several joints, or its encoder is too coarse.
 
-    fit, held_out: recordings (t (k,) s uniform, q (k, 1), i (k, 1)); two_fold: they are parts of the same recordings.
+    recordings    fitted and held-out ones, each (t (k,) s uniform, q (k, 1), i (k, 1))
+    two_fold      they are parts of the same recordings
+    temperatures  of the motor in each of them, fitted ones first; (): in none
     """
     if len(arm) != 1:
         return None
-    arm = with_sharp_friction(arm, [*fit, *held_out])
+    every = [*recordings[0], *recordings[1]]
+    arm = with_sharp_friction(arm, every)
+    samples = [AxisSamples(*one, warm) for one, warm in zip(every, temperatures or [None] * len(every))]
+    fit, held_out = samples[: len(recordings[0])], samples[len(recordings[0]) :]
     rows = Split(rows_of(arm, fit, LIMITS.block_seconds), rows_of(arm, held_out, LIMITS.block_seconds), two_fold)
     if not encoder_noise(rows.fit) < LIMITS.encoder_noise:
         return None
@@ -110,14 +122,14 @@ def axis_side(arm: Arm, fit: Sequence[Samples], held_out: Sequence[Samples], *, 
     return AxisSide([_cause(c, chosen, model) for c in chosen], _wave(chosen, model), rows.held_out, residual)
 
 
-def _goes_on(fit: Sequence[Samples], held_out: Sequence[Samples]) -> bool:
+def _goes_on(fit: Sequence[AxisSamples], held_out: Sequence[AxisSamples]) -> bool:
     """Whether all held-out recordings begin or end, to within two rows, where one of the others ends or begins.
 
     They are then pieces of one run.
     """
 
-    def meet(one: Samples, other: Samples) -> bool:
-        (_, q, _), (_, p, _) = one, other
+    def meet(one: AxisSamples, other: AxisSamples) -> bool:
+        q, p = one.q, other.q
         step = max(float(np.abs(np.diff(x[:, 0])[[0, -1]]).max()) for x in (q, p)) + np.ptp(q) * 1e-6
         return bool(min(abs(q[-1, 0] - p[0, 0]), abs(p[-1, 0] - q[0, 0])) < 2 * step)
 

@@ -18,6 +18,7 @@ from arm_io.types import Array
 from arm_model import Arm
 from arm_model.effects import CATALOGUE, Effect, Instrument, Parameter, Scale, Signals, Values, described, units
 from arm_model.system import inverse_dynamics
+from arm_model.tables import Temperatures
 from diagnosis.residual.expected_current import (
     as_read,
     coulomb_at,
@@ -40,6 +41,19 @@ PLACES, SPEEDS = 8, 15
 """Parts of the travel and of the range of speed; rows in the same parts are one observation."""
 FEWEST_WAVES = 8
 """Waves of one length in the travel: fewer cannot be distinguished from a smooth bend."""
+
+
+@dataclass(frozen=True)
+class AxisSamples:
+    """One recording of one axis: t (k,) s uniform, q (k, 1) rad (m), i (k, 1) A.
+
+    temperatures: of its motor, where they were recorded.
+    """
+
+    t: Array
+    q: Array
+    i: Array
+    temperatures: Temperatures | None = None
 
 
 @dataclass(frozen=True)
@@ -73,15 +87,18 @@ class Rows:
         return numbers
 
 
-def rows_of(arm: Arm, recordings: Sequence[tuple[Array, Array, Array]], block_seconds: float) -> Rows:
-    """Recordings (t (k,) s uniform, q (k, 1), i (k, 1)) of a one-joint arm."""
+def rows_of(arm: Arm, recordings: Sequence[AxisSamples], block_seconds: float) -> Rows:
+    """The rows of recordings of a one-joint arm, each with its motor as warm as it was."""
     parts, kept, first, noises = [], [], 0, []
     drive = arm.joints[0]
     constant = described(arm).joints[0].drive_constant
-    for t, q, i in recordings:
+    for one in recordings:
+        t, q, i = one.t, one.q, one.i
+        warm = replace(arm, temperatures=one.temperatures)
         rate = rate_of(t)
         angle, v, a = motion_of(true_angle(arm, q), _bands(rate)[0], rate)
-        expected = as_read(arm, t, inverse_dynamics(arm, angle, v, a, time=t) / constant)[:, 0]
+        torque = inverse_dynamics(warm, angle, v, a, time=t)
+        expected = as_read(arm, t, torque / constant)[:, 0]
         sign = v[:, 0] / np.hypot(v[:, 0], drive.sign_velocity)
         current = low_pass(i, _bands(rate)[0], rate)[:, 0]
         s = Signals(

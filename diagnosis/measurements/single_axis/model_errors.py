@@ -14,12 +14,12 @@ import numpy as np
 
 from arm_io.types import Array
 from arm_model import Arm, parameter, with_parameters
-from diagnosis.measurements.single_axis.columns import COMPARE_BAND, ROWS_PER_SECOND, Rows, rows_of
+from diagnosis.measurements.single_axis.columns import COMPARE_BAND, ROWS_PER_SECOND, AxisSamples, Rows, rows_of
 from diagnosis.residual.noise import scatter
 from diagnosis.selection.beyond_model import Evidence
 from identification.selection import Split
 
-Samples = Sequence[tuple[Array, Array, Array]]
+Samples = Sequence[AxisSamples]
 
 
 @dataclass(frozen=True)
@@ -77,8 +77,8 @@ def model_errors(arm: Arm, samples: Split[Samples], rows: Split[Rows], block_sec
 def _of_current(samples: Split[Samples]) -> float:
     """A: noise of the current in the band of comparison."""
     parts = [
-        float(scatter(i)[0]) ** 2 * min(2.0 * COMPARE_BAND / (len(t) - 1) * float(t[-1] - t[0]), 1.0)
+        float(scatter(one.i)[0]) ** 2 * min(2.0 * COMPARE_BAND / (len(one.t) - 1) * float(one.t[-1] - one.t[0]), 1.0)
         for side in samples
-        for t, _, i in side
+        for one in side
     ]
     return float(np.sqrt(max(float(np.mean(parts)), 1e-24)))
