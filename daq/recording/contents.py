@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import struct
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -14,6 +15,7 @@ from mcap.records import Channel, Metadata
 from numpy.typing import NDArray
 
 from arm_io import InputError
+from arm_io.files import open_regular
 from daq.acquisition.ledger import LedgerSummary, Loss, LossReason
 from daq.recording.losses import UNSURE
 from daq.recording.mcap_file import walk as mcap_walk
@@ -137,7 +139,7 @@ def _topics(path: Path) -> list[str]:
     from mcap.reader import make_reader
 
     try:
-        with open(path, "rb") as file:
+        with os.fdopen(open_regular(path), "rb") as file:
             summary = make_reader(file).get_summary()
     except (McapError, ValueError, struct.error, OSError):
         return []
