@@ -34,11 +34,11 @@ def text_table(
     shorten  columns of words that may be shortened ("Coulomb fri..."), the widest first, until a line fits
     keep     columns that stand in every part of a table that continues: names of rows, units; None: the table never
              continues, a line that is too long stays so, such as one with a path at its end
-    width    columns of a line; None: ``line_width()``. Only where ``keep`` and one more column are wider, a line is.
-             A table that never continues is whole in a pipe, where words are searched and nothing is drawn
+    width    columns of a line; None: of the terminal. Only where ``keep`` and one more column are wider, a line is.
+             In a pipe, where words are searched and nothing is drawn, a table is whole
     """
     if width is None:
-        width = line_width() if keep is not None or sys.stdout.isatty() else sys.maxsize
+        width = line_width() if sys.stdout.isatty() else sys.maxsize
     least = _LEAST if keep is not None else _LEAST_OF_A_LINE
     widths = [max(len(row[k]) for row in (head, *rows)) for k in range(len(head))]
     excess = _total(widths, range(len(head))) - width

@@ -80,6 +80,12 @@ class RecordingHead:
         data = self.attachments.get("run.json")
         return None if data is None else json.loads(data)
 
+    @property
+    def fault(self) -> str | None:
+        """What ended the run before it was whole, such as a device that did not answer; None for a whole one."""
+        ending = (self.run or {}).get("ending") or {}
+        return f"the run was ended by a fault: {ending.get('sentence')}" if ending.get("fault") else None
+
     def date_at(self, wall_ns: NDArray[np.int64]) -> str | None:
         """'2026-11-22T09:30:00Z' of the first of some rows; when the recording was made, where rows have no date."""
         if len(wall_ns) and wall_ns[0] > CALENDAR:

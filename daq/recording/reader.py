@@ -184,8 +184,9 @@ def head_of(path: Path, contents: Contents, *, damaged: bool) -> RecordingHead:
         raise InputError(path, f"is damaged: {harm[0].sentence}; 'armscope recover' keeps what can be read")
     ledger, sure = contents.ledger()
     notes = contents.notes(sure)
-    opened(Account(path, ledger, notes))
-    return RecordingHead(path, contents.layout, contents.attachments, ledger, contents.finished, notes)
+    head = RecordingHead(path, contents.layout, contents.attachments, ledger, contents.finished, notes)
+    opened(Account(path, ledger, notes if head.fault is None else (*notes, head.fault)))
+    return head
 
 
 def _keeper(layout: Layout, most_numbers: int | None) -> Whole | Thinned:

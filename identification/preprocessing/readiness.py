@@ -148,7 +148,7 @@ def readiness_of(recording: Recording, found: Trusted, motion: Motion, arm: Arm)
             )
         )
     name = recording.path.name
-    warnings = [f"{name}: {note}" for note in recording.notes]
+    warnings = [f"{name}: {note}" for note in (*recording.notes, recording.fault) if note]
     if recording.averaged > 1:
         warnings.append(
             f"{name}: each row used is the mean of {recording.averaged} recorded ones ({1 / recording.dt:.5g} Hz), "

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from arm_report import cut, line_width, text_table
+from arm_report import cut, text_table
 from identification.report.friction import sentences
 from identification.report.html import verdict
 
@@ -14,11 +14,14 @@ if TYPE_CHECKING:
 
 WIDEST = 60
 """Characters of a name; longer sums are cut, and stand whole in the report."""
-HEADS = ("value", "2 std", "(bootstrap)", "(formula)")
+HEADS = ("value", "2 std", "unit", "")
 
 
 def text(result: Identification) -> str:
-    """Parameters that these runs determine, sums that only appear together, friction, warnings, and the verdict."""
+    """Parameters that these runs determine, sums that only appear together, friction, warnings, and the verdict.
+
+    Deviations of other kinds (bootstrap, formula) stand in the report and in identification.json.
+    """
     base = {value.name for value in result.base}
     named = [value for value in result.parameters if value.std is not None and ".curve" not in value.name]
     names = {value.name for value in named}
@@ -32,16 +35,14 @@ def text(result: Identification) -> str:
 
 
 def _table(values: Sequence[Value], what: str) -> list[str]:
-    return text_table([_row(one) for one in values], (what, *HEADS, "unit", ""), numbers=range(1, 5), keep=(0, 5))
+    return text_table([_row(one) for one in values], (what, *HEADS), numbers=(1, 2), shorten=(0,))
 
 
 def _row(value: Value) -> tuple[str, ...]:
-    stds = (value.std, value.std_bootstrap, value.std_formula)
-    spreads = ("" if std is None else f"{2 * std:.2g}" for std in stds)
     return (
-        cut(value.name, min(WIDEST, line_width() - 30)),
+        cut(value.name, WIDEST),
         f"{value.value:.5g}",
-        *spreads,
+        "" if value.std is None else f"{2 * value.std:.2g}",
         value.unit,
         "" if value.identifiable else "not identifiable here",
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import io
 import os
 import threading
 from pathlib import Path
@@ -13,7 +14,7 @@ import pytest
 import armscope
 from arm_io import DeviceFault, InputError
 from daq.acquisition.ledger import Loss, LossReason
-from daq.recording import open_recording
+from daq.recording import open_recording, warnings_on
 from daq.recording.mcap_file.writer import McapFile, create
 from daq.recording.parts import Attachments
 from daq.recording.recorder import Recorder, rows_layout
@@ -96,6 +97,21 @@ def test_losses_before_latching_stand_in_the_ledger(tmp_path: Path) -> None:
     recording = open_recording(tmp_path / "run.mcap")
     assert recording.ledger.balanced and recording.ledger.lost == 3
     assert [(gap.row, gap.triggers) for gap in recording.gaps] == [(9, 3)]
+
+
+def test_whoever_reads_a_run_that_a_fault_ended_is_warned(tmp_path: Path) -> None:
+    """Its rows are whole; but they are fewer than the experiment has, and ``identify`` took them without a word."""
+    warnings = {}
+    for fault in (True, False):
+        with Recorder(path := tmp_path / f"{fault}.mcap", LAYOUT, Attachments()) as recorder:
+            recorder.append(make_rows(0, 10))
+            recorder.finish(closing={"ending": {"reason": "?", "sentence": "the card is gone", "fault": fault}})
+        with warnings_on(stream := io.StringIO()) as incomplete:
+            open_recording(path)
+        warnings[fault] = stream.getvalue()
+        assert not incomplete
+    assert warnings[True] == f"warning: {tmp_path}/True.mcap: the run was ended by a fault: the card is gone\n"
+    assert not warnings[False]
 
 
 def test_what_the_queue_cannot_take_is_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
