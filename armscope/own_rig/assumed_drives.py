@@ -14,6 +14,7 @@ from arm_io import InputError
 from arm_io.types import Array
 from arm_model import Arm, Controller, Joint
 from arm_model.rigid_body import drive_mass_matrix, regeared
+from arm_model.rigid_body.friction_curve import nearest_line
 from arm_model.system import inverse_dynamics
 
 POSES = 64
@@ -27,7 +28,7 @@ MOTOR_SPEED, CURRENT = 300.0, 5.0
 RISE = 4.0
 """1/s: acceleration over speed limit; an arm that reaches its speed in a quarter of a second."""
 RESERVE = 2.0
-"""Torque limit over what weight and acceleration need."""
+"""Torque limit over what weight, acceleration and the friction of the file need."""
 ROTOR, SPIN_UP = 0.3, 0.01
 """Of a rotor: its share of the inertia at the joint, and s in which the torque limit brings it to full speed, at least:
 a motor of that torque is no lighter."""
@@ -98,11 +99,15 @@ def _sized(joint: Joint, number: int, load: _Load, *, torques: bool) -> Sized:
     if not speed:
         speed = TURNING if joint.revolute else SLIDING
         told.append(f"speed limit {speed:g} {angle}/s")
-    needed = weight + inertia * RISE * speed
+    coulomb, viscous, _ = nearest_line(joint)
+    least = weight + coulomb
+    needed = least + viscous * speed + inertia * RISE * speed
     limit = joint.torque_limit or 0.0
-    if limit <= 1.1 * weight or not limit:
+    if limit <= 1.1 * least or not limit:
         if limit:
-            told.append(f"{limit:g} {torque} of the file cannot carry its weight of {weight:.3g} {torque}")
+            told.append(
+                f"{limit:g} {torque} of the file cannot move it against {least:.3g} {torque} of weight and friction"
+            )
         limit = _round(RESERVE * needed)
         told.append(f"{'torque' if joint.revolute else 'force'} limit {limit:g} {torque}")
     if without and joint.gear == 1.0 and not torques:

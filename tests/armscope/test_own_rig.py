@@ -13,7 +13,7 @@ from arm_model import Arm, Joint, read_model, write_model
 from arm_model.rigid_body import regeared
 from arm_model.system import inverse_dynamics
 from armscope.cli import run
-from armscope.own_rig.assumed_drives import with_drives
+from armscope.own_rig.assumed_drives import TURNING, with_drives
 from daq.recording import open_recording
 from daq.rig.preflight import check_motion
 from daq.rig.rig_file import read_rig
@@ -52,6 +52,19 @@ def test_random_arms_get_drives_that_carry_and_move_them() -> None:
         still = np.zeros_like(q)
         weight = np.abs(inverse_dynamics(replace(driven, controller=None), q, still, still)).max(axis=0)
         assert (weight < driven.joint_array("torque_limit")).all()
+
+
+def test_a_drive_overcomes_the_friction_of_its_file() -> None:
+    """Behind the last joint of a Jaco in MuJoCo is a milligram; with a drive for that, its simulation diverged."""
+    flange = Joint(
+        convention="placed", mass=1e-6, inertia=(1e-9,) * 3 + (0.0,) * 3, coulomb=(0.01,) * 2, viscous=(0.02,) * 2
+    )
+    driven, _ = with_drives(Arm(name="flange", joints=(flange,)))
+    (joint,) = driven.joints
+    assert joint.torque_limit is not None and joint.torque_limit > 0.01 + 0.02 * TURNING
+    weak, told = with_drives(Arm(name="flange", joints=(replace(flange, torque_limit=0.005),)))
+    assert weak.joints[0].torque_limit == joint.torque_limit
+    assert "0.005 N m of the file cannot move it against 0.01 N m of weight and friction" in told[0]
 
 
 def test_a_complete_model_is_copied_as_it_stands(
