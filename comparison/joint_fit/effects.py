@@ -73,7 +73,8 @@ class Added:
         if self.definition.wave:
             return units(self.definition, self.held, self.amplitude)
         # of a spring at rest at some angle: elsewhere, it adds a constant torque, which friction has as well
-        return [Values({"stiffness": 1.0, "hardening": 0.0, **self.held})]
+        first = self.definition.parameters[0].name
+        return [Values({p.name: 0.0 for p in self.definition.parameters} | {first: 1.0} | dict(self.held))]
 
 
 def always(arm: Arm, motions: Sequence[Motion]) -> list[Added]:
