@@ -44,7 +44,10 @@ class Ended:
         """Done, or refused in one line that says what is wrong."""
         if self.status == UNUSABLE_INPUT:
             lines = [line for line in self.said.splitlines() if not line.startswith(("note:", "warning:"))]
-            return len(lines) == 1 and lines[0].startswith("error: ") and "nan" not in lines[0].split()
+            # the arms here are possible, and have no effects: what is impossible, a command made up
+            blames_itself = any(" makes " in line and " impossible: " in line for line in lines)
+            one_line = len(lines) == 1 and lines[0].startswith("error: ") and "nan" not in lines[0].split()
+            return one_line and not blames_itself
         return self.status == DONE
 
 
