@@ -12,7 +12,7 @@ lacks.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,6 +31,8 @@ from diagnosis.residual.run import ROWS_PER_SECOND, Run
 from diagnosis.units import unit_at
 from identification.selection import p_value
 
+ROUNDS = 3
+"""In which a walk, free columns and what sampling hides are estimated in turns."""
 CERTAIN = 0.01
 """p-value of the gain of a walk, or of a share, below which it is significant.
 
@@ -164,16 +166,43 @@ def _column(run: Run, name: str, value: float) -> Array:
 
 
 def _residuals(runs: Sequence[Run], columns: Sequence[Array], arm: Arm) -> list[Array]:
-    """(m, n) weighted residual of every run without the columns that are always free.
+    """(m, n) weighted residual of every run less the columns that are always free, and what sampling put there.
 
-    These are fitted together with a constant parameter.
+    These are estimated in turns with the walk of the parameter, as each may take what belongs to the others; first with
+    a constant parameter.
     """
-    side = dataset_of(runs)
-    free = free_columns(side, arm)
-    x = np.column_stack([np.concatenate(columns).T.ravel(), *(one.dense(len(side.y)) for one in free)])
-    coefficients = np.linalg.lstsq(x, side.y, rcond=None)[0]
-    residual = (side.y - x[:, 1:] @ coefficients[1:]).reshape(-1, side.rows).T
-    return np.split(residual, np.cumsum([len(run.t) for run in runs])[:-1])
+    side = dataset_of([run.without_ripple for run in runs])
+    ends = np.cumsum([len(run.t) for run in runs])[:-1]
+
+    def by_run(values: Array) -> list[Array]:
+        return np.split(values.reshape(-1, side.rows).T, ends)
+
+    # near standstill the parameter has no column: what it does there would be taken for what is free
+    known = _flat(comparable_rows(run).astype(float) for run in runs)
+    y, none = known * side.y, np.empty((len(side.y), 0))
+    free = np.column_stack([none, *(one.dense(len(y)) for one in free_columns(side, arm))]) * known[:, None]
+    own = _flat(columns)
+    always = free @ np.linalg.lstsq(np.column_stack([own, free]), y, rcond=None)[0][1:]
+    hidden = np.zeros_like(y)
+    for _ in range(ROUNDS if own.any() else 0):
+        steps = [_steps(one, column) for one, column in zip(by_run(y - always - hidden), columns)]
+        ratio, _ = strength(steps)
+        walk = _flat(
+            column * _at_rows(run, smoothed(*step, ratio)[0]) for run, step, column in zip(runs, steps, columns)
+        )
+        hidden = _flat(run.hidden_in(one) for run, one in zip(runs, by_run(y - walk - always)))
+        always = free @ np.linalg.lstsq(free, y - walk - hidden, rcond=None)[0]
+    return by_run(y - always - hidden)
+
+
+def _flat(parts: Iterable[Array]) -> Array:
+    """(n * rows,) of (m, n) of every run, joint after joint."""
+    return np.concatenate(list(parts)).T.ravel()
+
+
+def _at_rows(run: Run, x: Array) -> Array:
+    """(m, 1) of values (s,) of every ``STEP``."""
+    return np.interp(run.t, run.t[0] + STEP * (np.arange(len(x)) + 0.5), x)[:, None]
 
 
 def _steps(residual: Array, column: Array) -> tuple[Array, Array]:

@@ -22,6 +22,10 @@ END_SECONDS = 0.1
 """Beginning of a recording that is excluded: filter transient and start of the drives."""
 MAD_TO_STD = 1.4826
 """Std of normal noise over its median absolute value."""
+TOP, SEGMENT = 0.7, 128
+"""Share of the Nyquist frequency from which on noise is looked for, and rows of a spectrum: half a second at 250 Hz."""
+CLIPPED, ROUNDS, SETTLED = 4.0, 20, 0.999
+"""Times the mean power from which on a power is no noise (2 % of noise are), and when their iteration has an end."""
 STILL_SECONDS = 0.2
 """Shortest standstill of the whole arm from which noise is estimated."""
 
@@ -34,10 +38,50 @@ def scatter(values: Array) -> Array:
     return deviation
 
 
+def floor(values: Array) -> Array:
+    """(n,) std of white noise on (m, n) samples, between the lines of servos whose setpoints come every few rows.
+
+    The smaller of ``scatter``, which passes over what fills few rows, as steps of friction and single transients, and
+    of the floor of the spectrum, which passes over what fills few frequencies: these lines, their side bands, and
+    whatever aliases above 0.7 of the Nyquist frequency.
+    """
+    deviation, (sections, _) = scatter(values), _high_pass()
+    rows = min(SEGMENT, len(values))
+    frequency, _, spectra = signal.stft(
+        zero_phase(sections, values),
+        2.0,
+        nperseg=rows,
+        noverlap=rows // 2,
+        axis=0,
+        boundary=None,
+        padded=False,
+        scaling="psd",
+    )
+    inside = (frequency >= TOP) & (frequency < 1.0 - 2.0 / rows)
+    if not inside.any():
+        return deviation
+    _, response = signal.sosfreqz(sections, np.pi * frequency[inside])
+    power = 2.0 * np.abs(spectra[inside]) ** 2 / np.abs(response[:, None, None]) ** 4
+    lowest = np.array([_mean_of_noise(power[:, j].ravel()) for j in range(values.shape[1])])
+    return np.minimum(deviation, np.sqrt(lowest))
+
+
+def _mean_of_noise(power: Array) -> float:
+    """Mean of powers (k,) of noise, exponentially distributed, among which fewer than half are larger for a reason."""
+    mean = float(np.median(power)) / np.log(2.0)
+    inside = 1.0 - CLIPPED / np.expm1(CLIPPED)
+    for _ in range(ROUNDS):
+        kept = power[power < CLIPPED * mean]
+        if not len(kept) or (less := float(kept.mean()) / inside) > SETTLED * mean:
+            break
+        mean = less
+    return mean
+
+
 @cache
 def _high_pass() -> tuple[Array, float]:
     """Sections, and the share of white noise's power that passes them, forwards and back."""
-    sections = signal.butter(4, 0.7, "highpass", output="sos")
+    sections = signal.butter(4, TOP, "highpass", output="sos")
     _, response = signal.sosfreqz(sections, 1000)
     return sections, float(np.mean(np.abs(response) ** 4))
 
@@ -48,10 +92,12 @@ class KnownNoise:
 
     still   (n,) A: std of the currents at standstill; 0 where it is not known
     steps   (n,) rad: of the encoders, for angles that were interpolated and show them no more; None: as the angles show
+    setpoint_period  s: of the servos' setpoints, as the demands show; 0: unknown, or as the model says
     """
 
     still: Array | float = 0.0
     steps: Array | None = None
+    setpoint_period: float = 0.0
 
 
 NOTHING_KNOWN = KnownNoise()

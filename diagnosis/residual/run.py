@@ -24,7 +24,6 @@ from arm_model.effects import Signals, described
 from arm_model.rigid_body import drive_mass_matrix
 from arm_model.rigid_body.regressor import regressor
 from arm_model.system import inverse_dynamics, mass_matrix_along, rigid_torque_along
-from diagnosis.residual.beats import beat_variance, steps_of
 from diagnosis.residual.expected_current import (
     COLUMN_BAND,
     COMPARE_BAND,
@@ -37,17 +36,17 @@ from diagnosis.residual.expected_current import (
     true_angle,
 )
 from diagnosis.residual.folded import folded_currents, rows_per_setpoint
-from diagnosis.residual.noise import NOTHING_KNOWN, KnownNoise, angle_noise, encoder_steps, scatter
+from diagnosis.residual.instrument_noise import channel_noise, row_by_row
+from diagnosis.residual.noise import NOTHING_KNOWN, KnownNoise, encoder_steps
 from diagnosis.residual.perpendicular import beside
-from identification.preprocessing import UNSEEN, drifting
+from diagnosis.residual.setpoint_ripple import DIRECTIONS, folded_onto, ripple_beside, unseen_directions
+from identification.preprocessing import UNSEEN, folding_line, period_of
 
 ROWS_PER_SECOND = 100
 ROWS_FOR_ONE = ROWS_PER_SECOND / (2.0 * COMPARE_BAND)
 """Rows that count as one: the filters leave 2 x COMPARE_BAND independent values per second."""
 KEPT = 8
 """Residuals of one recording under other effects that are kept."""
-AHEAD = 0.02
-"""s by which setpoints are ahead of the motion: the delay of a servo with a bandwidth of 8 Hz."""
 CREEP = 0.02
 """rad/s (m/s): below it friction depends on more than the velocity."""
 
@@ -60,8 +59,9 @@ class Run:
     n) rad and per second of the motor over gear; current, expected, residual (m, n) A; current_rate A/s;
     rigid (m, n) N m: torque to the links; inertia (m, n) kg m2 of the links alone; both at the drives, where joints are
     coupled;
-    folded (m, n) A: one std of what sampling may have put into the currents unseen (``identification.preprocessing``),
-    where rows come at this many ``setpoint_rows`` per setpoint of the controller, stated or seen (0: not so);
+    folded (m, n) A: one std of what sampling may have put into the currents unseen (``setpoint_ripple``); rippled (m,
+    n, d) A: the same of lines that are seen beside 0 Hz; setpoint_period s: of the servos, as model
+    or demands say (0: neither does); setpoint_rows: rows per setpoint that the currents show then;
     brisk_v, brisk_rigid: v and rigid from the motion in the band of comparison, less smooth and noisier;
     noise (n,) A: std of the residual from the instruments alone; instruments (m, n) A: the same row by row, larger
     where steps of an encoder beat with the rows (``beats``); deviation (m, n) A: std that the residual has with nothing
@@ -89,9 +89,11 @@ class Run:
     noise: Array
     instruments: Array
     folded: Array
-    setpoint_rows: int
+    rippled: Array
     block: NDArray[np.intp]
     arm: Arm
+    setpoint_period: float = 0.0
+    setpoint_rows: int = 0
     powered: bool = True
     own: tuple[EffectTerm, ...] = ()
     own_directions: Array | None = None
@@ -167,9 +169,9 @@ class Run:
     def whiten(self, values: Array) -> Array:
         """Values (m, n) or (m, n, k) A over the std that they would have with nothing wrong.
 
-        Along ``folded``, its drift as two clocks diverge, and where no line shows how much it is, its shift against the
-        motion that a servo makes of setpoints, a residual of one std more is no evidence: the inverse root of the
-        covariance 1 + f f^T, in the recording and joint that f belongs to.
+        Along ``folded`` and ``rippled``, their drift as two clocks diverge, and where no line shows how much it is, its
+        shift against the motion that a servo makes of setpoints, a residual counts less (``unseen_directions``), in the
+        recording and joint that these belong to.
         """
         over = self.deviation.reshape(*self.deviation.shape, *[1] * (values.ndim - 2))
         white: Array = values / over
@@ -190,20 +192,30 @@ class Run:
 
     def less_folded(self, values: Array) -> Array:
         """Values (m, n) A less as much of what sampling may have put into them unseen as ``whiten`` does not count."""
-        return self.deviation * replace(self, own_directions=None).whiten(values) if self.folded.any() else values
+        return self.deviation * replace(self, own_directions=None).whiten(values) if self._unseen else values
+
+    @property
+    def without_ripple(self) -> Run:
+        """The run as if sampling could hide nothing that servos do at setpoints."""
+        return replace(self, folded=np.zeros_like(self.folded), rippled=np.zeros_like(self.rippled))
+
+    def hidden_in(self, white: Array) -> Array:
+        """(m, n): of a residual over its std (m, n), what sampling most likely put there (posterior mean)."""
+        hidden = np.zeros_like(white)
+        for part, j, basis, less in self._unseen:
+            hidden[part, j] = basis @ ((1.0 - (1.0 - less) ** 2) * (basis.T @ white[part, j]))
+        return hidden
 
     @cached_property
     def _unseen(self) -> list[tuple[slice, int, Array, Array]]:
         """Rows, joint, orthonormal directions (r, k) of what folds there, and the share by which these count less."""
-        found, of_unseen = [], self.setpoint_rows == UNSEEN and self.arm.controller is not None
-        for part, j in itertools.product(self.parts, np.flatnonzero(self.folded.any(axis=0)).tolist()):
-            over, folded = 1.0 / self.deviation[part, j], self.folded[part, j]
-            own = drifting(folded * over, self.t[part] - self.t[part][0])
-            if of_unseen:
-                # the setpoints make the ripple, and the motion follows them later
-                own = np.column_stack([own, AHEAD * ROWS_PER_SECOND * np.gradient(folded) * over])
-            basis, size, _ = np.linalg.svd(own, full_matrices=False)
-            found.append((part, j, basis, 1.0 - 1.0 / np.sqrt(1.0 + size**2)))
+        found, of_unseen = [], folding_line(self.setpoint_period, rate_of(self.raw[0])) == UNSEEN
+        matters = self.folded.any(axis=0) | self.rippled.any(axis=(0, 2))
+        for part, j in itertools.product(self.parts, np.flatnonzero(matters).tolist()):
+            over, t = 1.0 / self.deviation[part, j], self.t[part] - self.t[part][0]
+            folded, rippled = self.folded[part, j] * over, self.rippled[part, j] * over[:, None]
+            directions = unseen_directions(folded, rippled, t, of_unseen=of_unseen, per_second=ROWS_PER_SECOND)
+            found.append((part, j, *directions))
         return found
 
 
@@ -227,7 +239,8 @@ def residual_run(
         return low_pass(values, COMPARE_BAND, rate)[keep]
 
     moved = drive_mass_matrix(bent, q[:: max(1, len(q) // 50)]) / constant[:, None]
-    noise = channel_noise(q, i, moved, rate, known)
+    period = known.setpoint_period or period_of(arm)
+    noise = channel_noise(q, i, moved, rate, known, period)
     # Columns are made from a motion smoothed further: what they have in common with the noise of the residual would
     # look like a cause.
     low, slow_v, slow_a = (low_pass(values, COLUMN_BAND, rate)[keep] for values in (position, v, a))
@@ -240,9 +253,15 @@ def residual_run(
     friction_std = coulomb * uncertain * powered
     rows, current, expected = t[keep], thin(i), thin(reading(arm, t, q, powered=powered, motion=(position, v, a)))
     block = ((rows - rows[0]) // 1.0).astype(np.intp)
-    instruments = _row_by_row(noise, q, slow_v, moved, rate, known)
-    setpoint_rows = rows_per_setpoint(arm, i, a, rate) if powered else 0
+    instruments = row_by_row(noise, q, slow_v, moved, rate, known)
     brisk = [thin(values) for values in (position, v, a)]
+    folded, rippled = np.zeros_like(instruments), np.zeros((*instruments.shape, DIRECTIONS))
+    setpoint_rows = rows_per_setpoint(arm, i, a, rate) if powered and not period else 0
+    if setpoint_rows:
+        folded = folded_currents(arm, (t, angle, i), setpoint_rows, keep, brisk[2], noise)
+    elif powered and period:
+        folded = folded_onto(arm, (t, angle, i), brisk[2], noise, keep, period)
+        rippled = ripple_beside(arm, (t, angle, i), noise, keep, period)
     return Run(
         name=name,
         raw=(t, q),
@@ -260,10 +279,12 @@ def residual_run(
         deviation=np.hypot(instruments, friction_std),
         noise=noise,
         instruments=instruments,
-        folded=folded_currents(arm, (t, angle, i), setpoint_rows, keep, brisk[2], noise),
-        setpoint_rows=setpoint_rows,
+        folded=folded,
+        rippled=rippled,
         block=block,
         arm=arm,
+        setpoint_period=period,
+        setpoint_rows=setpoint_rows,
         powered=powered,
     )
 
@@ -284,42 +305,6 @@ def merged(runs: Sequence[Run]) -> Run:
 def kept(rate: float) -> slice:
     """Rows of a recording at ``rate`` Hz that are kept: ROWS_PER_SECOND of them, without filter transients."""
     return slice(int(0.2 * rate), -int(0.2 * rate), max(1, round(rate / ROWS_PER_SECOND)))
-
-
-def passed(frequency: Array) -> Array:
-    """Share of an oscillation at ``frequency`` Hz that passes the filters of motion and comparison."""
-    # the eighth power by squaring: numpy's takes ten times as long
-    compare, motion = (np.square(np.square(np.square(frequency / band))) for band in (COMPARE_BAND, MOTION_BAND))
-    share: Array = 1.0 / (1.0 + compare) / (1.0 + motion)
-    return share
-
-
-def channel_noise(q: Array, i: Array, inertia: Array, rate: float, known: KnownNoise) -> Array:
-    """(n,) A: standard deviation of the residual from the instruments alone, in the band of comparison.
-
-    inertia (k, n, n) A s2/rad: currents per acceleration, at some rows.
-    Current: its scatter, taken for white, or its std at standstill, if that is known and larger.
-    Angle: its step or scatter, through two differentiations and the joint's own inertia. See ``noise``.
-    """
-    white = scatter(i)
-    frequency = np.linspace(0.0, rate / 2, 2000)
-    through = passed(frequency)
-    share = np.trapezoid(1.0 / (1.0 + (frequency / COMPARE_BAND) ** 8) ** 2, frequency) / (rate / 2)
-    wobble = np.trapezoid(((2 * np.pi * frequency) ** 2 * through) ** 2, frequency) / (rate / 2)
-    own = inertia.diagonal(axis1=1, axis2=2).mean(axis=0)
-    from_angle = own * angle_noise(q, known.steps) * np.sqrt(wobble)
-    from_current = np.maximum(white * np.sqrt(share), known.still)
-    return np.hypot(from_current, from_angle) + 1e-9
-
-
-def _row_by_row(noise: Array, q: Array, v: Array, inertia: Array, rate: float, known: KnownNoise) -> Array:
-    """(m, n) A: ``noise`` (n,) or, at speeds v (m, n) at which encoder steps beat with the rows, what the beats leave.
-
-    inertia: as of ``channel_noise``.
-    An acceleration that is wrong at one joint is wrong in the currents of all that its inertia couples.
-    """
-    beats = beat_variance(v, steps_of(q, known.steps), rate, lambda f: (2 * np.pi * f) ** 2 * passed(f))
-    return np.sqrt(np.maximum(noise**2, beats @ np.mean(inertia**2, axis=0).T))
 
 
 def residual_with(run: Run, terms: Sequence[EffectTerm]) -> Array:

@@ -16,6 +16,7 @@ from arm_model.servo import fixed_gains
 from arm_model.tables import recorded_temperatures
 from daq.recording import Recording
 from experiment import Payload, Setup
+from identification.preprocessing import period_of, setpoint_period
 
 
 def setup_of(recording: Recording) -> Setup:
@@ -38,3 +39,10 @@ def loaded(arm: Arm, payload: Payload | None) -> Arm:
     values = values_of(PAYLOAD, payload.parameters)
     carrying: Arm = PAYLOAD.change(fixed_gains(arm), None, values)
     return carrying
+
+
+def setpoints_of(arm: Arm, recording: Recording) -> float:
+    """s between the setpoints of a recording's servos: as the arm's controller or the demands say; 0: neither does."""
+    if arm.controller is not None or recording.qref is None:
+        return period_of(arm)
+    return setpoint_period(recording.qref, recording.dt)

@@ -16,7 +16,7 @@ from daq.recording import Recording
 from diagnosis.residual.comparable_rows import comparable_rows, rms_where
 from diagnosis.residual.noise import KnownNoise, still_noise
 from diagnosis.residual.run import Run, residual_run, residual_with
-from diagnosis.residual.run_setup import set_up, setup_of
+from diagnosis.residual.run_setup import set_up, setpoints_of, setup_of
 from diagnosis.screening.counter_gaps import CounterGap, counter_gaps, put_back, without_weight
 from diagnosis.screening.counter_gaps import event_of as event_of_gaps
 from diagnosis.screening.current_limit import current_limits
@@ -78,7 +78,8 @@ def screened(
     recordings = list(recordings)
     check(arm, recordings)
     progress("searching for events in raw rows")
-    known = KnownNoise(still=still_noise([r for r in recordings if not setup_of(r).drives_off]))
+    still = still_noise([r for r in recordings if not setup_of(r).drives_off])
+    known = [KnownNoise(still=still, setpoint_period=setpoints_of(arm, r)) for r in recordings]
     missing = missing_rows(recordings)
     of_all = [event_of_missing(missing, recordings)] if any(missing) else []
     by_all = [gaps_of(instants, r.joints, r.dt) for r, instants in zip(recordings, missing)]
@@ -95,20 +96,20 @@ def screened(
         recordings=tuple(recordings),
         events=events,
         samples=[(r.t, without_jumps(r, index, events), without_hum(r, events)) for index, r in enumerate(recordings)],
-        known=[known] * len(recordings),
+        known=known,
         counter_gaps=tuple((*own, *single) for own, single in zip(by_all, gaps)),
         remarks=tuple(other_lines(lines, arm)),
     )
 
 
 def _counter_gaps(
-    arm: Arm, recordings: Sequence[Recording], known: KnownNoise
+    arm: Arm, recordings: Sequence[Recording], known: Sequence[KnownNoise]
 ) -> tuple[tuple[tuple[CounterGap, ...], ...], list[Event]]:
     """Rows that single counters lost in each recording, and the event that they are."""
 
     def residual(k: int, q: Array) -> Run:
         r, setup = recordings[k], setup_of(recordings[k])
-        return residual_run(r.path.name, set_up(arm, r), r.t, q, r.i, powered=not setup.drives_off, known=known)
+        return residual_run(r.path.name, set_up(arm, r), r.t, q, r.i, powered=not setup.drives_off, known=known[k])
 
     gaps = tuple(tuple(counter_gaps(r.q, r.dt, partial(residual, k))) for k, r in enumerate(recordings))
     return gaps, [event_of_gaps(gaps, recordings, residual)] if any(gaps) else []

@@ -28,7 +28,8 @@ from diagnosis.residual.expected_current import (
     through_gap,
     wound_up,
 )
-from diagnosis.residual.run import ROWS_PER_SECOND, Run, passed, signals_of
+from diagnosis.residual.instrument_noise import passed
+from diagnosis.residual.run import ROWS_PER_SECOND, Run, signals_of
 from diagnosis.selection.candidate import Candidate
 
 

@@ -1,0 +1,47 @@
+"""What the instruments leave in a residual current, in the band of comparison: transducers, and steps of encoders."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from arm_io.types import Array
+from diagnosis.residual.beats import beat_variance, steps_of
+from diagnosis.residual.expected_current import COMPARE_BAND, MOTION_BAND
+from diagnosis.residual.noise import KnownNoise, angle_noise, floor, scatter
+
+
+def passed(frequency: Array) -> Array:
+    """Share of an oscillation at ``frequency`` Hz that passes the filters of motion and comparison."""
+    # the eighth power by squaring: numpy's takes ten times as long
+    compare, motion = (np.square(np.square(np.square(frequency / band))) for band in (COMPARE_BAND, MOTION_BAND))
+    share: Array = 1.0 / (1.0 + compare) / (1.0 + motion)
+    return share
+
+
+def channel_noise(q: Array, i: Array, inertia: Array, rate: float, known: KnownNoise, period: float) -> Array:
+    """(n,) A: standard deviation of the residual from the instruments alone, in the band of comparison.
+
+    inertia (k, n, n) A s2/rad: currents per acceleration, at some rows; period s: of the servos' setpoints, 0: unknown.
+    Current: its scatter, taken for white, or its std at standstill, if that is known and larger. What servos do at
+    setpoints of a known period is no noise (``setpoint_ripple``).
+    Angle: its step or scatter, through two differentiations and the joint's own inertia. See ``noise``.
+    """
+    white = floor(i) if period else scatter(i)
+    frequency = np.linspace(0.0, rate / 2, 2000)
+    through = passed(frequency)
+    share = np.trapezoid(1.0 / (1.0 + (frequency / COMPARE_BAND) ** 8) ** 2, frequency) / (rate / 2)
+    wobble = np.trapezoid(((2 * np.pi * frequency) ** 2 * through) ** 2, frequency) / (rate / 2)
+    own = inertia.diagonal(axis1=1, axis2=2).mean(axis=0)
+    from_angle = own * angle_noise(q, known.steps) * np.sqrt(wobble)
+    from_current = np.maximum(white * np.sqrt(share), known.still)
+    return np.hypot(from_current, from_angle) + 1e-9
+
+
+def row_by_row(noise: Array, q: Array, v: Array, inertia: Array, rate: float, known: KnownNoise) -> Array:
+    """(m, n) A: ``noise`` (n,) or, at speeds v (m, n) at which encoder steps beat with the rows, what the beats leave.
+
+    inertia: as of ``channel_noise``.
+    An acceleration that is wrong at one joint is wrong in the currents of all that its inertia couples.
+    """
+    beats = beat_variance(v, steps_of(q, known.steps), rate, lambda f: (2 * np.pi * f) ** 2 * passed(f))
+    return np.sqrt(np.maximum(noise**2, beats @ np.mean(inertia**2, axis=0).T))

@@ -1,0 +1,87 @@
+"""What servos do at setpoints, where sampling puts it into the band of a residual (``aliased_ripple``).
+
+Every setpoint causes a transient of the current, in proportion to the acceleration. The model of a current along the
+measured motion does not have it: it would take the motion within the transient. Between setpoints and rows it is a sum
+of lines; some of them are seen at 0 Hz, where they are an inertia that is not there, or at some Hz beside, where they
+are an oscillation without a cause. How large these may be follows from the lines that are seen elsewhere.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from arm_io.types import Array
+from arm_model import Arm
+from diagnosis.residual.expected_current import COMPARE_BAND, low_pass, rate_of
+from diagnosis.residual.folded import FEW_ROWS, FOLDED
+from identification.preprocessing import (
+    UNSEEN,
+    drifting,
+    folding_line,
+    line_onto_zero,
+    lines_beside_zero,
+    whole_rows,
+)
+
+Samples = tuple[Array, Array, Array]
+
+AHEAD = 0.02
+"""s by which setpoints are ahead of the motion: the delay of a servo with a bandwidth of 8 Hz."""
+DIRECTIONS = 6
+"""Of lines beside 0 Hz: a cosine and a sine of each of three."""
+
+
+def folded_onto(arm: Arm, samples: Samples, a: Array, noise: Array, kept: slice, period: float) -> Array:
+    """(m, n) A: one std of what sampling may have put into currents unseen, of joints where that matters.
+
+    samples: t (k,) s, q (k, n) rad, i (k, n) A; a: (m, n) the acceleration in the band of comparison; kept: the rows m
+    of the k. period s: of the setpoints; 0: unknown. Of two rows per setpoint, it is all of the acceleration times
+    1 kg m2 (kg). From many rows on, the line that folds is far below what those that are seen allow.
+    """
+    (t, q, i), constant = samples, arm.joint_array("drive_constant")
+    rate = rate_of(t)
+    line = folding_line(period, rate)
+    if line == UNSEEN:
+        return a / constant
+    torque = line_onto_zero(t, q, i * constant, period)
+    if torque is None:
+        return np.zeros_like(a)
+    folded = torque[kept] / constant
+    few = 0 < whole_rows(period, rate) <= FEW_ROWS
+    return np.asarray(folded * (few | (np.sqrt(np.mean(folded**2, axis=0)) > FOLDED * noise)))
+
+
+def ripple_beside(arm: Arm, samples: Samples, noise: Array, kept: slice, period: float) -> Array:
+    """(m, n, DIRECTIONS) A: one std of lines of the setpoints that are seen beside 0 Hz.
+
+    Arguments as of ``folded_onto``.
+    """
+    (t, q, i), constant = samples, arm.joint_array("drive_constant")
+    rate = rate_of(t)
+    columns = np.zeros((len(t[kept]), len(arm), DIRECTIONS))
+    for k, (hz, torque) in enumerate(lines_beside_zero(t, q, i * constant, period)):
+        angle = 2 * np.pi * hz * (t - t[0])[:, None]
+        for part, wave in enumerate((np.cos(angle), np.sin(angle))):
+            one = low_pass(wave * torque / constant, COMPARE_BAND, rate)[kept]
+            columns[..., 2 * k + part] = one * (np.sqrt(np.mean(one**2, axis=0)) > FOLDED * noise)
+    return columns
+
+
+def unseen_directions(
+    folded: Array, beside: Array, t: Array, *, of_unseen: bool, per_second: float
+) -> tuple[Array, Array]:
+    """Orthonormal directions (m, r) in which a residual over its std counts less, and the shares (r,) by which.
+
+    folded (m,), beside (m, d): of one joint, over the std of the residual, at t (m,) s of a recording from 0;
+    of_unseen: no line shows how much folds. Along one std of what may be there more is no evidence: the inverse root of
+    the covariance 1 + f f^T.
+    """
+    own = [drifting(folded, t)]
+    if of_unseen:
+        # the setpoints make the ripple, and the motion follows them later
+        own.append(AHEAD * per_second * np.gradient(folded)[:, None])
+    if beside.any():
+        lines = beside[:, beside.any(axis=0)]
+        own.append(drifting(lines, t).reshape(len(t), -1))
+    basis, size, _ = np.linalg.svd(np.column_stack(own), full_matrices=False)
+    return basis, 1.0 - 1.0 / np.sqrt(1.0 + size**2)
