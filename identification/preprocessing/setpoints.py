@@ -30,11 +30,13 @@ def setpoint_period(demands: Array, dt: float) -> float:
     line = np.abs(np.fft.rfft(pulses, several))
     frequency = np.fft.rfftfreq(several, dt)
     inside = (frequency > SLOWEST) & (frequency < 1.0 / (FEWEST * dt))
-    if not inside.any():
+    sharp = np.flatnonzero(inside & (line > SHARP * pulses.sum()))
+    if not len(sharp):
         return 0.0
-    best = int(np.argmax(np.where(inside, line, 0.0)))
-    if line[best] < SHARP * pulses.sum():
-        return 0.0
+    # the first line: where setpoints come at a row each, all its multiples are as strong
+    best = int(sharp[0])
+    while best + 2 < len(line) and line[best + 1] > line[best]:
+        best += 1
     # the top of the line, between the frequencies of the spectrum
     low, top, high = line[best - 1 : best + 2]
     between = 0.5 * (low - high) / min(low - 2 * top + high, -1e-30)

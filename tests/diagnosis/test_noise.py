@@ -6,10 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy import signal
 
 from diagnosis.residual.expected_current import COMPARE_BAND, low_pass
-from diagnosis.residual.noise import angle_noise, scatter, still_noise
+from diagnosis.residual.noise import angle_noise, floor, scatter, still_noise
 
 RATE, ROWS = 1000.0, 15000
 
@@ -33,6 +35,41 @@ def _angle() -> np.ndarray:
 def test_white_noise_is_told_from_what_moves() -> None:
     rng = np.random.default_rng(1)
     assert scatter(_angle() + rng.normal(0, [1e-3, 2e-2], (ROWS, 2))) == pytest.approx([1e-3, 2e-2], rel=0.05)
+
+
+@settings(max_examples=25)
+@given(
+    rate=st.sampled_from([250.0, 500.0, 1000.0, 2000.0]),
+    period=st.sampled_from([0.004, 0.008, 0.01, 0.02, 0.028]),
+    strength=st.floats(0.0, 30.0),
+    step=st.sampled_from([0.0, 0.5, 2.0]),
+    colour=st.sampled_from([0.0, 1.0]),
+    seed=st.integers(0, 999),
+)
+def test_noise_beside_what_a_servo_does(
+    rate: float, period: float, strength: float, step: float, colour: float, seed: int
+) -> None:
+    """The std of white noise: beside motion, transients at setpoints, friction that turns round, colour, quantisation.
+
+    strength, step, colour: of transients, of the last digit and of correlated noise, in std of the noise. Transients
+    ring behind every setpoint in proportion to the acceleration, which is 0 for half of the time; sampled, they are
+    lines at any multiple of 1/period, some of them aliases, with side bands.
+    """
+    rng, noise = np.random.default_rng(seed), 0.01
+    t = np.arange(round(12.0 * rate)) / rate
+    moving = np.sin(2 * np.pi * 0.25 * t) > 0.0
+    since = np.mod(t + rng.uniform(0.0, period), period)
+    ring = np.exp(-since / 0.003) * np.sin(2 * np.pi * 90.0 * since) * np.sin(2 * np.pi * 0.5 * t) * moving
+    values = 2.0 * np.sin(2 * np.pi * 0.25 * t) + 0.3 * np.sign(np.cos(2 * np.pi * 0.25 * t))
+    values += noise * strength * ring / np.std(ring)
+    keep = np.exp(-1.0 / (0.1 * rate))
+    values += colour * noise * signal.lfilter([np.sqrt(1 - keep**2)], [1.0, -keep], rng.normal(size=len(t)))
+    values += noise * rng.normal(size=len(t))
+    if step:
+        values = np.round(values / (step * noise)) * step * noise
+    # correlated noise has this share of its density beside the highest frequency
+    expected = noise * np.sqrt(1.0 + step**2 / 12 + colour**2 * (1 - keep**2) / (1 + keep) ** 2)
+    assert floor(values[:, None]) == pytest.approx([expected], rel=0.3)
 
 
 @pytest.mark.parametrize("noise", [0.0, 1.5])

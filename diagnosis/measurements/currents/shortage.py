@@ -63,8 +63,10 @@ def shortage(found: Found) -> Shortage | None:
     ]
     if not short:
         return None
+    most = max(len(joints) for _, _, joints in short)
+    short = [one for one in short if len(one[2]) == most]
     best = max(score.gain for score, _, _ in short)
-    # the simplest of those that nearly explain as much
+    # the simplest of those that explain what is left at as many joints, and nearly as much
     score, chance, joints = min(
         (one for one in short if one[0].gain > model.limits.ambiguity * best),
         key=lambda one: (len(one[0].coefficients), -one[0].gain),

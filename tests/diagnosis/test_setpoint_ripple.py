@@ -1,0 +1,104 @@
+"""What servos do at setpoints is neither noise nor structure, at any ratio of the rates of rows and setpoints."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import armscope
+from arm_model import Arm, EffectTerm
+from arm_model.sensing import recorded
+from arm_model.simulation import simulate
+from daq.recording import Attachments, Recording, open_recording, write_table
+from diagnosis.residual.expected_current import COMPARE_BAND
+from diagnosis.residual.noise import scatter
+from diagnosis.residual.run import Run, residual_run
+from diagnosis.residual.run_setup import setpoints_of
+
+NOISE, STEP = 0.01, 1.5e-6
+Sample = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+
+
+@pytest.fixture(scope="module")
+def arm(root: Path) -> Arm:
+    """Two links with a setpoint every 10 ms, as of a simulated fleet."""
+    return armscope.read_model(root / "config/models/two_link.toml")
+
+
+def _sampled(arm: Arm, rate: float, number: int = 0, seconds: float = 10.0) -> Sample:
+    """t (m,) s; q (m, 2) rad, i (m, 2) A and setpoints (m, 2) rad as straight lines, at ``rate`` rows/s."""
+    t, phase = np.arange(int(seconds * rate)) / rate, np.random.default_rng(number).uniform(0, 6, (2, 3))
+    turns = 2 * np.pi * np.outer(np.arange(int(100 * seconds) + 2) / 100, [0.17, 0.47, 1.3])
+    begun = np.minimum(np.arange(len(turns)) / 150, 1.0)[:, None]
+    begun = begun**3 * (10 - 15 * begun + 6 * begun**2)
+    plan = begun * np.stack([np.sin(turns + one) @ np.array([0.5, 0.28, 0.08]) for one in phase], axis=1)
+    knots = np.arange(len(turns)) / 100
+
+    def demand(times: np.ndarray) -> np.ndarray:
+        return np.column_stack([np.interp(times, knots, one) for one in plan.T])
+
+    motion = simulate(arm, demand, duration=float(t[-1]), rate=rate, times=t)
+    shown, noise = recorded(arm, motion), np.random.default_rng([number, 1]).standard_normal((len(t), 2))
+    return t, np.round(shown.q / STEP) * STEP, shown.current + NOISE * noise, demand(t)
+
+
+@pytest.mark.parametrize("rate", [200.0, 240.0, 250.0, 333.0, 500.0])
+def test_a_healthy_arm_is_left_at_the_true_noise(arm: Arm, rate: float) -> None:
+    """The fifth line of the setpoints falls onto 0 Hz at 250 and 500 rows/s, to 20 Hz at 240, all lines do at 200."""
+    t, q, i, _ = _sampled(arm, rate)
+    run = residual_run("healthy", arm, t, q, i)
+    frequency = np.linspace(0.0, rate / 2, 2000)
+    share = np.trapezoid(1.0 / (1.0 + (frequency / COMPARE_BAND) ** 8) ** 2, frequency) / (rate / 2)
+    assert run.noise == pytest.approx(NOISE * np.sqrt(share), rel=0.25)
+    assert scatter(i)[0] > 6 * NOISE  # what their lines would have counted as
+    left = np.sqrt(np.mean(run.whitened**2, axis=0))
+    assert np.all((left > 0.6) & (left < 1.2))
+
+
+def test_the_ripple_beside_zero_counts_for_little(arm: Arm) -> None:
+    """At 240 rows/s the fifth line, an oscillation of 20 Hz, is twice the noise."""
+    t, q, i, _ = _sampled(arm, 240.0)
+    run = residual_run("healthy", arm, t, q, i)
+    rms: Callable[[Run], float] = lambda one: float(np.sqrt(np.mean(one.whitened[:, 0] ** 2)))  # noqa: E731
+    assert rms(run) < 1.2 < 1.7 < rms(replace(run, rippled=np.zeros_like(run.rippled)))
+    assert np.all(run.hidden_in(run.residual / run.deviation)[:, 1] != 0.0)
+
+
+@pytest.fixture
+def recordings(arm: Arm, tmp_path: Path) -> Callable[..., list[Recording]]:
+    def record(*effects: EffectTerm) -> list[Recording]:
+        worn, found = replace(arm, effects=effects), []
+        for number in range(2):
+            t, q, i, qref = _sampled(worn, 250.0, number)
+            path = tmp_path / f"{number}.mcap"
+            write_table(path, t, {"q": q, "i": i, "qref": qref}, Attachments())
+            found.append(open_recording(path))
+        return found
+
+    return record
+
+
+def test_small_viscous_friction_is_no_current_gain(arm: Arm, recordings: Callable[..., list[Recording]]) -> None:
+    """Setpoints every 10 ms and 250 rows/s: with the servos' lines for noise, a gain of the current was named."""
+    fit, held_out = recordings(EffectTerm("viscous_friction", 1, {"viscous": 0.3}))
+    found = armscope.diagnose(fit, arm, held_out=held_out)
+    assert [(one.effect, one.joint) for one in found.causes] == [("viscous_friction", 1)]
+    viscous = found.causes[0].parameters[0]
+    assert found.verdict == "explained" and abs(viscous.value - 0.3) < 2 * viscous.std < 0.05
+
+
+def test_a_model_without_controller_learns_of_the_setpoints_from_the_demands(
+    arm: Arm, recordings: Callable[..., list[Recording]]
+) -> None:
+    fit, held_out = recordings()
+    bare = replace(arm, controller=None)
+    assert setpoints_of(bare, fit) == pytest.approx(0.01, rel=1e-4)
+    assert setpoints_of(bare, replace(fit, qref=None)) == 0.0
+    found = armscope.diagnose(fit, bare, held_out=held_out)
+    assert found.verdict == "consistent"
+    assert found.details.fit[0].noise[0] < 0.01
+    assert any("250 Hz is 2.5 times the rate" in one for one in found.details.warnings)
