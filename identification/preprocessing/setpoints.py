@@ -15,8 +15,11 @@ SLOWEST, FEWEST = 5.0, 2.2
 SHARP = 0.5
 """Share of the pulses that must be in step with the line of their rate: of 2.5 rows per setpoint 0.57 are, of more
 rows more."""
-LARGEST = 20.0
-"""Times the median pulse: what is larger is no corner of a smooth motion, as a start, and counts as this."""
+LARGEST = 3.0
+"""Times the median pulse: where few corners are much sharper than others, as of a motion from point to point, these
+would make the line as wide as their moves are short."""
+OCTAVE = 1.5
+"""Below it there is no other multiple of the first line."""
 
 
 def setpoint_period(demands: Array, dt: float) -> float:
@@ -33,10 +36,9 @@ def setpoint_period(demands: Array, dt: float) -> float:
     sharp = np.flatnonzero(inside & (line > SHARP * pulses.sum()))
     if not len(sharp):
         return 0.0
-    # the first line: where setpoints come at a row each, all its multiples are as strong
-    best = int(sharp[0])
-    while best + 2 < len(line) and line[best + 1] > line[best]:
-        best += 1
+    # the first line: where every setpoint comes at a row, all its multiples are as strong
+    first = sharp[frequency[sharp] < OCTAVE * frequency[sharp[0]]]
+    best = int(first[np.argmax(line[first])])
     # the top of the line, between the frequencies of the spectrum
     low, top, high = line[best - 1 : best + 2]
     between = 0.5 * (low - high) / min(low - 2 * top + high, -1e-30)

@@ -29,6 +29,17 @@ def test_the_period_of_straight_lines(rate: float, period: float, phase: float) 
     assert setpoint_period(demands, 1 / rate) == pytest.approx(expected, rel=1e-4)
 
 
+def test_moves_from_point_to_point_bend_at_few_setpoints() -> None:
+    """Constant speed between short, hard starts and stops of all lengths: 0.25 rad/s, then 1 and 0.1."""
+    knots = np.arange(-1.0, 16.0, 0.01) + 0.0037
+    speed = np.interp(
+        knots, [1, 1.08, 7, 7.08, 8, 8.3, 9, 9.3, 10, 10.03, 14, 14.03], [0, 1, 1, 0, 0, -4, -4, 0, 0, 0.4, 0.4, 0]
+    )
+    plan = np.cumsum(0.25 * speed * 0.01)
+    t = np.arange(0.0, 15.0, 1 / 2000)
+    assert setpoint_period(np.interp(t, knots, plan)[:, None], 1 / 2000) == pytest.approx(0.01, rel=1e-4)
+
+
 @pytest.mark.parametrize("rate", [125.0, 1000.0])
 def test_a_plan_and_a_standstill_have_none(rate: float) -> None:
     t = np.arange(0.0, 8.0, 1 / rate)
