@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from arm_io import lazy
 
 if TYPE_CHECKING:
-    from arm_model.rigid_body.friction_curve import curve_at, curve_level, total_at
+    from arm_model.rigid_body.friction_curve import curve_at, curve_level, nearest_line, total_at
     from arm_model.rigid_body.gears import regeared
     from arm_model.rigid_body.gravity_level import gravity_levels
     from arm_model.rigid_body.hydrodynamics import COEFFICIENTS
@@ -27,6 +27,7 @@ __all__ = [
     "jacobian",
     "link_frames",
     "mass_matrix",
+    "nearest_line",
     "placement",
     "regeared",
     "rigid_torque",

@@ -13,8 +13,7 @@ import numpy as np
 from arm_io import InputError
 from arm_io.types import Array
 from arm_model import Arm, Controller, Joint
-from arm_model.rigid_body import drive_mass_matrix, regeared
-from arm_model.rigid_body.friction_curve import nearest_line
+from arm_model.rigid_body import drive_mass_matrix, nearest_line, regeared
 from arm_model.system import inverse_dynamics
 
 POSES = 64
