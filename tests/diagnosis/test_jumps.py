@@ -57,6 +57,26 @@ def _with_missing_rows(
     return open_recording(path), true[:8000]
 
 
+def _jittered(folder: Path, seed: int, jump: float) -> Recording:
+    """15 s at 125 rows/s whose instants, as stamped, jitter by 1.9 %; a ``jump``, rad, at 4 s, fast moves at 9 s."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(1875) * 8e-3
+    t[1:-1] += 0.019 * 8e-3 * np.clip(rng.normal(size=1873), -2.0, 2.0)
+    true = 1.2 * np.sin(2.4 * t) * np.exp(-(((t - 8.8) / 0.8) ** 2)) + 0.05 * np.sin(t)
+    q = np.round((true + jump * (t >= 4.0)) / 4.8e-5) * 4.8e-5
+    write_table(folder / f"{seed}.mcap", t, {"q": q[:, None], "i": np.cos(t)[:, None]}, Attachments())
+    return open_recording(folder / f"{seed}.mcap")
+
+
+def test_jitter_of_the_rows_is_no_jump(tmp_path: Path) -> None:
+    for seed in range(20):
+        assert jumps([_jittered(tmp_path, seed, 0.0)], ARM) == []
+    (event,) = jumps([_jittered(tmp_path, 40, 1e-3)], ARM)
+    found = {p.name: p.value for p in event.parameters}
+    assert found["counts"] * found["resolution"] == pytest.approx(1e-3, rel=0.1)
+    assert found["time"] == pytest.approx(4.0, abs=0.02)
+
+
 def test_missing_rows_of_the_counters_are_no_missed_counts(tmp_path: Path) -> None:
     """Every joint that moves jumps as far as it turns in the missing rows. Put back, the angles run on as they did."""
     recording, true = _with_missing_rows(tmp_path / "run.mcap", ((5000, 3),))
