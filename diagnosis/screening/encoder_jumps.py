@@ -97,7 +97,7 @@ class Jump:
 
 def jumps_of(q: Array, dt: float) -> list[Jump]:
     """All jumps of an angle (m,) that stay, in time."""
-    t = dt * np.arange(len(q))
+    t: Array = dt * np.arange(len(q), dtype=float)
     found = [_staying(q, t, row, size) for row, size in _steep(q, t)]
     return sorted((jump for jump in found if jump is not None), key=lambda jump: jump.row)
 
@@ -108,10 +108,10 @@ def _instants(recording: Recording, q: Array) -> Array:
     Instants that jitter by 2 % of 8 ms make jumps of 0.4 mrad of an angle that turns at 2.5 rad/s; but stamps may be of
     the host, and jitter more than the instants.
     """
-    both = recording.t, recording.dt * np.arange(len(q))
+    even: Array = recording.dt * np.arange(len(q), dtype=float)
     if len(q) < 8 * _near(recording.dt):
-        return both[1]
-    return min(both, key=lambda t: _usual(_beyond(q, t)))
+        return even
+    return recording.t if _usual(_beyond(q, recording.t)) < _usual(_beyond(q, even)) else even
 
 
 def _beyond(q: Array, t: Array) -> Array:
