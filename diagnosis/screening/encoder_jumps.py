@@ -136,12 +136,22 @@ def _steep(q: Array, t: Array) -> list[tuple[int, float]]:
     beyond, near = _beyond(q, t), _near(_period(t))
     # no more than the noise of an angle without steps is no jump
     least = max(JUMP_IN_STEPS * step, JUMP_OVER_OTHERS * _usual(beyond))
-    steep = np.flatnonzero(np.abs(beyond) >= least)
+    steep = np.flatnonzero((np.abs(beyond) >= least) & (_sharp(q, t) >= JUMP_IN_STEPS * step))
     found: list[tuple[int, float]] = []
     for row in steep[np.argsort(-np.abs(beyond[steep]), kind="stable")].tolist():
         if near < row < len(q) - 2 * near and all(abs(row - other) > near for other, _ in found):
             found.append((row, float(beyond[row])))
     return found
+
+
+def _sharp(q: Array, t: Array) -> Array:
+    """(m - 1,) rad by which an angle (m,) turns more from row to row than before and after, either way.
+
+    A servo that answers a setpoint is fast for some rows, and fastest at one of them.
+    """
+    steps = np.diff(t)
+    rates = np.pad(np.diff(q) / steps, 1, mode="edge")
+    return np.asarray(np.abs(np.diff(q) - steps * (rates[:-2] + rates[2:]) / 2))
 
 
 def _staying(q: Array, t: Array, row: int, size: float) -> Jump | None:

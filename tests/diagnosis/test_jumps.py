@@ -6,13 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy import signal
 
 from arm_model.model_file import read_model
 from daq.recording import Recording, open_recording
 from daq.recording.parts import Attachments
 from daq.recording.tables.table import write_table
 from diagnosis.screening.cleaned import screened
-from diagnosis.screening.encoder_jumps import jumps
+from diagnosis.screening.encoder_jumps import JUMP_IN_STEPS, jumps
 
 ARM = read_model(Path(__file__).resolve().parents[2] / "config" / "models" / "puma560.toml")
 COUNT = 2 * np.pi / (4 * (ARM.joints[0].encoder_lines or 0) * abs(ARM.joints[0].ratio))
@@ -43,6 +44,19 @@ def test_a_jump_is_told_in_counts(tmp_path: Path, counts: float, noise: float, d
 @pytest.mark.parametrize("noise", [0.0, 0.3 * COUNT])
 def test_an_angle_without_a_jump_has_none(tmp_path: Path, noise: float) -> None:
     assert jumps([_recorded(tmp_path / "a.mcap", counts=0.0, noise=noise)], ARM) == []
+
+
+def test_a_servo_that_answers_setpoints_makes_no_jumps(tmp_path: Path) -> None:
+    """It is fastest at one row of each setpoint, three counts faster than usual, and not by a jump between two rows."""
+    t = np.arange(0.0, 8.0, 1e-3)
+    answer = 4.5 * np.clip(1.0 - np.abs(np.arange(20) - 10) / 4.0, 0.0, None)
+    rates = np.where(t < 1.5, 70.0, 20.0) + np.where((t >= 1.0) & (t < 1.1), np.resize(answer, len(t)), 0.0)
+    q = COUNT * np.round(np.cumsum(rates) + 0.3)
+    write_table(tmp_path / "a.mcap", t, {"q": q[:, None], "i": np.cos(t)[:, None]}, Attachments())
+    recording = open_recording(tmp_path / "a.mcap")
+    assert jumps([recording], ARM) == []
+    steps = np.diff(q / COUNT)
+    assert np.max(np.abs(steps - signal.medfilt(steps, 11))) > JUMP_IN_STEPS
 
 
 def _with_missing_rows(
