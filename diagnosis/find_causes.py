@@ -12,7 +12,7 @@ from functools import partial
 
 from arm_io.types import Progress
 from arm_model import Arm
-from arm_model.effects import friction_near_rest
+from arm_model.effects import Variable
 from daq.recording import Recording
 from diagnosis.cause import Cause, EffectKey, extend
 from diagnosis.closed_loop import resonance
@@ -76,9 +76,6 @@ class Named:
 
 
 Recordings = Split[Sequence[Recording]]
-OF_ANOTHER = 0.5
-"""Share of a joint's held-out residual that load or position predict, from which on its friction near rest is not
-judged: a drive that loses a part of its torque was named two laws of friction."""
 
 
 def named_causes(
@@ -143,14 +140,14 @@ def _near_rest(named: Named, excluded: Set[EffectKey]) -> tuple[Cause, ...]:
     if named.axis or named.arm.uncertainty is not None or not named.library:
         return ()
     taken = [*excluded, *(cause.key for cause in named.causes)]
-    # friction that is missing where a joint turns depends on its speed; what load or position predict is something else
-    taken += [
-        (law.name, one.joint)
-        for one in named.found.unexplained.structures
-        for law in friction_near_rest()
-        if one.against in TWO_FACED and one.share > OF_ANOTHER
-    ]
-    return tuple(friction_causes(state.data.map(lambda part: part.runs), state.terms, taken, tuple(named.library)))
+    # what load or position predict is another law: friction is judged beside any function of them
+    given: dict[int, list[Variable]] = {}
+    for one in named.found.unexplained.structures:
+        if one.joint is not None and one.against in TWO_FACED:
+            given.setdefault(one.joint, []).append(Variable(one.against))
+    return tuple(
+        friction_causes(state.data.map(lambda part: part.runs), state.terms, taken, tuple(named.library), given)
+    )
 
 
 def _searched(

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from arm_model import Arm, Joint
-from arm_model.effects import CATALOGUE
+from arm_model.effects import CATALOGUE, Variable
 from diagnosis.cause import Cause, Estimate
 from diagnosis.measurements.near_rest.friction import _rises, friction_causes
 from diagnosis.measurements.near_rest.laws import fitted_to_all, law_of
@@ -51,8 +51,15 @@ def _bristles(stiffness: float) -> Friction:
     return friction
 
 
-def _runs(friction: Friction) -> Split[Sequence[Run]]:
-    """Two recordings fitted and one held out, of an axis that reverses often and never creeps for long."""
+def _nothing(q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    return np.zeros_like(q)
+
+
+def _runs(friction: Friction, other: Friction = _nothing) -> Split[Sequence[Run]]:
+    """Two recordings fitted and one held out, of an axis that reverses often and never creeps for long.
+
+    other: another torque (k,) at angles q (k,) rad and speeds.
+    """
     runs: list[Run] = []
     for seed in range(3):
         rng, t = np.random.default_rng(seed), np.arange(0.0, 12.0, 1 / RATE)
@@ -60,7 +67,7 @@ def _runs(friction: Friction) -> Split[Sequence[Run]]:
         phases = np.outer(t, rates) + rng.uniform(0, 6, 3)
         size = np.array([0.3, 0.15, 0.1])
         q, v, a = np.sin(phases) @ size, np.cos(phases) @ (size * rates), -np.sin(phases) @ (size * rates**2)
-        i = ROTOR * a + VISCOUS * v + friction(v, t) + NOISE * rng.normal(size=len(t))
+        i = ROTOR * a + VISCOUS * v + friction(v, t) + other(q, v) + NOISE * rng.normal(size=len(t))
         q = np.round(q / COUNT) * COUNT
         runs.append(residual_run(f"{seed}", _axis(), t, q[:, None], i[:, None]))
     return Split(runs[:2], runs[2:])
@@ -141,6 +148,22 @@ def test_friction_that_builds_up_within_a_few_encoder_steps_is_named_without_a_d
 )
 def test_friction_that_turns_by_another_law_is_no_cause(turn: Callable[[np.ndarray], np.ndarray]) -> None:
     assert _named(_slides(turn)) == []
+
+
+def _lossy(q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """A drive that loses a part of its torque where it drives the load, and only there."""
+    load = 3.0 * np.sin(4.0 * q)
+    return np.abs(load) * (load * v > 0.0) * np.tanh(v / WIDTH)
+
+
+@pytest.mark.parametrize("breakaway", [0.0, 4.0])
+def test_beside_a_law_of_position_only_a_hump_that_is_there_is_named(breakaway: float) -> None:
+    runs = _runs(_hump(breakaway, 0.05), _lossy)
+    found = friction_causes(runs, (), (), (), {1: [Variable.POSITION]})
+    assert [one.effect for one in found] == (["stribeck_friction"] if breakaway else [])
+    for one in found:
+        (size,) = (p for p in one.parameters if p.name == "breakaway")
+        assert abs(size.value - breakaway) < 2 * size.std < 0.5 * breakaway
 
 
 def test_a_hump_that_all_recordings_together_do_not_have_is_none() -> None:

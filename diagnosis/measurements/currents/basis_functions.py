@@ -12,6 +12,7 @@ from scipy.interpolate import CubicSpline
 
 from arm_io.types import Array
 from arm_model import Arm
+from arm_model.effects import Variable
 from diagnosis.residual.run import Run, signals_of
 from diagnosis.selection.design import Columns, Dataset, Pair
 from identification.selection import Split
@@ -25,7 +26,7 @@ CYCLES = (0.5, 40.0)
 BINS_PER_TURN = 256
 UNMIXED = ("velocity", "acceleration", "current")
 """Variables whose functions are not multiplied by direction or velocity, which they contain."""
-TWO_FACED = ("position", "load torque")
+TWO_FACED = (Variable.POSITION, Variable.LOAD)
 """Variables that may have a function per direction: a gear loses torque where it drives."""
 PLAYS = (0.004, 0.01, 0.02, 0.05, 0.1)
 """Half-widths of play operators, of the range of the current."""

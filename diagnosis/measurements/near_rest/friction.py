@@ -8,16 +8,17 @@ smoothing of the model's own friction leaves, if that is above the noise, and if
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 from scipy import optimize
 
 from arm_io.parallel import in_parallel
 from arm_io.types import Array
-from arm_model import EffectTerm
-from arm_model.effects import CATALOGUE, friction_near_rest
+from arm_model import Arm, EffectTerm
+from arm_model.effects import CATALOGUE, Variable, friction_near_rest
 from diagnosis.cause import Cause, EffectKey, Estimate, confidence_of
 from diagnosis.measurements.near_rest.laws import (
     Judged,
@@ -73,38 +74,39 @@ def friction_causes(
     terms: Sequence[EffectTerm],
     taken: Sequence[EffectKey],
     library: Sequence[Candidate],
+    given: Mapping[int, Collection[Variable]] = MappingProxyType({}),
 ) -> list[Cause]:
     """Laws of friction near rest that recordings show beside the effects ``terms``, one per joint at most.
 
     taken: effects that are known or excluded; library: candidates of the search, of which those that may be confused
-    with friction near rest must explain less.
+    with friction near rest must explain less; given: by joint (from 1), variables of a law that is none of the
+    catalogue, beside any function of which friction must explain the passages.
     """
     joints = range(1, len(runs.fit[0].arm) + 1)
     tests = len(joints) * len(friction_near_rest())
-    found = in_parallel(lambda joint: _of_joint(runs, joint, terms, taken, library, tests), joints)
+    every, arm = [*runs.fit, *runs.held_out], runs.fit[0].arm
+    found = in_parallel(
+        lambda joint: _of_joint(near_rest(every, joint, terms, given.get(joint, ())), library, tests),
+        [joint for joint in joints if _open(arm, joint, taken)],
+    )
     return [cause for cause in found if cause is not None]
 
 
-def _of_joint(
-    runs: Split[Sequence[Run]],
-    joint: int,
-    terms: Sequence[EffectTerm],
-    taken: Sequence[EffectKey],
-    library: Sequence[Candidate],
-    tests: int,
-) -> Cause | None:
-    effects = friction_near_rest()
-    drive = runs.fit[0].arm.joints[joint - 1]
-    if max(drive.rest_friction) <= 0.0 or any((effect.name, joint) in taken for effect in effects):
-        return None
-    every = near_rest([*runs.fit, *runs.held_out], joint, terms)
+def _open(arm: Arm, joint: int, taken: Sequence[EffectKey]) -> bool:
+    """Whether a joint (from 1) has friction, and none of its laws near rest is known or excluded."""
+    rubs = max(arm.joints[joint - 1].rest_friction) > 0.0
+    return rubs and not any((effect.name, joint) in taken for effect in friction_near_rest())
+
+
+def _of_joint(every: Sequence[NearRest], library: Sequence[Candidate], tests: int) -> Cause | None:
     if len({one.run.name for one in every}) < 2:
         return None
+    joint = every[0].joint
     smooth = judged(every, smoothing(every))
     rows = sum(len(one.residual) for one in every)
     if smooth.energy < LIMITS.above_noise**2 * rows:
         return None
-    laws = sorted((judged(every, law_of(every, effect)) for effect in effects), key=lambda one: one.energy)
+    laws = sorted((judged(every, law_of(every, effect)) for effect in friction_near_rest()), key=lambda one: one.energy)
     best, chance = laws[0], p_value(_gains(every, smooth, laws[0]))
     if best.energy > LIMITS.left * smooth.energy or chance * tests > LIMITS.significant:
         return None

@@ -163,12 +163,17 @@ def confused(every: Sequence[NearRest], joint: int, library: Sequence[Candidate]
     own = {effect.name for effect in friction_near_rest()}
     chosen = [c for c in library if c.joint == joint and c.effect in names - own]
     column = [
-        np.concatenate([np.atleast_2d(columns(c, one.run)[one.rows, joint - 1].T) for c in chosen]) / one.std
+        one.apart(np.hstack([_at_joint(c, one, joint) for c in chosen]) / one.std[:, None]).T
         if chosen
         else np.zeros((1, len(one.residual)))
         for one in every
     ]
     return Law(None, [dict(c.shape) for c in chosen], [np.zeros_like(part) for part in column], column)
+
+
+def _at_joint(candidate: Candidate, one: NearRest, joint: int) -> Array:
+    """(r, c) A: columns of a candidate at its joint."""
+    return columns(candidate, one.run)[one.rows, joint - 1].reshape(len(one.std), -1)
 
 
 def fitted_to_all(every: Sequence[NearRest], law: Law) -> dict[str, float]:

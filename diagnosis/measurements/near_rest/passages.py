@@ -9,8 +9,8 @@ lasts no longer than the filters.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ from scipy import ndimage
 
 from arm_io.types import Array
 from arm_model import Arm, EffectTerm, Joint
-from arm_model.effects import Effect, Signals, Values
+from arm_model.effects import Effect, Signals, Values, Variable
 from diagnosis.residual.expected_current import (
     COMPARE_BAND,
     MOTION_BAND,
@@ -43,6 +43,8 @@ SMEARED, AFTER_REST = 0.03, 0.04
 """s before and after a slow instant that filters spread it over; s about a standstill that are left out."""
 SPEED_NOISE = STANDS / 3.0
 """rad/s (m/s): std of the speed by the encoder above which a joint is not judged near rest."""
+BENDS = 9
+"""Knots of a function of one variable: straight between them, so that the magnitude of a load is such a function."""
 UNMEASURED = 1e4
 """Deviation of a row over the noise of its instruments from which nobody measured it."""
 
@@ -54,6 +56,7 @@ class NearRest:
     run, joint  where (joint from 1); v (k,) rad/s: speed of the motor at the rate of the recording
     rows (m,)   which of the run's rows these are; block (r,): number of the passage and its second
     residual    (r,) A over std, conditional on all causes; std (r,) A
+    beside      (r, k) orthonormal: what is known to be of another law, and counts neither in ``residual`` nor in ``of``
     """
 
     run: Run
@@ -63,12 +66,17 @@ class NearRest:
     block: NDArray[np.intp]
     residual: Array
     std: Array
+    beside: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
     def of(self, torque: Array) -> Array:
         """(r, ...) over std: what a friction torque (k, ...) N m at the rate of the recording adds to the current."""
         rate = rate_of(self.run.raw[0])
         amperes = low_pass(torque, COMPARE_BAND, rate)[kept(rate)][self.rows] / self._drive.drive_constant
-        return np.asarray((amperes.T / self.std).T, float)
+        return self.apart(np.asarray((amperes.T / self.std).T, float))
+
+    def apart(self, values: Array) -> Array:
+        """Values (r, ...) over std without what is ``beside``."""
+        return values - self.beside @ (self.beside.T @ values) if self.beside.size else values
 
     def sign(self, width: Array | float) -> Array:
         """(k, ...) direction of the motion, of the smoothing velocities ``width``."""
@@ -96,10 +104,31 @@ class NearRest:
         return self.run.arm.joints[self.joint - 1]
 
 
-def near_rest(runs: Sequence[Run], joint: int, terms: Sequence[EffectTerm]) -> list[NearRest]:
-    """A joint near rest in each recording under its arm with ``terms``; none where its speed is not known so finely."""
+def near_rest(
+    runs: Sequence[Run], joint: int, terms: Sequence[EffectTerm], given: Collection[Variable] = ()
+) -> list[NearRest]:
+    """A joint near rest in each recording under its arm with ``terms``; none where its speed is not known so finely.
+
+    given: variables of another law; what functions of them, one per direction, explain is ``beside``.
+    """
     found = [_of_run(run, joint, terms) for run in runs if run.powered and _known_speed(run, joint)]
-    return [one for one in found if one.rows.any()]
+    return [_given(one, given) for one in found if one.rows.any()]
+
+
+def _given(one: NearRest, variables: Collection[Variable]) -> NearRest:
+    """The rows beside any function of each of the variables in either direction of motion."""
+    if not variables:
+        return one
+    sign = one.of(one.sign(one.run.arm.joints[one.joint - 1].sign_velocity))
+    columns = []
+    for variable in variables:
+        x = {Variable.POSITION: one.run.q, Variable.LOAD: one.run.rigid}[variable][one.rows, one.joint - 1]
+        knots = np.linspace(x.min(), x.max(), BENDS)
+        hats = np.stack([np.interp(x, knots, hat) for hat in np.eye(BENDS)], axis=1)
+        columns += [hats / one.std[:, None], hats * sign[:, None]]
+    basis, size, _ = np.linalg.svd(np.hstack(columns), full_matrices=False)
+    one = replace(one, beside=basis[:, size > 1e-6 * size[0]])
+    return replace(one, residual=one.apart(one.residual))
 
 
 def _known_speed(run: Run, joint: int) -> bool:
