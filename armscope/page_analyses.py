@@ -24,13 +24,12 @@ def identify(fit: Sequence[Path], held_out: Sequence[Path], model: Path, out: Pa
 def diagnose(fit: Sequence[Path], held_out: Sequence[Path], model: Path, out: Path, progress: Progress) -> str:
     """What the model's simulation gets wrong, with a report."""
     from armscope.api.diagnosis import diagnose
+    from diagnosis import in_words
 
     result = diagnose(fit, model, held_out=held_out, progress=progress)
     progress("writing the report")
     result.write(out, progress=progress)
-    names = [
-        cause.effect.replace("_", " ") + (f" of joint {cause.joint}" if cause.joint else "") for cause in result.causes
-    ]
+    names = [in_words(cause.key) for cause in result.causes]
     return f"{result.verdict}{': ' + ', '.join(names) if names else ''}"
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from arm_io import InputError
 from arm_model.effects import CATALOGUE, Effect
 from comparison.change import Quantity
+from diagnosis import in_words
 
 Key = tuple[str, int | None]
 """Effect and joint (from 1, None for the whole arm)."""
@@ -81,7 +82,7 @@ def entries_of(
                 if entry is None:
                     reason = _blind(tables[k], key)
                     if reason or name not in size_parameters(key[0]):
-                        why = why or f"{reason or f'{_words(key)} is not named'} in {paths[k]}"
+                        why = why or f"{reason or f'{cause_in_words(key)} is not named'} in {paths[k]}"
                         continue
                     stds = [other[1] for other in mine if other is not None and other[1] is not None]
                     entry = (0.0, float(np.sqrt(np.mean(np.square(stds)))) if stds else None, quantity.unit)
@@ -108,7 +109,7 @@ def cause_sentences(
         sized = [_quantity(key, name, "").name for name in size_parameters(key[0])]
         sure = any(name in significant for name in sized)
         note = f", but it is {reason} there" if reason else "" if sure or not sized else ", not significantly"
-        found.append(f"Cause {verb}: {_words(key)}{note}")
+        found.append(f"Cause {verb}: {cause_in_words(key)}{note}")
     return found
 
 
@@ -120,7 +121,7 @@ def _blind(table: Mapping[str, Any], key: Key) -> str:
     for cause in table.get("causes") or ():
         for member in cause.get("group") or ():
             if (member.get("effect"), member.get("joint")) == key:
-                return f"indistinguishable from {_words((cause['effect'], cause['joint']))}"
+                return f"indistinguishable from {cause_in_words((cause['effect'], cause['joint']))}"
     return ""
 
 
@@ -129,13 +130,12 @@ def _quantity(key: Key, name: str, unit: str) -> Quantity:
     head = "" if joint is None else f"joint{joint}."
     return Quantity(
         name=f"{head}{effect}.{name}",
-        words=f"{name.replace('_', ' ')} of {_words(key)}",
+        words=f"{name.replace('_', ' ')} of {cause_in_words(key)}",
         unit=unit,
         kind="cause",
         joint=joint,
     )
 
 
-def _words(key: Key) -> str:
-    effect, joint = key
-    return effect.replace("_", " ") + ("" if joint is None else f" of joint {joint}")
+def cause_in_words(key: Key) -> str:
+    return in_words(key)

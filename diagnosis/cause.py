@@ -240,10 +240,14 @@ class Undetectable:
     experiment: str
 
 
+_PEOPLE = ("coulomb", "stribeck")
+
+
 def in_words(key: EffectKey) -> str:
-    """``backlash of joint 2``."""
+    """``backlash of joint 2``; people's names with a capital."""
     effect, joint = key
-    return f"{effect.replace('_', ' ')} of joint {joint}" if joint else effect.replace("_", " ")
+    words = " ".join(part.capitalize() if part in _PEOPLE else part for part in effect.split("_"))
+    return f"{words} of joint {joint}" if joint else words
 
 
 def confidence_of(p: float) -> float:

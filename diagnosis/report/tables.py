@@ -90,7 +90,7 @@ def unseen(table: dict[str, Any]) -> Markup | None:
     alike: dict[tuple[str, str, str], list[str]] = {}
     for one in table["not_visible"]:
         key = str(one["joint"] or ""), one["why"], one["experiment"]
-        alike.setdefault(key, []).append(one["effect"].replace("_", " "))
+        alike.setdefault(key, []).append(in_words((one["effect"], None)))
     joints: dict[tuple[str, str, str], list[str]] = {}
     for (joint, why, experiment), effects in alike.items():
         joints.setdefault((", ".join(effects), why, experiment), []).append(joint)

@@ -37,7 +37,7 @@ def differing(cause: Cause) -> str:
 def _either(cause: Cause) -> str:
     if len({joint for _, joint in cause.group}) > 1:
         return " or ".join(map(in_words, cause.group))
-    names = " or ".join(effect.replace("_", " ") for effect, _ in cause.group)
+    names = " or ".join(in_words((effect, None)) for effect, _ in cause.group)
     terms = f" with {' and '.join(cause.next_orders)}" if cause.next_orders else ""
     return (f"{names} of joint {cause.joint}" if cause.joint else names) + terms
 

@@ -137,7 +137,7 @@ def test_a_fleet_that_wears(scene: Scene, tmp_path: Path, capsys: pytest.Capture
     assert table["ran"] == 36 and table["failed"] == 0
     arms = {one["arm"]: one for one in table["arms"]}
     assert arms["healthy"]["condition"] == "no change" and arms["healthy"]["since"] is None
-    for name, cause in (("gap", "backlash of joint 1"), ("seal", "coulomb friction of joint 2")):
+    for name, cause in (("gap", "backlash of joint 1"), ("seal", "Coulomb friction of joint 2")):
         visible = truth[name]["visible"]
         latest = np.datetime64(visible) + np.timedelta64(2, "D")
         assert truth[name]["begins"] <= arms[name]["since"] <= str(latest)
