@@ -138,4 +138,5 @@ def _quantity(key: Key, name: str, unit: str) -> Quantity:
 
 
 def cause_in_words(key: Key) -> str:
+    """``backlash of joint 2``, of an effect and its joint."""
     return in_words(key)
