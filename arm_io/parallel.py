@@ -11,6 +11,7 @@ import os
 import pickle
 import signal
 import sys
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, NoReturn, TypeVar
@@ -45,8 +46,7 @@ def in_parallel(work: Callable[[T], R], items: Sequence[T]) -> list[R]:
     the order of the items, is raised. No process outlives the call, whatever ends it.
     """
     count = min(cores(), len(items))
-    # the frameworks of macOS do not survive a fork
-    if count < 2 or len(items) > _MOST or not hasattr(os, "fork") or sys.platform == "darwin":
+    if count < 2 or len(items) > _MOST or not _forks_safely():
         return [work(item) for item in items]
     queue = _queue(len(items))
     others: dict[int, int] = {}
@@ -62,6 +62,14 @@ def in_parallel(work: Callable[[T], R], items: Sequence[T]) -> list[R]:
         _end(others)
     # what failed is done again, so that its exception is that of one process
     return [done[number] if number in done else work(item) for number, item in enumerate(items)]
+
+
+def _forks_safely() -> bool:
+    """Not in a process of several threads, such as a notebook's: a lock that one holds is never released in a fork.
+
+    Nor on macOS, whose frameworks do not survive one.
+    """
+    return hasattr(os, "fork") and sys.platform != "darwin" and threading.active_count() == 1
 
 
 @contextmanager

@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -36,8 +37,9 @@ except KeyboardInterrupt:
 
 @pytest.fixture(autouse=True)
 def three_cores(monkeypatch: pytest.MonkeyPatch) -> None:
-    """As many processes, however many cores the machine has."""
+    """As many processes, however many cores the machine has, and beside the threads of those who run the tests."""
     monkeypatch.setattr(parallel, "cores", lambda: 1 if parallel._sharing else 3)
+    monkeypatch.setattr(parallel, "_forks_safely", lambda: True)
 
 
 @pytest.mark.parametrize("count", [0, 1, 2, 40])
@@ -67,6 +69,18 @@ def test_several_processes_work_and_none_of_them_starts_more(tmp_path: Path) -> 
     assert len({process for process, _, _ in found}) == 3
     assert all(inner == [process] * 3 and alone == 1 for process, inner, alone in found)
     assert parallel.cores() == 3
+
+
+def test_beside_other_threads_nothing_is_forked(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A notebook has several, and a lock that one of them holds is never released in a fork."""
+    monkeypatch.undo()
+    monkeypatch.setattr(parallel, "cores", lambda: 3)
+    end = threading.Event()
+    beside = threading.Thread(target=end.wait, daemon=True)
+    beside.start()
+    assert set(in_parallel(lambda _: os.getpid(), range(12))) == {os.getpid()}
+    end.set()
+    beside.join()
 
 
 def test_the_first_exception_is_raised() -> None:
