@@ -74,7 +74,8 @@ def picture(effect: Effect) -> Picture:
     axis.set_axisbelow(True)
     file = BytesIO()
     figure.savefig(file, format="png")
-    given = ", ".join(f"{name} {value:g}" for name, value in values.items() if value)
+    units = {one.name: "" if one.unit == "1" else f" {one.unit}" for one in effect.parameters}
+    given = ", ".join(f"{name} {value:g}{units[name]}" for name, value in values.items() if value)
     whose = f"at joint {joint} of " if joint else "of "
     return Picture(file.getvalue(), f"{what}. Simulated {whose}the Puma 560 on an exciting motion, with {given}.")
 
