@@ -5,6 +5,8 @@ BIN    := $(VENV)/bin
 
 # Two test processes share two cores; more threads for linear algebra would slow them down.
 export OPENBLAS_NUM_THREADS ?= 1
+# The tests start hundreds of processes: without compiled modules each needs two seconds more.
+unexport PYTHONDONTWRITEBYTECODE
 STAMP  := $(VENV)/.installed
 
 .PHONY: demo test test-slow explore blind foreign confidence soak lint types bench site clean

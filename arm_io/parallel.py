@@ -65,9 +65,10 @@ def in_parallel(work: Callable[[T], R], items: Sequence[T]) -> list[R]:
 
 
 def _forks_safely() -> bool:
-    """Not in a process of several threads, such as a notebook's: a lock that one holds is never released in a fork.
+    """Whether a fork does what its parent would do.
 
-    Nor on macOS, whose frameworks do not survive one.
+    In a process of several threads, such as a notebook's, a lock that one of them holds is never released in a fork. On
+    macOS the system's own frameworks do not survive one.
     """
     return hasattr(os, "fork") and sys.platform != "darwin" and threading.active_count() == 1
 

@@ -73,7 +73,7 @@ def clear_errors(
     for side, several in compared.items():
         if not several:
             continue
-        noise = np.mean([run.noise for run in runs[side]], axis=0), [scatter(one.current) for _, one in several]
+        noise = np.mean([run.loop_noise for run in runs[side]], axis=0), [scatter(one.current) for _, one in several]
         ratios = _ratios(several, *noise)
         if not any(np.any(ratio > most) for _, most, ratio in ratios):
             continue

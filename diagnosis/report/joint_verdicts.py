@@ -79,7 +79,7 @@ def remaining(result: Diagnosis) -> list[Remaining]:
     }
     in_loop = {}
     for side, pairs in result.compared.items() if result.in_closed_loop else ():
-        noise = np.mean([run.noise for run in (result.fit if side == "fit" else result.held_out)], axis=0)
+        noise = np.mean([run.loop_noise for run in (result.fit if side == "fit" else result.held_out)], axis=0)
         errors = [after.error_rms("current") ** 2 for _, after in pairs]
         in_loop[side] = np.sqrt(np.mean(errors, axis=0)) / noise if errors else np.zeros(len(result.arm))
     return [

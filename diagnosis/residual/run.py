@@ -63,7 +63,8 @@ class Run:
     n, d) A: the same of lines that are seen beside 0 Hz; setpoint_period s: of the servos, as model
     or demands say (0: neither does); setpoint_rows: rows per setpoint that the currents show then;
     brisk_v, brisk_rigid: v and rigid from the motion in the band of comparison, less smooth and noisier;
-    noise (n,) A: std of the residual from the instruments alone; instruments (m, n) A: the same row by row, larger
+    noise (n,) A: std of the residual from the instruments alone; loop_noise (n,) A: the same with what servos do at
+    setpoints, which a simulated closed loop does at other instants; instruments (m, n) A: the same row by row, larger
     where steps of an encoder beat with the rows (``beats``); deviation (m, n) A: std that the residual has with nothing
     wrong: of the instruments, and of friction near standstill; block (m,): block of one second, from 0;
     arm: as it was set up for this run (with a known payload, say); powered: False where the drives were off: the brakes
@@ -87,6 +88,7 @@ class Run:
     inertia: Array
     deviation: Array
     noise: Array
+    loop_noise: Array
     instruments: Array
     folded: Array
     rippled: Array
@@ -278,6 +280,7 @@ def residual_run(
         inertia=links.diagonal(axis1=1, axis2=2),
         deviation=np.hypot(instruments, friction_std),
         noise=noise,
+        loop_noise=channel_noise(q, i, moved, rate, known, 0.0) if period else noise,
         instruments=instruments,
         folded=folded,
         rippled=rippled,

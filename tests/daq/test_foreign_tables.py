@@ -352,7 +352,7 @@ def test_other_commands_say_what_a_bag_is(name: str, tmp_path: Path, capsys: pyt
     if name == "bag.mcap":
         shutil.copy(tmp_path / "bag/bag.mcap", tmp_path / name)
     assert run(["info", str(tmp_path / name)]) == 2
-    assert re.fullmatch(r"error: .*bag.*'armscope import' .*\n", capsys.readouterr().err)
+    assert re.fullmatch(r"error: .*bag.*'armscope import\b.*\n", capsys.readouterr().err)
 
 
 def test_row_groups_of_parquet_are_read_one_by_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
