@@ -48,7 +48,7 @@ def _twice(compared: Compared) -> tuple[Compared, Compared]:
 T = np.arange(0.0, 20.0, 1 / RATE)
 BELOW = NOISE * np.sqrt(20.0 / (RATE / 2))
 """A: white noise below 20 Hz."""
-RUNS = {side: cast(Any, [SimpleNamespace(noise=np.full(2, BELOW))]) for side in ("fit", "held_out")}
+RUNS = {side: cast(Any, [SimpleNamespace(loop_noise=np.full(2, BELOW))]) for side in ("fit", "held_out")}
 
 
 def test_noise_and_a_few_seconds_of_breaking_away_are_nothing() -> None:
