@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from arm_archive import Filters, open_archive
 from daq.acquisition.ledger import Loss, LossReason
 from daq.acquisition.rows import Rows
 from daq.recording.parts import Attachments
@@ -16,6 +17,8 @@ from daq.recording.recorder import Recorder, rows_layout
 DAY = 86_400 * 10**9
 START = 1_767_225_600 * 10**9
 """ns: 2026-01-01T00:00:00Z."""
+FRICTION = {"joint1.coulomb": (5.0, 0.1), "joint2.coulomb": (7.0, 0.2)}
+"""Of an identification: value and std, N m."""
 
 
 def record(
@@ -97,3 +100,9 @@ def diagnosis(folder: Path, size: float | None, **extra: Any) -> Path:
     } | extra
     (folder / "diagnosis.json").write_text(json.dumps(table))
     return folder / "diagnosis.json"
+
+
+def rows_of(folder: Path, **filters: Any) -> list[dict[str, Any]]:
+    """What the archive of a folder lists."""
+    with open_archive(folder) as archive:
+        return archive.rows(Filters(**filters))
