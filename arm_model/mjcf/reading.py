@@ -76,9 +76,11 @@ def mjcf_of(text: str, path: str | Path) -> Arm:
 
 
 def read_reading(path: str | Path, *, tip: str | None = None, content: bytes | None = None) -> Reading:
-    """As ``read_all``, with MuJoCo's own compiler for what is not read here."""
+    """As ``read_all``, with MuJoCo's own compiler for what is not read here. InputError: nested too deeply."""
     try:
         return read_all(path, tip=tip, content=content)
+    except RecursionError:
+        raise InputError(path, "its bodies are nested too deeply to be an arm's") from None
     except NeedsCompiler as needed:
         return read_all(path, tip=tip, content=compiled_text(Path(path), needed, content))
 

@@ -46,7 +46,9 @@ class Tree:
         if link not in self.links:
             raise InputError(self.path, f"no link {link!r}")
         chain: list[xml.Element] = []
-        while link in self.above and len(chain) <= len(self.above):
+        while link in self.above:
+            if len(chain) == len(self.above):
+                raise InputError(self.path, f"link {link!r} is behind itself; expected a tree")
             chain.append(self.above[link])
             link = attribute(self.path, chain[-1], "parent", "link")
         return chain[::-1]

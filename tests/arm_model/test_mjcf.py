@@ -197,6 +197,13 @@ SLIDES = ('<joint name="open" type="slide" axis="0 1 0"/>', '<joint name="close"
 SCENE = '<body name="cube"><freejoint/><geom size=".1"/></body><body name="door"><joint/><geom size=".1"/></body>'
 
 
+def test_bodies_without_end_are_refused_in_one_line(tmp_path: Path) -> None:
+    path = tmp_path / "deep.xml"
+    path.write_text(f"<mujoco><worldbody>{'<body>' * 3000}{'</body>' * 3000}</worldbody></mujoco>")
+    with pytest.raises(InputError, match="nested too deeply"):
+        read_model(path)
+
+
 @pytest.mark.parametrize("compiled", [False, True])
 def test_of_a_scene_the_driven_arm_is_read_with_its_hand_at_rest(original: Path, compiled: bool) -> None:
     """As MuJoCo has it with the fingers fixed."""

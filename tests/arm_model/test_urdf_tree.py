@@ -97,6 +97,12 @@ def test_a_camera_that_turns_beside_the_wrist_is_no_hand(tmp_path: Path) -> None
     assert sum(one.mass for one in read_urdf(path, tip="tool0").joints) == pytest.approx(6.5)
 
 
+def test_a_loop_of_joints_is_refused(tmp_path: Path) -> None:
+    loop = [link("one"), link("two"), joint("one", "two", "revolute"), joint("two", "one", "revolute")]
+    with pytest.raises(InputError, match="link 'two' is behind itself; expected a tree"):
+        read_urdf(written(tmp_path, ARM + loop), tip="two")
+
+
 def test_what_moves_on_the_base_is_not_the_arms(tmp_path: Path) -> None:
     path = written(tmp_path, [*ARM, link("wheel", 4.0), joint("base", "wheel", "continuous")])
     with pytest.raises(InputError, match="branches into tool0, wheel"):
