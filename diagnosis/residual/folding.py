@@ -35,5 +35,5 @@ def folding_warnings(runs: Sequence[Run]) -> Iterator[str]:
             f"rate of the controller's setpoints (every {period * 1e3:.3g} ms"
             f"{', as the currents show' * (stated == 0.0)}): "
             f"the servos' ripple is folded onto the acceleration; {far}, and errors of inertias up to there are not "
-            f"named; at {rate_beside(period, rate):.5g} Hz, or with currents averaged over each row, they would be"
+            f"named; at {rate_beside(period, rate):.5g} Hz, or with currents averaged over each row, they would be named"
         )

@@ -78,9 +78,11 @@ def _beside(motion: Motion, t: Array, torque: Array, period: float) -> list[tupl
     seen_at = _seen_at(lines, period, rate)
     near = (seen_at > BEAT) & (seen_at < min(IN_BAND, 0.5 / period))
     of_frequency: dict[float, list[int]] = {}
-    for line, frequency in zip(lines[near].tolist(), np.round(seen_at[near], 3).tolist()):
+    for line, frequency in zip(lines[near].tolist(), seen_at[near].tolist()):
         if len(_shown(line, period, rate)):
-            of_frequency.setdefault(frequency, []).append(line)
+            # lines seen at the same frequency add up
+            same = next((other for other in of_frequency if abs(other - frequency) <= BEAT), frequency)
+            of_frequency.setdefault(same, []).append(line)
     pushed = _slow(motion.qdd, motion, period) if of_frequency else np.zeros(0)
     found = [
         (frequency, 2 * pushed * _bounds(several, motion, pushed, t, torque, period))
@@ -92,10 +94,11 @@ def _beside(motion: Motion, t: Array, torque: Array, period: float) -> list[tupl
 def _shown(line: int, period: float, rate: float) -> Lines:
     """Lines between a quarter of ``line`` and itself, or below, that are seen far from 0 Hz, each at its own place."""
     lower = np.arange(1, line)
-    seen_at = np.round(_seen_at(lower, period, rate), 3)
+    seen_at = _seen_at(lower, period, rate)
+    inside = (seen_at > min(IN_BAND, 0.5 / period)) & (seen_at < rate / 2 - BEAT)
     # of lines seen at the same frequency, the lowest stands for all
-    apart = np.isin(np.arange(len(lower)), np.unique(seen_at, return_index=True)[1])
-    lower = lower[apart & (seen_at > min(IN_BAND, 0.5 / period)) & (seen_at < rate / 2 - BEAT)]
+    together = np.abs(seen_at[:, None] - seen_at) <= BEAT
+    lower = lower[inside & ~np.any(np.tril(together, -1), axis=1)]
     near = lower[lower >= line / 4]
     return near if len(near) else lower
 

@@ -192,7 +192,7 @@ def _folded(name: str, motion: Motion, arm: Arm) -> list[str]:
         f"{name}: {1 / motion.dt:.5g} Hz is {rows} times the rate of the controller's setpoints (every "
         f"{period * 1e3:.3g} ms{', as the currents show' * (arm.controller is None)}): the servos'"
         f" ripple is folded onto the acceleration, and a joint's own inertia may be off; {known};"
-        f" at {rate_beside(period, 1 / motion.dt):.5g} Hz, or with currents averaged over each row, it would not be"
+        f" at {rate_beside(period, 1 / motion.dt):.5g} Hz, or with currents averaged over each row, it would not be off"
     ]
 
 

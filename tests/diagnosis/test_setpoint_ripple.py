@@ -68,6 +68,17 @@ def test_the_ripple_beside_zero_counts_for_little(arm: Arm) -> None:
     assert np.all(run.hidden_in(run.residual / run.deviation)[:, 1] != 0.0)
 
 
+@pytest.mark.parametrize("rate", [240.0, 250.0, 1000.0])
+def test_a_clock_that_is_millionths_off_changes_no_bound(arm: Arm, rate: float) -> None:
+    """Lines that sampling shows at one frequency are then some mHz apart, and still one line."""
+    t, q, i, _ = _sampled(arm, rate)
+    exact, off = (residual_run("healthy", arm, t * clock, q, i) for clock in (1.0, 1.000005))
+    of_clock = lambda run: np.concatenate([run.folded, run.rippled.reshape(len(run.t), -1)], axis=1)  # noqa: E731
+    bound = np.sqrt(np.mean(of_clock(exact) ** 2, axis=0))
+    assert bound.max() > 0.001
+    assert np.sqrt(np.mean(of_clock(off) ** 2, axis=0)) == pytest.approx(bound, rel=0.02, abs=1e-4)
+
+
 @pytest.fixture
 def recordings(arm: Arm, tmp_path: Path) -> Callable[..., list[Recording]]:
     def record(*effects: EffectTerm) -> list[Recording]:
