@@ -34,6 +34,7 @@ def folding_warnings(runs: Sequence[Run]) -> Iterator[str]:
             f"{', '.join(dict.fromkeys(run.name for run in alike))}: {rate:.5g} Hz is {rate * period:.3g} times the "
             f"rate of the controller's setpoints (every {period * 1e3:.3g} ms"
             f"{', as the currents show' * (stated == 0.0)}): "
-            f"the servos' ripple is folded onto the acceleration; {far}, and errors of inertias up to there are not "
-            f"named; at {rate_beside(period, rate):.5g} Hz, or with currents averaged over each row, they would be named"
+            f"the servos' ripple is folded onto the acceleration; {far}, and errors of inertias up to there are "
+            f"not named; at {rate_beside(period, rate):.5g} Hz, or with currents averaged over each row, they would "
+            "be named"
         )
