@@ -24,6 +24,7 @@ LOAD_FRICTION = Effect(
         *with_time("1/s", (1e-4, 0.01)),
     ),
     equation="tau = (mu + m min(t, te)) |tau_load| sign(q')",
+    leading="tau = mu |tau_load| sign(q')",
     shows="a step at reversal that grows with the gravity load",
     confused_with={
         "torque_constant": "poses with and without payload",
@@ -158,6 +159,7 @@ FRICTION_DRIFT = Effect(
         ),
     ),
     equation="tau = -(a + d sign(q')) F (1 - exp(-t/T)) sign(q')",
+    leading="tau = -a F (1 - exp(-t/T)) sign(q')",
     shows="the same move needs less torque each time",
     confused_with={
         "torque_constant": "one cycle repeated, with holds",

@@ -181,6 +181,8 @@ class Effect:
 
     ``equation`` is what a report prints; the laws are described in the module's docstring.
 
+    leading          the equation where terms of next order, and values that the joint's own friction may have, are 0;
+                     "": there are none
     per_joint        False: it belongs to the arm (or the instrument) as a whole
     shows            what a person sees in the residual
     confused_with    effects that a recording may fail to tell from it, each with what separates them
@@ -213,6 +215,7 @@ class Effect:
     equation: str
     shows: str
     confused_with: dict[str, str]
+    leading: str = ""
     per_joint: bool = True
     observed_by: Mapping[Instrument, Observation] = field(default_factory=dict)
     excited_by: Excitation = Excitation.MOTION

@@ -68,6 +68,7 @@ VISCOUS_FRICTION = Effect(
         *with_time("N m/rad", (0.01, 1.0)),
     ),
     equation="tau = (B + b min(t, te)) q'",
+    leading="tau = B q'",
     settable="not the same in all recordings",
     shows="error proportional to velocity",
     confused_with={"time_skew": "two speeds", "hydrodynamic_drag": "two speeds"},
@@ -105,6 +106,7 @@ COULOMB_FRICTION = Effect(
         *with_time("N m/s", (0.01, 1.0)),
     ),
     equation="tau = (F + f min(t, te)) (1 + s sign(q')) sign(q')",
+    leading="tau = F sign(q')",
     settable="not the same in all recordings",
     shows="a step where the velocity changes sign",
     confused_with={

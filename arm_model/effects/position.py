@@ -54,6 +54,7 @@ GRAVITY_SPRING = Effect(
         ),
     ),
     equation="tau = k (q - q0) + h (q - q0)^3 + g (q - q0)^5",
+    leading="tau = k (q - q0)",
     shows="error proportional to joint angle",
     confused_with={"current_offset": "the full range of the joint", "link_inertia": "the full range of the joint"},
     observed_by={Instrument.CURRENT: Observation(), Instrument.SINGLE_AXIS: Observation()},
@@ -93,6 +94,7 @@ COGGING = Effect(
         ),
     ),
     equation="tau = (A + c |tau_load|) sin(Np q_motor + phi)",
+    leading="tau = A sin(Np q_motor + phi)",
     shows="a fixed order of the motor angle, also without load",
     confused_with={
         "gear_ripple": "the motor off its gear: then the torque of uneven teeth vanishes, that of magnets does not"

@@ -143,6 +143,7 @@ CURRENT_NONLINEARITY = Effect(
         ),
     ),
     equation="i_read = i - c i^3 - d i^5",
+    leading="i_read = i - c i^3",
     shows="error as a function of the measured current",
     confused_with={"load_friction": "a reference shunt"},
     observed_by={

@@ -120,7 +120,7 @@ def _left_charts(result: Diagnosis) -> list[Chart]:
 
 def _section(result: Diagnosis, cause: Cause, row: dict[str, Any], number: int) -> dict[str, Any]:
     """What the page says of a cause."""
-    equation = CATALOGUE[cause.effect].equation
+    equation = _equation(cause)
     if cause.signal is Signal.LINK_ANGLE and cause.joint is None:
         equation = "q_link_read(t) = q_link(t - d)"
     meaning = {p.name: p.meaning for p in CATALOGUE[cause.effect].parameters}
@@ -145,6 +145,13 @@ def _section(result: Diagnosis, cause: Cause, row: dict[str, Any], number: int) 
         "others": ", ".join(map(in_words, cause.group[1:])),
         "separated_by": _separated_by(row),
     }
+
+
+def _equation(cause: Cause) -> str:
+    """The law as far as the cause has it: every symbol is one of its parameters."""
+    effect = CATALOGUE[cause.effect]
+    own = any(effect[p.name].own and p.value for p in cause.parameters)
+    return effect.equation if cause.next_orders or own else effect.leading or effect.equation
 
 
 def _gain(cause: Cause) -> str:

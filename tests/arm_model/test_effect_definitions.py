@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import sympy
 
 from arm_model.effects import CATALOGUE, Effect, Excitation, Instrument, Parameter, Signals, Values
 
@@ -160,3 +161,18 @@ def test_a_size_reads_as_a_sentence_part(effect: Effect) -> None:
         coordinate = re.fullmatch(r"an? (m?[xyz]|i[xyz]{2}) of 3 N m", words)
         noun = re.sub(r"^an? |3 N m", "", words)
         assert coordinate or not re.search(r"\b(mu|[a-z]\d+|[a-z]|\w*_\w*)\b", noun), words
+
+
+@pytest.mark.parametrize("effect", [one for one in CATALOGUE.values() if one.leading], ids=lambda one: one.name)
+def test_the_leading_equation_is_the_equation_without_its_smaller_terms(effect: Effect) -> None:
+    """By sympy: with the symbols that only the whole equation has set to 0."""
+    whole, leading = (_right_side(text) for text in (effect.equation, effect.leading))
+    smaller = whole.free_symbols - leading.free_symbols - {sympy.Symbol(name) for name in ("t", "te")}
+    assert smaller and sympy.simplify(whole.subs(dict.fromkeys(smaller, 0)) - leading) == 0
+
+
+def _right_side(equation: str) -> sympy.Expr:
+    text = re.sub(r"\|(\w+)\|", r"Abs(\1)", equation.split(" = ")[1].replace("q'", "rate")).replace("^", "**")
+    text = re.sub(r"(?<=[\w)]) (?=[\w(])", "*", text.replace("min(t, te)", "Min(t,te)"))
+    names = {name: sympy.Symbol(name) for name in ("A", "B", "F", "T", "rate", "k", "q", "q0", "i", "phi", "Np")}
+    return sympy.sympify(text, locals=names)
