@@ -13,6 +13,7 @@ joint{j}.link_viscous .link_coulomb                        N m s/rad, N m: of th
 joint{j}.theta .d .a .alpha .beta .torque_constant .torque_limit .sign_velocity    as the model file has them
 base.NAME, thruster{k}.NAME                                of a floating base (``arm_model.tables.base_values``)
 joint{j}.EFFECT.PARAMETER, EFFECT.PARAMETER                of an effect term of that joint, of the whole arm
+joint{j}.EFFECT2.PARAMETER                                 of its second term of that name, in the order of the file
 """
 
 from __future__ import annotations
@@ -187,9 +188,11 @@ def unchecked(described: T, **entries: object) -> T:
 
 def _effect_place(arm: Arm, name: str, index: int, rest: str) -> int:
     effect, _, entry = rest.partition(".")
-    for place, term in enumerate(arm.effects):
-        if term.name == effect and (term.joint or 0) == index + 1 and entry in term.parameters:
-            return place
+    of_name = effect.rstrip("0123456789")
+    number = int(effect.removeprefix(of_name) or 1)
+    same = [k for k, term in enumerate(arm.effects) if term.name == of_name and (term.joint or 0) == index + 1]
+    if 1 <= number <= len(same) and entry in arm.effects[same[number - 1]].parameters:
+        return same[number - 1]
     raise _unknown(name)
 
 

@@ -18,7 +18,7 @@ from comparison.current_limits import limit_changes
 from comparison.joint_fit.fewest import Recorded, with_fewest
 from comparison.outcome import Comparison
 from comparison.quantities import friction_maps, values_quantities
-from comparison.regression import Fitted, Rows, Structure, fit, rows_of, shown_by, structure_of, wide
+from comparison.regression import Fitted, Rows, Structure, fit, rows_of, shown_by, structure_of
 from comparison.significance import changes
 from comparison.summary import summaries
 from daq.recording import Recording
@@ -26,6 +26,7 @@ from diagnosis.residual.run_setup import set_up, setup_of
 from identification.preprocessing.signals import Motion
 from identification.regression.equations import structural_base
 from identification.regression.problem import motions_of
+from identification.ripples import wide
 
 
 def compare_recordings(

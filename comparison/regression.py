@@ -31,10 +31,6 @@ EXCITED = 1e-3
 UNKNOWN = 0.1
 """Least uncertainty of a value taken from the model, over the largest value of its unit."""
 
-WIDE, WITHIN = 20.0, 0.7
-"""Hz of the band of the joint fit, within so much of that in which the motion is known."""
-APART = 1.2
-"""Samples per second of the joint fit, over the least whose folding its low-pass removes."""
 
 
 @dataclass(frozen=True)
@@ -144,24 +140,11 @@ def structure_of(
     return Structure(arm, base, np.array(rows, np.intp), curves, mean_loads(arm, motions))
 
 
-def wide(motion: Motion) -> Motion:
-    """The motion with rows in the band of the joint fit, which ripples need, and friction and bodies do not.
-
-    Of samples that are many times as fast as its band, every so many: the low-pass of the rows removes what folds.
-    """
-    parallel = max(motion.band.parallel, min(WIDE, WITHIN * motion.band.motion))
-    step = max(1, int(1.0 / (APART * (motion.band.motion + parallel) * motion.dt)))
-    names = ("t", "q", "qd", "qdd", "torque", "usable", "certain")
-    thinned = {name: getattr(motion, name)[::step] for name in names}
-    band = replace(motion.band, parallel=parallel)
-    return replace(motion, dt=step * motion.dt, band=band, folded=None, **thinned)
-
-
 def rows_of(structure: Structure, motion: Motion, carrying: Arm, whole: Motion) -> Rows:
     """The rows of one recording.
 
     carrying  the arm with the known payload of its setup, which is subtracted
-    whole     the motion with all its samples, by which it shows friction or does not (``wide``)
+    whole     the motion with all its samples, by which it shows friction or does not (``identification.ripples.wide``)
     """
     arm, base = structure.arm, structure.base
     found = equations(arm, [motion], "asymmetric")

@@ -86,7 +86,7 @@ def is_effect(name: str) -> bool:
 def definition(name: str) -> Parameter:
     """What the catalogue says of an effect's parameter."""
     effect, _, entry = name.split(".", 1)[1].partition(".") if name.count(".") == 2 else name.partition(".")
-    return next(p for p in CATALOGUE[effect].parameters if p.name == entry)
+    return next(p for p in CATALOGUE[effect.rstrip("0123456789")].parameters if p.name == entry)
 
 
 def shown_torque(arm: Arm, model: Arm, q: Array, qd: Array, qdd: Array, t: Array) -> Array:

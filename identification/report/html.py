@@ -10,7 +10,7 @@ from markupsafe import Markup
 from arm_model.collision import chain_of
 from arm_report import Report, table
 from arm_report.motion import Motion
-from identification.report import friction, plots
+from identification.report import friction, plots, ripples
 
 if TYPE_CHECKING:
     from identification.result import Identification, Value
@@ -43,6 +43,7 @@ def report(result: Identification) -> Report:
             "errors": _errors(result),
             "predictions": list(plots.predictions(result)),
             "friction_said": friction.sentences(result),
+            "ripples_said": ripples.sentences(result),
             "friction": friction.curves(result),
             "friction_values": friction.values(result),
             "recordings": _recordings(result),

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from arm_report import cut, text_table
-from identification.report.friction import sentences
+from identification.report import friction, ripples
 from identification.report.html import verdict
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ def text(result: Identification) -> str:
     lines = _table(named, "parameter")
     if sums and base:
         lines += _table(sums, "combination")
-    lines += sentences(result)
+    lines += [*friction.sentences(result), *ripples.sentences(result)]
     lines += [f"warning: {warning}" for warning in result.warnings]
     return "\n".join([*lines, verdict(result)])
 

@@ -33,6 +33,7 @@ ROOMS = {
         "selection",
         "preprocessing",
         "regression",
+        "ripples",
         "floating_base",
         "methods",
         "experiment_design",

@@ -1,0 +1,166 @@
+"""Which ripples a model lacks, decided on held-out rows.
+
+Of what a regression leaves of a joint, the wave that stands out most of those of neighbouring orders is fitted with its
+order, and judged where nothing was fitted: it stays where it reduces the held-out squares in more blocks of time than
+chance allows, is clearly not zero, and matters beside the joint's friction. Then the next, until one does not stand out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import ndimage
+
+from arm_io.progress import Step
+from arm_io.types import Array, Progress
+from arm_model import Arm
+from identification.preprocessing.signals import Motion, equation_rows
+from identification.regression.problem import Problem
+from identification.ripples.fit import Fitted, Wave, fit_waves, named
+from identification.ripples.result import Ripple
+from identification.ripples.rows import WideRows, wide_rows
+from identification.ripples.scan import CLOSE, orders_of, wave_sums
+from identification.selection import p_value
+
+STANDS_OUT = 10.0
+"""Times the gain that waves of neighbouring orders have on average, which a large wave raises: with noise alone, one
+order in 22 000 has it."""
+NEIGHBOURS = 41
+"""Orders about one whose median gain is that of noise there."""
+MOST = 8
+"""Waves that are judged at a joint."""
+BY_CHANCE = 0.01
+"""Probability, over all joints and waves judged, that blocks of noise gain as much on held-out rows."""
+CLEARLY = 4.0
+"""Deviations from zero of the torque of a ripple that stays."""
+MATTERS = 0.005
+"""Of a joint's Coulomb friction: rms of a ripple that stays, at least."""
+FINER = np.linspace(-1.0, 1.0, 17)
+"""Orders about the best, in distances of those that are tried."""
+APART = 1.5
+"""Cycles within the travel that two waves of one joint must be apart."""
+
+
+def find_ripples(problem: Problem, near: Arm, sizes: Array, progress: Progress = lambda _: None) -> list[Ripple]:
+    """All that stood out at any joint, with whether they stay.
+
+    near   the arm as it was fitted; sizes (J,) N m (N): Coulomb friction of the joints
+    """
+    progress("ripples")
+    rows = wide_rows(problem, near)
+    joints = [j for j in range(len(near)) if all(motion.moves(j) for motion in rows.fit.motions)]
+    found: list[Ripple] = []
+    for number, j in enumerate(joints):
+        progress(Step("ripples", number, len(joints)))
+        found += _Joint(rows, near, j, float(sizes[j]), len(joints)).searched()
+    return found
+
+
+@dataclass
+class _Joint:
+    """The search at one joint (from 0); tried: joints at which ripples are looked for."""
+
+    rows: WideRows
+    arm: Arm
+    j: int
+    friction: float
+    tried: int
+
+    def searched(self) -> list[Ripple]:
+        """Those that stay, with the values of their joint fit, then those that do not."""
+        orders = orders_of(self.rows.fit.motions, self.j)
+        if len(orders) < NEIGHBOURS // 2:
+            return []
+        apart, refused = float(orders[1] - orders[0]) / CLOSE, list[tuple[float, Ripple]]()
+        kept = fit_waves(self.rows, self.j, [])
+        whys: list[str] = []
+        for _ in range(MOST):
+            best = self._strongest(orders, kept, [order for order, _ in refused], apart)
+            if best is None:
+                break
+            order, of_angle = best
+            more = self._with(kept, order)
+            why, stays = self._judged(kept, more, of_angle, (1 + len(whys) + len(refused)) * self.tried)
+            if stays:
+                kept, whys = more, [*whys, why]
+            else:
+                refused.append((order, self._ripple(more, -1, why, False)))
+        stay = [self._ripple(kept, k, why, True) for k, why in enumerate(whys)]
+        return stay + [one for _, one in refused]
+
+    def _with(self, kept: Fitted, order: float) -> Fitted:
+        """The fit with one more wave, of whole turns of a shaft where its order is one within its deviation."""
+        joint = self.arm.joints[self.j]
+        more = fit_waves(self.rows, self.j, [*kept.waves, Wave(order)])
+        whole = named(more, len(more.waves) - 1, joint.ratio, joint.revolute)
+        return fit_waves(self.rows, self.j, [*more.waves[:-1], whole]) if whole.whole else more
+
+    def _strongest(
+        self, orders: Array, kept: Fitted, refused: Sequence[float], apart: float
+    ) -> tuple[float, bool] | None:
+        """The order that stands out most, and whether it does more as an error of an angle; None where none does."""
+        side = self.rows.fit
+        left = _by_motion(kept.left[0], side.kept, side.motions)
+        gains = _gains(side.motions, left, self.j, orders)
+        floor = ndimage.median_filter(gains[0], NEIGHBOURS, mode="nearest") / np.log(2.0)
+        above = gains[0] / np.maximum(floor, 1.0)
+        for order in [*refused, *(wave.order for wave in kept.waves)]:
+            above[np.abs(orders - order) < APART * apart] = 0.0
+        best = int(np.argmax(above))
+        if above[best] < STANDS_OUT:
+            return None
+        finer = orders[best] + (orders[1] - orders[0]) * FINER
+        around = _gains(side.motions, left, self.j, finer)
+        return float(finer[int(np.argmax(around[0]))]), bool(around[1].max() > around[0].max())
+
+    def _judged(self, before: Fitted, after: Fitted, of_angle: bool, tests: int) -> tuple[str, bool]:
+        """Why the last wave of a fit stays or not, and whether it does; ``tests``: so many are made."""
+        joint, held = self.arm.joints[self.j], self.rows.held_out
+        unit = "N m" if joint.revolute else "N"
+        mine = held.equations.joint == self.j
+        one, other = (fit.left[1][mine] for fit in (before, after))
+        gain = np.bincount(held.block[mine], weights=one**2 - other**2) if mine.any() else np.zeros(1)
+        p = p_value(gain[gain != 0.0].astype(float))
+        errors = [float(np.sqrt(np.mean(each**2))) * held.noise[self.j] if len(each) else 0.0 for each in (one, other)]
+        said = f"held-out error {errors[0]:.3g} -> {errors[1]:.3g} {unit}"
+        (torque, _, _), covariance = after.parameters(-1 % len(after.waves), joint.ratio)
+        if of_angle:
+            return f"it grows with the square of the speed, as an error of an angle does; {said}", False
+        if p * tests > BY_CHANCE:
+            return f"{said}, which blocks of noise gain as often as in {min(1.0, p * tests):.2g} of cases", False
+        if torque < CLEARLY * np.sqrt(covariance[0, 0]):
+            return f"its torque is not clearly above zero; {said}", False
+        if torque / np.sqrt(2.0) < MATTERS * self.friction:
+            return f"less than {MATTERS:.1%} of the joint's friction; {said}", False
+        return said, True
+
+    def _ripple(self, fit: Fitted, k: int, why: str, stays: bool) -> Ripple:
+        k %= len(fit.waves)
+        values, covariance = fit.parameters(k, self.arm.joints[self.j].ratio)
+        torque, order, phase = values
+        return Ripple(
+            joint=self.j + 1,
+            torque=torque,
+            order=order,
+            phase=phase,
+            covariance=covariance,
+            turn=fit.waves[k].turn,
+            stays=stays,
+            why=why,
+        )
+
+
+def _by_motion(left: Array, kept: Array, motions: Sequence[Motion]) -> list[Array]:
+    """Residuals (k,) of the ``kept`` rows (r,) as all rows of each motion; 0 where a row is not kept."""
+    every = np.zeros(len(kept))
+    every[np.asarray(kept, bool)] = left
+    counts = [int(equation_rows(motion)[1].sum()) for motion in motions]
+    return np.split(every, np.cumsum(counts)[:-1])
+
+
+def _gains(motions: Sequence[Motion], left: Sequence[Array], joint: int, orders: Array) -> Array:
+    """(2, o) by how much a wave in all motions reduces the squares: as a torque, and as an error of an angle."""
+    sums, power = wave_sums(motions, left, joint, orders, np.zeros(len(motions), bool))
+    return np.asarray(np.abs(sums[0]) ** 2 / power[0] / 2.0)

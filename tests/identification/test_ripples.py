@@ -1,0 +1,138 @@
+"""Ripples of an arm that is not ours: found with their orders, written, no news on a second day; none where none is."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import armscope
+from arm_model import read_model
+from tests.diagnosis.numpy_arm import GEAR, NumpyArm, humped, model, straight
+
+pytestmark = pytest.mark.xdist_group("ripples")
+"""One process identifies for all tests of this module."""
+
+FRICTION = ((straight(9.0, 8.0),) * 2, (humped,) * 2)
+TEETH = (0.3, 37.0, 1.0)
+"""N m, cycles per turn of joint 1, rad: 3 % of its Coulomb friction."""
+MAGNETS = (0.18, 2.0, 0.4)
+"""N m, cycles per turn of motor 2, rad: 3 % of its friction."""
+SHAFT = (0.12, 44.5, -2.0)
+"""N m, cycles per turn of joint 2, rad: of a shaft between, a whole number of neither."""
+
+
+def waves(q: np.ndarray, v: np.ndarray, t: np.ndarray, load: np.ndarray) -> np.ndarray:
+    """(m, 2) N m that the motors must give in addition."""
+    one = TEETH[0] * np.sin(TEETH[1] * q[:, 0] + TEETH[2])
+    other = MAGNETS[0] * np.sin(MAGNETS[1] * GEAR[1] * q[:, 1] + MAGNETS[2])
+    return np.column_stack([one, other + SHAFT[0] * np.sin(SHAFT[1] * q[:, 1] + SHAFT[2])])
+
+
+RIPPLED = NumpyArm(FRICTION, torque=waves)
+
+
+def _start() -> armscope.Arm:
+    return model([(8.0, 8.0), (5.0, 5.0)], [7.0, 4.0])
+
+
+@pytest.fixture(scope="module")
+def identified(tmp_path_factory: pytest.TempPathFactory) -> tuple[armscope.Identification, Path]:
+    folder = tmp_path_factory.mktemp("rippled")
+    fit, held_out = (RIPPLED.record(folder / f"{k}.mcap", k, seconds=24.0) for k in (1, 2))
+    result = armscope.identify(fit, _start(), held_out=held_out)
+    result.write(folder / "out")
+    return result, folder
+
+
+def test_torque_order_and_phase_are_right_within_their_deviations(
+    identified: tuple[armscope.Identification, Path],
+) -> None:
+    result, _ = identified
+    found = [one for one in result.extra["ripples"] if one["stays"]]
+    assert [one["joint"] for one in found] == [1, 2, 2]
+    for ratio, joint, (torque, order, phase), turn in (
+        (1.0, 1, TEETH, "joint"),
+        (GEAR[1], 2, MAGNETS, "motor"),
+        (1.0, 2, SHAFT, ""),
+    ):
+        cycles = order * ratio / GEAR[joint - 1]
+        (one,) = [o for o in found if abs(o["parameters"]["order"]["value"] / cycles - 1.0) < 0.02]
+        assert (one["joint"], one["turn"]) == (joint, turn)
+        for name, true in (("torque", torque), ("order", cycles), ("phase", phase)):
+            size = one["parameters"][name]
+            assert abs(np.angle(np.exp(1j * (size["value"] - true)))) <= 3.0 * size["std"] + 1e-9
+        assert one["parameters"]["torque"]["std"] < 0.1 * torque
+
+
+def test_what_is_written_is_what_was_printed(identified: tuple[armscope.Identification, Path]) -> None:
+    result, folder = identified
+    written = read_model(folder / "out/model.toml")
+    assert [term.name for term in written.effects] == ["gear_ripple"] * 3
+    assert written.uncertainty is not None
+    assert {"joint1.gear_ripple.torque", "joint2.gear_ripple2.phase"} < set(written.uncertainty.parameters)
+    (known,) = armscope.predict(folder / "2.mcap", folder / "out/model.toml")
+    assert known.relative_error == pytest.approx(result.relative_error(True), rel=1e-6)
+    (without,) = armscope.predict(folder / "2.mcap", replace(written, effects=(), uncertainty=None))
+    assert known.relative_error < 0.5 * without.relative_error
+    said, page = str(result), (folder / "out/report.html").read_text()
+    for sentence in ("ripple of joint 1, 37 cycles per turn: 0.", "ripple of joint 2, 2 cycles per turn of the motor"):
+        assert sentence in said and sentence in page
+    table = json.loads((folder / "out/identification.json").read_text())
+    assert [one["stays"] for one in table["ripples"]] == [True, True, True]
+    assert "joint2.gear_ripple.torque" in {one["name"] for one in table["parameters"]}
+
+
+def test_a_second_day_names_none_of_them_and_what_came_since(
+    identified: tuple[armscope.Identification, Path], tmp_path: Path
+) -> None:
+    _, folder = identified
+    fit, held_out = (RIPPLED.record(tmp_path / f"{k}.mcap", k, seconds=16.0) for k in (5, 6))
+    result = armscope.diagnose(fit, folder / "out/model.toml", held_out=held_out)
+    assert (result.verdict, result.causes) == ("consistent", [])
+
+    worn = replace(RIPPLED, friction=(FRICTION[0], (lambda v: humped(v) + 1.0,) * 2))
+    fit, held_out = (worn.record(tmp_path / f"worn{k}.mcap", k, seconds=16.0) for k in (5, 6))
+    result = armscope.diagnose(fit, folder / "out/model.toml", held_out=held_out)
+    assert [(cause.effect, cause.joint) for cause in result.causes] == [("coulomb_friction", 2)]
+
+
+@pytest.mark.slow
+def test_an_error_of_an_encoder_is_no_torque(tmp_path: Path) -> None:
+    # two periods of each motor's encoder, in rad of the joint
+    uneven = NumpyArm(FRICTION, error=lambda motor: 2e-4 * np.sin(0.4 * motor + 0.5))
+    fit, held_out = (uneven.record(tmp_path / f"{k}.mcap", k, seconds=16.0) for k in (1, 2))
+    result = armscope.identify(fit, _start(), held_out=held_out)
+    assert not [one for one in result.extra["ripples"] if one["stays"]]
+
+
+def test_straight_friction_looks_for_none(tmp_path: Path) -> None:
+    run = RIPPLED.record(tmp_path / "1.mcap", 1, seconds=10.0)
+    result = armscope.identify(run, _start(), shape="straight")
+    assert "ripples" not in result.extra and result.arm.effects == ()
+
+
+@pytest.mark.slow
+def test_healthy_arms_have_none(tmp_path: Path) -> None:
+    """Random friction, lengths of recordings, and noise that has a memory."""
+    rng, named = np.random.default_rng(2026), 0
+    for trial in range(20):
+        level, slope = rng.uniform(3.0, 12.0), rng.uniform(2.0, 9.0)
+        size, memory = rng.uniform(0.0, 0.05), rng.uniform(0.01, 0.3)
+        share = np.exp(-0.002 / memory)
+
+        def coloured(i: np.ndarray, size: float = size, share: float = share) -> np.ndarray:
+            white, noise = rng.normal(size=i.shape), np.zeros_like(i)
+            for k in range(1, len(i)):
+                noise[k] = share * noise[k - 1] + np.sqrt(1.0 - share**2) * white[k]
+            return i + size * noise
+
+        arm = NumpyArm(((straight(level, slope),) * 2, (humped,) * 2), current=coloured)
+        seconds = rng.uniform(10.0, 24.0, 2)
+        fit, held_out = (arm.record(tmp_path / f"{k}.mcap", 2 * trial + k, seconds=seconds[k]) for k in (0, 1))
+        result = armscope.identify(fit, _start(), held_out=held_out)
+        named += sum(one["stays"] for one in result.extra["ripples"])
+    assert named == 0
