@@ -9,7 +9,7 @@ What the recording's setup adds (a known payload) is subtracted first.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +30,6 @@ EXCITED = 1e-3
 """Share of a column that no other explains; below it, a recording says nothing about the parameter."""
 UNKNOWN = 0.1
 """Least uncertainty of a value taken from the model, over the largest value of its unit."""
-
 
 
 @dataclass(frozen=True)

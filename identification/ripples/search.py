@@ -2,7 +2,7 @@
 
 Of what a regression leaves of a joint, the wave that stands out most of those of neighbouring orders is fitted with its
 order, and judged where nothing was fitted: it stays where it reduces the held-out squares in more blocks of time than
-chance allows, is clearly not zero, and matters beside the joint's friction. Then the next, until one does not stand out.
+chance allows, is clearly not zero, and matters beside the joint's friction. Then the next, while one stands out.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import ndimage
 
 from arm_io.progress import Step
@@ -152,10 +153,10 @@ class _Joint:
         )
 
 
-def _by_motion(left: Array, kept: Array, motions: Sequence[Motion]) -> list[Array]:
+def _by_motion(left: Array, kept: NDArray[np.bool_], motions: Sequence[Motion]) -> list[Array]:
     """Residuals (k,) of the ``kept`` rows (r,) as all rows of each motion; 0 where a row is not kept."""
     every = np.zeros(len(kept))
-    every[np.asarray(kept, bool)] = left
+    every[kept] = left
     counts = [int(equation_rows(motion)[1].sum()) for motion in motions]
     return np.split(every, np.cumsum(counts)[:-1])
 
