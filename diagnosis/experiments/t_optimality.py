@@ -29,8 +29,6 @@ from diagnosis.selection.design import Dataset
 from experiment import demand_of
 from identification.selection import scaled_lstsq
 
-NO_STEPS = KnownNoise(steps=np.zeros(1))
-"""Of simulated angles: none need be searched for."""
 SIMULATED_RATE = 2.0 * ROWS_PER_SECOND
 """Rows/s of a simulated motion: enough for the bands of ``residual``."""
 
@@ -176,16 +174,7 @@ def predicted_run(trial: Trial, stage: Stage, noise: Array) -> Run | None:
         out = [(q[:, j - 1].min() < low[j - 1]) or (q[:, j - 1].max() > high[j - 1]) for j in moved]
         if over.any() or fast.any() or any(out):
             return None
-    run = residual_run(experiment.name, arm, t, q, current, powered=not setup.drives_off, known=NO_STEPS)
-    unsure = np.sqrt(np.maximum(run.deviation**2 - run.instruments**2, 0.0))
+    known = KnownNoise(steps=np.zeros(len(arm)), residual=noise)
+    run = residual_run(experiment.name, arm, t, q, current, powered=not setup.drives_off, known=known)
     expected = run.along * run.powered  # another filter on the motion would discriminate equal effects
-    rate = np.gradient(expected, 1.0 / ROWS_PER_SECOND, axis=0)
-    every = np.broadcast_to(noise, expected.shape)
-    return replace(
-        run,
-        current=expected,
-        current_rate=rate,
-        noise=noise,
-        instruments=every,
-        deviation=np.hypot(every, unsure),
-    )
+    return replace(run, current=expected, current_rate=np.gradient(expected, 1.0 / ROWS_PER_SECOND, axis=0))

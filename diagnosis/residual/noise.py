@@ -93,11 +93,14 @@ class KnownNoise:
     still   (n,) A: std of the currents at standstill; 0 where it is not known
     steps   (n,) rad: of the encoders, for angles that were interpolated and show them no more; None: as the angles show
     setpoint_period  s: of the servos' setpoints, as the demands show; 0: unknown, or as the model says
+    residual  (n,) A: std that the residual will have from the instruments, of samples that are simulated: neither it
+              nor what sampling folds can be seen in these; None: as the samples show
     """
 
     still: Array | float = 0.0
     steps: Array | None = None
     setpoint_period: float = 0.0
+    residual: Array | None = None
 
 
 NOTHING_KNOWN = KnownNoise()

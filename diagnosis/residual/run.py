@@ -240,9 +240,6 @@ def residual_run(
     def thin(values: Array) -> Array:
         return low_pass(values, COMPARE_BAND, rate)[keep]
 
-    moved = drive_mass_matrix(bent, q[:: max(1, len(q) // 50)]) / constant[:, None]
-    period = known.setpoint_period or period_of(arm)
-    noise = channel_noise(q, i, moved, rate, known, period)
     # Columns are made from a motion smoothed further: what they have in common with the noise of the residual would
     # look like a cause.
     low, slow_v, slow_a = (low_pass(values, COLUMN_BAND, rate)[keep] for values in (position, v, a))
@@ -255,10 +252,19 @@ def residual_run(
     friction_std = coulomb * uncertain * powered
     rows, current, expected = t[keep], thin(i), thin(reading(arm, t, q, powered=powered, motion=(position, v, a)))
     block = ((rows - rows[0]) // 1.0).astype(np.intp)
-    instruments = row_by_row(noise, q, slow_v, moved, rate, known)
     brisk = [thin(values) for values in (position, v, a)]
-    folded, rippled = np.zeros_like(instruments), np.zeros((*instruments.shape, DIRECTIONS))
-    setpoint_rows = rows_per_setpoint(arm, i, a, rate) if powered and not period else 0
+    period, setpoint_rows = 0.0, 0
+    folded, rippled = np.zeros_like(slow_v), np.zeros((*slow_v.shape, DIRECTIONS))
+    if known.residual is not None:
+        noise = loop_noise = known.residual
+        instruments = np.broadcast_to(noise, slow_v.shape)
+    else:
+        moved = drive_mass_matrix(bent, q[:: max(1, len(q) // 50)]) / constant[:, None]
+        period = known.setpoint_period or period_of(arm)
+        noise = channel_noise(q, i, moved, rate, known, period)
+        loop_noise = channel_noise(q, i, moved, rate, known, 0.0) if period else noise
+        instruments = row_by_row(noise, q, slow_v, moved, rate, known)
+        setpoint_rows = rows_per_setpoint(arm, i, a, rate) if powered and not period else 0
     if setpoint_rows:
         folded = folded_currents(arm, (t, angle, i), setpoint_rows, keep, brisk[2], noise)
     elif powered and period:
@@ -280,7 +286,7 @@ def residual_run(
         inertia=links.diagonal(axis1=1, axis2=2),
         deviation=np.hypot(instruments, friction_std),
         noise=noise,
-        loop_noise=channel_noise(q, i, moved, rate, known, 0.0) if period else noise,
+        loop_noise=loop_noise,
         instruments=instruments,
         folded=folded,
         rippled=rippled,
