@@ -18,6 +18,7 @@ from arm_model.effects import CATALOGUE, Effect, Signals, Values, units
 from arm_model.system import mass_matrix_along, rigid_torque_along
 from comparison.regression import Rows
 from diagnosis.residual.expected_current import through_gap, wound_up
+from identification.preprocessing import zero_phase
 from identification.preprocessing.signals import Motion, equation_rows, equation_weight, parallel_filter
 
 STIFFNESSES = (1e3, 4e3, 2e4, 2e5)
@@ -142,7 +143,7 @@ def _twist(one: Added, p: Values, load: Array, inertia: Array, motion: Motion) -
 def _smooth(values: Array, motion: Motion) -> Array:
     """Values (m, ...) in the band of the regression, beyond which their rates would be noise."""
     low_pass = signal.butter(4, min(2 * motion.band.parallel * motion.dt, 0.98), output="sos")
-    return np.asarray(signal.sosfiltfilt(low_pass, values, axis=0))
+    return zero_phase(low_pass, values)
 
 
 def _moved(arm: Arm, motion: Motion, j: int, angle: Array, speed: Array, acceleration: Array) -> Array:

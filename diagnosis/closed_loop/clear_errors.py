@@ -22,6 +22,7 @@ from diagnosis.closed_loop.setpoint_phase import lag_of
 from diagnosis.residual.expected_current import COMPARE_BAND, rate_of
 from diagnosis.residual.noise import scatter
 from diagnosis.residual.run import ROWS_PER_SECOND, Run
+from identification.preprocessing import zero_phase
 from identification.selection import Thresholds
 
 HIGHEST = 100.0
@@ -150,7 +151,7 @@ def _above(before: Compared, one: Compared, white: Array) -> tuple[Array, Array]
     sections = _sections(rate)
     noise = _in_band(white, sections)
     measured, simulated, without = (
-        signal.sosfiltfilt(sections, current, axis=0) / noise
+        zero_phase(sections, current) / noise
         for current in (one.current, one.simulated_current, before.simulated_current)
     )
     end = round(END_SECONDS * rate)

@@ -30,7 +30,7 @@ from diagnosis.closed_loop.model_errors import drawn
 from diagnosis.residual.noise import scatter
 from diagnosis.residual.run_setup import set_up
 from diagnosis.units import unit_at
-from identification.preprocessing import demand_of_run
+from identification.preprocessing import demand_of_run, zero_phase
 from identification.selection import BLOCK_SECONDS, Thresholds, p_value
 from identification.selection.cluster_covariance import cluster_covariance
 
@@ -252,7 +252,7 @@ def _errors(arm: Arm, recording: Recording, trials: Sequence[Trial] = ()) -> Arr
         delay = late(recording.q - q, np.gradient(q, recording.dt, axis=0)) if np.isfinite(i).all() else 0.0
         moved = np.column_stack([np.interp(t - delay, t, column) for column in i.T])
         errors.append(
-            signal.sosfiltfilt(_sections(rate), recording.i - moved, axis=0)[end:-end]
+            zero_phase(_sections(rate), recording.i - moved)[end:-end]
             if np.isfinite(i).all()
             else np.full((len(t) - 2 * end, i.shape[1]), np.nan)
         )

@@ -10,6 +10,7 @@ import numpy as np
 from scipy import signal
 
 from arm_io.types import Array
+from identification.preprocessing import zero_phase
 
 MAINS = (50.0, 60.0)
 """Hz."""
@@ -74,7 +75,7 @@ def line_near_mains(t: Array, current: Array) -> Line:
     edges = [min(2 * edge * dt, most) for edge, most in zip(BAND, (0.98, 0.99))]
     near_mains = signal.butter(4, edges, "bandpass", output="sos")
     taken = line @ np.array([a, b])
-    before, after = (float(np.std(signal.sosfiltfilt(near_mains, values))) for values in (current, current - taken))
+    before, after = (float(np.std(zero_phase(near_mains, values))) for values in (current, current - taken))
     modulation, modulation_std = _modulation(above(current, dt), t, f)
     return Line(
         frequency=f,
@@ -116,7 +117,7 @@ def waves(frequency: float, t: Array) -> Array:
 def above(values: Array, dt: float) -> Array:
     """(m,) or (m, k): columns above HIGH_PASS."""
     sections = signal.butter(4, min(HIGH_PASS * 2 * dt, 0.9), "highpass", output="sos")
-    return np.asarray(signal.sosfiltfilt(sections, values, axis=0), float)
+    return zero_phase(sections, values)
 
 
 def _to_peak(power: Array, top: int) -> float:

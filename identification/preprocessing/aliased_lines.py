@@ -16,6 +16,7 @@ from scipy import signal
 from arm_io.types import Array
 from arm_model import Arm
 from identification.preprocessing.aliased_ripple import BEAT, STANDS, STRETCH, UNSEEN
+from identification.preprocessing.filtering import zero_phase
 from identification.preprocessing.signals import Motion, smooth_motion
 
 LINES = 24  # that are followed: the next are below a twentieth of the first
@@ -107,7 +108,7 @@ def _slow(values: Array, motion: Motion, period: float) -> Array:
     """(m, J) what is demanded of values (m, J) on the motion's grid, without the transients themselves."""
     cut = min(motion.band.parallel, 0.5 / period)
     low_pass = signal.butter(4, min(2 * cut * motion.dt, 0.98), output="sos")
-    return np.asarray(signal.sosfiltfilt(low_pass, values, axis=0))
+    return zero_phase(low_pass, values)
 
 
 def _bounds(lines: list[int], motion: Motion, pushed: Array, t: Array, torque: Array, period: float) -> Array:

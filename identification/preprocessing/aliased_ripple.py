@@ -19,6 +19,7 @@ from scipy import signal
 
 from arm_io.types import Array
 from arm_model import Arm
+from identification.preprocessing.filtering import zero_phase
 from identification.preprocessing.setpoint_lines import seen_rows
 from identification.preprocessing.signals import Motion, smooth_motion
 
@@ -110,7 +111,7 @@ def _deviation(t: Array, transients: Array, ripple: Array, order: Array) -> floa
 def _below(cut: float, motion: Motion) -> Array:
     """(m, J) the acceleration of a motion below ``cut`` Hz."""
     low_pass = signal.butter(4, min(2 * cut * motion.dt, 0.98), output="sos")
-    return np.asarray(signal.sosfiltfilt(low_pass, motion.qdd, axis=0))
+    return zero_phase(low_pass, motion.qdd)
 
 
 def _at(t: Array, grid: Array, values: Array) -> Array:

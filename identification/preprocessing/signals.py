@@ -18,6 +18,7 @@ from scipy.interpolate import make_interp_spline
 
 from arm_io.types import Array
 from arm_model.tables import Temperatures
+from identification.preprocessing.filtering import zero_phase
 from identification.preprocessing.grid import longest_whole, nearest, on_grid, uniform_grid
 from identification.preprocessing.spectrum import Band, choose_band
 
@@ -91,8 +92,8 @@ def smooth_motion(
     torque_smooth, far_torque = on_grid(t, torque, grid, dt)
     band = band or choose_band(q_smooth[longest_whole(far_q, dt)], dt)
     low_pass = signal.butter(4, min(band.motion * dt * 2, 0.98), output="sos")
-    for column in (*q_smooth.T, *torque_smooth.T):
-        column[:] = _both_ways(low_pass, column)
+    for channels in (q_smooth, torque_smooth):
+        channels[:] = _both_ways(low_pass, channels)
     qd, qdd = _derivatives(q_smooth, dt)
 
     # A hole narrower than an eighth of the shortest period that passes counts as sampled.
@@ -239,9 +240,9 @@ def flat_tops(channel: Array, q: Array) -> Mask:
     return flat
 
 
-def _both_ways(sos: Array, column: Array) -> Array:
-    pad = min(len(column) - 1, 3 * int(np.ceil(10 / max(1e-3, 1 - np.max(np.abs(signal.sos2zpk(sos)[1]))))))
-    return np.asarray(signal.sosfiltfilt(sos, column, padlen=pad))
+def _both_ways(sos: Array, channels: Array) -> Array:
+    pad = min(len(channels) - 1, 3 * int(np.ceil(10 / max(1e-3, 1 - np.max(np.abs(signal.sos2zpk(sos)[1]))))))
+    return zero_phase(sos, channels, pad=pad)
 
 
 def _derivatives(q: Array, dt: float) -> tuple[Array, Array]:

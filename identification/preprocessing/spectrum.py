@@ -17,6 +17,7 @@ import numpy as np
 from scipy import signal
 
 from arm_io.types import Array
+from identification.preprocessing.filtering import zero_phase
 
 OCCUPIED = 0.95  # share of the acceleration's power that counts as the bandwidth of the dynamics
 STANDING = 0.02  # of a joint's peak speed: below it the sign of the velocity may be noise
@@ -78,7 +79,7 @@ def _occupied(f: Array, density: Array) -> float:
 def _signs(q: Array, dt: float, cut: float) -> Array:
     """Direction of motion (n,) of a joint, 0 where it all but stands."""
     low_pass = signal.butter(2, min(2 * cut * dt, 0.98), output="sos")
-    speed = np.gradient(signal.sosfiltfilt(low_pass, q), dt)
+    speed = np.gradient(zero_phase(low_pass, q), dt)
     return np.where(np.abs(speed) > STANDING * np.max(np.abs(speed)), np.sign(speed), 0.0)
 
 
