@@ -18,6 +18,7 @@ from diagnosis.experiments.t_optimality import predicted_run
 from diagnosis.measurements.currents.columns import candidates
 from diagnosis.measurements.currents.design_matrix import columns_of, dataset_of
 from diagnosis.measurements.currents.detectability import felt, times_noise
+from diagnosis.selection.candidate import Candidate
 from experiment import Experiment, demand_of
 from identification.experiment_design import Limits
 
@@ -54,15 +55,15 @@ def shown_by(
         return [Showing(one) for one in result.not_visible]
     stage = stage_of(result, [1], rig, visited=False)
     noise = np.mean([run.noise for run in result.fit], axis=0)
-    known = {c.key for c in candidates(result.arm)}
-    alike: dict[tuple[int, str], set[EffectKey]] = {}
-    for one in result.not_visible:
-        if one.joint is not None:
-            alike.setdefault((one.joint, _family(one.effect)), set()).add((one.effect, one.joint))
-    places = [at for at, keys in alike.items() if not known.isdisjoint(keys)]
+    wanted = {(one.effect, one.joint) for one in result.not_visible if one.joint is not None}
+    alike: dict[tuple[int, str], list[Candidate]] = {}
+    for c in candidates(result.arm):
+        if c.joint is not None and c.key in wanted:
+            alike.setdefault((c.joint, _family(c.effect)), []).append(c)
+    places = list(alike)
     progress("detection experiments")
     tried = in_parallel(lambda at: list(_tried(stage, noise, *at, alike[at])), places)
-    shown = {key: trials for at, trials in zip(places, tried) for key in alike[at] & known}
+    shown = {c.key: trials for at, trials in zip(places, tried) for c in alike[at]}
     return [
         Showing(one) if (trials := shown.get((one.effect, one.joint))) is None else _best(one, trials)
         for one in result.not_visible
@@ -75,7 +76,7 @@ def _family(effect: str) -> str:
 
 
 def _tried(
-    stage: Stage, noise: Array, joint: int, family: str, effects: set[EffectKey]
+    stage: Stage, noise: Array, joint: int, family: str, effects: Sequence[Candidate]
 ) -> Iterator[tuple[Trial, dict[EffectKey, float]]]:
     """The motion of a joint of a family (or of OTHERWISE), with a known payload too if it does not show all.
 
@@ -87,19 +88,18 @@ def _tried(
         return
     strengths = _strengths(trial, stage, noise, effects)
     yield trial, strengths
-    if any(strengths.get(key, 0.0) < ENOUGH for key in effects):
+    if any(strengths.get(c.key, 0.0) < ENOUGH for c in effects):
         yield with_payload(trial), _strengths(with_payload(trial), stage, noise, effects)
 
 
-def _strengths(trial: Trial, stage: Stage, noise: Array, effects: set[EffectKey]) -> dict[EffectKey, float]:
+def _strengths(trial: Trial, stage: Stage, noise: Array, effects: Sequence[Candidate]) -> dict[EffectKey, float]:
     """Effect-to-noise ratios of effects of the largest typical size in a simulated motion; empty if not feasible."""
     run = predicted_run(trial, stage, noise)
     if run is None:
         return {}
     side, strongest = dataset_of([run]), dict[EffectKey, float]()
-    for c in candidates(stage.arm):
-        if c.key in effects:
-            strongest[c.key] = max(strongest.get(c.key, 0.0), felt(c, columns_of(c, side), side.rows))
+    for c in effects:
+        strongest[c.key] = max(strongest.get(c.key, 0.0), felt(c, columns_of(c, side), side.rows))
     return strongest
 
 

@@ -58,7 +58,8 @@ def columns(candidate: Candidate, run: Run) -> Array:
         return -run.current_rate[..., None]
     assert joint is not None
     s = signals_of(run, arm, joint, link_side=effect.link_side)
-    return np.stack([_law(run, arm, candidate, unit, s) for unit in candidate.units()], axis=-1)
+    laws = [_law(run, arm, candidate, unit, s) for unit in candidate.units()]
+    return np.stack(laws, axis=-1) if len(laws) > 1 else laws[0][..., None]
 
 
 def own_columns(candidate: Candidate, run: Run) -> Array:
@@ -119,13 +120,13 @@ def _law(run: Run, arm: Arm, candidate: Candidate, p: Values, s: Signals) -> Arr
         # link angle = motor angle - deflection
         elastic = effect.spring is not None
         rates = _wound_up(run, j, effect, p) if elastic else _rates(effect.deflection, p, s, arm.joints[j].ratio, run)
-        change = -_moved(run, j, *rates)
+        change = _moved(run, j, *(-rate for rate in rates))
         # virtual work: where the link turns less than the motor, the motor feels less of its load
         change[:, j] -= _slope(effect.deflection, p, s) * arm.joints[j].ratio * s.load / arm.joints[j].drive_constant
     elif effect.angle is not None:
         # true angle = reading - error, of motor and link
         error, speed, acceleration = _rates(effect.angle, p, s, arm.joints[j].ratio, run)
-        change = -_moved(run, j, error, speed, acceleration)
+        change = _moved(run, j, -error, -speed, -acceleration)
         drive = arm.joints[j]
         change[:, j] -= drive.ratio**2 * drive.rotor_inertia * acceleration / drive.drive_constant
     if effect.wave:
@@ -204,11 +205,10 @@ def _slope(law: Law, p: Values, s: Signals) -> Array:
 
 def _moved(run: Run, j: int, angle: Array, speed: Array, acceleration: Array) -> Array:
     """(m, n) A: change of the expected currents of all joints when link j is displaced by ``angle`` (m,) rad."""
-    return (
-        run.by_angle[..., j] * angle[:, None]
-        + run.by_speed[..., j] * speed[:, None]
-        + run.by_acceleration[..., j] * acceleration[:, None]
-    )
+    change: Array = run.by_angle[..., j] * angle[:, None]
+    change += run.by_speed[..., j] * speed[:, None]
+    change += run.by_acceleration[..., j] * acceleration[:, None]
+    return change
 
 
 def _changed(run: Run, arm: Arm, effect: Effect, joint: int | None, unit: Values) -> Array:
