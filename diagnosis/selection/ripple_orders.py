@@ -34,6 +34,8 @@ RUN_OUT = (1, 2)
 """Orders of a shaft that is bent, or of an encoder that sits eccentric or tilted on its shaft."""
 HARMONICS, SIDE_BANDS = 3, 2
 """Of the engagements of known teeth: multiples, and side bands on each side, by whole turns of either wheel."""
+SAME_STEP = 1e-12
+"""Difference below which two steps between orders are the same: the rounding of orders."""
 LEAST_CYCLES = 1.5
 """Cycles that a motion must cover: less of a wave is a smooth function of the position."""
 
@@ -148,19 +150,34 @@ def detectable(side: Dataset, residual: Array, arm: Arm, joint: int, ripples: Se
     weights = np.stack([over, over * v**2, over * side.at_joint("rigid", joint)], axis=1)
     weighted, squared = residual[side.of(joint)][:, None] * weights, weights**2
     power = np.zeros((len(orders), weights.shape[1]))
-    cycles = orders * ratio * np.ptp(q) / (2 * np.pi)
-    for row in np.flatnonzero((cycles > LEAST_CYCLES) | _whole(orders)):
-        through = passed(orders[row] * ratio * np.abs(v) / (2 * np.pi))
-        angle = orders[row] * ratio * q
-        waves = (np.cos(angle) * through) @ weighted, (np.sin(angle) * through) @ weighted
-        power[row] = (waves[0] ** 2 + waves[1] ** 2) / np.maximum(through**2 @ squared, 1e-300)
+    cycles, of_motor = orders * ratio * np.ptp(q) / (2 * np.pi), _whole(orders)
+    for own in (of_motor, ~of_motor & (cycles > LEAST_CYCLES)):
+        for row, wave in zip(np.flatnonzero(own), _waves(orders[own], ratio * q)):
+            through = passed(orders[row] * ratio * np.abs(v) / (2 * np.pi))
+            cosine_and_sine = (wave * through).view(float).reshape(-1, 2).T @ weighted
+            power[row] = np.sum(cosine_and_sine**2, axis=0) / np.maximum(through**2 @ squared, 1e-300)
     kept: set[float] = set()
-    of_motor = _whole(orders)
     families = (of_motor, STRONGEST, 0.0), (~of_motor, STRONGEST_OF_SHAFTS, LEAST_GAIN * side.rows / 2)
     for family, count, least in families:
         for column in np.where(family[:, None], power, 0.0).T:
             kept |= {float(orders[row]) for row in np.argsort(column)[-count:] if column[row] > least}
     return [c for c in ripples if order_of(c) in kept]
+
+
+def _waves(orders: Array, motor: Array) -> Iterator[NDArray[np.complex128]]:
+    """exp(i order motor) (m,) over motor angles (m,) rad, order by order.
+
+    Each is the one before, turned by the difference of their orders, which is the same for most: a product takes a
+    tenth of the time of a sine and a cosine.
+    """
+    wave, turn, by, before = np.ones(len(motor), complex), np.ones(len(motor), complex), 0.0, 0.0
+    for order in orders.tolist():
+        if abs(order - before - by) > SAME_STEP:
+            by = order - before
+            turn = np.exp(1j * by * motor)
+        wave = wave * turn
+        before = order
+        yield wave
 
 
 def _whole(orders: Array) -> NDArray[np.bool_]:

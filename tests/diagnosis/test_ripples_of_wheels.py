@@ -12,7 +12,7 @@ from arm_model import Arm, GearStage
 from arm_model.rigid_body.numeric import rigid_torque
 from daq.recording import Attachments, Recording, open_recording, write_table
 from diagnosis.diagnose import diagnose
-from diagnosis.selection.ripple_orders import in_words, of_shafts, order_of, shaft_in_words, side_band
+from diagnosis.selection.ripple_orders import _waves, in_words, of_shafts, order_of, shaft_in_words, side_band
 from tests.comparison.second_day import motion, puma
 
 TEETH, TORQUE, MISREAD = 45, 0.8, 4e-4
@@ -113,3 +113,10 @@ def test_stages_must_multiply_to_the_gear(root: Path) -> None:
     joint = puma(root, 2).joints[0]
     with pytest.raises(ValueError, match="must be that of the gear, 30"):
         replace(joint, gear=30.0, gear_stage=(GearStage(6.0), GearStage(4.0)))
+
+
+def test_waves_that_follow_one_another_are_sines_of_their_orders() -> None:
+    motor = np.random.default_rng(5).uniform(-300.0, 300.0, 2000)
+    for orders in (np.arange(1.0, 61.0), np.array([n / 62.61 for n in range(10, 101)]), np.array([1 / 7, 0.4, 3.0])):
+        for order, wave in zip(orders, _waves(orders, motor)):
+            assert np.max(np.abs(wave - (np.cos(order * motor) + 1j * np.sin(order * motor)))) < 1e-9
