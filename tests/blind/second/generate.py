@@ -17,11 +17,12 @@ from daq.recording.tables.table import write_table
 from experiment import Experiment
 from tests.blind.second.cases import Case, drawn
 from tests.blind.second.effects import KINDS, Values
-from tests.blind.second.laboratory import STIFF, Laboratory, arm_of, as_table, plant_of
+from tests.blind.second.laboratory import POSES, STIFF, Laboratory, arm_of, as_table, plant_of, servo_of
 from tests.blind.second.motions import suite
 from tests.blind.second.plant import Plant
 from tests.blind.second.sensing import POINT_NOISE, TARGET, Sensing, changed, rows
 from tests.blind.second.simulate import Motion, simulated
+from tests.blind.second.stability import growing
 from tests.blind.second.strangers import STRANGERS
 
 HIDDEN, MODEL = "hidden.json", "model.toml"
@@ -87,15 +88,24 @@ def generate(case: Case, folder: Path) -> tuple[Laboratory, list[dict[str, objec
 
 
 def _shown(case: Case) -> tuple[Case, list[Hidden]]:
-    """The case and its effects at their sizes, in the first laboratory whose motions show all of them."""
+    """The case and its effects at their sizes, in the first laboratory whose motions show all of them.
+
+    Its servos are stable on them.
+    """
     names = tuple(name for name, _ in case.effects)
     for attempt in range(ATTEMPTS):
         if attempt:
             case = drawn(case.kind, case.key[0], case.number, names, attempt)
         hidden = [_sized(case, number) for number in range(len(names))]
-        if all(one.strength >= SHOWN * (1 - CLOSE) for one in hidden):
+        if all(one.strength >= SHOWN * (1 - CLOSE) for one in hidden) and _steady(case, hidden):
             return case, hidden
-    raise AssertionError(f"{case.name}: no laboratory of {ATTEMPTS} shows it")
+    raise AssertionError(f"{case.name}: no laboratory of {ATTEMPTS} shows it, with servos that stay stable")
+
+
+def _steady(case: Case, hidden: list[Hidden]) -> bool:
+    """Whether the servos, which were tuned to the healthy arm, are stable on what is hidden, too."""
+    servo = servo_of(case.where, plant_of(case.where, arm_of(case.where)))
+    return all(growing(_world(case.where, hidden, case.growth)[0], servo, pose) is None for pose in POSES)
 
 
 def _sized(case: Case, number: int) -> Hidden:

@@ -17,10 +17,13 @@ from arm_model.description import Arm, Controller, Cylinder, EffectTerm
 from arm_model.model_file import read_model
 from tests.blind.second.plant import Plant, Servo
 from tests.blind.second.rigid_body import mass_matrix, torques
+from tests.blind.second.stability import tuned
 
 NOMINAL = Path(__file__).resolve().parents[3] / "config" / "models" / "puma560.toml"
 POSE = np.array([0.0, 0.5, -1.0, 0.0, 0.5, 0.0])
 """rad: where the gains of the servos are worked out."""
+POSES = np.array([POSE, *([0.0, q2, q3, 0.0, 0.5, 0.0] for q2 in (-1.0, 0.6, 2.2) for q3 in (-1.7, -0.4, 0.9))])
+"""(k, 6) rad: where they must be stable; the links of joints 2 and 3 stretched out and folded."""
 STIFF = np.array([8e5, 1e6, 4e5, 1e4, 1e4, 3e3])
 """N m/rad of healthy gears: with 120 Hz and more, their resonances are beyond what moves."""
 DAMPING = 0.1 * np.sqrt(STIFF * np.array([0.6, 1.5, 0.4, 0.002, 4e-4, 4e-5]))
@@ -207,7 +210,7 @@ def plant_of(where: Laboratory, arm: Arm) -> Plant:
 
 
 def servo_of(where: Laboratory, healthy: Plant) -> Servo:
-    """The servos, tuned to the healthy arm."""
+    """The servos, tuned to the healthy arm; stable on its joints of two masses in every pose, with a gain margin."""
     rng = np.random.default_rng([where.seed, 993])
     mass = np.empty((6, 6))
     mass_matrix(healthy.dh, healthy.bodies, healthy.inertia, healthy.cylinders, POSE, mass)
@@ -220,9 +223,11 @@ def servo_of(where: Laboratory, healthy: Plant) -> Servo:
         outer = 0.5 * pulsation
         forward = 1.0 if where.servo == "cascade" else 0.0
         inner = 4.0 * velocity
-        return Servo(where.servo_period, lag, outer * velocity, outer * inner, velocity, inner, forward, bandwidth)
+        servo = Servo(where.servo_period, lag, outer * velocity, outer * inner, velocity, inner, forward, bandwidth)
+        return tuned(healthy, servo, POSES)
     integral = zero if where.servo == "gravity feed-forward" else float(rng.uniform(1.0, 3.0)) * position
-    return Servo(where.servo_period, lag, position, integral, velocity, zero, 1.0, bandwidth)
+    servo = Servo(where.servo_period, lag, position, integral, velocity, zero, 1.0, bandwidth)
+    return tuned(healthy, servo, POSES)
 
 
 def feed_forward(where: Laboratory, healthy: Plant, demand: Array) -> Array:
