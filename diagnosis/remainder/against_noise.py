@@ -17,6 +17,7 @@ from diagnosis.residual.run import Run, residual_run
 from diagnosis.residual.run_setup import set_up, setpoints_of, setup_of
 from diagnosis.screening.cleaned import check
 from diagnosis.screening.even_rows import even_samples, grid_of, known_noise
+from diagnosis.screening.lost_rows.skipped_rows import filled, holes_of, without_weight
 from identification import JointNoise
 
 
@@ -35,11 +36,14 @@ def runs_of(arm: Arm, recordings: Sequence[Recording], beside: Sequence[Recordin
     check(arm, recordings)
     still = still_noise([r for r in (*beside, *recordings) if not setup_of(r).drives_off])
     runs = []
-    for r in recordings:
+    for recording in recordings:
+        holes = holes_of(recording.t)
+        r = filled(recording, holes)
         setup, samples = setup_of(r), even_samples((r.t, r.q, r.i))
         powered, noise = not setup.drives_off, KnownNoise(still=still, setpoint_period=setpoints_of(arm, r))
         known = known_noise(r.q, grid_of(r.t), noise)
-        runs.append(residual_run(r.path.name, set_up(arm, r), *samples, powered=powered, known=known))
+        run = residual_run(r.path.name, set_up(arm, r), *samples, powered=powered, known=known)
+        runs.append(without_weight(run, holes))
     return runs
 
 

@@ -17,15 +17,23 @@ from diagnosis.residual.comparable_rows import comparable_rows, rms_where
 from diagnosis.residual.noise import KnownNoise, still_noise
 from diagnosis.residual.run import Run, residual_run, residual_with
 from diagnosis.residual.run_setup import set_up, setpoints_of, setup_of
-from diagnosis.screening.counter_gaps import CounterGap, counter_gaps, put_back, without_weight
-from diagnosis.screening.counter_gaps import event_of as event_of_gaps
 from diagnosis.screening.current_limit import current_limits
 from diagnosis.screening.encoder_jumps import jumps, without_jumps
 from diagnosis.screening.event import Event, Gain, united
-from diagnosis.screening.lost_triggers import MOST_ROWS, dropped_triggers, event_of, realigned_rows, unmeasured
+from diagnosis.screening.lost_rows.counter_gaps import CounterGap, counter_gaps, put_back, without_weight
+from diagnosis.screening.lost_rows.counter_gaps import event_of as event_of_gaps
+from diagnosis.screening.lost_rows.lost_triggers import (
+    MOST_ROWS,
+    dropped_triggers,
+    event_of,
+    realigned_rows,
+    unmeasured,
+)
+from diagnosis.screening.lost_rows.missing_rows import event_of as event_of_missing
+from diagnosis.screening.lost_rows.missing_rows import gaps_of, missing_rows
+from diagnosis.screening.lost_rows.skipped_rows import Hole, filled, holes_of, remark
+from diagnosis.screening.lost_rows.skipped_rows import without_weight as without_skipped
 from diagnosis.screening.mains_hum import lines_near_mains, mains_hum, other_lines, without_hum
-from diagnosis.screening.missing_rows import event_of as event_of_missing
-from diagnosis.screening.missing_rows import gaps_of, missing_rows
 
 Samples = tuple[Array, Array, Array]
 
@@ -42,6 +50,7 @@ class Residuals:
     runs, samples  every recording without its events, as residual and as t (k,) s, q (k, n) rad, i (k, n) A
     periods        s between rows
     known          of the noise of the instruments of each recording
+    holes          rows of each that its stamps leave out
     as_recorded    the same before dropped triggers were corrected; None: none were
     """
 
@@ -50,6 +59,7 @@ class Residuals:
     samples: list[Samples]
     periods: list[float]
     known: list[KnownNoise]
+    holes: Sequence[Sequence[Hole]]
     as_recorded: Residuals | None = None
 
 
@@ -60,6 +70,7 @@ class Screened:
     events   in raw rows; samples: t (k,) s, q (k, n) rad, i (k, n) A of every recording without them
     known    of the noise of the instruments of each recording
     counter_gaps  of every recording: rows that its counters lost, interpolated in its angles
+    holes    ... and rows that its stamps leave out, interpolated
     remarks  what the raw rows show besides
     """
 
@@ -67,7 +78,8 @@ class Screened:
     events: list[Event]
     samples: list[Samples]
     known: list[KnownNoise]
-    counter_gaps: tuple[tuple[CounterGap, ...], ...] = ()
+    counter_gaps: tuple[tuple[CounterGap, ...], ...]
+    holes: tuple[tuple[Hole, ...], ...]
     remarks: tuple[str, ...] = ()
 
 
@@ -78,6 +90,8 @@ def screened(
     recordings = list(recordings)
     check(arm, recordings)
     progress("searching for events in raw rows")
+    holes = tuple(holes_of(r.t) for r in recordings)
+    recordings = [filled(r, own) for r, own in zip(recordings, holes)]
     still = still_noise([r for r in recordings if not setup_of(r).drives_off])
     known = [KnownNoise(still=still, setpoint_period=setpoints_of(arm, r)) for r in recordings]
     missing = missing_rows(recordings)
@@ -98,7 +112,8 @@ def screened(
         samples=[(r.t, without_jumps(r, index, events), without_hum(r, events)) for index, r in enumerate(recordings)],
         known=known,
         counter_gaps=tuple((*own, *single) for own, single in zip(by_all, gaps)),
-        remarks=tuple(other_lines(lines, arm)),
+        holes=holes,
+        remarks=(*(remark(r, own) for r, own in zip(recordings, holes) if own), *other_lines(lines, arm)),
     )
 
 
@@ -125,8 +140,9 @@ def residuals_of(arm: Arm, screened: Screened, progress: Callable[[str], None] =
         runs.append(residual_run(recording.path.name, of_run, *samples, powered=not setup.drives_off, known=known))
     for k, gaps in enumerate(screened.counter_gaps):
         runs[k] = without_weight(runs[k], gaps, screened.recordings[k].dt) if gaps else runs[k]
+    runs = [without_skipped(run, holes) for run, holes in zip(runs, screened.holes)]
     periods = [r.dt for r in screened.recordings]
-    return realigned(Residuals(screened.events, runs, screened.samples, periods, screened.known), [])
+    return realigned(Residuals(screened.events, runs, screened.samples, periods, screened.known, screened.holes), [])
 
 
 def realigned(sight: Residuals, terms: Sequence[EffectTerm]) -> Residuals:
@@ -148,7 +164,7 @@ def realigned(sight: Residuals, terms: Sequence[EffectTerm]) -> Residuals:
         for loss in here:
             i = realigned_rows(i, loss)
         again = residual_run(runs[k].name, runs[k].arm, t, q, i, powered=runs[k].powered, known=sight.known[k])
-        again = unmeasured(again, here)
+        again = unmeasured(without_skipped(again, sight.holes[k]), here)
         # of the same rows: those that were not measured have no say in either
         if _energy(again, terms) < _energy(unmeasured(before[k], here), terms):
             samples[k], runs[k] = (t, q, i), again

@@ -18,8 +18,8 @@ from diagnosis.diagnose import diagnose
 from diagnosis.report.text import diagnosis_text
 from diagnosis.report.write import table_of
 from diagnosis.screening.cleaned import screened
-from diagnosis.screening.counter_gaps import CounterGap, put_back
 from diagnosis.screening.event import Event, Gain, united
+from diagnosis.screening.lost_rows.counter_gaps import CounterGap, put_back
 from tests.blind.hide import Hidden
 from tests.blind.laboratory import Laboratory
 from tests.blind.motions import fourier

@@ -17,9 +17,15 @@ from diagnosis.residual.expected_current import reading
 from diagnosis.residual.noise import KnownNoise
 from diagnosis.residual.run import Run, residual_run
 from diagnosis.screening.cleaned import Residuals, confirmed, realigned
-from diagnosis.screening.lag_change import change_of_lag
-from diagnosis.screening.lag_path import Step, _changes, in_order
-from diagnosis.screening.lost_triggers import SURE, DroppedTriggers, dropped_triggers, event_of, realigned_rows
+from diagnosis.screening.lost_rows.lag_change import change_of_lag
+from diagnosis.screening.lost_rows.lag_path import Step, _changes, in_order
+from diagnosis.screening.lost_rows.lost_triggers import (
+    SURE,
+    DroppedTriggers,
+    dropped_triggers,
+    event_of,
+    realigned_rows,
+)
 from tests.blind.hide import Hidden
 from tests.blind.laboratory import Laboratory
 from tests.blind.motions import fourier
@@ -36,7 +42,7 @@ def _sight(root: Path, *hidden: Hidden, seed: int = 3) -> Residuals:
     rows = recorded(what, LABORATORY, seed)
     samples = what.signals.t, rows.q, rows.i
     run = residual_run("run", read_model(root / "config" / "models" / "puma560.toml"), *samples)
-    return Residuals([], [run], [samples], [PERIOD], [KnownNoise()])
+    return Residuals([], [run], [samples], [PERIOD], [KnownNoise()], [()])
 
 
 def _seen(root: Path, *hidden: Hidden, seed: int = 3) -> Run:

@@ -15,9 +15,9 @@ from arm_model.effects.sensing import DROPPED_TRIGGER
 from daq.recording import Recording
 from diagnosis.cause import Estimate, LostRows
 from diagnosis.residual.noise import resolution
-from diagnosis.screening.counter_gaps import CounterGap, rows_lost
 from diagnosis.screening.encoder_jumps import Jump, jumps_of, turned_per_row
 from diagnosis.screening.event import Event
+from diagnosis.screening.lost_rows.counter_gaps import CounterGap, rows_lost
 
 STEPS_OFF = 3.0
 """Steps of the encoder by which a jump may differ from the turn in the missing rows."""

@@ -18,8 +18,8 @@ from arm_model.effects.sensing import DROPPED_TRIGGER
 from diagnosis.cause import Estimate, LostRows
 from diagnosis.residual.run import ROWS_PER_SECOND, Run
 from diagnosis.screening.event import Event
-from diagnosis.screening.lag_change import Change, change_at, change_of_lag, instant_of, mean_lag, part_of
-from diagnosis.screening.lag_path import Step, instant, lag_steps, put_back
+from diagnosis.screening.lost_rows.lag_change import Change, change_at, change_of_lag, instant_of, mean_lag, part_of
+from diagnosis.screening.lost_rows.lag_path import Step, instant, lag_steps, put_back
 
 SURE = 7.0
 """Std of a short change that it must exceed: it is the largest of all instants, in data with other errors."""

@@ -23,9 +23,9 @@ from diagnosis.cause import Estimate, LostRows
 from diagnosis.residual.comparable_rows import comparable_rows, rms_where
 from diagnosis.residual.noise import resolution
 from diagnosis.residual.run import Run
-from diagnosis.screening.counter_lag import PIECE, lost_by_current, shifts_tried
 from diagnosis.screening.encoder_jumps import Jump, jumps_of
 from diagnosis.screening.event import Event, Gain
+from diagnosis.screening.lost_rows.counter_lag import PIECE, lost_by_current, shifts_tried
 
 LONGEST = 0.5
 """s: longest loss that one jump is taken for."""

@@ -1,0 +1,116 @@
+"""Rows that a recording leaves out, as its stamps say: a logger lost them, with all that was measured in them.
+
+Nothing is out of step: angles and currents of every row belong together. The rows are put in again, so that what
+filters and differences take as equally spaced is so, and weigh nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+
+from arm_io import InputError
+from arm_io.types import Array
+from daq.recording import Recording
+from diagnosis.residual.run import Run
+from diagnosis.screening.even_rows import SPLINED, TORN
+from identification.preprocessing.grid import on_grid
+
+SMEARED = 0.05
+"""s by which filters spread a hole."""
+NO_WEIGHT = 1e6
+SMOOTH = (*SPLINED, "qref")
+"""Signals that go through a hole as a curve without overshoot; others go in straight lines, integers stay."""
+
+
+@dataclass(frozen=True)
+class Hole:
+    """Rows left out of a recording: ``rows`` of them before its row ``row``, from ``start`` to ``end`` s."""
+
+    row: int
+    rows: int
+    start: float
+    end: float
+
+
+def holes_of(t: Array) -> tuple[Hole, ...]:
+    """Where stamps t (n,) s leave out rows."""
+    steps = np.diff(t)
+    if not len(steps):
+        return ()
+    period = float(np.median(steps))
+    return tuple(
+        Hole(row=int(k) + 1, rows=int(np.rint(steps[k] / period)) - 1, start=float(t[k]), end=float(t[k + 1]))
+        for k in np.flatnonzero(steps > TORN * period)
+    )
+
+
+def filled(recording: Recording, holes: Sequence[Hole]) -> Recording:
+    """The recording with the rows of its holes interpolated (``SMOOTH``); the same object where it has none.
+
+    InputError where more rows are left out than there are.
+    """
+    t, missing = recording.t, sum(hole.rows for hole in holes)
+    if not missing:
+        return recording
+    if missing > len(t):
+        longest = max(holes, key=lambda hole: hole.rows)
+        raise InputError(
+            recording.path,
+            f"leaves out {missing} rows, more than its {len(t)} (none from {longest.start:.3f} to {longest.end:.3f} s);"
+            " give what is before and after as recordings of their own",
+        )
+    stamps = np.insert(
+        t,
+        np.repeat([hole.row for hole in holes], [hole.rows for hole in holes]),
+        np.concatenate([np.linspace(hole.start, hole.end, hole.rows + 2)[1:-1] for hole in holes]),
+    )
+    before = np.searchsorted(t, stamps, side="right") - 1
+    period = float(np.median(np.diff(t)))
+    rows: dict[str, Any] = {"t": stamps}
+    for field in fields(recording):
+        values = getattr(recording, field.name)
+        if field.name == "t" or not isinstance(values, np.ndarray) or len(values) != len(t):
+            continue
+        if field.name in SMOOTH:
+            rows[field.name] = _across(t, values, stamps, period)
+        elif np.issubdtype(values.dtype, np.floating):
+            columns = values.reshape(len(t), -1).T
+            straight = [np.interp(stamps, t, one) for one in columns]
+            rows[field.name] = np.stack(straight, axis=1).reshape(len(stamps), *values.shape[1:])
+        else:
+            rows[field.name] = values[before]
+    return replace(recording, **rows)
+
+
+def _across(t: Array, values: Array, stamps: Array, period: float) -> Array:
+    """(m, J) values (n, J) at the stamps (m,) s: as they are where rows are, interpolated where none is."""
+    through = on_grid(t, values, stamps, period)[0]
+    at = np.searchsorted(stamps, t)
+    through[at] = values
+    return through
+
+
+def without_weight(run: Run, holes: Sequence[Hole]) -> Run:
+    """A run in which rows that were left out weigh nothing; the same object where there are none."""
+    if not holes:
+        return run
+    deviation, first = run.deviation.copy(), float(run.raw[0][0])
+    for hole in holes:
+        missing = (run.t > hole.start - first - SMEARED) & (run.t < hole.end - first + SMEARED)
+        deviation[missing] *= NO_WEIGHT
+    return replace(run, deviation=deviation)
+
+
+def remark(recording: Recording, holes: Sequence[Hole]) -> str:
+    """Says which rows are missing."""
+    count = sum(hole.rows for hole in holes)
+    places = ", ".join(f"{hole.rows} after {hole.start:.3f} s" for hole in holes[:3])
+    more = f" and {len(holes) - 3} more" if len(holes) > 3 else ""
+    return (
+        f"{recording.path.name} leaves out {count} rows, as its stamps say ({places}{more}); they were interpolated, "
+        "and count for nothing"
+    )
