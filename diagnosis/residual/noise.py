@@ -139,15 +139,20 @@ def still_noise(recordings: Sequence[Recording]) -> Array:
     """
     stds = []
     for recording in recordings:
-        rate = 1.0 / recording.dt
-        span = max(3, int(0.05 * rate))
-        q, i = recording.q, recording.i
-        near = ndimage.maximum_filter1d(q, span, axis=0) - ndimage.minimum_filter1d(q, span, axis=0)
-        moving = np.any(near > 8.0 * angle_noise(q), axis=1)
-        first, last = int(END_SECONDS * rate), (int(np.argmax(moving)) if moving.any() else len(q)) - span
-        if last - first > STILL_SECONDS * rate:
-            stds.append(_about_trend(low_pass(i, COMPARE_BAND, rate)[first:last]))
+        if (still := standstill(recording)) is not None:
+            stds.append(_about_trend(low_pass(recording.i, COMPARE_BAND, 1.0 / recording.dt)[still]))
     return np.median(stds, axis=0) if stds else np.zeros(recordings[0].joints if recordings else 1)
+
+
+def standstill(recording: Recording) -> slice | None:
+    """Rows that a recording begins with in which no joint moves, after the start of the drives; None: too few."""
+    rate = 1.0 / recording.dt
+    span = max(3, int(0.05 * rate))
+    q = recording.q
+    near = ndimage.maximum_filter1d(q, span, axis=0) - ndimage.minimum_filter1d(q, span, axis=0)
+    moving = np.any(near > 8.0 * angle_noise(q), axis=1)
+    first, last = int(END_SECONDS * rate), (int(np.argmax(moving)) if moving.any() else len(q)) - span
+    return slice(first, last) if last - first > STILL_SECONDS * rate else None
 
 
 def quiet_noise(residual: Array, known: NDArray[np.bool_], block: NDArray[np.intp]) -> Array:

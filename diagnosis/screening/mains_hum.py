@@ -13,6 +13,7 @@ from arm_model import Arm
 from arm_model.effects.sensing import MAINS_HUM
 from daq.recording import Recording
 from diagnosis.cause import Estimate
+from diagnosis.residual.noise import standstill
 from diagnosis.screening.event import Event, Gain
 from diagnosis.screening.spectral_line import MAINS, OVER_FLOOR, Line, above, line_near_mains, waves
 
@@ -57,26 +58,32 @@ def other_lines(lines_of: Mapping[int, Sequence[Line]], arm: Arm) -> Iterator[st
 def lines_near_mains(recordings: Sequence[Recording], arm: Arm) -> dict[int, list[Line]]:
     """By joint (from 1), lines near the mains of all recordings: single ones above the floor, at one frequency.
 
-    None of the setpoints of the arm's controller (``_of_setpoints``).
+    None of the setpoints of the arm's controller (``_of_setpoints``), nor of torque pulses, unless it is there while
+    the arm stands: neither is then.
     """
     joints = recordings[0].joints
     # the joints of a recording one after the other: they share a transform
-    places = list(itertools.product(recordings, range(joints)))
-    found = in_parallel(lambda place: line_near_mains(place[0].t, place[0].i[:, place[1]]), places)
+    places = list(itertools.product([(r, standstill(r)) for r in recordings], range(joints)))
+    found = in_parallel(lambda place: line_near_mains(place[0][0].t, place[0][0].i[:, place[1]], place[0][1]), places)
     every = [found[joint::joints] for joint in range(joints)]
     return {
         joint: lines
         for joint, lines in enumerate(every, 1)
         if min(line.over_floor for line in lines) >= OVER_FLOOR
-        and max(line.beside for line in lines) < COMB
         and np.ptp([line.frequency for line in lines]) <= ONE_LINE
-        and not any(_of_setpoints(line, arm, r.dt) for line, r in zip(lines, recordings))
+        and (
+            all(line.at_rest for line in lines)
+            or (
+                max(line.beside for line in lines) < COMB
+                and not any(_of_setpoints(line, arm, r.dt) for line, r in zip(lines, recordings))
+            )
+        )
     }
 
 
 def _no_mains(lines: Sequence[Line]) -> str | None:
     """Why the lines of all recordings at one joint are no hum of the mains; None where they may be."""
-    if any(_modulated(line) for line in lines):
+    if not all(line.at_rest for line in lines) and any(_modulated(line) for line in lines):
         return "its amplitude varies, as that of servos' transients at setpoints does with the motion"
     if min(abs(_frequency(lines) / mains - 1.0) for mains in MAINS) > OFF_MAINS:
         return f"the mains is within {OFF_MAINS:.0%} of 50 or 60 Hz"

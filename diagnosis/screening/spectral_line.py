@@ -26,6 +26,8 @@ AS_STRONG = 0.25
 """Power of a line over that of the strongest, from which it counts as another beside it."""
 BLOCK = 0.5
 """s over which the amplitude of the line is followed."""
+STANDS, SURE = 0.5, 5.0
+"""Share of the amplitude of a line that it has while the arm stands, and std that it is then above the noise."""
 BESIDE = (5.0, 7.0)
 """Hz from the line, on either side, where the noise of its amplitude is taken."""
 
@@ -39,6 +41,7 @@ class Line:
     modulation     variance of its power from block to block over the square of its mean, beyond that of noise: 0 of a
                    constant amplitude, 0.5 of one that follows a sine, 2 of one that follows a random motion
     modulation_std its standard deviation
+    at_rest        whether it is there while the arm stands, before it moves (``stands``)
     """
 
     frequency: float = 0.0
@@ -50,10 +53,13 @@ class Line:
     beside: int = 0
     modulation: float = 0.0
     modulation_std: float = np.inf
+    at_rest: bool = False
 
 
-def line_near_mains(t: Array, current: Array) -> Line:
+def line_near_mains(t: Array, current: Array, still: slice | None = None) -> Line:
     """The line of a current (m,) A at t (m,) s; zeros where there is none, as where the rate is too low.
+
+    still: rows in which the arm stands.
 
     Of a line below ``OVER_FLOOR``, frequency and ``over_floor`` alone.
     """
@@ -70,13 +76,13 @@ def line_near_mains(t: Array, current: Array) -> Line:
     if over_floor < OVER_FLOOR:
         return Line(frequency=float(frequency[top]), over_floor=over_floor)
     f = float(frequency[top]) + _to_peak(power, top) * float(frequency[1] - frequency[0])
-    line = waves(f, t)
-    a, b = np.linalg.lstsq(above(line, dt) * window[:, None], above(current, dt) * window, rcond=None)[0]
+    line, high = waves(f, t), above(current, dt)
+    a, b = np.linalg.lstsq(above(line, dt) * window[:, None], high * window, rcond=None)[0]
     edges = [min(2 * edge * dt, most) for edge, most in zip(BAND, (0.98, 0.99))]
     near_mains = signal.butter(4, edges, "bandpass", output="sos")
     taken = line @ np.array([a, b])
     before, after = (float(np.std(zero_phase(near_mains, values))) for values in (current, current - taken))
-    modulation, modulation_std = _modulation(above(current, dt), t, f)
+    modulation, modulation_std = _modulation(high, t, f)
     return Line(
         frequency=f,
         amplitude=float(np.hypot(a, b)),
@@ -87,7 +93,15 @@ def line_near_mains(t: Array, current: Array) -> Line:
         beside=_beside(power, off > AROUND, float(power[top])),
         modulation=modulation,
         modulation_std=modulation_std,
+        at_rest=still is not None and stands(high[still], line[still], float(np.hypot(a, b))),
     )
+
+
+def stands(values: Array, line: Array, amplitude: float) -> bool:
+    """Whether values (m,) A of a standing arm, above HIGH_PASS, have a line (m, 2) of about this amplitude (A)."""
+    size = np.linalg.lstsq(line, values, rcond=None)[0]
+    std = float(np.std(values - line @ size)) * np.sqrt(2.0 / len(values))
+    return float(np.hypot(*size)) > max(STANDS * amplitude, SURE * std)
 
 
 def _in_band(values: Array, dt: float) -> tuple[Array, Array]:

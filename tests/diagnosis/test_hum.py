@@ -157,3 +157,24 @@ def test_a_cause_of_the_rig_is_told_once_and_modelled_at_every_joint(arm: Arm, t
     write_model(tmp_path / "model.toml", extend(arm, [hum]))
     again = armscope.read_model(tmp_path / "model.toml")
     assert [(term.name, term.joint) for term in again.effects] == [("mains_hum", j) for j in range(1, JOINTS + 1)]
+
+
+@pytest.mark.parametrize("hum", [0.0, 0.03])
+def test_hum_beside_setpoints_at_its_frequency_shows_while_the_arm_stands(arm: Arm, tmp_path: Path, hum: float) -> None:
+    """Setpoints every 20 ms: their transients follow the acceleration, and what is left while nothing moves is hum."""
+    rng = np.random.default_rng(3)
+    t = np.arange(0.0, 12.0, 1 / RATE)
+    moving = np.clip(t - 1.0, 0.0, None)
+    q = 0.5 * (1.0 - np.cos(np.outer(moving, rng.uniform(0.5, 1.5, JOINTS))))
+    push = np.gradient(np.gradient(q, t, axis=0), t, axis=0)
+    i = q + 0.05 * push * np.sin(2 * np.pi * 50.0 * t)[:, None] + rng.normal(0.0, 5e-3, q.shape)
+    i[:, 1] += hum * np.sin(2 * np.pi * 50.004 * t + 1.0)
+    write_table(tmp_path / "a.mcap", t, {"q": np.round(q / 1e-5) * 1e-5, "i": i}, Attachments())
+    assert arm.controller is not None
+    known = replace(arm, controller=replace(arm.controller, setpoint_period=0.02))
+    recording = open_recording(tmp_path / "a.mcap")
+    found = _hum([recording], known)
+    assert [event.joint for event in found] == ([2] if hum else [])
+    for event in found:
+        amplitude = next(p for p in event.parameters if p.name == "amplitude")
+        assert amplitude.value == pytest.approx(hum, rel=0.3)
