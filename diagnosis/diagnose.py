@@ -185,6 +185,7 @@ def diagnose(
         *(structures_of_fit(state.fitted.fit, state.data.fit, structures, known.fit) if measured.judged else []),
         *(measured.link.unexplained if measured.link else []),
         *measured.tracked.unexplained,
+        *(one.structure(arm.joints[one.joint - 1].command_unit) for one in cleaned.oscillating),
     ]
     reported = [one.joint for one in (*structures, *unexplained)]
     unexplained += _in_loop(verified, extended, recordings, state.data, reported)

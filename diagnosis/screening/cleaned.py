@@ -34,6 +34,7 @@ from diagnosis.screening.lost_rows.missing_rows import gaps_of, missing_rows
 from diagnosis.screening.lost_rows.skipped_rows import Hole, filled, holes_of, remark
 from diagnosis.screening.lost_rows.skipped_rows import without_weight as without_skipped
 from diagnosis.screening.mains_hum import lines_near_mains, mains_hum, other_lines, without_hum
+from diagnosis.screening.standstill import Oscillation, oscillations
 
 Samples = tuple[Array, Array, Array]
 
@@ -72,6 +73,7 @@ class Screened:
     counter_gaps  of every recording: rows that its counters lost, interpolated in its angles
     holes    ... and rows that its stamps leave out, interpolated
     remarks  what the raw rows show besides
+    oscillating  currents that oscillate while the arm stands
     """
 
     recordings: tuple[Recording, ...]
@@ -81,6 +83,7 @@ class Screened:
     counter_gaps: tuple[tuple[CounterGap, ...], ...]
     holes: tuple[tuple[Hole, ...], ...]
     remarks: tuple[str, ...] = ()
+    oscillating: tuple[Oscillation, ...] = ()
 
 
 def screened(
@@ -92,7 +95,10 @@ def screened(
     progress("searching for events in raw rows")
     holes = tuple(holes_of(r.t) for r in recordings)
     recordings = [filled(r, own) for r, own in zip(recordings, holes)]
-    still = still_noise([r for r in recordings if not setup_of(r).drives_off])
+    powered = [r for r in recordings if not setup_of(r).drives_off]
+    still, oscillating = still_noise(powered), oscillations(powered)
+    for one in oscillating:
+        still[one.joint - 1] = 0.0  # not known: what oscillates is no noise
     known = [KnownNoise(still=still, setpoint_period=setpoints_of(arm, r)) for r in recordings]
     missing = missing_rows(recordings)
     of_all = [event_of_missing(missing, recordings)] if any(missing) else []
@@ -114,6 +120,7 @@ def screened(
         counter_gaps=tuple((*own, *single) for own, single in zip(by_all, gaps)),
         holes=holes,
         remarks=(*(remark(r, own) for r, own in zip(recordings, holes) if own), *other_lines(lines, arm)),
+        oscillating=tuple(oscillating),
     )
 
 

@@ -1,0 +1,55 @@
+"""A servo that oscillates at rest is told as what it is, and is no noise of the transducers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from arm_io.types import Array
+from daq.recording import Attachments, Recording, open_recording, write_table
+from diagnosis.screening.standstill import oscillations
+
+
+def _recorded(path: Path, seed: int, wave: float = 0.0, colour: float = 0.0, fades: float = np.inf) -> Recording:
+    """Two joints at 250 Hz that stand for 0.8 s: noise of 0.01 A, and coloured; a wave of 6 Hz (A) at joint 2."""
+    rng, t = np.random.default_rng(seed), np.arange(1000) / 250.0
+    q = np.column_stack([1.0 - np.cos(np.clip(t - 0.8, 0.0, None)), 0.5 * np.clip(t - 0.8, 0.0, None) ** 2])
+    i = 0.01 * rng.normal(size=q.shape) + 2.0 * np.sin(q)
+    keep = np.exp(-1.0 / (250.0 * 0.12))
+    red: Array = lfilter([np.sqrt(1 - keep**2)], [1.0, -keep], rng.normal(size=(1200, 2)), axis=0)[200:]
+    i += colour * red
+    i[:, 1] += wave * np.sin(2 * np.pi * 6.0 * t + rng.uniform(0, 6)) * np.exp(-t / fades) * (t < 0.85)
+    write_table(path, t, {"q": np.round(q / 1e-5) * 1e-5, "i": i}, Attachments())
+    return open_recording(path)
+
+
+@pytest.mark.parametrize("colour", [0.0, 0.01])
+def test_a_wave_at_rest_is_found_with_its_frequency(tmp_path: Path, colour: float) -> None:
+    (found,) = oscillations([_recorded(tmp_path / f"{seed}.mcap", seed, 0.06, colour) for seed in range(3)])
+    assert found.joint == 2
+    assert found.frequency == pytest.approx(6.0, abs=0.2) and found.amplitude == pytest.approx(0.06, rel=0.15)
+    said = found.structure("A")
+    assert said.joint == 2 and "Hz" in said.against and said.size.endswith("A while the arm stands")
+
+
+@pytest.mark.parametrize("recordings", [1, 3])
+def test_noise_is_no_oscillation(tmp_path: Path, recordings: int) -> None:
+    """White, and correlated over 0.12 s, which over half a second looks like a wave now and then."""
+    for colour in (0.0, 0.01, 0.05):
+        several = [_recorded(tmp_path / f"{n}.mcap", n, 0.0, colour) for n in range(3 * 4)]
+        told = [oscillations(several[n : n + recordings]) for n in range(0, len(several), 3)]
+        assert sum(map(len, told)) == 0, told
+
+
+def test_a_servo_that_settles_does_not_oscillate(tmp_path: Path) -> None:
+    assert not oscillations([_recorded(tmp_path / f"{seed}.mcap", seed, 0.3, fades=0.15) for seed in range(2)])
+
+
+def test_a_recording_without_standstill_says_nothing(tmp_path: Path) -> None:
+    t = np.arange(1000) / 250.0
+    q = np.sin(t)[:, None]
+    write_table(tmp_path / "a.mcap", t, {"q": q, "i": np.sin(40.0 * t)[:, None]}, Attachments())
+    assert oscillations([open_recording(tmp_path / "a.mcap")]) == []
