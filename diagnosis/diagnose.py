@@ -34,7 +34,7 @@ from diagnosis.closed_loop.model_errors import healthy, spreads
 from diagnosis.confidence import stated
 from diagnosis.find_causes import Named, Recordings, has_dynamics, named_causes
 from diagnosis.measurements.currents.causes import from_event
-from diagnosis.measurements.currents.detectability import not_judged, not_visible
+from diagnosis.measurements.currents.detectability import not_judged, not_visible, not_warm
 from diagnosis.measurements.currents.shortage import Shortage
 from diagnosis.measurements.demands.wrist_coupling import wrist_coupling
 from diagnosis.measurements.link_encoders.causes import LinkSide, link_side
@@ -47,6 +47,7 @@ from diagnosis.remainder.of_identification import Remainder, remainders
 from diagnosis.residual.folding import folding_warnings
 from diagnosis.residual.noise import angle_noise
 from diagnosis.residual.run import Run, with_own
+from diagnosis.residual.warmth import reference_taken, with_needed_reference, with_reference
 from diagnosis.screening.cleaned import Screened, check, screened
 from diagnosis.screening.even_rows import even, even_samples, grid_of, known_noise
 from diagnosis.screening.event import Event
@@ -165,6 +166,7 @@ def diagnose(
     progress: Progress = lambda sentence: None,
 ) -> Diagnosis:
     """Diagnoses recordings of an arm against its model. InputError where a recording does not belong to the arm."""
+    given, arm = arm, with_reference(arm, fit)
     recordings: Recordings = Split(fit, held_out, bool({r.path for r in fit} & {r.path for r in held_out}))
     cleaned = screen(arm, recordings, progress)
     # with the angles that single counters lost
@@ -191,8 +193,8 @@ def diagnose(
     unexplained += _in_loop(verified, extended, recordings, state.data, reported)
     left = {one.joint: one.ratio for one in ratios(state.data.held_out.runs, state.fitted.held_out)}
     return Diagnosis(
-        arm=arm,
-        extended=extended,
+        arm=given,
+        extended=with_needed_reference(extended, given),
         fit=tuple(with_own(run, ()) for run in state.data.fit.runs),
         held_out=tuple(with_own(run, ()) for run in state.data.held_out.runs),
         left=Split(state.fitted.fit, state.fitted.held_out),
@@ -209,7 +211,7 @@ def diagnose(
         shortage=named.shortage if measured.judged else None,
         known_to=known.held_out if state.model.uncertain else None,
         remainders=remainders(state, unexplained) if measured.judged else [],
-        warnings=(*cleaned.remarks, *_warnings(arm, measured, named, structures), *_of_friction(said, extended)),
+        warnings=(*cleaned.remarks, *_warnings(given, measured, named, structures), *_of_friction(said, extended)),
     )
 
 
@@ -327,6 +329,7 @@ def _undetectable(measured: Measured, named: Named) -> list[Undetectable]:
     of_currents = not_visible(named.library, named.ripples, named.found.state.data.held_out, shown, named.arm)
     link = measured.link.held_out.joints.tolist() if measured.link else []
     unjudged = [] if measured.judged else not_judged(named.arm, link)
+    of_currents += not_warm(named.arm, named.found.state.data, shown) if measured.judged else []
     return of_currents + unjudged + measured.tracked.not_visible
 
 
@@ -340,6 +343,7 @@ def _warnings(arm: Arm, measured: Measured, named: Named, structures: Sequence[S
         yield f"{arm.name} has neither masses nor friction: its currents were not judged"
     if arm.uncertainty is not None and not arm.uncertainty.parameters:
         yield f"the model names {arm.uncertainty.file}, which is not beside it: its parameters are taken for exact"
+    yield from reference_taken(arm, [cause.key for cause in named.causes], state.data.fit.runs)
     yield from _smoothing(named.arm, named.base)
     yield from _of_axis(named.axis, arm) if named.axis else ()
     yield from measured.link.remarks if measured.link else ()

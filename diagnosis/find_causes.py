@@ -31,6 +31,7 @@ from diagnosis.measurements.single_axis.causes import AxisSide, axis_side, with_
 from diagnosis.per_recording.search import per_recording
 from diagnosis.per_recording.values import cause_of
 from diagnosis.residual.run import Run
+from diagnosis.residual.warmth import depends, not_warmed
 from diagnosis.screening.cleaned import Residuals, Screened, confirmed, realigned, residuals_of
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Dataset, Pair
@@ -157,7 +158,8 @@ def _searched(
     first, parts = len(recordings.fit), recordings.two_fold
     progress("computing the columns of every effect")
     every = (*candidates(arm), *of_shafts(arm)) if has_dynamics(arm) else ()
-    every = tuple(c for c in every if c.key not in excluded)
+    cold = {j for j in range(1, len(arm) + 1) if not_warmed(sight.runs[:first], sight.runs[first:], j)}
+    every = tuple(c for c in every if c.key not in excluded and not (depends(c.effect) and c.joint in cold))
     ripples = tuple(c for c in every if order_of(c) is not None)
     runs, data = sight.runs, _datasets(sight.runs, first, parts)
     library = {c: data.map(partial(columns_of, c)) for c in every if order_of(c) is None}

@@ -97,10 +97,12 @@ TEMPERATURE_FRICTION = Effect(
         Parameter(
             "stribeck_velocity",
             "rad/s",
-            (0.01, 0.5),
+            (0.01, 0.1),
             False,
             "velocity at which the last has fallen to 1/e",
-            search=geometric(0.01, 0.5, 6),
+            # a wider one looks like all friction
+            search=geometric(0.01, 0.1, 4),
+            coarse=True,
             scale=Scale.SPEED,
             shares=geometric(0.02, 0.5, 5),
         ),
@@ -111,14 +113,18 @@ TEMPERATURE_FRICTION = Effect(
             False,
             "rise of temperature after which the viscous part changes by 1/e of what it did (grease becomes thin)",
             search=(15.0, 25.0, 60.0),
+            coarse=True,
         ),
     ),
     equation="tau = W (F + S exp(-(q'/vs)^2)) sign(q') + B T (1 - exp(-W/T)) q',  W = temperature - reference   "
     f"({_SOURCE}, whose vs depends on temperature, too)",
     shows="friction that changes as the motor warms up",
     confused_with={"friction_drift": "a cold start after a warm one", "torque_constant": "friction without load"},
-    observed_by={Instrument.IDENTIFICATION: Observation(against=Variable.VELOCITY)},
-    excited_by=Excitation.SPEED,
+    observed_by={
+        Instrument.CURRENT: Observation(against=Variable.VELOCITY),
+        Instrument.IDENTIFICATION: Observation(against=Variable.VELOCITY),
+    },
+    excited_by=Excitation.TEMPERATURE,
     conditional=True,
     torque=lambda p, s: (
         s.warmer * (p.coulomb + p.breakaway * hump(p, s)) * s.sign

@@ -75,6 +75,7 @@ class Parameter:
     signed         may be negative
     whole          an integer; of a wave, cycles per turn: an integer for turns of the motor
     search         values that a search begins with; (): it is a coefficient, is spanned, or is derived
+    coarse         the recordings show little of it: it is one of its search values, and is not refined
     fixed          the recordings hardly show it: it stays at its first search value and is not reported
     span           why no search is needed: see ``Span``
     derived        follows from the joint where it is not given (``arm_model.system.step_size``); searched in closed
@@ -103,6 +104,7 @@ class Parameter:
     signed: bool = False
     whole: bool = False
     search: tuple[float, ...] = ()
+    coarse: bool = False
     fixed: bool = False
     span: Span | None = None
     derived: bool = False

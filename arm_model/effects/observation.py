@@ -60,6 +60,8 @@ class Excitation(StrEnum):
     CURRENT = "current"
     """Draw current."""
     SPEED = "speed"
+    TEMPERATURE = "temperature"
+    """Become warmer, or colder, by some kelvin, slowly and at speed."""
     ACCELERATION = "acceleration"
 
 

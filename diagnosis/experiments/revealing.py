@@ -30,6 +30,7 @@ FAMILIES = {
     Excitation.LOAD_REVERSAL: "through the vertical",
     Excitation.CURRENT: "at 1 of its speed",
     Excitation.SPEED: "at 1 of its speed",
+    Excitation.TEMPERATURE: "at 1 of its speed",
     Excitation.ACCELERATION: "at 1 of its speed",
     Excitation.MOTION: "in a slow sweep",
 }

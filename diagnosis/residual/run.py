@@ -356,7 +356,7 @@ def signals_of(run: Run, arm: Arm, joint: int, *, link_side: bool = False) -> Si
     j = joint - 1
     drive = arm.joints[j]
     v = (arm.link_angles(run.brisk_v) if link_side else run.brisk_v)[:, j]
-    sign = v / np.sqrt(v**2 + drive.sign_velocity**2)
+    sign, warmer = v / np.sqrt(v**2 + drive.sign_velocity**2), warmth(run, joint)
     return Signals(
         q=arm.link_angles(run.q)[:, j],
         v=v,
@@ -368,4 +368,12 @@ def signals_of(run: Run, arm: Arm, joint: int, *, link_side: bool = False) -> Si
         current=run.current[:, j],
         torque=run.current[:, j] * drive.drive_constant,
         t=run.t,
+        warmer=0.0 if warmer is None else warmer,
     )
+
+
+def warmth(run: Run, joint: int) -> Array | None:
+    """(m,) K of the motor of a joint (from 1) above where its friction holds; None where that is not known."""
+    reference, temperatures = run.arm.joints[joint - 1].temperature, run.arm.temperatures
+    degc = None if temperatures is None else temperatures.at(joint - 1, run.t)
+    return None if degc is None or reference is None else degc - reference

@@ -59,7 +59,8 @@ class Candidate:
 
     def searched(self) -> list[str]:
         """Names of the nonlinear parameters that are continuous and determined by the data."""
-        held = [p for p in self.definition.parameters if p.whole or p.fixed or p.own or p.lasts or p.span is not None]
+        every = self.definition.parameters
+        held = [p for p in every if p.whole or p.coarse or p.fixed or p.own or p.lasts or p.span is not None]
         continuous = {p.name for p in self.definition.parameters if p not in held}
         return [name for name, _ in self.shape if name in continuous]
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from arm_io.types import Array
 from arm_model import Joint
+from arm_model.effects import Parameter
 from diagnosis.cause import Estimate
 from diagnosis.selection.candidate import Candidate
 from diagnosis.units import unit_at
@@ -43,8 +44,16 @@ def estimates(
         std = float(np.sqrt(max(float(slope @ covariance @ slope), 0.0)))
         unit = unit_at(joint, parameter.unit, parameter.name) if joint else parameter.unit
         exact = parameter.whole or parameter.own or parameter.lasts
-        rows.append(Estimate(name, value, float(np.hypot(std, 0.0 if exact else share * abs(value))), unit))
+        std = float(np.hypot(std, 0.0 if exact else share * abs(value)))
+        std = _between(parameter, value) if parameter.coarse else std
+        rows.append(Estimate(name, value, std, unit))
     return rows
+
+
+def _between(parameter: Parameter, value: float) -> float:
+    """Half of the distance to the neighbouring search values: within it, the recordings were not asked."""
+    apart = np.abs(np.array(parameter.search) - value)
+    return float(np.min(apart[apart > 1e-9 * abs(value)], initial=abs(value))) / 2
 
 
 def _derivative(candidate: Candidate, c: Array, k: int) -> dict[str, float]:

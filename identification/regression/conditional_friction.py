@@ -24,7 +24,7 @@ from identification.regression.problem import Problem, excited_of, unexcited
 
 _CONDITIONAL = [effect for effect in CATALOGUE.values() if effect.conditional]
 LOAD = tuple(effect.name for effect in _CONDITIONAL if effect.excited_by is Excitation.LOAD)
-TEMPERATURE = tuple(effect.name for effect in _CONDITIONAL if effect.excited_by is not Excitation.LOAD)
+TEMPERATURE = tuple(effect.name for effect in _CONDITIONAL if effect.excited_by is Excitation.TEMPERATURE)
 RESOLVED = 2.0
 """Times the lowest speed: reversals leave the same as a hump that is narrower."""
 

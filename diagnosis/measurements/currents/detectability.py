@@ -10,10 +10,12 @@ from arm_model import Arm
 from arm_model.effects import CATALOGUE, Excitation, Instrument
 from arm_model.rigid_body import drive_rigid_torque
 from diagnosis.cause import EffectKey, Undetectable
+from diagnosis.residual.warmth import depends, not_warmed
 from diagnosis.screening.plausibility import STANDSTILL
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Columns, Dataset, Pair
 from diagnosis.units import rounded, unit_at
+from identification.selection import Split
 
 SHOWS_FROM = 1 / 3
 """Effect-to-noise ratio of the currents above which an effect is detectable."""
@@ -28,6 +30,7 @@ INSTEAD = {
     "hanging link), or an encoder at the link",
     Excitation.CURRENT: "larger currents of {}: a known payload, faster starts and stops",
     Excitation.SPEED: "{} back and forth at full speed, and at a tenth of it",
+    Excitation.TEMPERATURE: "{} from a cold start until its motor is warm, with its temperature recorded",
     Excitation.ACCELERATION: "{} back and forth as fast as it starts and stops",
     Excitation.MOTION: "{} through its whole range, slowly and at full speed",
 }
@@ -59,6 +62,17 @@ def not_visible(
                 )
             )
     return undetectable
+
+
+def not_warm(arm: Arm, data: Split[Dataset], known: Set[EffectKey]) -> list[Undetectable]:
+    """Friction over temperature of joints with a sensor, where recordings are too much alike in temperature."""
+    (effect,) = (name for name in CATALOGUE if depends(name))
+    instead, found = INSTEAD[CATALOGUE[effect].excited_by], []
+    for joint, drive in enumerate(arm.joints, 1):
+        why = "" if drive.temperature is None else not_warmed(data.fit.runs, data.held_out.runs, joint)
+        if why and (effect, joint) not in known:
+            found.append(Undetectable(effect, joint, why, instead.format(f"joint {joint}")))
+    return found
 
 
 def _turns(side: Dataset, arm: Arm, joint: int) -> float:
