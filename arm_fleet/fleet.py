@@ -116,14 +116,15 @@ def fleet_of(
                 append(judged.tables)
                 verdicts.append(judged.verdict)
     lines = [line for one in compared for line in one.lines]
+    judged_nights = [alarm for several in own for alarm in several]
     fleet = Fleet(
         plan=plan,
         folder=folder,
         tasks=lines,
-        alarms=[alarm for several in own for alarm in several],
+        alarms=judged_nights,
         verdicts=verdicts,
         ran=ran,
-        notes=(*notes, *missing(plan, verdicts, lines)),
+        notes=(*notes, *missing(plan, verdicts, lines, judged_nights)),
     )
     write_text(folder / "fleet.html", fleet_page(fleet).html())
     write_text(folder / "fleet.json", json.dumps(fleet.to_json(), indent=1, default=float) + "\n")

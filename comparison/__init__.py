@@ -5,22 +5,26 @@ from typing import TYPE_CHECKING
 from arm_io import lazy
 
 if TYPE_CHECKING:
-    from comparison.change import Change, Quantity
+    from comparison.change import Change, Estimate, Quantity
     from comparison.diagnosed_causes import cause_in_words
     from comparison.from_recordings import compare_recordings
-    from comparison.from_results import Stored, compare_results, read_result
+    from comparison.from_results import Stored, compare_results, estimates_of, read_result
     from comparison.outcome import Comparison, Threshold
+    from comparison.significance import moderate
 else:
     __getattr__ = lazy(__name__)
 
 __all__ = [
     "Change",
     "Comparison",
+    "Estimate",
     "Quantity",
     "Stored",
     "Threshold",
     "cause_in_words",
     "compare_recordings",
     "compare_results",
+    "estimates_of",
+    "moderate",
     "read_result",
 ]

@@ -15,7 +15,7 @@ from scipy import stats
 from arm_io import InputError, check_plain, read_text
 from arm_model import Arm, read_model
 from comparison.change import Estimate, Quantity
-from comparison.diagnosed_causes import Entry, align, cause_sentences
+from comparison.diagnosed_causes import Entry, align, cause_sentences, entries_of
 from comparison.identified_friction import curved_joints, friction_points, is_replaced
 from comparison.outcome import Comparison
 from comparison.significance import changes
@@ -203,6 +203,15 @@ def _freedom(table: Mapping[str, Any]) -> float:
     """Degrees of freedom of stored deviations; of a file that does not say on how many blocks they rest, the least."""
     blocks = table.get("blocks")
     return float(max(blocks, 2) - 1 if isinstance(blocks, int) else LEAST_BLOCKS - 1)
+
+
+def estimates_of(results: Sequence[Stored]) -> tuple[list[Quantity], list[Estimate]]:
+    """All quantities of results of one kind, and what each result says of them. InputError for another layout."""
+    if results[0].what == "diagnoses":
+        quantities, entries, _ = entries_of([one.path for one in results], [one.table for one in results])
+    else:
+        quantities, entries = identified_entries(results)
+    return quantities, [estimate_of(one, quantities, mine) for one, mine in zip(results, entries)]
 
 
 def estimate_of(result: Stored, quantities: Sequence[Quantity], entries: Mapping[str, Entry]) -> Estimate:

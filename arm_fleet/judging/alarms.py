@@ -1,7 +1,8 @@
 """Which arms changed in which night, with false alarms controlled over the whole fleet.
 
 Each night is compared with the reference nights of its arm, as ``armscope compare`` does (``comparison.significance``),
-with the scatter between reference nights (of causes like friction: ``scatter``). A quantity has changed in a night if
+with the scatter between reference nights (of causes like friction: ``scatter``); friction with what the recorded
+temperature explains of it (``temperature``). A quantity has changed in a night if
 it has in the night before it as well, to the same side: its p-value is the larger one of both (an intersection-union
 test), so that what one night shows is no change of an arm, and what grows from night to night is one. The smallest
 p-value of an arm and night, times the number of quantities (Bonferroni), is that of "this arm had changed in this
@@ -17,8 +18,10 @@ import numpy as np
 from scipy import stats
 
 from arm_fleet.judging.scatter import widened
+from arm_fleet.judging.temperature import no_surer, outside, regressed
 from arm_fleet.plan import Plan
-from comparison import Change, Stored, compare_results
+from arm_io.types import Array
+from comparison import Change, Stored, compare_results, estimates_of
 
 NAMEABLE = 0.05
 """p-value, times the number of quantities, up to which a quantity is listed as what changed."""
@@ -28,11 +31,16 @@ FEWEST_REFERENCE = 2
 
 @dataclass(frozen=True, kw_only=True)
 class Night:
-    """The results of one arm and night: identification, diagnosis, or both; key: of its task."""
+    """The results of one arm and night: identification, diagnosis, or both.
+
+    key          of its task
+    temperature  mean of each joint, degC, NaN where it is not known; None: none was recorded
+    """
 
     night: str
     key: str
     results: tuple[Stored, ...]
+    temperature: tuple[float, ...] | None = None
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -40,6 +48,7 @@ class Alarm:
     """What one night of one arm says.
 
     p, corrected  that the arm is as in its reference nights; corrected over all arms and nights
+    outside       K by which its temperature is outside that of its reference nights
     named         whether it is called changed
     changes       quantities that changed significantly within this comparison, the surest first
     """
@@ -49,6 +58,7 @@ class Alarm:
     key: str
     p: float
     corrected: float = 1.0
+    outside: float = 0.0
     named: bool = False
     changes: tuple[Change, ...] = ()
 
@@ -84,7 +94,8 @@ def alarms_of(plan: Plan, arm: str, nights: Sequence[Night]) -> list[Alarm]:
             sure = sorted((name for name in p if len(p) * p[name] <= NAMEABLE), key=p.__getitem__)
             smallest = min(1.0, len(p) * min(p.values()))
             changes = tuple(now[name] for name in sure)
-            found.append(Alarm(arm=arm, night=night.night, key=night.key, p=smallest, changes=changes))
+            beyond = outside(_temperature([*before, night])) if night.temperature is not None else 0.0
+            found.append(Alarm(arm=arm, night=night.night, key=night.key, p=smallest, outside=beyond, changes=changes))
         last = now
     return found
 
@@ -98,11 +109,25 @@ def _confirmed(earlier: Change | None, later: Change) -> float:
 
 def _all_changes(before: Sequence[Night], night: Night) -> list[Change]:
     """Tested quantities of one night against its reference nights."""
-    found = [one for kind in ("identifications", "diagnoses") for one in _changes(kind, before, [night])]
+    found = [one for kind in ("identifications", "diagnoses") for one in _changes(kind, before, night)]
+    if night.temperature is not None:
+        found = no_surer(found)
     return [one for one in widened(found, len(before)) if one.p is not None]
 
 
-def _changes(kind: str, before: Sequence[Night], after: Sequence[Night]) -> list[Change]:
-    """Of the results of one kind; none where one side has none."""
-    sides = [[one for night in side for one in night.results if one.what == kind] for side in (before, after)]
-    return compare_results(*sides).changes if all(sides) else []
+def _changes(kind: str, before: Sequence[Night], night: Night) -> list[Change]:
+    """Of the results of one kind; none where one side has none. With the temperature where it is recorded."""
+    having = [(one, result) for one in (*before, night) for result in one.results if result.what == kind]
+    results = [result for _, result in having]
+    if len(results) < 2 or having[-1][0] is not night:
+        return []
+    found = compare_results(results[:-1], results[-1:]).changes
+    if night.temperature is None:
+        return found
+    return regressed(found, *estimates_of(results), _temperature([one for one, _ in having]))
+
+
+def _temperature(nights: Sequence[Night]) -> Array:
+    """(nights, J) degC, NaN where it is not known; the last of them has one."""
+    unknown = tuple(np.nan for _ in nights[-1].temperature or ())
+    return np.array([one.temperature or unknown for one in nights])

@@ -5,20 +5,22 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from datetime import date
 
-from arm_fleet.judging.alarms import FEWEST_REFERENCE
+from arm_fleet.judging.alarms import FEWEST_REFERENCE, Alarm
 from arm_fleet.judging.verdicts import Condition, Verdict
 from arm_fleet.plan import Plan
 from arm_fleet.tasks.store import TaskLine
 
 SILENT = 3
 """Days after an arm's last recording, with others recording, from which on it is said."""
+FAR = 3.0
+"""K outside the temperatures of an arm's reference nights, from which on it is said."""
 MOST_NAMES = 5
 """Arms that a sentence names; fleet.json has all."""
 
 
-def missing(plan: Plan, verdicts: Sequence[Verdict], tasks: Sequence[TaskLine]) -> list[str]:
-    """Sentences for the top of the page."""
-    return [*_reference(plan, verdicts), *_silent(tasks), *_limits(verdicts)]
+def missing(plan: Plan, verdicts: Sequence[Verdict], tasks: Sequence[TaskLine], alarms: Sequence[Alarm]) -> list[str]:
+    """Sentences for the top of the page; ``alarms`` of each arm by night."""
+    return [*_reference(plan, verdicts), *_silent(tasks), *_warmer(alarms), *_limits(verdicts)]
 
 
 def _reference(plan: Plan, verdicts: Sequence[Verdict]) -> Iterator[str]:
@@ -41,6 +43,17 @@ def _silent(tasks: Sequence[TaskLine]) -> Iterator[str]:
     silent = [f"{arm} (since {last[arm]})" for arm, behind in days.items() if behind >= SILENT]
     if silent:
         yield f"no recording, though the latest of the fleet is of {latest}: {_names(silent)}"
+
+
+def _warmer(alarms: Sequence[Alarm]) -> Iterator[str]:
+    """Arms whose last night is of a temperature at which their reference nights say little of friction."""
+    last = {one.arm: one.outside for one in alarms}
+    far = [f"{arm} ({beyond:.0f} K in the last night)" for arm, beyond in last.items() if beyond >= FAR]
+    if far:
+        yield (
+            f"temperature outside that of the reference nights: {_names(far)}; what it may explain is not called a "
+            "change of friction. A baseline with nights of such temperatures judges friction more sharply"
+        )
 
 
 def _limits(verdicts: Sequence[Verdict]) -> Iterator[str]:

@@ -7,6 +7,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
+
 from arm_fleet.judging.alarms import Night
 from arm_fleet.tasks.store import Record, Store
 from arm_fleet.tasks.task import State
@@ -45,7 +47,9 @@ def nights_of(store: Store, records: Sequence[Record], model: Arm) -> list[Night
             results = tuple(
                 _stored(place / name, kind, model) for name, kind in KINDS.items() if name in record["files"]
             )
-            found.append(Night(night=record["night"], key=record["key"], results=results))
+            degc = record["value"].get("temperature")
+            known = None if degc is None else tuple(np.nan if one is None else float(one) for one in degc)
+            found.append(Night(night=record["night"], key=record["key"], results=results, temperature=known))
     return found
 
 

@@ -33,14 +33,14 @@ def widened(changes: Sequence[Change], reference: int) -> list[Change]:
     least = float(np.sqrt(stats.chi2.isf(CHANCE, freedom) / freedom))
     scatter: dict[int | None, float] = {}
     for one in changes:
-        if one.scatter is not None and one.scatter > least and _of_friction(one):
+        if one.scatter is not None and one.scatter > least and of_friction(one):
             joint = one.quantity.joint
             scatter[joint] = max(scatter.get(joint, 0.0), one.scatter)
     return [_with(one, scatter, freedom) for one in changes]
 
 
 def _with(one: Change, scatter: dict[int | None, float], freedom: int) -> Change:
-    if one.quantity.kind != "cause" or not _of_friction(one) or one.p is None or not (one.change and one.std):
+    if one.quantity.kind != "cause" or not of_friction(one) or one.p is None or not (one.change and one.std):
         return one
     joint = one.quantity.joint
     factor = max((value for its, value in scatter.items() if joint is None or its in (joint, None)), default=0.0)
@@ -50,7 +50,8 @@ def _with(one: Change, scatter: dict[int | None, float], freedom: int) -> Change
     return replace(one, p=max(p, one.p))
 
 
-def _of_friction(one: Change) -> bool:
+def of_friction(one: Change) -> bool:
+    """Whether what changed is friction, or a cause that friction may be taken for."""
     kind = one.quantity.kind
     return like_friction(effect_of(one.quantity.name)) if kind == "cause" else kind in ("friction", "curve")
 

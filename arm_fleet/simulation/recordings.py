@@ -46,7 +46,8 @@ class Scene:
     """What every arm does every night: ``runs`` recordings of ``seconds`` at ``rate`` rows/s.
 
     correlation  s over which the noise of a transducer forgets itself (by 1/e); 0: it is white
-    temperature  K, deviation of an arm's temperature from night to night; 0: all nights are alike, none is recorded
+    temperature  K, deviation of an arm's temperature from night to night; season: K by which all arms are warmer in the
+                 last night than in the first. Where both are 0, all nights are alike, and no temperature is recorded
     """
 
     arm: Arm
@@ -55,6 +56,12 @@ class Scene:
     rate: float = 250.0
     correlation: float = 0.0
     temperature: float = 0.0
+    season: float = 0.0
+
+    @property
+    def changing(self) -> bool:
+        """Whether the temperature differs from night to night."""
+        return bool(self.temperature or self.season)
 
     @property
     def times(self) -> Array:
@@ -91,7 +98,8 @@ def write_fleet(
     write_model(folder / "model.toml", scene.arm)
     model = (folder / "model.toml").read_text(encoding="utf-8")
     draw = np.random.default_rng([seed, 1])
-    weather = Weather.drawn(len(lives), nights, scene.temperature, np.random.default_rng([seed, 2]))
+    air = np.random.default_rng([seed, 2])
+    weather = Weather.drawn(len(lives), nights, scene.temperature, air, season=scene.season)
     ratios = np.zeros((len(lives), nights))
     for run in range(scene.runs):
         for which, night, shown, ratio in _all(scene, run, lives, weather.temperature):
@@ -100,7 +108,7 @@ def write_fleet(
             moment = datetime.combine(START + timedelta(days=night), datetime.min.time(), UTC) + timedelta(hours=22)
             path = folder / "nights" / night_of(night) / f"{life.arm}_{run + 1}.mcap"
             make_folder(path.parent)
-            if scene.temperature:
+            if scene.changing:
                 shown["temp"] = np.full_like(shown["q"], weather.temperature[which, night])
             _write(path, scene, shown, model, moment, draw)
             progress(Step("recordings", night + 1, nights, detail=f"{life.arm}, run {run + 1} of {scene.runs}"))
@@ -149,10 +157,10 @@ def _all(scene: Scene, run: int, lives: Sequence[Life], temperature: Array) -> I
         values = np.array([lives[which].values(nights) for which in mine])
         places = np.argwhere(np.ones_like(values, bool))
         # Without wear all nights are alike then: one lane.
-        still = None if scene.temperature else _simulated(scene, run, wear, np.zeros(1), None)
+        still = None if scene.changing else _simulated(scene, run, wear, np.zeros(1), None)
         for first in range(0, len(places), LANES):
             some = places[first : first + LANES]
-            degrees = temperature[mine][tuple(some.T)] if scene.temperature else None
+            degrees = temperature[mine][tuple(some.T)] if scene.changing else None
             own = values[tuple(some.T)]
             healthy = _simulated(scene, run, wear, 0 * own, degrees) if still is None else still
             worn = _simulated(scene, run, wear, own, degrees) if own.any() else healthy

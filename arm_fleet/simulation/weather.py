@@ -33,13 +33,13 @@ class Weather:
     temperature: Array
 
     @classmethod
-    def drawn(cls, arms: int, nights: int, std: float, draw: np.random.Generator) -> Weather:
-        """std: K, of the temperature of an arm from night to night."""
+    def drawn(cls, arms: int, nights: int, std: float, draw: np.random.Generator, *, season: float = 0.0) -> Weather:
+        """std: K, of the temperature of an arm from night to night; season: K by which the last night is warmer."""
         hall = np.empty(nights)
         for night, step in enumerate(draw.standard_normal(nights)):
             hall[night] = step if night == 0 else FOLLOWS * hall[night - 1] + np.sqrt(1 - FOLLOWS**2) * step
         own = draw.standard_normal((arms, nights))
-        return cls(temperature=REFERENCE + std * np.sqrt(0.5) * (hall + own))
+        return cls(temperature=REFERENCE + season * np.linspace(0, 1, nights) + std * np.sqrt(0.5) * (hall + own))
 
 
 def friction_at(arm: Arm, temperature: Array) -> Mapping[str, Array]:

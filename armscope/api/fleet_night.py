@@ -9,6 +9,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from arm_fleet import fetched
 from arm_io import InputError, toml_of, write_text
 from arm_model import Arm, arm_of, write_model
@@ -61,6 +63,7 @@ def night(job: Mapping[str, Any], folder: Path, before: Mapping[str, bytes]) -> 
         "lost": sum(one.ledger.lost for one in recordings),
         "bytes": local.size,
         "read_bytes": local.read,
+        "temperature": temperature(recordings),
     }
     for step in job["run"]:
         _STEPS[step](arm, fit, held_out, folder, job["report"], value)
@@ -83,6 +86,15 @@ def sides(groups: Sequence[Sequence[Recording]]) -> tuple[list[Recording], list[
     count = len(groups[0])
     fitted = count if count == 1 else min(count - 1, max(1, round(FITTED * count)))
     return list(groups[0][:fitted]), list(groups[0][fitted:])
+
+
+def temperature(recordings: Sequence[Recording]) -> list[float | None] | None:
+    """degC, mean of each joint over all rows (None: not recorded); None where a recording has no temperatures."""
+    if not recordings or any(one.temp is None for one in recordings):
+        return None
+    rows = np.concatenate([one.temp for one in recordings])
+    known = [column[np.isfinite(column)] for column in rows.T]
+    return [float(column.mean()) if len(column) else None for column in known] if any(map(len, known)) else None
 
 
 def _check(recording: Recording, job: Mapping[str, Any]) -> None:

@@ -33,6 +33,9 @@ def command(
     temperature_std: Annotated[
         float, typer.Option(min=0, max=30, help="K, of an arm's temperature from night to night; friction follows it")
     ] = 0.0,
+    season: Annotated[
+        float, typer.Option(min=-60, max=60, help="K by which all arms are warmer in the last night than in the first")
+    ] = 0.0,
     noise_correlation: Annotated[
         float, typer.Option(min=0, max=10, help="s over which the noise of a current forgets itself; 0: white")
     ] = 0.0,
@@ -44,7 +47,7 @@ def command(
 
     check_folder(out)
     arm = read_model(found(model))
-    scene = Scene(arm=arm, seconds=seconds, temperature=temperature_std, correlation=noise_correlation)
+    scene = Scene(arm=arm, seconds=seconds, temperature=temperature_std, season=season, correlation=noise_correlation)
     with shown(as_json) as progress:
         truth = write_fleet(out, scene, lives(arms, nights, worn=worn, seed=seed), nights, seed=seed, progress=progress)
     if as_json:

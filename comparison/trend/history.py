@@ -13,8 +13,7 @@ from arm_io import InputError
 from arm_io.dates import utc_date_of
 from arm_io.types import Array
 from comparison.change import Quantity
-from comparison.diagnosed_causes import entries_of
-from comparison.from_results import Stored, check_together, estimate_of, identified_entries
+from comparison.from_results import Stored, check_together, estimates_of
 
 FEWEST_RESULTS = 3
 """Of a trend; two are a comparison."""
@@ -72,7 +71,7 @@ def histories_of(results: Sequence[Stored]) -> Histories:
     dates, warnings = _dates(results)
     order = sorted(range(len(results)), key=lambda k: dates[k])
     results, dates = [results[k] for k in order], [dates[k] for k in order]
-    quantities, estimates = _estimates(results)
+    quantities, estimates = estimates_of(results)
     days = np.array([(date - dates[0]).total_seconds() / 86_400 for date in dates])
     found = []
     for k, quantity in enumerate(quantities):
@@ -92,15 +91,6 @@ def histories_of(results: Sequence[Stored]) -> Histories:
             )
     names = tuple(str(one.path) for one in results)
     return Histories(what=results[0].what, start=dates[0], results=names, histories=found, warnings=warnings)
-
-
-def _estimates(results: Sequence[Stored]) -> tuple[list[Quantity], list]:
-    paths, tables = [one.path for one in results], [one.table for one in results]
-    if results[0].what == "diagnoses":
-        quantities, entries, _ = entries_of(paths, tables)
-    else:
-        quantities, entries = identified_entries(results)
-    return quantities, [estimate_of(one, quantities, mine) for one, mine in zip(results, entries)]
 
 
 def _dates(results: Sequence[Stored]) -> tuple[list[datetime], list[str]]:

@@ -1,0 +1,157 @@
+"""What the recorded temperature explains of a night that differs from its reference nights.
+
+Friction parameters, and causes that are named for friction, are regressed on the mean temperature of their joint over
+the reference nights (weighted least squares, a straight line). A night is compared with what the line says at its own
+temperature, with the joint deviation of level and slope, with the scatter of the reference nights about their lines,
+and with what a straight line leaves out: friction of greased gears falls exponentially (Bittencourt, Gunnarsson, J.
+Dyn. Sys. Meas. Control 134(5), 051013, 2012), so that far from the reference nights the line says little, and nothing
+is named that temperature may explain.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import stats
+
+from arm_fleet.judging.scatter import of_friction
+from arm_io.types import Array
+from comparison import Change, Estimate, Quantity, moderate
+
+BENDS = 0.03
+"""1/K, standard deviation: by what share of itself the slope of friction over temperature differs one kelvin away."""
+FEWEST = 3
+"""Reference nights with a temperature, from which on a line has a scatter."""
+
+
+@dataclass(frozen=True)
+class Line:
+    """A quantity at the temperature of a night, from its reference nights.
+
+    level, variance  what they say it is there, and how well, without scatter beyond their own deviations
+    left      standard deviation of what a straight line may leave out there
+    ratio     square of the scatter about the line over what deviations explain, with ``freedom`` degrees of freedom
+    stated    least degrees of freedom of the deviations
+    """
+
+    level: float
+    variance: float
+    left: float
+    ratio: float
+    freedom: int
+    stated: float
+
+
+def regressed(
+    changes: Sequence[Change], quantities: Sequence[Quantity], estimates: Sequence[Estimate], temperature: Array
+) -> list[Change]:
+    """The same changes; those of friction against what it would be at the temperature of the night.
+
+    estimates    of the n reference nights and then of the night, of all ``quantities``
+    temperature  (n + 1, J) degC, NaN where it is not known
+    """
+    place = {one.name: k for k, one in enumerate(quantities)}
+    lines = {}
+    for one in changes:
+        name = one.quantity.name
+        if one.p is not None and one.after is not None and name in place and of_friction(one):
+            line = _line(estimates, place[name], _of_joint(temperature, one.quantity.joint))
+            if line is not None:
+                lines[name] = line
+    scatter = _scatter(changes, lines)
+    return [
+        _against(one, lines[one.quantity.name], estimates[-1], place[one.quantity.name], *scatter[one.quantity.name])
+        if one.quantity.name in lines
+        else one
+        for one in changes
+    ]
+
+
+def no_surer(changes: Sequence[Change]) -> list[Change]:
+    """The same changes; a cause of friction is no surer than what is identified of its joint.
+
+    Where the temperature takes a cause's place by another one, no reference night may name it: the line of such a cause
+    is that of nothing. What is identified has a line of its own.
+    """
+    surest: dict[int | None, float] = {}
+    for one in changes:
+        if one.quantity.kind != "cause" and one.p is not None:
+            for joint in (one.quantity.joint, None):
+                surest[joint] = min(surest.get(joint, 1.0), one.p)
+    return [
+        replace(one, p=max(one.p, surest[one.quantity.joint]))
+        if one.p is not None and one.quantity.kind == "cause" and of_friction(one) and one.quantity.joint in surest
+        else one
+        for one in changes
+    ]
+
+
+def outside(temperature: Array) -> float:
+    """K by which the last of (n + 1, J) degC is outside of the others, at the joint where that is most; 0: inside."""
+    *before, night = temperature
+    found = [0.0]
+    for joint, its in enumerate(night):
+        known = [one[joint] for one in before if np.isfinite(one[joint])]
+        if known and np.isfinite(its):
+            found += [float(its - max(known)), float(min(known) - its)]
+    return max(found)
+
+
+def _of_joint(temperature: Array, joint: int | None) -> Array:
+    """(n + 1,) degC of a joint (from 1), or the mean of all."""
+    return np.asarray(temperature.mean(axis=1) if joint is None else temperature[:, joint - 1])
+
+
+def _line(estimates: Sequence[Estimate], which: int, degc: Array) -> Line | None:
+    """None where too few reference nights, or the night, have a temperature or a value."""
+    values, raw = (np.array([getattr(one, name)[which] for one in estimates]) for name in ("values", "raw"))
+    there = np.isfinite(values) & np.isfinite(degc) & (raw > 0)
+    if not there[-1] or there[:-1].sum() < FEWEST:
+        return None
+    # Kelvin from the night: the level of the line is its value there.
+    y, weight, x = values[:-1][there[:-1]], raw[:-1][there[:-1]] ** -2, (degc[:-1] - degc[-1])[there[:-1]]
+    away, level = np.average(x, weights=weight), np.average(y, weights=weight)
+    width = float(weight @ (x - away) ** 2)
+    if not width:
+        # Of one temperature nothing is known at another one.
+        return Line(level, np.inf, 0.0, 1.0, 1, 1.0) if away else None
+    slope = float(weight @ ((x - away) * y)) / width
+    rest = y - level - slope * (x - away)
+    freedom = len(y) - 2
+    return Line(
+        level=float(level - slope * away),
+        variance=float(1 / weight.sum() + away**2 / width),
+        left=float(0.5 * BENDS * np.hypot(slope, width**-0.5) * away**2),
+        ratio=float(weight @ rest**2) / freedom,
+        freedom=freedom,
+        stated=min(one.freedom for one, mine in zip(estimates, there) if mine),
+    )
+
+
+def _scatter(changes: Sequence[Change], lines: Mapping[str, Line]) -> dict[str, tuple[float, float]]:
+    """Name -> scatter about the lines, at least 1, and its degrees of freedom; causes have one of their own."""
+    found = {}
+    for causes in (True, False):
+        names = [
+            one.quantity.name
+            for one in changes
+            if one.quantity.name in lines and (one.quantity.kind == "cause") is causes
+        ]
+        if names:
+            mine = [lines[name] for name in names]
+            ratio, freedom = moderate(
+                np.array([one.ratio for one in mine]), np.array([float(one.freedom) for one in mine])
+            )
+            for name, its, degrees in zip(names, ratio, freedom):
+                found[name] = (float(np.sqrt(max(its, 1.0))), float(degrees) if its > 1 else np.inf)
+    return found
+
+
+def _against(one: Change, line: Line, night: Estimate, which: int, scatter: float, freedom: float) -> Change:
+    """A change against the line."""
+    raw = float(np.hypot(scatter * np.hypot(line.variance**0.5, night.raw[which]), line.left))
+    moved = float(night.values[which]) - line.level
+    p = float(2 * stats.t.sf(abs(moved) / raw, min(freedom, line.stated)))
+    return replace(one, before=line.level, std=raw, p=p, scatter=scatter)
