@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from arm_fleet.recordings import file_system
+from arm_fleet.storage import asking, file_system
 from arm_io import InputError, make_folder
 from daq.recording import Ranges
 
@@ -36,10 +36,8 @@ class Source:
 
     def span(self, start: int, end: int) -> bytes:
         """Bytes ``start`` to ``end``. InputError where they cannot be read."""
-        try:
+        with asking(self.place):
             data: bytes = self.system.cat_file(self.path, start=start, end=end)
-        except OSError as error:
-            raise _unreadable(self.place, error) from None
         self.read += len(data)
         return data
 
@@ -81,10 +79,8 @@ def spread(seconds: float, share: float) -> list[tuple[float, float]]:
 
 def _source(place: str, storage: Mapping[str, Any]) -> Source:
     system, path = file_system(place, storage)
-    try:
+    with asking(place):
         return Source(place, system, path, int(system.size(path)))
-    except OSError as error:
-        raise _unreadable(place, error) from None
 
 
 def _local(source: Source, share: float, folder: Path) -> list[Path]:
@@ -105,12 +101,6 @@ def _local(source: Source, share: float, folder: Path) -> list[Path]:
     if "://" not in source.place:
         return [Path(source.place)]
     make_folder(folder)
-    try:
+    with asking(source.place):
         source.system.get_file(source.path, str(folder / name))
-    except OSError as error:
-        raise _unreadable(source.place, error) from None
     return [folder / name]
-
-
-def _unreadable(place: str, error: OSError) -> InputError:
-    return InputError(place, f"cannot be read: {error.strerror or error}")

@@ -9,16 +9,15 @@ from __future__ import annotations
 import hashlib
 import re
 import struct
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import UTC, date, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
 from arm_fleet.plan import ArmTable, Plan
-from arm_fleet.tasks.cluster import EXTRA
+from arm_fleet.storage import StorageError, asking, file_system
 from arm_io import InputError
-from arm_io.optional import optional
 
 FOOTER = 37
 """Bytes: footer record (29) and magic (8) of an MCAP file."""
@@ -46,7 +45,7 @@ def arm_nights(plan: Plan, note: Callable[[str], None] = lambda _: None) -> list
 
     note  called with a sentence about an arm without recordings, a recording whose night is not known, and one that
           two arms have
-    InputError where no arm has any.
+    InputError where no arm has any, or the place that arms share does not answer.
     """
     found = []
     without: list[InputError] = []
@@ -58,6 +57,8 @@ def arm_nights(plan: Plan, note: Callable[[str], None] = lambda _: None) -> list
             if not by_night:
                 raise InputError(pattern or str(plan.archive), f"has no recording of arm {arm.name!r}")
         except InputError as error:
+            if isinstance(error, StorageError) and arm.recordings is None:
+                raise  # all arms share it: it would be asked in vain for each
             without.append(error)
             continue
         for night in sorted(by_night):
@@ -95,7 +96,8 @@ def _by_pattern(plan: Plan, arm: ArmTable, pattern: str, note: Callable[[str], N
     expression = re.compile(_expression(path))
     nights: Nights = {}
     unknown = []
-    matching = system.glob(path.replace("{night}", "????-??-??"), detail=True)
+    with asking(pattern):
+        matching = system.glob(path.replace("{night}", "????-??-??"), detail=True)
     for place in sorted(name for name, entry in matching.items() if entry["type"] != "directory"):
         matched = expression.fullmatch(place)
         if matched is None:
@@ -164,30 +166,18 @@ def _night(moment: int | None, begins: int) -> str | None:
     return date(when.year, when.month, when.day).isoformat()
 
 
-def file_system(url: str, storage: Mapping[str, Any]) -> tuple[Any, str]:
-    """The file system of a path or URL (fsspec), and the path in it. InputError where it is not known."""
-    fsspec = optional("fsspec", EXTRA, url)
-    try:
-        system, path = fsspec.core.url_to_fs(url, **({} if "://" not in url else storage))
-    except (ImportError, ValueError) as error:
-        raise InputError(url, f"cannot be read: {error}") from None
-    return system, str(path)
-
-
 def identity(system: Any, place: str) -> tuple[str, int | None]:
     """Identity by content, and ns since 1970 of the first row (None: not known) of a file.
 
     InputError where it cannot be read.
     """
-    try:
+    with asking(place):
         size = int(system.size(place))
         footer = system.cat_file(place, start=max(0, size - FOOTER), end=size)
         summary = _summary(footer)
         if not DATA_END < summary < size - FOOTER:
             return _of_all(system, place, size), None
         end = system.cat_file(place, start=summary - DATA_END, end=size)
-    except OSError as error:
-        raise InputError(place, f"cannot be read: {error.strerror or error}") from None
     return f"mcap {size} {hashlib.sha256(end).hexdigest()}", _first_time(end[DATA_END:])
 
 

@@ -27,8 +27,12 @@ def _reference(plan: Plan, verdicts: Sequence[Verdict]) -> Iterator[str]:
     alone = [one.arm for one in verdicts if one.condition is Condition.UNKNOWN and one.nights]
     if not alone:
         return
-    place = "" if plan.baseline is None else f" of the baseline {plan.baseline[0]} to {plan.baseline[1]}"
-    need = f"needs results of at least {FEWEST_REFERENCE} nights{place}, and of two later ones"
+    place = (
+        f"the first {plan.reference} nights, which are its reference"
+        if plan.baseline is None
+        else f"the baseline {plan.baseline[0]} to {plan.baseline[1]}"
+    )
+    need = f"needs results of at least {FEWEST_REFERENCE} nights of {place}, and of two later ones"
     yield f"{_names(alone)} cannot be compared: that {need}"
 
 

@@ -25,6 +25,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+from arm_fleet.storage import StorageError
 from arm_fleet.tasks.task import Outcome, State, Task
 from arm_io import DeviceFault, InputError
 from arm_io.parallel import CORES
@@ -119,6 +120,8 @@ def _called(there: Connection, task: Task, folder: str, before: dict[str, bytes]
         function = getattr(import_module(module), name)
         _limit_memory(task.memory)
         state, reason, value = State.DONE, "", function(task.arguments | task.places, Path(folder), before)
+    except StorageError as error:
+        state, reason, value = State.STORAGE, str(error), {}
     except InputError as error:
         state, reason, value = State.INPUT, str(error), {}
     except DeviceFault as error:

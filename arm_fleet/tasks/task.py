@@ -17,6 +17,7 @@ class State(StrEnum):
 
     DONE = "done"
     INPUT = "unusable input"
+    STORAGE = "storage not reached"
     TIME = "timeout"
     MEMORY = "out of memory"
     KILLED = "killed"
@@ -27,7 +28,7 @@ class State(StrEnum):
 
 BY_LIMIT = (State.TIME, State.MEMORY)
 """Failures that a higher limit may avoid."""
-PASSING = (State.KILLED, State.REFUSED, State.BEFORE)
+PASSING = (State.STORAGE, State.KILLED, State.REFUSED, State.BEFORE)
 """Failures that say nothing of the recordings: the next run of the plan tries again."""
 
 

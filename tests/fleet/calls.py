@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from arm_fleet import Task, code_version
+from arm_fleet.storage import StorageError
 from arm_io import InputError
 from arm_io.parallel import cores, in_parallel
 
@@ -66,6 +67,10 @@ def greedy(job: Mapping[str, Any], folder: Path, before: Mapping[str, bytes]) ->
 
 def unusable(job: Mapping[str, Any], folder: Path, before: Mapping[str, bytes]) -> dict[str, Any]:
     raise InputError("a.mcap", "is damaged; record it again")
+
+
+def unreached(job: Mapping[str, Any], folder: Path, before: Mapping[str, bytes]) -> dict[str, Any]:
+    raise StorageError("s3://lab/a.mcap", "cannot be read: Connect timeout")
 
 
 def broken(job: Mapping[str, Any], folder: Path, before: Mapping[str, bytes]) -> dict[str, Any]:

@@ -34,6 +34,7 @@ def test_a_task_uses_one_core_as_the_others_are_for_other_tasks() -> None:
     ("call", "state", "reason"),
     [
         ("unusable", State.INPUT, "a.mcap: is damaged; record it again"),
+        ("unreached", State.STORAGE, "s3://lab/a.mcap: cannot be read: Connect timeout"),
         ("broken", State.BUG, "ZeroDivisionError at calls.py"),
         ("suicidal", State.KILLED, "its process ended by SIGKILL"),
         ("missing", State.BUG, "has no attribute 'missing'"),

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from arm_fleet import arm_nights, fetched, read_plan
-from arm_fleet.recordings import file_system, identity
+from arm_fleet.recordings import identity
+from arm_fleet.storage import StorageError, file_system
 from arm_io import InputError
 from daq.recording import open_recording
 from tests.fleet.test_fetching import long_recording
@@ -106,3 +107,26 @@ def test_what_is_not_there(storage: dict[str, Any], tmp_path: Path) -> None:
         fetched([f"s3://{bucket(storage)}/none.mcap"], tmp_path, storage, 180.0)
     with pytest.raises(InputError, match=r"ftp2://x/a\.mcap: cannot be read"):
         fetched(["ftp2://x/a.mcap"], tmp_path, storage, 180.0)
+
+
+def test_a_store_that_does_not_answer(storage: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One line instead of the client's own errors: nobody at the address, no key, an option that there is none."""
+    lab = bucket(storage)
+    nobody = storage["endpoint_url"].rpartition(":")[0] + ":9"
+    text = PLAN.replace("{arm}/PATTERN", f"s3://{lab}/{{night}}/{{arm}}.mcap")
+    for options, what in (
+        (f"endpoint_url = {nobody!r}", "Could not connect"),
+        (
+            f"endpoint = {storage['endpoint_url']!r}",
+            "unexpected keyword argument 'endpoint'; see .storage. of the plan",
+        ),
+    ):
+        with pytest.raises(InputError, match=rf"^s3://.*mcap: cannot be read: .*{what}"):
+            arm_nights(read_plan(plan(tmp_path, f"{text}[storage]\n{options}\n")))
+    with pytest.raises(StorageError, match="cannot be read: Could not connect"):
+        fetched([f"s3://{lab}/a.mcap"], tmp_path, {"endpoint_url": nobody}, 180.0)
+    monkeypatch.delenv("AWS_ACCESS_KEY_ID")
+    monkeypatch.setenv("AWS_EC2_METADATA_DISABLED", "true")
+    system_options = f"endpoint_url = {storage['endpoint_url']!r}\nuse_listings_cache = false"
+    with pytest.raises(InputError, match=r"^s3://.*mcap: cannot be read: Unable to locate credentials"):
+        arm_nights(read_plan(plan(tmp_path, f"{text}[storage]\n{system_options}\n")))

@@ -11,7 +11,8 @@ import pytest
 
 from arm_archive import open_archive
 from arm_fleet import arm_nights, read_plan
-from arm_fleet.recordings import file_system, identity
+from arm_fleet.recordings import identity
+from arm_fleet.storage import file_system
 from arm_io import InputError
 from daq.recording import Attachments, write_table
 

@@ -37,6 +37,7 @@ def test_the_key_follows_the_content() -> None:
     ("state", "higher", "settled"),
     [
         (State.INPUT, False, True),
+        (State.STORAGE, False, False),
         (State.BUG, False, True),
         (State.TIME, False, True),
         (State.TIME, True, False),
