@@ -70,10 +70,10 @@ def test_a_season_is_no_change() -> None:
 
 @pytest.mark.slow
 @pytest.mark.timeout(900)
-def test_of_300_arms_in_a_season_at_most_one_night_in_1000_is_named() -> None:
+def test_of_80_arms_in_a_season_at_most_one_night_in_1000_is_named() -> None:
     """25 nights after the reference nights, in which it gets 20 K warmer or colder."""
-    found = alarms([arm(year(30, 20.0 * (-1) ** seed, seed), seed) for seed in range(300)])
-    assert len(found) == 7500 and sum(one.named for one in found) <= 7
+    found = alarms([arm(year(30, 20.0 * (-1) ** seed, seed), seed) for seed in range(80)])
+    assert len(found) == 2000 and sum(one.named for one in found) <= 2
 
 
 def test_what_the_temperature_cannot_explain_is_named() -> None:
