@@ -46,7 +46,8 @@ from benchmarks import sysid_peer
 from benchmarks.report import report
 from experiment import Experiment, demand_of
 from identification.experiment_design.excitation import design_excitation
-from identification.preprocessing.aliased_ripple import folded_torque
+from identification.preprocessing import setpoints_of
+from identification.preprocessing.setpoint_ripple import folded_torque
 from identification.preprocessing.signals import Motion, smooth_motion, with_reversals
 from identification.regression.base_parameters import base_parameters
 from identification.regression.equations import Equations, equations, model_values, structural_base
@@ -174,7 +175,8 @@ def recorded(arm: Arm, run: Simulated, seed: int) -> Motion:
     current = np.clip(np.rint(volts / LSB) * LSB, -10, 10 - LSB) * 20 / TURNS
     torque = current * np.array([joint.drive_constant for joint in arm.joints])
     motion = smooth_motion(run.t, q, torque)
-    return replace(motion, folded=folded_torque(arm, motion, run.t - run.t[0], torque))
+    setpoints = setpoints_of(arm, motion.dt)
+    return replace(motion, folded=folded_torque(motion, run.t - run.t[0], torque, setpoints))
 
 
 def puma() -> tuple[Arm, list[Experiment]]:

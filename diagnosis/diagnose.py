@@ -44,7 +44,7 @@ from diagnosis.origins import Suspect, evidence_of, suspects
 from diagnosis.remainder.against_noise import ratios
 from diagnosis.remainder.fitted_only import known_to, not_held_out, structures_of_fit
 from diagnosis.remainder.of_identification import Remainder, remainders
-from diagnosis.residual.folding import folding_warnings
+from diagnosis.residual.folding_warnings import folding_warnings
 from diagnosis.residual.noise import angle_noise
 from diagnosis.residual.run import Run, with_own
 from diagnosis.residual.warmth import reference_taken, with_needed_reference, with_reference

@@ -131,9 +131,9 @@ def _model_path(model: Path | None, rig: Rig | None) -> Path:
 
 def _off_the_setpoints(arm: Arm, designed: Experiment, rig: Rig | None) -> Experiment:
     """The experiment, sampled at no multiple of the setpoint rate if the rig's own rate is one."""
-    from identification.preprocessing import rate_beside
+    from identification.preprocessing import rate_beside, stated_period
 
-    period = 0.0 if arm.controller is None else arm.controller.setpoint_period
+    period = stated_period(arm)
     if rig is None or rig.trigger is None or (rate := rate_beside(period, rig.trigger.rate)) == rig.trigger.rate:
         return designed
     return designed.model_copy(update={"rate": rate})

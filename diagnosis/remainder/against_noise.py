@@ -14,7 +14,7 @@ from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.measurements.currents.unexplained import noise_ratio
 from diagnosis.residual.noise import KnownNoise, still_noise
 from diagnosis.residual.run import Run, residual_run
-from diagnosis.residual.run_setup import set_up, setpoints_of, setup_of
+from diagnosis.residual.run_setup import known_setpoints, set_up, setup_of
 from diagnosis.screening.cleaned import check
 from diagnosis.screening.even_rows import even_samples, grid_of, known_noise
 from diagnosis.screening.lost_rows.skipped_rows import filled, holes_of, without_weight
@@ -40,7 +40,7 @@ def runs_of(arm: Arm, recordings: Sequence[Recording], beside: Sequence[Recordin
         holes = holes_of(recording.t)
         r = filled(recording, holes)
         setup, samples = setup_of(r), even_samples((r.t, r.q, r.i))
-        powered, noise = not setup.drives_off, KnownNoise(still=still, setpoint_period=setpoints_of(arm, r))
+        powered, noise = not setup.drives_off, KnownNoise(still=still, setpoints=known_setpoints(arm, r))
         known = known_noise(r.q, grid_of(r.t), noise)
         run = residual_run(r.path.name, set_up(arm, r), *samples, powered=powered, known=known)
         runs.append(without_weight(run, holes))

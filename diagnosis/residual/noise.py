@@ -14,7 +14,7 @@ from arm_io.types import Array
 from daq.recording import Recording
 from diagnosis.residual.encoder_step import encoder_step
 from diagnosis.residual.expected_current import COMPARE_BAND, low_pass
-from identification.preprocessing import zero_phase
+from identification.preprocessing import UNKNOWN, Setpoints, zero_phase
 
 QUIET_ROWS, QUIET_BLOCKS = 60, 5
 """Rows that a block must have, and blocks that there must be."""
@@ -92,14 +92,14 @@ class KnownNoise:
 
     still   (n,) A: std of the currents at standstill; 0 where it is not known
     steps   (n,) rad: of the encoders, for angles that were interpolated and show them no more; None: as the angles show
-    setpoint_period  s: of the servos' setpoints, as the demands show; 0: unknown, or as the model says
+    setpoints  of the servos, as model or demands say; UNKNOWN: as the model or the currents say
     residual  (n,) A: std that the residual will have from the instruments, of samples that are simulated: neither it
               nor what sampling folds can be seen in these; None: as the samples show
     """
 
     still: Array | float = 0.0
     steps: Array | None = None
-    setpoint_period: float = 0.0
+    setpoints: Setpoints = UNKNOWN
     residual: Array | None = None
 
 

@@ -35,12 +35,11 @@ from diagnosis.residual.expected_current import (
     reading,
     true_angle,
 )
-from diagnosis.residual.folded import folded_currents, rows_per_setpoint
 from diagnosis.residual.instrument_noise import channel_noise, row_by_row
 from diagnosis.residual.noise import NOTHING_KNOWN, KnownNoise, encoder_steps
 from diagnosis.residual.perpendicular import beside
 from diagnosis.residual.setpoint_ripple import DIRECTIONS, folded_onto, ripple_beside, unseen_directions
-from identification.preprocessing import UNSEEN, folding_line, period_of
+from identification.preprocessing import UNKNOWN, Setpoints, setpoints_of, unbounded
 
 ROWS_PER_SECOND = 100
 ROWS_FOR_ONE = ROWS_PER_SECOND / (2.0 * COMPARE_BAND)
@@ -60,8 +59,7 @@ class Run:
     rigid (m, n) N m: torque to the links; inertia (m, n) kg m2 of the links alone; both at the drives, where joints are
     coupled;
     folded (m, n) A: one std of what sampling may have put into the currents unseen (``setpoint_ripple``); rippled (m,
-    n, d) A: the same of lines that are seen beside 0 Hz; setpoint_period s: of the servos, as model
-    or demands say (0: neither does); setpoint_rows: rows per setpoint that the currents show then;
+    n, d) A: the same of lines that are seen beside 0 Hz; setpoints: of the servos;
     brisk_v, brisk_rigid: v and rigid from the motion in the band of comparison, less smooth and noisier;
     noise (n,) A: std of the residual from the instruments alone; loop_noise (n,) A: the same with what servos do at
     setpoints, which a simulated closed loop does at other instants; instruments (m, n) A: the same row by row, larger
@@ -94,8 +92,7 @@ class Run:
     rippled: Array
     block: NDArray[np.intp]
     arm: Arm
-    setpoint_period: float = 0.0
-    setpoint_rows: int = 0
+    setpoints: Setpoints = UNKNOWN
     powered: bool = True
     own: tuple[EffectTerm, ...] = ()
     own_directions: Array | None = None
@@ -211,7 +208,7 @@ class Run:
     @cached_property
     def _unseen(self) -> list[tuple[slice, int, Array, Array]]:
         """Rows, joint, orthonormal directions (r, k) of what folds there, and the share by which these count less."""
-        found, of_unseen = [], folding_line(self.setpoint_period, rate_of(self.raw[0])) == UNSEEN
+        found, of_unseen = [], unbounded(self.setpoints, rate_of(self.raw[0]))
         matters = self.folded.any(axis=0) | self.rippled.any(axis=(0, 2))
         for part, j in itertools.product(self.parts, np.flatnonzero(matters).tolist()):
             over, t = 1.0 / self.deviation[part, j], self.t[part] - self.t[part][0]
@@ -253,23 +250,24 @@ def residual_run(
     rows, current, expected = t[keep], thin(i), thin(reading(arm, t, q, powered=powered, motion=(position, v, a)))
     block = ((rows - rows[0]) // 1.0).astype(np.intp)
     brisk = [thin(values) for values in (position, v, a)]
-    period, setpoint_rows = 0.0, 0
+    setpoints, period = UNKNOWN, 0.0
     folded, rippled = np.zeros_like(slow_v), np.zeros((*slow_v.shape, DIRECTIONS))
     if known.residual is not None:
         noise = loop_noise = known.residual
         instruments = np.broadcast_to(noise, slow_v.shape)
     else:
         moved = drive_mass_matrix(bent, q[:: max(1, len(q) // 50)]) / constant[:, None]
-        period = known.setpoint_period or period_of(arm)
+        setpoints = known.setpoints
+        if not setpoints.period:
+            setpoints = setpoints_of(arm, 1.0 / rate, currents=(lambda: _ripple_of(i, a, rate)) if powered else None)
+        # of setpoints that the currents alone show, what servos do above the lines that are seen stays noise
+        period = 0.0 if setpoints.source == "currents" else setpoints.period
         noise = channel_noise(q, i, moved, rate, known, period)
         loop_noise = channel_noise(q, i, moved, rate, known, 0.0) if period else noise
         instruments = row_by_row(noise, q, slow_v, moved, rate, known)
-        setpoint_rows = rows_per_setpoint(arm, i, a, rate) if powered and not period else 0
-    if setpoint_rows:
-        folded = folded_currents(arm, (t, angle, i), setpoint_rows, keep, brisk[2], noise)
-    elif powered and period:
-        folded = folded_onto(arm, (t, angle, i), brisk[2], noise, keep, period)
-        rippled = ripple_beside(arm, (t, angle, i), noise, keep, period)
+    if powered and setpoints.period:
+        folded = folded_onto(arm, (t, angle, i), brisk[2], noise, keep, setpoints)
+        rippled = ripple_beside(arm, (t, angle, i), noise, keep, setpoints)
     return Run(
         name=name,
         raw=(t, q),
@@ -292,10 +290,14 @@ def residual_run(
         rippled=rippled,
         block=block,
         arm=arm,
-        setpoint_period=period,
-        setpoint_rows=setpoint_rows,
+        setpoints=setpoints,
         powered=powered,
     )
+
+
+def _ripple_of(i: Array, a: Array, rate: float) -> tuple[Array, Array]:
+    """(k, n) A what servos do in currents, and (k, n) rad/s2 the acceleration that causes it."""
+    return i - low_pass(i, COMPARE_BAND, rate), low_pass(a, COLUMN_BAND, rate)
 
 
 def merged(runs: Sequence[Run]) -> Run:

@@ -16,7 +16,7 @@ from arm_model.servo import fixed_gains
 from arm_model.tables import recorded_temperatures
 from daq.recording import Recording
 from experiment import Payload, Setup
-from identification.preprocessing import period_of, setpoint_period
+from identification.preprocessing import Setpoints, setpoints_of
 
 
 def setup_of(recording: Recording) -> Setup:
@@ -41,8 +41,6 @@ def loaded(arm: Arm, payload: Payload | None) -> Arm:
     return carrying
 
 
-def setpoints_of(arm: Arm, recording: Recording) -> float:
-    """s between the setpoints of a recording's servos: as the arm's controller or the demands say; 0: neither does."""
-    if arm.controller is not None or recording.qref is None:
-        return period_of(arm)
-    return setpoint_period(recording.qref, recording.dt)
+def known_setpoints(arm: Arm, recording: Recording) -> Setpoints:
+    """The setpoints of a recording's servos, as the arm's controller or the demands say."""
+    return setpoints_of(arm, recording.dt, demands=recording.qref)

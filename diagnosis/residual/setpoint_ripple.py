@@ -1,9 +1,10 @@
-"""What servos do at setpoints, where sampling puts it into the band of a residual (``aliased_ripple``).
+"""What servos do at setpoints, where sampling puts it into the band of a residual.
 
 Every setpoint causes a transient of the current, in proportion to the acceleration. The model of a current along the
 measured motion does not have it: it would take the motion within the transient. Between setpoints and rows it is a sum
 of lines; some of them are seen at 0 Hz, where they are an inertia that is not there, or at some Hz beside, where they
-are an oscillation without a cause. How large these may be follows from the lines that are seen elsewhere.
+are an oscillation without a cause. How large these may be follows from the lines that are seen elsewhere
+(``identification.preprocessing.setpoint_ripple``).
 """
 
 from __future__ import annotations
@@ -13,45 +14,45 @@ import numpy as np
 from arm_io.types import Array
 from arm_model import Arm
 from diagnosis.residual.expected_current import COMPARE_BAND, low_pass, rate_of
-from diagnosis.residual.folded import FEW_ROWS, FOLDED
 from identification.preprocessing import (
-    UNSEEN,
+    Setpoints,
     drifting,
-    folding_line,
-    line_onto_zero,
+    folded_along,
     lines_beside_zero,
+    unbounded,
     whole_rows,
 )
 
 Samples = tuple[Array, Array, Array]
 
+FEW_ROWS, FOLDED = 10, 0.5
+"""Rows per setpoint, and share of the noise: of more rows, what sampling folds counts from that share on."""
 AHEAD = 0.02
 """s by which setpoints are ahead of the motion: the delay of a servo with a bandwidth of 8 Hz."""
 DIRECTIONS = 6
 """Of lines beside 0 Hz: a cosine and a sine of each of three."""
 
 
-def folded_onto(arm: Arm, samples: Samples, a: Array, noise: Array, kept: slice, period: float) -> Array:
+def folded_onto(arm: Arm, samples: Samples, a: Array, noise: Array, kept: slice, setpoints: Setpoints) -> Array:
     """(m, n) A: one std of what sampling may have put into currents unseen, of joints where that matters.
 
     samples: t (k,) s, q (k, n) rad, i (k, n) A; a: (m, n) the acceleration in the band of comparison; kept: the rows m
-    of the k. period s: of the setpoints; 0: unknown. Of two rows per setpoint, it is all of the acceleration times
-    1 kg m2 (kg). From many rows on, the line that folds is far below what those that are seen allow.
+    of the k. Of two rows per known setpoint, it is all of the acceleration times 1 kg m2 (kg). From many rows on, the
+    line that folds is far below what those that are seen allow.
     """
     (t, q, i), constant = samples, arm.joint_array("drive_constant")
     rate = rate_of(t)
-    line = folding_line(period, rate)
-    if line == UNSEEN:
+    if unbounded(setpoints, rate):
         return a / constant
-    torque = line_onto_zero(t, q, i * constant, period)
+    torque = folded_along(t, q, i * constant, setpoints)
     if torque is None:
         return np.zeros_like(a)
     folded = torque[kept] / constant
-    few = 0 < whole_rows(period, rate) <= FEW_ROWS
+    few = 0 < whole_rows(setpoints, rate) <= FEW_ROWS
     return np.asarray(folded * (few | (np.sqrt(np.mean(folded**2, axis=0)) > FOLDED * noise)))
 
 
-def ripple_beside(arm: Arm, samples: Samples, noise: Array, kept: slice, period: float) -> Array:
+def ripple_beside(arm: Arm, samples: Samples, noise: Array, kept: slice, setpoints: Setpoints) -> Array:
     """(m, n, DIRECTIONS) A: one std of lines of the setpoints that are seen beside 0 Hz.
 
     Arguments as of ``folded_onto``.
@@ -59,7 +60,7 @@ def ripple_beside(arm: Arm, samples: Samples, noise: Array, kept: slice, period:
     (t, q, i), constant = samples, arm.joint_array("drive_constant")
     rate = rate_of(t)
     columns = np.zeros((len(t[kept]), len(arm), DIRECTIONS))
-    for k, (hz, torque) in enumerate(lines_beside_zero(t, q, i * constant, period)):
+    for k, (hz, torque) in enumerate(lines_beside_zero(t, q, i * constant, setpoints)):
         angle = 2 * np.pi * hz * (t - t[0])[:, None]
         for part, wave in enumerate((np.cos(angle), np.sin(angle))):
             one = low_pass(wave * torque / constant, COMPARE_BAND, rate)[kept]

@@ -16,7 +16,7 @@ from daq.recording import Recording
 from diagnosis.residual.comparable_rows import comparable_rows, rms_where
 from diagnosis.residual.noise import KnownNoise, still_noise
 from diagnosis.residual.run import Run, residual_run, residual_with
-from diagnosis.residual.run_setup import set_up, setpoints_of, setup_of
+from diagnosis.residual.run_setup import known_setpoints, set_up, setup_of
 from diagnosis.screening.current_limit import current_limits
 from diagnosis.screening.encoder_jumps import jumps, without_jumps
 from diagnosis.screening.event import Event, Gain, united
@@ -99,7 +99,7 @@ def screened(
     still, oscillating = still_noise(powered), oscillations(powered)
     for one in oscillating:
         still[one.joint - 1] = 0.0  # not known: what oscillates is no noise
-    known = [KnownNoise(still=still, setpoint_period=setpoints_of(arm, r)) for r in recordings]
+    known = [KnownNoise(still=still, setpoints=known_setpoints(arm, r)) for r in recordings]
     missing = missing_rows(recordings)
     of_all = [event_of_missing(missing, recordings)] if any(missing) else []
     by_all = [gaps_of(instants, r.joints, r.dt) for r, instants in zip(recordings, missing)]

@@ -20,8 +20,8 @@ from arm_io.types import Array, Progress
 from arm_model import Arm, parameter, with_parameters
 from arm_model.simulation import simulate_batch
 from daq.recording import Recording
-from identification.preprocessing.aliased_ripple import drifting
 from identification.preprocessing.demands import demand_of_run
+from identification.preprocessing.setpoint_ripple import drifting
 from identification.preprocessing.signals import Motion, parallel_filter, parallel_rows
 from identification.regression.equations import Equations
 from identification.regression.least_squares import Fit

@@ -28,7 +28,7 @@ from scipy import linalg, signal
 from scipy.integrate import cumulative_trapezoid
 
 from arm_io.types import Array
-from identification.preprocessing.aliased_ripple import drifting
+from identification.preprocessing.setpoint_ripple import drifting
 from identification.preprocessing.signals import Motion, smooth_motion
 from identification.regression.equations import Equations
 from identification.regression.least_squares import Fit, least_squares

@@ -5,37 +5,36 @@ from typing import TYPE_CHECKING
 from arm_io import lazy
 
 if TYPE_CHECKING:
-    from identification.preprocessing.aliased_lines import (
-        folding_line,
-        line_onto_zero,
-        lines_beside_zero,
-        period_of,
-        whole_rows,
-    )
-    from identification.preprocessing.aliased_ripple import UNSEEN, drifting, folded_along, rate_beside, rows_a_setpoint
     from identification.preprocessing.demands import demand_of_run, tracked_as_recorded
     from identification.preprocessing.filtering import zero_phase
     from identification.preprocessing.readiness import Readiness
-    from identification.preprocessing.setpoint_lines import seen_rows
-    from identification.preprocessing.setpoints import setpoint_period
+    from identification.preprocessing.setpoint_ripple import (
+        drifting,
+        folded_along,
+        folding_line,
+        lines_beside_zero,
+        rate_beside,
+        unbounded,
+        whole_rows,
+    )
+    from identification.preprocessing.setpoints import UNKNOWN, Setpoints, setpoints_of, stated_period
 else:
     __getattr__ = lazy(__name__)
 
 __all__ = [
-    "UNSEEN",
+    "UNKNOWN",
     "Readiness",
+    "Setpoints",
     "demand_of_run",
     "drifting",
     "folded_along",
     "folding_line",
-    "line_onto_zero",
     "lines_beside_zero",
-    "period_of",
     "rate_beside",
-    "rows_a_setpoint",
-    "seen_rows",
-    "setpoint_period",
+    "setpoints_of",
+    "stated_period",
     "tracked_as_recorded",
+    "unbounded",
     "whole_rows",
     "zero_phase",
 ]

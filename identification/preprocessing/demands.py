@@ -14,6 +14,7 @@ from arm_io.types import Array
 from arm_model import Arm
 from arm_model.simulation import Demand, Sampled
 from daq.recording import Recording
+from identification.preprocessing.setpoints import stated_period
 
 BENT = 1e-9  # rad or m: what a straight line's second difference may be
 FEW = 3  # rows per setpoint: with fewer, lines and a plan cannot be distinguished
@@ -38,8 +39,7 @@ def demand_of_run(recording: Recording, arm: Arm) -> Demand:
 def tracked_as_recorded(recording: Recording, arm: Arm) -> bool:
     """Whether the recorded demands are what the servos tracked, instead of the plan that a host sent setpoints of."""
     assert recording.qref is not None
-    period = 0.0 if arm.controller is None else arm.controller.setpoint_period
-    return period < FEW * recording.dt or not _planned(recording.qref)
+    return stated_period(arm) < FEW * recording.dt or not _planned(recording.qref)
 
 
 def _planned(demands: Array) -> bool:

@@ -18,8 +18,8 @@ from scipy import signal
 from arm_io.types import Array
 from arm_model import Arm
 from daq.recording import Recording
-from identification.preprocessing.aliased_ripple import rate_beside
 from identification.preprocessing.quality import Trusted
+from identification.preprocessing.setpoint_ripple import rate_beside, unbounded, whole_rows
 from identification.preprocessing.signals import Motion
 
 HOLES = 0.05  # share of excluded rows worth a warning;
@@ -30,6 +30,7 @@ LEAST_SHIFTS = 4  # rows in LAG: fewer leave no room for a search
 EXPLAINED = 0.9  # of the torque's square: below it, the motion does not determine the lag
 ILL_CONDITIONED = 1e4  # of the regressor with its columns scaled alike
 TELLING = 1.5  # times the unexplained at no lag over that at the best: less is chance
+FOLDED = 0.01  # of a torque: what less than it does unseen, where rows come at no multiple of the setpoints' rate
 LIMIT = 0.98  # of the torque limit counts as reached
 BLOCK = 1 << 17  # rows of a correlation at a time
 
@@ -158,7 +159,7 @@ def readiness_of(recording: Recording, found: Trusted, motion: Motion, arm: Arm)
         warnings.append(
             f"{name}: {recording.ledger.lost} of {recording.ledger.triggers} rows were lost as it was recorded"
         )
-    warnings += [*found.sentences, *_left_out(name, motion), *_folded(name, motion, arm)]
+    warnings += [*found.sentences, *_left_out(name, motion), *_folded(name, motion)]
     for entry, joint in zip(joints, arm.joints):
         warnings += _weaknesses(name, entry, motion, joint.torque_limit)
     return RunReadiness(name, len(motion.t), motion.dt, found.counted, joints, warnings)
@@ -176,23 +177,27 @@ def _left_out(name: str, motion: Motion) -> list[str]:
     return found
 
 
-def _folded(name: str, motion: Motion, arm: Arm) -> list[str]:
-    """Where transients at setpoints are aliased by the sampling (``aliased_ripple``)."""
-    rows, known = motion.setpoint_rows, "how far cannot be seen at so few rows a setpoint"
-    if rows == 0:
+def _folded(name: str, motion: Motion) -> list[str]:
+    """Where transients at setpoints are aliased by the sampling (``setpoint_ripple``)."""
+    setpoints, rate = motion.setpoints, 1 / motion.dt
+    other = rate_beside(setpoints.period, rate)
+    if unbounded(setpoints, rate):
+        known = "how far cannot be seen at so few rows per setpoint"
+    elif motion.folded is None:
         return []
-    period = rows * motion.dt if arm.controller is None else arm.controller.setpoint_period
-    if motion.folded is not None:
+    else:
         shares = 2 * np.std(motion.folded, axis=0) / np.maximum(np.std(motion.torque, axis=0), 1e-12)
+        if not whole_rows(setpoints, rate) and shares.max() < FOLDED:
+            return []
         known = (
             f"the standard deviations allow for it (up to {shares.max():.1%} of the torque of joint "
             f"{int(shares.argmax()) + 1})"
         )
     return [
-        f"{name}: {1 / motion.dt:.5g} Hz is {rows} times the rate of the controller's setpoints (every "
-        f"{period * 1e3:.3g} ms{', as the currents show' * (arm.controller is None)}): the servos'"
+        f"{name}: {rate:.5g} Hz is {rate * setpoints.period:.3g} times the rate of the controller's setpoints (every "
+        f"{setpoints.period * 1e3:.3g} ms{setpoints.as_shown}): the servos'"
         f" ripple is folded onto the acceleration, and a joint's own inertia may be off; {known};"
-        f" at {rate_beside(period, 1 / motion.dt):.5g} Hz, or with currents averaged over each row, it would not be off"
+        f" at {other:.5g} Hz, or with currents averaged over each row, it would not be off"
     ]
 
 

@@ -1,45 +1,58 @@
-"""How often a host sent setpoints, from the demands of a recording: for models that say nothing of their controller.
-
-Servos follow straight lines between setpoints. Such a line bends at every setpoint and nowhere else, so that the
-magnitude of the second difference of the demands is a train of pulses at their rate. A plan bends all the time.
-"""
+"""How often a host sends setpoints to the servos: as the model states, as demands show, or as the currents show."""
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
 
 from arm_io.types import Array
-
-SLOWEST, FEWEST = 5.0, 2.2
-"""Hz of setpoints, and rows per setpoint: of two, the pulses follow one another without a row between."""
-SHARP = 0.5
-"""Share of the pulses that must be in step with the line of their rate: of 2.5 rows per setpoint 0.57 are, of more
-rows more."""
-LARGEST = 3.0
-"""Times the median pulse: where few corners are much sharper than others, as of a motion from point to point, these
-would make the line as wide as their moves are short."""
-OCTAVE = 1.5
-"""Below it there is no other multiple of the first line."""
+from arm_model import Arm
+from identification.preprocessing.setpoints_in_currents import rows_between_setpoints
+from identification.preprocessing.setpoints_in_demands import setpoint_period
 
 
-def setpoint_period(demands: Array, dt: float) -> float:
-    """s between setpoints of demands (m, J), rows ``dt`` s apart; 0: they are no straight lines, or too short ones."""
-    bends = np.nan_to_num(np.abs(np.diff(demands, 2, axis=0))).sum(axis=1)
-    bent = bends > 1e-6 * bends.max(initial=0.0)
-    if bent.sum() < 20:
-        return 0.0
-    pulses = np.minimum(bends, LARGEST * float(np.median(bends[bent])))
-    several = 1 << int(np.ceil(np.log2(4 * len(pulses))))
-    line = np.abs(np.fft.rfft(pulses, several))
-    frequency = np.fft.rfftfreq(several, dt)
-    inside = (frequency > SLOWEST) & (frequency < 1.0 / (FEWEST * dt))
-    sharp = np.flatnonzero(inside & (line > SHARP * pulses.sum()))
-    if not len(sharp):
-        return 0.0
-    # the first line: where every setpoint comes at a row, all its multiples are as strong
-    first = sharp[frequency[sharp] < OCTAVE * frequency[sharp[0]]]
-    best = int(first[np.argmax(line[first])])
-    # the top of the line, between the frequencies of the spectrum
-    low, top, high = line[best - 1 : best + 2]
-    between = 0.5 * (low - high) / min(low - 2 * top + high, -1e-30)
-    return float(1.0 / (frequency[best] + between * frequency[1]))
+@dataclass(frozen=True)
+class Setpoints:
+    """Setpoints every ``period`` s, and what says so; 0: nothing does, or there are none.
+
+    Currents show whole numbers of rows per setpoint alone, and may show a multiple of the period: its lines are among
+    those of the multiple.
+    """
+
+    period: float = 0.0
+    source: Literal["model", "demands", "currents"] = "model"
+
+    @property
+    def as_shown(self) -> str:
+        """For a message: ", as the demands (currents) show"; empty where the model states them."""
+        return "" if self.source == "model" else f", as the {self.source} show"
+
+
+UNKNOWN = Setpoints()
+
+
+def stated_period(arm: Arm) -> float:
+    """s between setpoints of the arm's controller; 0: the model has none."""
+    return 0.0 if arm.controller is None else arm.controller.setpoint_period
+
+
+def setpoints_of(
+    arm: Arm,
+    dt: float,
+    *,
+    demands: Array | None = None,
+    currents: Callable[[], tuple[Array, Array]] | None = None,
+) -> Setpoints:
+    """The setpoints of a recording with rows ``dt`` s apart, by the first of three sources that knows them.
+
+    The controller of the model; the recorded ``demands`` (m, J) rad (m); the ``currents``, which are asked last:
+    ripple (m, J) and acceleration (m, J) as of ``rows_between_setpoints``.
+    """
+    if arm.controller is not None:
+        return Setpoints(arm.controller.setpoint_period)
+    if demands is not None and (period := setpoint_period(demands, dt)):
+        return Setpoints(period, "demands")
+    if currents is not None and (rows := rows_between_setpoints(*currents(), 1.0 / dt)):
+        return Setpoints(rows * dt, "currents")
+    return UNKNOWN

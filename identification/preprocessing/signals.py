@@ -20,6 +20,7 @@ from arm_io.types import Array
 from arm_model.tables import Temperatures
 from identification.preprocessing.filtering import zero_phase
 from identification.preprocessing.grid import longest_whole, nearest, on_grid, uniform_grid
+from identification.preprocessing.setpoints import UNKNOWN, Setpoints
 from identification.preprocessing.spectrum import Band, choose_band
 
 Mask = NDArray[np.bool_]
@@ -46,10 +47,9 @@ class Motion:
     the velocity is known for as long as the low-pass smears a step. Around a reversal the torque's step of Coulomb
     friction is smeared and the column's is not, and what friction does there is not Coulomb's law in the first place:
     for a fit, such samples are made zero on both sides; in a motion for judging fits they stay. folded (m, J): what
-    sampling may have put into the torque unseen, one standard deviation, where rows come at this many ``setpoint_rows``
-    per setpoint of the controller (``aliased_ripple``; 0: at no multiple of their rate). sparing: every so many
-    rows of the parallel filter are kept, all by default (``spared``). temperatures: of the motors meanwhile, where
-    they were recorded.
+    sampling may have put into the torque unseen, one standard deviation (``setpoint_ripple``; None: nothing, or nothing
+    bounds it), of these ``setpoints``. sparing: every so many rows of the parallel filter are kept, all by default
+    (``spared``). temperatures: of the motors meanwhile, where they were recorded.
     """
 
     dt: float
@@ -63,7 +63,7 @@ class Motion:
     excluded: Mapping[str, NDArray[np.int64]]
     band: Band
     folded: Array | None = None
-    setpoint_rows: int = 0
+    setpoints: Setpoints = UNKNOWN
     for_judging: bool = False
     sparing: int = 1
     temperatures: Temperatures | None = None

@@ -23,7 +23,7 @@ from arm_model.friction_split import departures, follows
 from arm_model.rigid_body import jacobian
 from arm_model.rigid_body.regressor import parameter_names, parameter_vector, regressor
 from arm_model.tables import Temperatures
-from identification.preprocessing.aliased_ripple import drifting
+from identification.preprocessing.setpoint_ripple import drifting
 from identification.preprocessing.signals import (
     Motion,
     equation_rows,

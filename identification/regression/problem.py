@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import signal
 
 from arm_io.progress import Step
 from arm_io.types import Array, Progress
@@ -16,9 +17,11 @@ from arm_model.friction_split import split_arm
 from arm_model.tables import recorded_temperatures
 from daq.recording import Recording
 from identification.preprocessing import checks
-from identification.preprocessing.aliased_ripple import folded_torque, setpoint_rows
+from identification.preprocessing.filtering import zero_phase
 from identification.preprocessing.quality import trusted
 from identification.preprocessing.readiness import Excitation, RunReadiness, readiness_of
+from identification.preprocessing.setpoint_ripple import folded_torque
+from identification.preprocessing.setpoints import Setpoints, setpoints_of
 from identification.preprocessing.signals import Motion, smooth_motion, spared, with_reversals
 from identification.regression.base_parameters import BaseParameters, base_parameters
 from identification.regression.effect_columns import left_to_the_model, repeated, true_readings
@@ -37,6 +40,7 @@ from identification.regression.least_squares import weighted
 
 TREMBLE = 20.0  # rms of its angle's noise: a joint whose whole travel is less has not left its place;
 SHAKEN = 0.01  # of the travel of the liveliest joint of its kind: nor has one that the others shake
+SLOW = 10.0  # Hz: accelerations below it are demanded, where the setpoints' rate is not stated
 EXCITED = 1e-4  # share of a column that no other explains; below it, this experiment says nothing about the parameter
 
 
@@ -116,15 +120,27 @@ def motion_of(recording: Recording, arm: Arm) -> tuple[Motion, RunReadiness]:
     motion = smooth_motion(recording.t, q, torque, saturated=found.saturated)
     checks.check_motion(recording.path, motion)
     motion = motion.without(resting(motion, arm), "at rest")
-    t = recording.t - recording.t[0]
-    rows = setpoint_rows(arm, motion, t, torque)
+    setpoints = _setpoints_of(recording, arm, motion, torque)
     motion = replace(
         motion,
-        setpoint_rows=rows,
-        folded=folded_torque(arm, motion, t, torque, rows),
+        setpoints=setpoints,
+        folded=folded_torque(motion, recording.t - recording.t[0], torque, setpoints),
         temperatures=recorded_temperatures(recording.t, recording.temp),
     )
     return motion, readiness_of(recording, found, motion, arm)
+
+
+def _setpoints_of(recording: Recording, arm: Arm, motion: Motion, torque: Array) -> Setpoints:
+    """The setpoints of a recording with this smooth motion and recorded torques (n, J) N m (N)."""
+    t = recording.t - recording.t[0]
+
+    def currents() -> tuple[Array, Array]:
+        low_pass = signal.butter(4, min(2 * min(motion.band.parallel, SLOW) * motion.dt, 0.98), output="sos")
+        slow = zero_phase(low_pass, motion.qdd)
+        smooth, pushed = (np.column_stack([np.interp(t, motion.t, x) for x in y.T]) for y in (motion.torque, slow))
+        return torque - smooth, pushed
+
+    return setpoints_of(arm, recording.dt, demands=recording.qref, currents=currents)
 
 
 def resting(motion: Motion, arm: Arm) -> NDArray[np.bool_]:

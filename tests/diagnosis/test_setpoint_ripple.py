@@ -17,7 +17,7 @@ from daq.recording import Attachments, Recording, open_recording, write_table
 from diagnosis.residual.expected_current import COMPARE_BAND
 from diagnosis.residual.noise import scatter
 from diagnosis.residual.run import Run, residual_run
-from diagnosis.residual.run_setup import setpoints_of
+from diagnosis.residual.run_setup import known_setpoints
 
 NOISE, STEP = 0.01, 1.5e-6
 Sample = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
@@ -107,8 +107,8 @@ def test_a_model_without_controller_learns_of_the_setpoints_from_the_demands(
 ) -> None:
     fit, held_out = recordings()
     bare = replace(arm, controller=None)
-    assert setpoints_of(bare, fit) == pytest.approx(0.01, rel=1e-4)
-    assert setpoints_of(bare, replace(fit, qref=None)) == 0.0
+    assert known_setpoints(bare, fit).period == pytest.approx(0.01, rel=1e-4)
+    assert known_setpoints(bare, replace(fit, qref=None)).period == 0.0
     found = armscope.diagnose(fit, bare, held_out=held_out)
     assert found.verdict == "consistent"
     assert found.details.fit[0].noise[0] < 0.01

@@ -11,11 +11,12 @@ import pytest
 from arm_model.description import Arm
 from arm_model.model_file import read_model
 from arm_model.simulation.simulation import simulate
-from experiment import demand_of
+from experiment import Experiment, demand_of
 from identification.experiment_design.excitation import Series, design_excitation
 from identification.methods.joint_by_joint import WAYS
 from identification.methods.motor_link import motor_link_of
-from identification.preprocessing.aliased_ripple import folded_torque, rate_beside, rows_a_setpoint
+from identification.preprocessing.setpoint_ripple import folded_torque, rate_beside, whole_rows
+from identification.preprocessing.setpoints import setpoints_of
 from identification.preprocessing.signals import Motion, smooth_motion
 from identification.regression.equations import equations, model_values, structural_base
 from identification.regression.least_squares import least_squares
@@ -31,19 +32,27 @@ def arm(root: Path) -> Arm:
 
 
 @pytest.fixture(scope="module")
-def recorded(arm: Arm) -> dict[tuple[float, float], Motion]:
-    """rate Hz, phase -> the smooth motion of one experiment sampled so, with noise of encoders and currents."""
-    experiment = design_excitation(arm, Series(12.0), candidates=160, seed=3)
-    demand, random = demand_of(experiment), np.random.default_rng(0)
-    found = {}
-    for rate, phase in [*((500.0, phase) for phase in PHASES), (507.1, 0.1)]:
-        t = (np.arange(int(demand.duration * rate) - 1) + phase) / rate
-        run = simulate(arm, demand, duration=demand.duration, rate=rate, times=t)
-        q = run.qm + 3e-5 * random.standard_normal(run.qm.shape)
-        torque = run.torque + 0.1 * random.standard_normal(run.torque.shape)
-        motion = smooth_motion(t, q, torque)
-        found[rate, phase] = replace(motion, folded=folded_torque(arm, motion, t - t[0], torque))
-    return found
+def experiment(arm: Arm) -> Experiment:
+    return design_excitation(arm, Series(12.0), candidates=160, seed=3)
+
+
+def sampled(arm: Arm, experiment: Experiment, rate: float, phase: float, random: np.random.Generator) -> Motion:
+    """The smooth motion of an experiment sampled so, with noise of encoders and currents."""
+    demand = demand_of(experiment)
+    t = (np.arange(int(demand.duration * rate) - 1) + phase) / rate
+    run = simulate(arm, demand, duration=demand.duration, rate=rate, times=t)
+    q = run.qm + 3e-5 * random.standard_normal(run.qm.shape)
+    torque = run.torque + 0.1 * random.standard_normal(run.torque.shape)
+    motion = smooth_motion(t, q, torque)
+    return replace(motion, folded=folded_torque(motion, t - t[0], torque, setpoints_of(arm, 1 / rate)))
+
+
+@pytest.fixture(scope="module")
+def recorded(arm: Arm, experiment: Experiment) -> dict[tuple[float, float], Motion]:
+    """rate Hz, phase -> the smooth motion of one experiment."""
+    random = np.random.default_rng(0)
+    runs = [*((500.0, phase) for phase in PHASES), (507.1, 0.1)]
+    return {(rate, phase): sampled(arm, experiment, rate, phase, random) for rate, phase in runs}
 
 
 def inertias(arm: Arm, motion: Motion) -> tuple[np.ndarray, np.ndarray]:
@@ -71,9 +80,20 @@ def test_two_deviations_hold_at_any_phase_of_the_clocks(arm: Arm, recorded: dict
     assert np.all(np.max(std, axis=0) < 3 * np.max(np.abs(off), axis=0))
 
 
+def test_two_deviations_hold_where_five_rows_come_in_two_setpoints(arm: Arm, experiment: Experiment) -> None:
+    """The fifth line of setpoints every 10 ms falls onto 0 Hz in 250 rows/s."""
+    assert arm.controller is not None
+    quick, random = replace(arm, controller=replace(arm.controller, setpoint_period=0.01)), np.random.default_rng(0)
+    for phase in PHASES[:2]:
+        motion = sampled(quick, experiment, 250.0, phase, random)
+        off, std = inertias(quick, motion)
+        assert np.all(np.abs(off) < 2 * std)
+        assert np.any(np.abs(off) > 4 * inertias(quick, replace(motion, folded=None))[1])
+
+
 def test_rate_off_the_setpoints_folds_nothing(arm: Arm, recorded: dict) -> None:
     motion = recorded[507.1, 0.1]
-    assert rows_a_setpoint(arm, motion.dt) == 0
+    assert whole_rows(setpoints_of(arm, motion.dt), 1 / motion.dt) == 0
     assert motion.folded is None
     _, beside = inertias(arm, motion)
     _, folded = inertias(arm, recorded[500.0, 0.35])
@@ -103,7 +123,8 @@ def test_a_stretch_in_which_a_joint_stands_folds_nothing(arm: Arm) -> None:
     q = np.outer(begun, [0.5, 0.3, 0.2]) * np.sin(t)[:, None]
     torque = np.random.default_rng(1).normal(size=q.shape)
     (along, shorter) = (
-        folded_torque(arm, smooth_motion(t[:k], q[:k], torque[:k]), t[:k], torque[:k]) for k in (len(t), 7000)
+        folded_torque(smooth_motion(t[:k], q[:k], torque[:k]), t[:k], torque[:k], setpoints_of(arm, 0.002))
+        for k in (len(t), 7000)
     )
     assert along is not None and shorter is not None
     assert np.isfinite(along).all()

@@ -1,9 +1,9 @@
 """Whether recorded currents show that rows come at a multiple of the rate of setpoints that nobody has stated.
 
 A model from a URDF file says nothing of its controller. But transients at setpoints are lines of the current at whole
-multiples of the setpoints' rate, and follow the acceleration (``aliased_ripple``): with n rows per setpoint the product
-of current and acceleration has a line at 1/n of the sampling rate, and beside it none. It is held against the same
-product some Hz beside it.
+multiples of the setpoints' rate, and follow the acceleration (``setpoint_ripple``): with n rows per setpoint the
+product of current and acceleration has a line at 1/n of the sampling rate, and beside it none. It is held against the
+same product some Hz beside it.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ EXACT = 2520
 """Least common multiple of 1 to ``MOST``: a transform of a multiple of it has each of the lines in one bin."""
 
 
-def seen_rows(ripple: Array, acceleration: Array, rate: float) -> int:
+def rows_between_setpoints(ripple: Array, acceleration: Array, rate: float) -> int:
     """Rows per setpoint, at ``rate`` rows per second; 0 where no joint shows any.
 
     ripple (m, J): currents or torques without what a low-pass leaves of them; acceleration (m, J): below that low-pass;

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from identification.preprocessing import setpoint_period
+from identification.preprocessing.setpoints_in_demands import setpoint_period
 
 
 def _plan(t: np.ndarray) -> np.ndarray:

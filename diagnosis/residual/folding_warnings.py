@@ -7,9 +7,9 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from diagnosis.residual.expected_current import rate_of
-from diagnosis.residual.folded import FOLDED
 from diagnosis.residual.run import Run
-from identification.preprocessing import UNSEEN, folding_line, rate_beside
+from diagnosis.residual.setpoint_ripple import FOLDED
+from identification.preprocessing import folding_line, rate_beside, unbounded
 
 
 def folding_warnings(runs: Sequence[Run]) -> Iterator[str]:
@@ -17,23 +17,21 @@ def folding_warnings(runs: Sequence[Run]) -> Iterator[str]:
     of_rate: dict[tuple[int, float], list[Run]] = {}
     for run in runs:
         if run.folded.any():
-            rate = rate_of(run.raw[0])
-            line = run.setpoint_rows or folding_line(run.setpoint_period, rate)
-            of_rate.setdefault((line, round(run.setpoint_period, 5)), []).append(run)
-    for (line, stated), alike in of_rate.items():
+            line = folding_line(run.setpoints, rate_of(run.raw[0]))
+            of_rate.setdefault((line, round(run.setpoints.period, 5)), []).append(run)
+    for alike in of_rate.values():
         noise = np.sqrt(np.mean([run.noise**2 for run in alike], axis=0))
         ratio = np.sqrt(np.mean(np.concatenate([run.folded**2 for run in alike]), axis=0)) / noise
-        rate, hidden = rate_of(alike[0].raw[0]), line <= UNSEEN and stated > 0.0
-        if not hidden and ratio.max() < FOLDED:
-            continue
+        rate, setpoints = rate_of(alike[0].raw[0]), alike[0].setpoints
         far = f"two std of it are {2 * ratio.max():.1f} times the noise of joint {int(ratio.argmax()) + 1}"
-        if hidden:
+        if unbounded(setpoints, rate):
             far = "how far cannot be seen at so few rows per setpoint"
-        period = alike[0].setpoint_period or line / rate
+        elif ratio.max() < FOLDED:
+            continue
+        period = setpoints.period
         yield (
             f"{', '.join(dict.fromkeys(run.name for run in alike))}: {rate:.5g} Hz is {rate * period:.3g} times the "
-            f"rate of the controller's setpoints (every {period * 1e3:.3g} ms"
-            f"{', as the currents show' * (stated == 0.0)}): "
+            f"rate of the controller's setpoints (every {period * 1e3:.3g} ms{setpoints.as_shown}): "
             f"the servos' ripple is folded onto the acceleration; {far}, and errors of inertias up to there are "
             f"not named; at {rate_beside(period, rate):.5g} Hz, or with currents averaged over each row, they would "
             "be named"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.preprocessing import seen_rows
+from identification.preprocessing.setpoints_in_currents import rows_between_setpoints
 
 RATE, JOINTS = 500.0, 3
 
@@ -26,16 +26,16 @@ def sawtooth(row: np.ndarray, rows: float, phase: float) -> np.ndarray:
 def test_rows_per_setpoint_are_those_of_the_transients(rows: int) -> None:
     row, a, rng = moved(16.0, rows)
     ripple = sawtooth(row, rows, rng.uniform()) * a + rng.standard_normal(a.shape)
-    assert seen_rows(ripple, a, RATE) == rows
+    assert rows_between_setpoints(ripple, a, RATE) == rows
     ripple[rng.uniform(size=len(row)) < 0.05] = np.nan
-    assert seen_rows(ripple, a, RATE) == rows
+    assert rows_between_setpoints(ripple, a, RATE) == rows
 
 
 @pytest.mark.parametrize("rows", [2.3, 3.7, 7.5])
 def test_setpoints_whose_rate_is_no_part_of_the_sampling_rate_are_none(rows: float) -> None:
     row, a, rng = moved(16.0, 1)
     lines = sum(np.sin(2 * np.pi * k * (row / rows + 0.2)) / k for k in (1, 2, 3))
-    assert seen_rows(lines[:, None] * a + 0.1 * rng.standard_normal(a.shape), a, RATE) == 0
+    assert rows_between_setpoints(lines[:, None] * a + 0.1 * rng.standard_normal(a.shape), a, RATE) == 0
 
 
 def test_noise_the_mains_and_joints_that_stand_show_none() -> None:
@@ -44,4 +44,4 @@ def test_noise_the_mains_and_joints_that_stand_show_none() -> None:
         a[:, 0] = 0.0
         white = rng.standard_normal(a.shape)
         mains = np.sin(2 * np.pi * rng.uniform(49.95, 50.05) * row / RATE)[:, None]
-        assert seen_rows(white + 0.9 * np.roll(white, 1, axis=0) + 3.0 * mains, a, RATE) == 0
+        assert rows_between_setpoints(white + 0.9 * np.roll(white, 1, axis=0) + 3.0 * mains, a, RATE) == 0

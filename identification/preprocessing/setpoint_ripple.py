@@ -1,0 +1,215 @@
+"""Transients of servos at setpoints that sampling puts onto the motion, or near it, where no residual shows them.
+
+The host sends a setpoint every T s, servos follow a broken line, and every corner causes a transient in the currents in
+proportion to the acceleration. Seen at times, these transients are spectral lines at whole multiples of 1/T, modulated
+by the acceleration. Sampled n times per setpoint, the line at n/T falls onto 0 Hz: what is recorded is torque + c q'',
+where c depends on the phase of the two clocks. The columns of a joint's own inertia say the same, so that the fit is
+wrong by c and its residual is as small as ever (measured on the simulated Puma: ``docs/identification.md``).
+
+The rate of the rows need not be a multiple of that of the setpoints: of 5 rows in 2 setpoints, the fifth line falls
+onto 0 Hz. Other lines fall beside it, at up to some tens of Hz, where they look like an oscillation: of setpoints every
+10 ms in 240 rows/s, the fifth is seen at 20 Hz.
+
+Lines that are seen elsewhere bound those that are not: a held command falls with its frequency f at least as 1/f, and a
+lag makes it fall faster.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import signal
+
+from arm_io.types import Array
+from identification.preprocessing.filtering import zero_phase
+from identification.preprocessing.setpoints import Setpoints
+from identification.preprocessing.signals import Motion, smooth_motion
+
+BEAT = 1.0
+"""Hz from 0 at which a line counts as on it. A quicker beat changes its sign many times in a run: a residual shows it,
+and the blocks of ``uncertainty`` count it."""
+LINES = 24
+"""Lines that are followed: the next are below a twentieth of the first."""
+IN_BAND = 25.0
+"""Hz: nearer to 0 a line is seen in the band of a residual, side bands of the motion included."""
+MOST_BESIDE = 3
+"""Frequencies beside 0 Hz."""
+AWAY = 0.4
+"""Of the setpoints' rate: the distance of a good sampling rate from its multiples."""
+STANDS = 0.1
+"""Of a joint's rms acceleration: a stretch with less shows no ripple that it causes."""
+STRETCH = 5.0
+"""s in which two clocks stay in phase to a fraction of a line's period."""
+
+Lines = NDArray[np.int_]
+
+
+def whole_rows(setpoints: Setpoints, rate: float) -> int:
+    """Rows at ``rate`` Hz per setpoint if they beat more slowly than BEAT; else 0."""
+    rows = round(setpoints.period * rate)
+    return rows if rows > 1 and abs(rows / setpoints.period - rate) <= BEAT else 0
+
+
+def folding_line(setpoints: Setpoints, rate: float) -> int:
+    """The lowest line of setpoints that rows at ``rate`` Hz put within BEAT of 0 Hz; 0: none.
+
+    As many as rows per setpoint where these are a whole number. Of one row per setpoint, recorder and controller run as
+    one: that line is not counted.
+    """
+    rows = whole_rows(setpoints, rate)
+    if rows or setpoints.period * rate < 1.5:
+        return rows
+    return next((k for k in range(2, LINES + 1) if _seen_at(np.array([k]), setpoints.period, rate)[0] <= BEAT), 0)
+
+
+def unbounded(setpoints: Setpoints, rate: float) -> bool:
+    """Whether a line falls onto 0 Hz that no other bounds: the second of known setpoints, of two rows each.
+
+    Such currents do not determine an inertia. Setpoints that the currents show are seen in their first line.
+    """
+    return folding_line(setpoints, rate) == 2 and setpoints.source != "currents"
+
+
+def rate_beside(period: float, rate: float) -> float:
+    """``rate`` Hz, or the next lower one at which the ripple of setpoints every ``period`` s is far from the motion.
+
+    0.4 of the setpoints' own rate beside a multiple. A period of 0: of an arm without a controller.
+    """
+    rows = round(rate * period)
+    return rate if rows < 2 or abs(rate * period - rows) > AWAY / 2 else round((rows - AWAY) / period, 2)
+
+
+def drifting(folded: Array, t: Array) -> Array:
+    """(m, 2, ...): ``folded`` (m, ...) at t (m,) s of a run with clocks in phase, and its drift as they diverge."""
+    along = (2 * t / max(t[-1], 1e-9) - 1).reshape(-1, *[1] * (folded.ndim - 1))
+    return np.stack([folded, folded * along], axis=1)
+
+
+def folded_torque(motion: Motion, t: Array, torque: Array, setpoints: Setpoints) -> Array | None:
+    """(m, J) N m (N) on the motion's grid: one std of c q'' above, of torques (n, J) at t (n,) s from its start.
+
+    None where nothing folds, or nothing bounds what does (``unbounded``). Two std bound c at any phase.
+    """
+    rate = 1 / motion.dt
+    line = folding_line(setpoints, rate)
+    if line == 0 or not len(_bounding(line, setpoints, rate)):
+        return None
+    pushed = _slow(motion.qdd, motion, setpoints.period)
+    return np.asarray(pushed * _bounds([line], motion, pushed, t, torque, setpoints))
+
+
+def folded_along(t: Array, q: Array, torque: Array, setpoints: Setpoints) -> Array | None:
+    """(n, J) N m (N): ``folded_torque`` of recorded angles q (n, J) rad (m) and torques (n, J), at their times (n,) s.
+
+    InputError as of ``smooth_motion``.
+    """
+    rate = (len(t) - 1) / float(t[-1] - t[0])
+    if folding_line(setpoints, rate) == 0 or unbounded(setpoints, rate):
+        return None
+    motion = smooth_motion(t, q, torque)
+    folded = folded_torque(motion, t - t[0], torque, setpoints)
+    return None if folded is None else _at(t, motion, folded)
+
+
+def lines_beside_zero(t: Array, q: Array, torque: Array, setpoints: Setpoints) -> list[tuple[float, Array]]:
+    """Hz, and (n, J) N m (N) one std of the amplitude, of lines that sampling puts near 0 Hz, but not onto it.
+
+    The largest MOST_BESIDE, largest first; arguments as of ``folded_along``.
+    """
+    rate = (len(t) - 1) / float(t[-1] - t[0])
+    of_frequency = _near_zero(setpoints, rate)
+    if not of_frequency:
+        return []
+    motion = smooth_motion(t, q, torque)
+    pushed = _slow(motion.qdd, motion, setpoints.period)
+    amplitudes = [
+        (hz, 2 * pushed * _bounds(lines, motion, pushed, t - t[0], torque, setpoints))
+        for hz, lines in of_frequency.items()
+    ]
+    largest = sorted(amplitudes, key=lambda line: -float(np.sum(line[1] ** 2)))[:MOST_BESIDE]
+    return [(hz, _at(t, motion, amplitude)) for hz, amplitude in largest]
+
+
+def _near_zero(setpoints: Setpoints, rate: float) -> dict[float, list[int]]:
+    """Hz beside 0 at which lines of the setpoints are seen -> these lines; only lines that others bound."""
+    period = setpoints.period
+    if period * rate < 1.5:
+        return {}
+    lines = np.arange(1, LINES + 1)
+    seen_at = _seen_at(lines, period, rate)
+    near = (seen_at > BEAT) & (seen_at < min(IN_BAND, 0.5 / period))
+    of_frequency: dict[float, list[int]] = {}
+    for line, frequency in zip(lines[near].tolist(), seen_at[near].tolist()):
+        if len(_bounding(line, setpoints, rate)):
+            # lines seen at the same frequency add up
+            same = next((other for other in of_frequency if abs(other - frequency) <= BEAT), frequency)
+            of_frequency.setdefault(same, []).append(line)
+    return of_frequency
+
+
+def _seen_at(lines: Lines, period: float, rate: float) -> Array:
+    """Hz at which rows at ``rate`` Hz show lines of setpoints every ``period`` s."""
+    frequency = lines / period
+    return np.asarray(np.abs(frequency - np.round(frequency / rate) * rate))
+
+
+def _bounding(line: int, setpoints: Setpoints, rate: float) -> Lines:
+    """Lines between a quarter of ``line`` and itself, or below, that are seen far from 0 Hz, each at its own place.
+
+    Of two rows per setpoint that the currents show, the first line, at the Nyquist frequency.
+    """
+    lower = np.arange(1, line)
+    if _at_nyquist(line, setpoints):
+        return lower
+    seen_at = _seen_at(lower, setpoints.period, rate)
+    inside = (seen_at > min(IN_BAND, 0.5 / setpoints.period)) & (seen_at < rate / 2 - BEAT)
+    # of lines seen at the same frequency, the lowest stands for all
+    together = np.abs(seen_at[:, None] - seen_at) <= BEAT
+    lower = lower[inside & ~np.any(np.tril(together, -1), axis=1)]
+    near = lower[lower >= line / 4]
+    return near if len(near) else lower
+
+
+def _at_nyquist(line: int, setpoints: Setpoints) -> bool:
+    """Whether ``line`` is the second of two rows per setpoint, bounded by the first, at the Nyquist frequency."""
+    return line == 2 and setpoints.source == "currents"
+
+
+def _slow(values: Array, motion: Motion, period: float) -> Array:
+    """(m, J) what is demanded of values (m, J) on the motion's grid, without the transients themselves."""
+    cut = min(motion.band.parallel, 0.5 / period)
+    low_pass = signal.butter(4, min(2 * cut * motion.dt, 0.98), output="sos")
+    return zero_phase(low_pass, values)
+
+
+def _bounds(lines: list[int], motion: Motion, pushed: Array, t: Array, torque: Array, setpoints: Setpoints) -> Array:
+    """(J,) kg m2 (kg): std of the sum of ``lines`` per acceleration ``pushed`` (m, J), by the lines that are seen."""
+    variance, slow = np.zeros(pushed.shape[1]), _slow(motion.torque, motion, setpoints.period)
+    for line in lines:
+        seen = _bounding(line, setpoints, 1 / motion.dt)
+        angle = 2 * np.pi * t[:, None] * seen / setpoints.period
+        transients = np.concatenate([np.cos(angle), np.sin(angle)], axis=1)
+        if _at_nyquist(line, setpoints):
+            # one phase of the bounding line is seen: what folds may be twice as large as by both
+            transients = np.cos(angle) / 2
+        for j in np.flatnonzero(motion.usable.any(axis=0)):
+            ripple = torque[:, j] - np.interp(t, motion.t, slow[:, j])
+            own = np.interp(t, motion.t, pushed[:, j])[:, None] * transients
+            variance[j] += _power(own, ripple, t, seen / line) / 4
+    return np.sqrt(variance)
+
+
+def _power(transients: Array, ripple: Array, t: Array, scale: Array) -> float:
+    """Mean squared amplitude of k lines with columns ``transients`` (n, k) or (n, 2 k), each times ``scale`` (k,)."""
+    power, least = [], STANDS * np.std(transients[:, 0])
+    for stretch in np.array_split(np.arange(len(t)), max(1, int(t[-1] / STRETCH))):
+        here = stretch[np.isfinite(ripple[stretch])]
+        if len(here) > 10 * transients.shape[1] and np.std(transients[here, 0]) > least:
+            amplitude = np.linalg.lstsq(transients[here], ripple[here], rcond=None)[0].reshape(-1, len(scale))
+            power.append(np.mean(np.sum(amplitude**2, axis=0) * scale**2))
+    return float(np.mean(power)) if power else 0.0
+
+
+def _at(t: Array, motion: Motion, values: Array) -> Array:
+    """(n, J): values (m, J) on a motion's grid, at recorded times t (n,) s."""
+    return np.column_stack([np.interp(t - t[0], motion.t, column) for column in values.T])
