@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.io import savemat
 
 from armscope.cli import run
 from tests.daq.test_foreign_tables import imported
@@ -30,7 +31,11 @@ def test_a_german_table_in_degrees(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("header", "factor"),
-    [("Zeit [ms];Achse1 Winkel [deg];Achse1 Strom [A]", 1e-3), ("elapsed time [s];angle1;torque1", 1.0)],
+    [
+        ("Zeit [ms];Achse1 Winkel [deg];Achse1 Strom [A]", 1e-3),
+        ("elapsed time [s];angle1;torque1", 1.0),
+        ("Zeit [ms];Gelenk1 Winkel [Grad];Strom Achse 1 [A]", 1e-3),
+    ],
 )
 def test_other_words_for_time_position_and_current(header: str, factor: float, tmp_path: Path) -> None:
     (tmp_path / "log.csv").write_text(
@@ -39,6 +44,22 @@ def test_other_words_for_time_position_and_current(header: str, factor: float, t
     recording = imported(tmp_path / "log.csv", "--guess")
     np.testing.assert_allclose(recording.t, np.arange(30) * 0.1 * factor, atol=1e-12)
     np.testing.assert_allclose(recording.q[:, 0], np.deg2rad(20 * np.arange(30)))
+
+
+def test_columns_of_matlab_matrices_whose_names_end_in_their_unit(tmp_path: Path) -> None:
+    t = np.arange(30.0)[:, None]
+    log = {"Time_ms": 10 * t, "JointAngles_deg": np.hstack([t, 90 + t]), "MotorCurrent_mA": np.hstack([t, -t])}
+    savemat(tmp_path / "log.mat", {"log": log})
+    recording = imported(tmp_path / "log.mat", "--guess")
+    np.testing.assert_allclose(recording.t, 0.01 * t[:, 0], atol=1e-12)
+    np.testing.assert_allclose(np.rad2deg(recording.q), log["JointAngles_deg"])
+    np.testing.assert_allclose(recording.i, 1e-3 * log["MotorCurrent_mA"])
+
+
+def test_columns_that_say_nothing_are_listed(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    savemat(tmp_path / "log.mat", {"alpha": np.arange(30.0), "beta": np.ones(30)})
+    assert run(["import", str(tmp_path / "log.mat"), "--out", str(tmp_path / "run.mcap")]) == 2
+    assert "--map says which of alpha, beta are t, q1, i1" in capsys.readouterr().err
 
 
 def test_a_table_in_our_words_that_seems_to_be_in_degrees_is_noted(

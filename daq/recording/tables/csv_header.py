@@ -99,4 +99,6 @@ def _check_missing(
     hint = f"; is it {close[0]!r}?" if close else ""
     more = f" (and {len(missing) - 1} more)" if len(missing) > 1 else ""
     rig = f"; the rig has {joints} joint{'s' * (joints > 1)}" if joints else ""
-    raise InputError(path, f"{where}column {missing[0]} is missing{more}{hint or rig}")
+    listed = f"{', '.join(unknown[:8])}{', ..' * (len(unknown) > 8)}"
+    other = f"; --map says which of {listed} are t, q1, i1, .. (docs/recordings.md)" if unknown else ""
+    raise InputError(path, f"{where}column {missing[0]} is missing{more}{hint or rig or other}")

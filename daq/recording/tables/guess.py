@@ -45,19 +45,21 @@ _TIME = re.compile(
     r"(?:[ _]*[\[(]?(?P<unit>s|sec|ms|us|ns)[\])]?)?",
     re.IGNORECASE,
 )
-POSITION = "q|pos|position|angle|joint|winkel"
+POSITION = "q|pos|positions?|angles?|joint|winkel"
+_JOINT = "joint|axis|achse|gelenk"
 _WORDS = {
     "qref": rf"({POSITION})?[ _.]*(ref|reference|demand|demanded|target|setpoint|desired|des|cmd|command)[ _.]*"
     rf"({POSITION})?",
     "ql": r"(link|load|output)[ _.]*(side)?[ _.]*(q|pos|position|angle|encoder)",
-    "i": r"(i|cur|curr|current|motor[ _.]*current|actual[ _.]*current|tau|torque|effort|actual[ _.]*torque"
+    "i": r"(i|cur|curr|currents?|motor[ _.]*currents?|actual[ _.]*current|tau|torques?|effort|actual[ _.]*torque"
     r"|strom|motorstrom|drehmoment)",
     "v": r"(v|volt|voltage|motor[ _.]*voltage)",
     "temp": r"(temp|temperature|motor[ _.]*temperature)",
-    "q": r"(q|pos|position|angle|winkel|theta|joint|axis|actual[ _.]*(q|pos|position)|joint[ _.]*(pos|position|angle))",
+    "q": r"(q|pos|positions?|angles?|winkel|theta|joint|axis|actual[ _.]*(q|pos|position)"
+    r"|joint[ _.]*(pos|positions?|angles?))",
 }
-_UNIT = r"(?P<unit>[ _]*[\[(]?(rad|deg|degrees|°|mA|A|Nm|N m|N\*m|V|C|degC)[\])]?)?"
-_SPELLED = {"degrees": "deg", "°": "deg", "Nm": "N m", "N*m": "N m", "C": "degC"}
+_UNIT = r"(?P<unit>[ _]*[\[(]?(rad|deg|degrees|grad|°|mA|A|Nm|N m|N\*m|V|C|degC)[\])]?)?"
+_SPELLED = {"degrees": "deg", "Grad": "deg", "grad": "deg", "°": "deg", "Nm": "N m", "N*m": "N m", "C": "degC"}
 _COMMA = re.compile(r"\s*-?\d+,\d+(e-?\d+)?\s*")
 SAMPLE = 1 << 16
 """Bytes of a text that a guess is made from."""
@@ -139,11 +141,15 @@ def _from_words(names: Sequence[str], numbers: dict[str, Array]) -> Mapping | No
 
 def _of_joints(names: Sequence[str], word: str) -> tuple[list[str], str] | None:
     """The columns whose names are a word with a number, in the order of their numbers, and their unit."""
-    behind, before = rf"{word}[ _.\[#]*(?P<number>\d+)\]?", rf"(joint|axis|achse|j|a)[ _.]*(?P<number>\d+)[ _.]*{word}"
+    patterns = (
+        rf"{word}[ _.\[#]*(({_JOINT})[ _.]*)?(?P<number>\d+)\]?{_UNIT}",
+        rf"({_JOINT}|j|a)[ _.]*(?P<number>\d+)[ _.]*{word}{_UNIT}",
+        rf"{word}{_UNIT}(?P<number>\d+)",  # columns of a matrix whose name ends in its unit
+    )
     found: dict[int, str] = {}
     unit = ""
     for name in names:
-        matches = (re.fullmatch(pattern + _UNIT, name.strip(), re.IGNORECASE) for pattern in (behind, before))
+        matches = (re.fullmatch(pattern, name.strip(), re.IGNORECASE) for pattern in patterns)
         match = next((one for one in matches if one), None)
         if match:
             found.setdefault(int(match["number"]), name)
