@@ -34,7 +34,7 @@ BLOCK = 1.0
 class Trial:
     """A richer law tried at one joint (from 1): rms errors (N m, N) on held-out sliding rows, and whether it stays.
 
-    straight: without it; curve: with it.
+    straight: without it; curve: with it. why: what speaks against a law with a smaller error; else empty.
     """
 
     joint: int
@@ -42,6 +42,7 @@ class Trial:
     curve: float
     p: float
     stays: bool
+    why: str = ""
 
 
 def trial_of(j: int, before: Solved, after: Solved, slowest: float, tried: int) -> Trial:
@@ -62,7 +63,12 @@ def trial_of(j: int, before: Solved, after: Solved, slowest: float, tried: int) 
     removed = np.sqrt(max(size**2 - left**2, 0.0)) / friction_sizes(before.problem, before.best)[j]
     seldom = BY_CHANCE_IF_LARGE if left < LARGE * size else BY_CHANCE
     justified = p * tried < seldom and left < (1.0 - REDUCED) * size and removed > MATTERS
-    return Trial(joint=j + 1, straight=size, curve=left, p=p, stays=bool(justified))
+    why = ""
+    if not justified and left < (1.0 - REDUCED) * size:
+        why = f"noise gains as much with probability {min(p * tried, 1.0):.1g}"
+        if removed <= MATTERS:
+            why = f"a gain of {removed:.1%} of its Coulomb friction"
+    return Trial(joint=j + 1, straight=size, curve=left, p=p, stays=bool(justified), why=why)
 
 
 def _speed(rows: Equations, j: int) -> Array:

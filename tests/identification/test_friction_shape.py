@@ -92,6 +92,8 @@ def test_straight_friction_stays_straight(tmp_path: Path) -> None:
     assert not any(band.curve for band in result.friction_bands)
     assert all(joint.friction_curve is None for joint in result.arm.joints)
     assert "friction of joint 1: Coulomb and viscous (a curve is not justified" in str(result)
+    for trial in result.extra["friction_trials"]:
+        assert bool(trial["why"]) == (trial["curve"] < 0.95 * trial["straight"])
 
 
 def test_a_curve_that_halves_the_error_stays_though_few_seconds_are_held_out(
@@ -103,7 +105,7 @@ def test_a_curve_that_halves_the_error_stays_though_few_seconds_are_held_out(
     for trial in result.extra["friction_trials"]:
         assert trial["curve"] < 0.5 * trial["straight"]
         assert trial["p"] > 0.01 / 3
-        assert trial["stays"]
+        assert trial["stays"] and not trial["why"]
 
 
 def test_a_shape_is_refused_where_the_method_has_none(tmp_path: Path) -> None:
