@@ -50,7 +50,10 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "view": ("armscope view fit.mcap",),
     "info": ("armscope info fit.mcap", "armscope info fit.mcap --verify --json"),
     "recover": ("armscope recover fit.mcap.active --out fit.mcap",),
-    "import": ("armscope import table.csv --rig rig.toml --out run.mcap",),
+    "import": (
+        "armscope import table.csv --rig rig.toml --out run.mcap",
+        "armscope import bag --model arm.urdf --out run.mcap",
+    ),
     "export": ("armscope export run.mcap --out table.csv",),
     "plot": (
         "armscope plot measured.mcap simulated.mcap --out currents.png",

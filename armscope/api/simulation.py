@@ -27,7 +27,7 @@ from armscope.shipped import found
 from daq.recording import Attachments, Recording, write_table
 from daq.recording.provenance import file_identity, provenance
 from experiment import Experiment, demand_of, write_experiment
-from identification.preprocessing import tracked_as_recorded
+from identification.preprocessing import check_joints, tracked_as_recorded
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -230,8 +230,7 @@ def _of_recording(arm: Arm, recording: Recording, rate: float | None) -> _Task:
     path = recording.path
     if recording.qref is None:
         raise InputError(path, "has no demanded positions (qref)")
-    if recording.joints != len(arm):
-        raise InputError(path, f"has {recording.joints} joints, the model has {len(arm)}")
+    check_joints(recording, arm)
     if len(recording) < 2:
         raise InputError(path, f"has {len(recording)} rows; at least two are needed")
     arm = replace(arm, temperatures=recorded_temperatures(recording.t, recording.temp))

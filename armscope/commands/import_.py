@@ -20,7 +20,7 @@ from armscope.progress import shown
 from daq.recording import Attachments, Table, TimeUnit, write_blocks
 from daq.recording.provenance import file_identity, provenance
 from daq.recording.tables import Mapping, guessed, open_source, read_blocks, read_mapping
-from daq.rig import read_rig
+from daq.rig import LONGEST_RIG_NAME, read_rig
 
 if TYPE_CHECKING:
     from arm_clearance import Chain
@@ -37,6 +37,13 @@ def command(
     ],
     out: RecordingOut,
     rig: Annotated[Path | None, typer.Option(help="rig file with the joints; default: joints from the columns")] = None,
+    model: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="MODEL",
+            help="without a rig file: the model (TOML, URDF, MJCF) with the joints, their names, order and motors",
+        ),
+    ] = None,
     keep_extra: Annotated[bool, typer.Option("--keep-extra", help="keep columns with unknown names")] = False,
     time_unit: Annotated[
         TimeUnit | None, typer.Option("--time-unit", help="unit of the column t; required if it does not look like s")
@@ -51,7 +58,7 @@ def command(
     topic: Annotated[str | None, typer.Option(help="of a ROS 2 bag: the topic of the joints")] = None,
     as_json: Json = False,
 ) -> None:
-    checked = None if rig is None else read_rig(rig, drivers=False)
+    checked = _joints_of(rig, model)
     names = [] if checked is None else [joint.name or f"joint{number}" for number, joint in enumerate(checked.joint, 1)]
     chosen = read_mapping(mapping) if mapping is not None else _guessed(table, guess)
     with shown(as_json):
@@ -77,6 +84,23 @@ def command(
         print(f"{out}: {rows} rows of {first.joints} joint{'s' * (first.joints > 1)}, {seconds:.2f} s{gaps}")
     if chosen is None or "q" not in chosen.units:
         _doubt_radians(out, blocks.farthest, checked)
+
+
+def _joints_of(rig: Path | None, model: Path | None) -> Rig | None:
+    """The rig file, or a rig that is the joints of a model; None without either."""
+    from arm_model import read_model
+    from daq.rig import Rig
+
+    if model is None:
+        return None if rig is None else read_rig(rig, drivers=False)
+    if rig is not None:
+        raise InputError("--model", f"is for a table without a rig; {rig} names its model itself")
+    arm = read_model(model)
+    joints = [
+        {"name": joint.name or f"joint{number}", "type": "revolute" if joint.revolute else "prismatic"}
+        for number, joint in enumerate(arm.joints, 1)
+    ]
+    return Rig.model_validate({"name": arm.name[:LONGEST_RIG_NAME], "model": str(model), "joint": joints})
 
 
 def _doubt_radians(out: Path, farthest: Array, rig: Rig | None) -> None:
@@ -168,12 +192,13 @@ def _chain(model: Path | None, first: Table) -> Chain | None:
 
 
 def _torque_per_current(rig: Rig | None) -> list[float] | None:
-    """N m/A (N/A) of each joint by the rig's model; None where it has none, and torques stay torques."""
+    """N m/A (N/A) of each joint by the rig's model; None where it states no motors, and torques stay torques."""
     from arm_model import read_model
 
     if rig is None or rig.model_path is None:
         return None
-    return [joint.drive_constant for joint in read_model(rig.model_path).joints]
+    constants = [joint.drive_constant for joint in read_model(rig.model_path).joints]
+    return None if all(constant == 1.0 for constant in constants) else constants
 
 
 class _Blocks(Iterator[Table]):

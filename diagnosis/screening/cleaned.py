@@ -35,6 +35,7 @@ from diagnosis.screening.lost_rows.skipped_rows import Hole, filled, holes_of, r
 from diagnosis.screening.lost_rows.skipped_rows import without_weight as without_skipped
 from diagnosis.screening.mains_hum import lines_near_mains, mains_hum, other_lines, without_hum
 from diagnosis.screening.standstill import Oscillation, oscillations
+from identification.preprocessing import check_joints
 
 Samples = tuple[Array, Array, Array]
 
@@ -231,8 +232,7 @@ LEAST_RATE = 20.0
 def check(arm: Arm, recordings: Sequence[Recording]) -> None:
     """InputError where a recording does not belong to the arm, is too short, or has missing or constant signals."""
     for r in recordings:
-        if r.joints != len(arm):
-            raise InputError(r.path, f"has {r.joints} joints, the model {arm.name} has {len(arm)}")
+        check_joints(r, arm)
         if r.dt > 1.0 / LEAST_RATE:
             raise InputError(
                 r.path,

@@ -22,6 +22,7 @@ from arm_model.moving_base import BaseRows, floating, rotations, thrust_of
 from daq.recording import Recording
 from identification.preprocessing import zero_phase
 from identification.preprocessing.grid import on_grid, uniform_grid
+from identification.preprocessing.joints import check_joints
 
 MOTION_BAND = 4.0
 """Hz: low-pass of motion and thrust. A vehicle with its arm moves below 1 Hz."""
@@ -91,8 +92,7 @@ def base_run(recording: Recording, arm: Arm) -> BaseRun:
                 f"has no column '{name}'; a recording of a floating base has {POSE_COLUMNS[0]} .. "
                 f"{POSE_COLUMNS[-1]} and thruster1 .. thruster{len(thrusters)} (armscope import --keep-extra)",
             )
-    if recording.joints != len(arm):
-        raise InputError(recording.path, f"has {recording.joints} joints, the model has {len(arm)}")
+    check_joints(recording, arm)
     measured = all(name in recording.extra for name in VELOCITY_COLUMNS)
     names += VELOCITY_COLUMNS if measured else ()
     columns = np.column_stack([recording.q, *(recording.extra[name] for name in names), recording.i])

@@ -7,6 +7,7 @@ from arm_io import lazy
 if TYPE_CHECKING:
     from identification.preprocessing.demands import demand_of_run, tracked_as_recorded
     from identification.preprocessing.filtering import zero_phase
+    from identification.preprocessing.joints import check_joints
     from identification.preprocessing.readiness import Readiness
     from identification.preprocessing.setpoint_ripple import (
         drifting,
@@ -25,6 +26,7 @@ __all__ = [
     "UNKNOWN",
     "Readiness",
     "Setpoints",
+    "check_joints",
     "demand_of_run",
     "drifting",
     "folded_along",

@@ -11,6 +11,7 @@ from arm_io import InputError
 from arm_io.types import Array
 from arm_model import Arm, carried_arm
 from daq.recording import Recording
+from identification.preprocessing.joints import check_joints
 from identification.preprocessing.quality import as_trusted
 from identification.preprocessing.signals import Motion
 
@@ -23,13 +24,9 @@ MOVED = 20.0  # noise levels: less is no motion
 
 def check_recording(recording: Recording, arm: Arm) -> None:
     """InputError, one line, where no identification of ``arm`` can come of this recording."""
-    where, joints = recording.path, len(arm)
+    where = recording.path
+    check_joints(recording, arm)
     recording = as_trusted(recording)
-    if recording.q.shape[1] != joints:
-        raise InputError(
-            where,
-            f"has {recording.q.shape[1]} joints, the model '{arm.name}' has {joints}; use a recording of that arm",
-        )
     if len(recording.t) < 50:
         raise InputError(where, f"has {len(recording.t)} rows; identification needs several seconds of motion")
     for name, channel, unit in (("q", recording.q, "position"), ("i", recording.i, "current")):

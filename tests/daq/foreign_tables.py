@@ -24,8 +24,12 @@ def write_bag(
     *,
     storage: str = "sqlite3",
     shifted_ns: int = 0,
+    one_topic: str | None = None,
 ) -> None:
-    """A bag of JointState: topic -> t ns, {position, effort: (n, J)}, names; messages come ``shifted_ns`` late."""
+    """A bag of JointState: topic -> t ns, {position, effort: (n, J)}, names; messages come ``shifted_ns`` late.
+
+    one_topic: on which all of them are published instead.
+    """
     from rosbags.rosbag2 import StoragePlugin, Writer
     from rosbags.typesys import Stores, get_typestore
 
@@ -36,7 +40,12 @@ def write_bag(
     )
     plugin = StoragePlugin.MCAP if storage == "mcap" else StoragePlugin.SQLITE3
     with Writer(path, version=9, storage_plugin=plugin) as writer:
-        channels = {topic: writer.add_connection(topic, state.__msgtype__, typestore=store) for topic in topics}
+        names_of = {topic: one_topic or topic for topic in topics}
+        connections = {
+            name: writer.add_connection(name, state.__msgtype__, typestore=store)
+            for name in dict.fromkeys(names_of.values())
+        }
+        channels = {topic: connections[name] for topic, name in names_of.items()}
         messages = [(int(t[row]), topic, row) for topic, (t, _, _) in topics.items() for row in range(len(t))]
         for stamp, topic, row in sorted(messages):
             _, arrays, names = topics[topic]

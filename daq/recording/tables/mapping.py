@@ -152,13 +152,21 @@ class Mapping(Table):
     def in_words(self) -> str:
         """One line: which column is which, and the units that are not ours."""
         columns = self.columns.model_dump(exclude_none=True)
-        pairs = [
-            f"{ours} = {theirs if isinstance(theirs, str) else ', '.join(theirs)}" for ours, theirs in columns.items()
-        ]
+        pairs = [f"{ours} = {_listed(theirs)}" for ours, theirs in columns.items()]
         units = [f"{signal} in {unit}" for signal, unit in self.units.items()]
         names = {" ": "blanks", "\t": "tabs", ";": "semicolons", "|": "bars"}
         text = [f"columns separated by {names[self.separator]}"] if self.separator in names else []
         return "; ".join([*pairs, *units, *text, *(["decimal commas"] if self.decimal == "," else [])])
+
+
+def _listed(columns: str | Sequence[str]) -> str:
+    """Columns one after the other; what all have up to their last dot is said once, as of topics of ROS 2."""
+    if isinstance(columns, str):
+        return columns
+    begin, *others = {name.rpartition(".")[0] for name in columns}
+    if len(columns) < 3 or others or not begin:
+        return ", ".join(columns)
+    return f"{begin} of {', '.join(name[len(begin) + 1 :] for name in columns)}"
 
 
 def read_mapping(path: str | Path) -> Mapping:

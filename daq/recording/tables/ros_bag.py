@@ -5,6 +5,7 @@ A message of a robot's own type counts too where it has joint states as fields a
 
 from __future__ import annotations
 
+import itertools
 import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -22,6 +23,8 @@ from daq.recording.tables.mapping import Mapping
 ROWS = 4096
 WAITING = 256
 """Rows that wait for messages of the same stamp on other topics."""
+LOOK = 50
+"""Messages of a topic at its beginning among which those of the arm are found beside those of a gripper."""
 
 
 def is_bag(path: Path) -> bool:
@@ -32,13 +35,14 @@ def is_bag(path: Path) -> bool:
 class BagSource:
     """A bag as a source of columns (``daq.recording.tables.columns.Source``), named TOPIC.position.JOINT and the like.
 
-    A row is a message of ``topic``; messages of other topics with the same stamp stand in the same row. Messages
-    without the joints of the first are of another device, and are left out, as is one that repeats a stamp.
+    A row is a message of ``topic``; messages of other topics with the same stamp stand in the same row. Of several
+    devices on one topic, that with the most joints is taken; messages without these are left out, as is one that
+    repeats a stamp.
 
     topic   None: /joint_states, or the only JointState. A JointState that is a field of another message is
             TOPIC/FIELD; of TOPIC/measured_joint_state, as Franka's have it, TOPIC is enough
-    joints  names in the order of the rig's joints, taken where the bag has them all
-    InputError where there is no such bag, or no JointState with positions and efforts in it.
+    joints  names in the order of the rig's joints; where the bag has none of them, its own in its own order
+    InputError where there is no such bag, no JointState with positions and efforts in it, or some of ``joints`` alone.
     """
 
     word, where = "row", ""
@@ -64,7 +68,7 @@ class BagSource:
         self.topic = self._choose(states, topic)
         self.rows: int | None = counts[self._of_message(self.topic)]
         state = states[self.topic]
-        self.joints = list(joints) if joints and set(joints) <= set(state.name) else list(state.name)
+        self.joints = self._in_order(joints, list(state.name))
         self._stamped = self._stamps[self.topic]
         self.names = [column for name, part in first.items() for column in columns_of(name, part)]
         self.mapping = self._mapping()
@@ -120,20 +124,31 @@ class BagSource:
                 yield stamp, name, part
 
     def _first_messages(self, reader: Any) -> dict[str, Any]:
-        """Joint states and points of the first message of each topic, and whether that is stamped."""
+        """Joint states and points of the first message of each topic with its most joints; whether it is stamped."""
         first: dict[str, Any] = {}
         seen: set[str] = set()
         self._stamps: dict[str, bool] = {}
         for connection in sorted(reader.connections, key=lambda one: str(one.topic)):
             topic = connection.topic
-            found = None if topic in seen else next(iter(reader.messages([connection])), None)
-            if topic in self._fields and found is not None:
+            if topic in seen or topic not in self._fields:
+                continue
+            messages = [
+                reader.deserialize(raw, connection.msgtype)
+                for _, _, raw in itertools.islice(reader.messages([connection]), LOOK)
+            ]
+            if messages:
                 seen.add(topic)
-                message = reader.deserialize(found[2], connection.msgtype)
+                message = max(messages, key=lambda one: len(getattr(one, "name", ())))
                 mine = dict(parts(topic, message, self._fields[topic]))
                 first |= mine
                 self._stamps |= dict.fromkeys(mine, bool(stamp_of(message)))
         return first
+
+    def _in_order(self, wanted: Sequence[str], there: list[str]) -> list[str]:
+        missing = [name for name in wanted if name not in there]
+        if missing and len(missing) < len(wanted):
+            raise InputError(self.path, f"{self.topic} has no joint {missing[0]!r}; it has {', '.join(there)}")
+        return there if missing or not wanted else list(wanted)
 
     def _choose(self, states: dict[str, Any], topic: str | None) -> str:
         measured = [name for name in states if name.endswith("/measured_joint_state")]
