@@ -54,9 +54,7 @@ def command(
     path: Annotated[str | None, typer.Option(metavar="PATH", help="part of the path")] = None,
     since: Annotated[str | None, typer.Option(metavar="DATE", help="UTC: 2026, 2026-01, 2026-01-31, ...")] = None,
     until: Annotated[str | None, typer.Option(metavar="DATE", help="the same; that year, month, day included")] = None,
-    lost: Annotated[
-        int | None, typer.Option(metavar="ROWS", help="recordings with at most this number of lost rows")
-    ] = None,
+    lost: Annotated[int | None, typer.Option(metavar="ROWS", help="at most this number of lost rows")] = None,
     verdict: Annotated[str | None, typer.Option(metavar="WORDS", help="part of a result's verdict: backlash")] = None,
     calibration: Annotated[str | None, typer.Option(metavar="HASH", help="of the rig's calibration")] = None,
     state: Annotated[str | None, typer.Option(help="whole, unfinished, damaged, unreadable")] = None,

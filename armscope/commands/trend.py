@@ -27,14 +27,14 @@ def command(
     limit: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="NAME=VALUE", help="report when this limit is reached: joint3.coulomb=12, or =+50% of the first"
+            metavar="NAME=VALUE", help="say when a limit is reached: joint3.coulomb=12, or =+50% of the first"
         ),
     ] = None,
     kind: Annotated[str | None, typer.Option(metavar="KIND", help="of a folder: identification or diagnosis")] = None,
     arm: Annotated[str | None, typer.Option(metavar="ARM", help="of a folder: part of the arm's name")] = None,
     path: Annotated[str | None, typer.Option(metavar="PATH", help="of a folder: part of the results' paths")] = None,
     since: Annotated[
-        str | None, typer.Option(metavar="DATE", help="of a folder, UTC: 2026, 2026-01, 2026-01-31, ...")
+        str | None, typer.Option(metavar="DATE", help="of a folder: 2026, 2026-01, 2026-01-31, ... UTC")
     ] = None,
     until: Annotated[str | None, typer.Option(metavar="DATE", help="the same; that year, month, day included")] = None,
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="folder for trend.json, trend.html")] = None,
