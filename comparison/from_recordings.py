@@ -28,6 +28,9 @@ from identification.regression.equations import structural_base
 from identification.regression.problem import motions_of
 from identification.ripples import wide
 
+ROWS_PER_VALUE = 2
+"""Rows of a regression per value that it asks for, at least."""
+
 
 def compare_recordings(
     before: Sequence[Recording], after: Sequence[Recording], arm: Arm, *, progress: Progress = lambda _: None
@@ -94,21 +97,42 @@ def _fits(
 ) -> tuple[list[Fitted], NDArray[np.bool_], list[Rows]]:
     """One fit per recording, (recordings, c) what each shows, and the rows of each; ``whole`` as of ``rows_of``."""
     data: list[Rows] = []
+    seen: list[NDArray[np.bool_]] = []
     for recording, motion, of_all in zip(recordings, motions, whole):
         progress(Step("equations", len(data), len(recordings), detail=recording.path.name))
-        data.append(rows_of(structure, motion, set_up(structure.arm, recording), of_all))
-    shown = np.array([shown_by(rows, structure) for rows in data])
+        rows, mine = _enough_rows(structure, recording, motion, of_all)
+        data.append(rows)
+        seen.append(mine)
     model = structure.model()
     fits: list[Fitted] = []
-    for recording, rows, mine in zip(recordings, data, shown):
+    for recording, rows, mine in zip(recordings, data, seen):
         progress(Step("regression", len(fits), len(recordings), detail=recording.path.name))
-        if len(rows.y) < 2 * (int(mine.sum()) + rows.own.shape[1]):
-            raise InputError(
-                recording.path,
-                f"leaves {len(rows.y)} rows for {int(mine.sum())} parameters after filtering; needs a longer motion",
-            )
         fits.append(fit(rows, mine, model, len(structure.arm)))
-    return fits, shown, data
+    return fits, np.array(seen), data
+
+
+def _enough_rows(
+    structure: Structure, recording: Recording, motion: Motion, whole: Motion
+) -> tuple[Rows, NDArray[np.bool_]]:
+    """The rows of a recording and (c,) what they show.
+
+    Rows come at 2.5 times the band of the motion. Of a slow one, with rests, that is too few for the values of an arm:
+    it is then taken in the band of the joint fit. InputError where that is too few as well.
+    """
+    carrying = set_up(structure.arm, recording)
+    for each in (motion, wide(whole)):
+        rows = rows_of(structure, each, carrying, whole)
+        shown = shown_by(rows, structure)
+        values = int(shown.sum()) + rows.own.shape[1]
+        if len(rows.y) >= ROWS_PER_VALUE * values:
+            return rows, shown
+    length = float(whole.t[-1] - whole.t[0])
+    more = length * (ROWS_PER_VALUE * values / max(len(rows.y), 1) - 1.0)
+    raise InputError(
+        recording.path,
+        f"leaves {len(rows.y)} rows for {values} parameters after filtering; "
+        f"needs {np.ceil(more):.0f} s more of such motion, it has {length:.2g} s",
+    )
 
 
 def _quantities(

@@ -28,6 +28,8 @@ CERTAIN = 1e-3
 """Probability by chance, times the number of hypotheses, of a change that enters."""
 SLACK, NEARLY = 3.0, 0.2
 """Deviations, and share of its change, by which a value that cannot be negative may seem so."""
+STIFFER = 4.0
+"""Deviations by which the stiffness of a spring must change, beside the constant torque that it may have."""
 MOST = 6
 """Changes at most: an arm that differs in more is another arm."""
 SHOWN_TOO = 0.05
@@ -166,11 +168,18 @@ def selected(both: Both, every: Sequence[Hypothesis]) -> list[Tested]:
 
 
 def _is_possible(both: Both, one: Tested) -> bool:
-    """Not of an elastic gear or a gap that would be less than nothing on a side."""
+    """Not of an elastic gear or a gap that would be less than nothing on a side.
+
+    Nor of a spring whose stiffness is the same: its constant torque alone is an asymmetry of friction.
+    """
     added = one.hypothesis.added
-    if added is None or added.definition.spring is None:
+    if added is None or added.wave:
         return True
     place = int(np.argmax(one.hypothesis.directions[:, 0]))
+    if added.definition.spring is None:
+        unit = np.eye(len(both.scale))[place : place + 1]
+        sizes, errors = one.seen_by(unit)
+        return bool(abs(sizes[0]) > STIFFER * errors[0])
     values, covariance = shared_values(both, np.zeros(len(both.scale)), [one])
     least = min(values[place], values[place] + one.changes[place])
     return bool(least > -max(SLACK * np.sqrt(covariance[place, place]), NEARLY * abs(one.changes[place])))

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from arm_io import InputError
 from arm_model.description import Arm
 from arm_model.effects.catalogue import CATALOGUE, values_of
 from comparison.from_recordings import compare_recordings
@@ -53,6 +54,23 @@ def test_friction_of_one_joint_is_found_and_nothing_else(arm: Arm, tmp_path: Pat
         assert one.significant and one.change == pytest.approx(by, abs=4 * one.std)
     said = {one.kind for one in result.circumstances}
     assert said == ({"motion"} if again else set())
+
+
+def test_a_slow_motion_has_rows_enough(root: Path, tmp_path: Path) -> None:
+    """Its own band, of a third of a hertz, leaves fewer rows than twice the values of an arm."""
+    arm = puma(root, 2)
+    slow = {"speed": 0.3, "seconds": 9.0, "rate": 125.0}
+    pair = [record(tmp_path / f"{k}.mcap", arm, k, levels=(20.0, 20.0 if k else 10.0), **slow) for k in (0, 1)]
+    result = compare_recordings(pair[:1], pair[1:], arm)
+    assert {(one.quantity.joint, one.quantity.kind) for one in result.significant} == {(2, "curve")}
+    assert [one.change for one in result.significant] == pytest.approx([10.0], abs=0.2)
+
+
+def test_of_a_recording_that_is_too_short_the_seconds_that_lack_are_told(root: Path, tmp_path: Path) -> None:
+    arm = puma(root)
+    pair = [record(tmp_path / f"{k}.mcap", arm, k, seconds=0.6, rate=125.0) for k in (0, 1)]
+    with pytest.raises(InputError, match=r"leaves \d+ rows for \d+ parameters .* needs \d+ s more .* it has 0.59 s"):
+        compare_recordings(pair[:1], pair[1:], arm)
 
 
 def test_where_nothing_changed_nothing_is_named(root: Path, tmp_path: Path) -> None:

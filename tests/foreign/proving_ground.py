@@ -25,6 +25,9 @@ from tests.foreign.commands import unrendered
 from tests.foreign.score import Outcome, figures, outcome
 from tests.foreign.through import through
 
+SHOWN = 3
+"""Changes of a comparison that the table writes out."""
+
 
 def main() -> None:
     options = _options()
@@ -91,13 +94,24 @@ def _recorded(case: Case, cache: Path | None) -> Days:
 
 
 def table(outcomes: Sequence[Outcome]) -> str:
-    """What was hidden and what was said, in Markdown."""
-    rows = ["| arm | hidden | times the noise | named | |", "|---|---|---|---|---|"]
+    """What was hidden, and what ``diagnose`` and ``compare`` said of the same recordings, in Markdown."""
+    rows = ["| arm | hidden | times the noise | diagnose | | compare | |", "|---|---|---|---|---|---|---|"]
     for o in outcomes:
         shown = f"{o.hidden[0]} {o.hidden[1] or ''}".strip() if o.hidden else "nothing"
         named = ", ".join(f"{effect} {joint or ''}".strip() for effect, joint, _, _ in o.named)
-        rows.append(f"| {o.arm} | {shown} | {o.strength:.1f} | {named or o.verdict} | {'' if o.good else 'wrong'} |")
+        said = f"{named or o.verdict} | {'' if o.good_diagnosis else 'wrong'} | {_compared(o)}"
+        rows.append(f"| {o.arm} | {shown} | {o.strength:.1f} | {said} |")
     return "\n".join(rows)
+
+
+def _compared(o: Outcome) -> str:
+    """Two cells: the changes, surest first, and whether they are wrong."""
+    if o.changed is None:
+        return "not asked | "
+    said = ", ".join(name for name, *_ in o.differing[:SHOWN]) or "no change"
+    more = f" and {len(o.differing) - SHOWN} more" if len(o.differing) > SHOWN else ""
+    wrong = bool(o.elsewhere) if o.compare is None else not o.compare or bool(o.elsewhere)
+    return f"{said}{more} | {'wrong' if wrong else ''}"
 
 
 def _write(path: Path, seed: int, outcomes: Sequence[Outcome]) -> None:

@@ -35,6 +35,17 @@ FRICTION = {
     "load_friction",
     "friction_drift",
 }
+RIPPLES = {"gear_ripple", "encoder_ripple"}
+QUANTITIES = {
+    "gear_ripple": RIPPLES,
+    "encoder_ripple": RIPPLES,
+    "gravity_spring": {"gravity_spring"},
+    "joint_compliance": {"joint_compliance"},
+    "backlash": {"backlash"},
+    "current_limit": {"current_limit"},
+}
+"""Hidden effect -> the effects of whose quantities ``compare`` may say that they changed."""
+SCALES = {"torque_constant", "current_gain"}
 INERTIAL = {"payload", "link_inertia", "rotor_inertia"}
 
 
@@ -46,8 +57,10 @@ class Outcome:
     supports     evidence of each of them; owned: whether it is a ripple that the healthy arm has and its model lacks,
                  which is neither right nor superfluous
     found        whether the hidden effect is among them; in_group: or in the group of one of them
-    compare      None where compare was not asked; else whether its surest change is where the effect is
+    compare      None where compare was not asked; else whether its surest change is the effect
     changed      whether compare called anything changed
+    differing    [quantity, joint, z, right] per significant change of compare, surest first; elsewhere: number of those
+                 that are neither the effect nor where it acts
     inside       [parameter, true, value, std, within two std] of the hidden effect
     crashes      commands that ended in an exception, or did not end well; seconds: of all commands
     """
@@ -70,6 +83,8 @@ class Outcome:
     unexplained: list[list[Any]] = field(default_factory=list)
     compare: bool | None = None
     changed: bool | None = None
+    differing: list[list[Any]] = field(default_factory=list)
+    elsewhere: int = 0
     compared: str = ""
     inside: list[list[Any]] = field(default_factory=list)
     crashes: list[str] = field(default_factory=list)
@@ -77,12 +92,13 @@ class Outcome:
 
     @property
     def good(self) -> bool:
-        """All there was to say was said, and nothing else."""
-        if self.crashes:
-            return False
-        if self.kind == "nothing":
-            return not self.superfluous and self.changed is not True
-        return self.found and not self.superfluous
+        """All there was to say was said, and nothing else; of what did not change, by ``compare`` as well."""
+        return self.good_diagnosis and not (self.kind == "nothing" and self.changed is True)
+
+    @property
+    def good_diagnosis(self) -> bool:
+        """``diagnose`` said all there was to say, and nothing else."""
+        return not self.crashes and not self.superfluous and (self.found or self.kind == "nothing")
 
     def line(self) -> str:
         """For people: what was hidden, what was said."""
@@ -110,10 +126,23 @@ def outcome(case: Case, hidden: Hidden | None, strength: float, results: Results
     if results.diagnosis is not None:
         _score_diagnosis(one, hidden, results.diagnosis, case.plant)
     if results.comparison is not None:
-        one.changed, one.compared = bool(results.comparison["changed"]), results.comparison["verdict"]
-        if hidden is not None and hidden.effect not in SENSED:
-            one.compare = compared_well(hidden, results.comparison["changes"])
+        _score_comparison(one, hidden, results.comparison)
     return one
+
+
+def _score_comparison(one: Outcome, hidden: Hidden | None, table: Mapping[str, Any]) -> None:
+    one.changed, one.compared = bool(table["changed"]), table["verdict"]
+    significant = [change for change in table["changes"] if change["significant"]]
+    significant.sort(key=lambda change: -abs(change["z"] or 0.0))
+    summed = {
+        name for one in table["summaries"] if hidden is not None and right_sum(one, hidden) for name in one["explains"]
+    }
+    for change in significant:
+        here = hidden is not None and (change["name"] in summed or is_of(change, hidden))
+        one.differing.append([change["name"], change["joint"], change["z"], here])
+        one.elsewhere += not here
+    if hidden is not None and hidden.effect not in SENSED:
+        one.compare = bool(one.differing) and bool(one.differing[0][-1])
 
 
 def _score_diagnosis(one: Outcome, hidden: Hidden | None, table: Mapping[str, Any], plant: Plant) -> None:
@@ -165,19 +194,30 @@ def within(found: Mapping[str, Mapping[str, float]], true: Mapping[str, float]) 
     return rows
 
 
-def compared_well(hidden: Hidden, changes: Sequence[Mapping[str, Any]]) -> bool:
-    """Whether the surest significant change of ``compare`` is where the effect is.
+def is_of(change: Mapping[str, Any], hidden: Hidden) -> bool:
+    """Whether a significant change of ``compare`` is the hidden effect.
 
-    Of friction: friction of its joint. Of bodies and rotors: an inertial parameter, or its joint's. Of another effect
-    (gains, offsets, springs, gears, tilt, zero): any quantity of its joint, or inertial.
+    Of friction: friction of its joint. Of bodies and rotors: an inertial parameter. Of effects that ``compare`` names
+    (``QUANTITIES``): that name at its joint. Of another scale of currents: any quantity of its joint. Of another effect
+    (offsets, tilt, zero), which it has no name for: any quantity of its joint, or inertial.
     """
-    surest = max((one for one in changes if one["significant"]), key=lambda one: abs(one["z"] or 0.0), default=None)
-    if surest is None:
-        return False
-    at_joint = hidden.joint is None or surest["joint"] == hidden.joint
+    at_joint = hidden.joint is None or change["joint"] == hidden.joint
+    if hidden.effect in QUANTITIES:
+        return at_joint and change["name"].split(".")[1] in QUANTITIES[hidden.effect]
+    if hidden.effect in SCALES:
+        return at_joint
     if hidden.effect in FRICTION:
-        return at_joint and surest["kind"] in ("friction", "curve", "effect")
-    return surest["kind"] == "inertia" or (at_joint and hidden.effect not in INERTIAL)
+        return at_joint and (change["kind"] in ("friction", "curve") or "friction" in change["name"])
+    return change["kind"] == "inertia" or (at_joint and hidden.effect not in INERTIAL)
+
+
+def right_sum(summary: Mapping[str, Any], hidden: Hidden) -> bool:
+    """Whether the one cause by which ``compare`` sums up its changes is the hidden effect."""
+    same = {summary["effect"], hidden.effect} <= SCALES or {summary["effect"], hidden.effect} <= {
+        "payload",
+        "link_inertia",
+    }
+    return same and summary["joint"] in (None, hidden.joint)
 
 
 def figures(outcomes: Sequence[Outcome]) -> dict[str, float]:
@@ -196,7 +236,9 @@ def figures(outcomes: Sequence[Outcome]) -> dict[str, float]:
         if asked:
             table["compare_cases"] = len(asked)
             table["compare_right"] = _mean(o.compare for o in asked)
+            table["compare_superfluous_per_case"] = _mean(o.elsewhere for o in asked)
             table["diagnose_right_in_these"] = _mean(o.found for o in asked)
+            table["diagnose_superfluous_in_these"] = _mean(o.superfluous for o in asked)
     if nothing:
         table["nothing_cases"] = len(nothing)
         table["nothing_named"] = sum(bool(o.superfluous) for o in nothing)

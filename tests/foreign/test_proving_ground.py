@@ -16,10 +16,12 @@ from arm_model.rigid_body.numeric import rigid_torque
 from arm_model.urdf import read_urdf
 from tests.foreign.arms import ARMS
 from tests.foreign.cases import Case, cases, logger, recorded, worn_in
+from tests.foreign.hide import Hidden
 from tests.foreign.log import Defects, logged
 from tests.foreign.motions import targets
 from tests.foreign.plant import STEP, compiled, healthy, run
 from tests.foreign.proving_ground import judged
+from tests.foreign.score import is_of
 from tests.foreign.urdf import urdf
 
 
@@ -89,6 +91,25 @@ def test_an_effect_is_as_strong_as_said(monkeypatch: pytest.MonkeyPatch) -> None
     assert days.strength >= 3.0 and days.hidden is not None and not days.before
     change = np.std([one["tau"] - other["tau"] for one, other in zip(days.after[:1], plain.after[:1])], axis=1)[0]
     assert change[1] > 2.5 * case.logger.deviation(case.arm)[1] > change[0]
+
+
+@pytest.mark.parametrize(
+    ("effect", "quantity", "kind", "joint", "right"),
+    [
+        ("coulomb_friction", "joint2.coulomb", "friction", 2, True),
+        ("coulomb_friction", "joint3.coulomb", "friction", 3, False),
+        ("friction_asymmetry", "joint2.gravity_spring.stiffness", "effect", 2, False),
+        ("gear_ripple", "joint2.encoder_ripple.amplitude(31).amplitude", "effect", 2, True),
+        ("gear_ripple", "link2.mx", "inertia", 2, False),
+        ("torque_constant", "link1.mx", "inertia", 1, False),
+        ("joint_zero_offset", "link4.mx", "inertia", 4, True),
+    ],
+)
+def test_a_change_counts_as_the_effect_only_where_it_says_so(
+    effect: str, quantity: str, kind: str, joint: int, right: bool
+) -> None:
+    change = {"name": quantity, "kind": kind, "joint": joint}
+    assert is_of(change, Hidden(effect, 2, {})) is right
 
 
 @pytest.mark.slow
