@@ -116,22 +116,26 @@ def _enough_rows(
 ) -> tuple[Rows, NDArray[np.bool_]]:
     """The rows of a recording and (c,) what they show.
 
-    Rows come at 2.5 times the band of the motion. Of a slow one, with rests, that is too few for the values of an arm:
-    it is then taken in the band of the joint fit. InputError where that is too few as well.
+    Rows come at 2.5 times the band of the motion. Of a slow one, with rests, they may be fewer than deviations need: it
+    is then taken in the band of the joint fit, if it shows friction as the others do. InputError otherwise.
     """
     carrying = set_up(structure.arm, recording)
-    for each in (motion, wide(whole)):
-        rows = rows_of(structure, each, carrying, whole)
-        shown = shown_by(rows, structure)
-        values = int(shown.sum()) + rows.own.shape[1]
-        if len(rows.y) >= ROWS_PER_VALUE * values:
-            return rows, shown
+    rows = rows_of(structure, motion, carrying, whole)
+    shown = shown_by(rows, structure)
+    least = ROWS_PER_VALUE * (int(shown.sum()) + rows.own.shape[1])
+    if len(rows.y) >= least:
+        return rows, shown
+    more = rows_of(structure, wide(whole), carrying, whole)
+    shown_more = shown_by(more, structure)
+    friction = shown_more[len(structure.rows) : len(structure.rows) + len(structure.points)]
+    if friction.any() and len(more.y) >= ROWS_PER_VALUE * (int(shown_more.sum()) + more.own.shape[1]):
+        return more, shown_more
     length = float(whole.t[-1] - whole.t[0])
-    more = length * (ROWS_PER_VALUE * values / max(len(rows.y), 1) - 1.0)
+    lacking = length * (least / max(len(rows.y), 1) - 1.0)
     raise InputError(
         recording.path,
-        f"leaves {len(rows.y)} rows for {values} parameters after filtering; "
-        f"needs {np.ceil(more):.0f} s more of such motion, it has {length:.2g} s",
+        f"leaves {len(rows.y)} rows for {least // ROWS_PER_VALUE} parameters after filtering; "
+        f"needs {np.ceil(lacking):.0f} s more of such motion, it has {length:.2g} s",
     )
 
 

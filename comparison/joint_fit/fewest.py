@@ -168,9 +168,9 @@ def selected(both: Both, every: Sequence[Hypothesis]) -> list[Tested]:
 
 
 def _is_possible(both: Both, one: Tested) -> bool:
-    """Not of an elastic gear or a gap that would be less than nothing on a side.
+    """Whether neither side has less than nothing of an elastic gear or a gap, and of a spring the stiffness changed.
 
-    Nor of a spring whose stiffness is the same: its constant torque alone is an asymmetry of friction.
+    The constant torque that a spring may have is, alone, an asymmetry of friction.
     """
     added = one.hypothesis.added
     if added is None or added.wave:
