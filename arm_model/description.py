@@ -310,6 +310,7 @@ class Arm:
     floating: FloatingBase | None = None  # absent: the base is fixed to the ground
     # how well an identified arm is known; two arms of the same numbers are equal whatever is known of them
     uncertainty: Uncertainty | None = field(default=None, compare=False, repr=False)
+    kinematic_uncertainty: Uncertainty | None = field(default=None, compare=False, repr=False)
     # of its motors while it is simulated, or was recorded; absent: those at which its friction holds
     temperatures: Temperatures | None = field(default=None, compare=False, repr=False)
 

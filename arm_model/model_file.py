@@ -31,6 +31,7 @@ class _ModelFile(Table):
     source: str = ""
     unphysical: str = ""
     uncertainty: str = Field(default="", pattern=r"^[^/\\]*$")
+    kinematic_uncertainty: str = Field(default="", pattern=r"^[^/\\]*$")
     gravity: Vector = (0.0, 0.0, -9.80665)
     base: Pose = IDENTITY
     tool: Pose = IDENTITY
@@ -42,6 +43,8 @@ class _ModelFile(Table):
 
 
 _MUJOCO = re.compile(r"^\s*(?:<\?.*?\?>\s*|<!--.*?-->\s*|<!DOCTYPE[^>]*>\s*)*<mujoco[\s>]", re.DOTALL)
+LINK, MOUNT = ("theta", "d", "a", "alpha", "beta"), ("x", "y", "z", "yaw", "pitch", "roll")
+"""Geometric parameters of a joint and, as ``base.x``, of the place of link frame 0, in its own frame."""
 _NEEDED = ("type", "mass", "com", "inertia")
 
 
@@ -54,7 +57,22 @@ def read_model(path: str | Path) -> Arm:
     suffix = Path(path).suffix
     if suffix in SUFFIXES:
         return read_mjcf(path)
-    return read_urdf(path) if suffix == ".urdf" else _with_uncertainty(arm_of(read_toml(path), path), Path(path))
+    if suffix == ".urdf":
+        return read_urdf(path)
+    return _with_kinematic(_with_uncertainty(arm_of(read_toml(path), path), Path(path)), Path(path))
+
+
+def _with_kinematic(arm: Arm, path: Path) -> Arm:
+    """The arm with what the file says that it names of its geometry, if that is beside the model; else InputError."""
+    known = arm.kinematic_uncertainty
+    if known is None or not (beside := path.parent / known.file).exists():
+        return arm
+    known = read_uncertainty(beside)
+    names = {f"joint{j}.{value}" for j in range(1, len(arm) + 1) for value in LINK} | {f"base.{one}" for one in MOUNT}
+    for name in known.parameters:
+        if name not in names:
+            raise InputError(beside, f"{name}: no geometric parameter of this model ({path.name}): calibrate again")
+    return replace(arm, kinematic_uncertainty=known)
 
 
 def _with_uncertainty(arm: Arm, path: Path) -> Arm:
@@ -72,6 +90,10 @@ def _with_uncertainty(arm: Arm, path: Path) -> Arm:
         if len(values) not in (0, len(arm)):
             raise InputError(beside, f"{key}: has {len(values)} entries, the arm has {len(arm)} joints")
     return replace(arm, uncertainty=known)
+
+
+def _named_file(name: str) -> Uncertainty | None:
+    return Uncertainty(name) if name else None
 
 
 def carried_arm(text: str, where: str | Path) -> Arm:
@@ -113,7 +135,8 @@ def arm_of(table: dict[str, Any], where: str | Path) -> Arm:
             capsule=None if layout.capsule is None else tuple(layout.capsule),
             unphysical=layout.unphysical,
             floating=floating,
-            uncertainty=Uncertainty(layout.uncertainty) if layout.uncertainty else None,
+            uncertainty=_named_file(layout.uncertainty),
+            kinematic_uncertainty=_named_file(layout.kinematic_uncertainty),
         )
     except ValidationError as error:
         raise InputError(where, one_line(error)) from None
@@ -222,11 +245,15 @@ def _short(name: str, value: Any) -> Any:
 def write_model(path: str | Path, arm: Arm, *, heading: str = "") -> None:
     """Writes a model file that ``read_model`` reads back as an equal arm; whole or not at all.
 
-    What is known of its parameters goes into a file beside it, ``model_uncertainty.json`` for model.toml.
+    What is known of its parameters goes into files beside it, for model.toml ``model_uncertainty.json``, and
+    ``model_kinematic_uncertainty.json`` for its geometry.
     """
-    table, known = model_table(arm), arm.uncertainty
-    if known is not None and known.parameters:
-        beside = Path(path).with_name(f"{Path(path).stem}_uncertainty.json")
-        write_uncertainty(beside, known)
-        table = {"name": table.pop("name"), "units": table.pop("units"), "uncertainty": beside.name, **table}
+    table, files = model_table(arm), {}
+    for key, known in (("uncertainty", arm.uncertainty), ("kinematic_uncertainty", arm.kinematic_uncertainty)):
+        if known is not None and known.parameters:
+            beside = Path(path).with_name(f"{Path(path).stem}_{key}.json")
+            write_uncertainty(beside, known)
+            files[key] = beside.name
+    if files:
+        table = {"name": table.pop("name"), "units": table.pop("units"), **files, **table}
     write_toml(path, table, heading=heading)

@@ -341,8 +341,9 @@ def _warnings(arm: Arm, measured: Measured, named: Named, structures: Sequence[S
         yield from not_held_out(state.fitted.fit, state.data.fit, structures, known_to(state).fit)
     else:
         yield f"{arm.name} has neither masses nor friction: its currents were not judged"
-    if arm.uncertainty is not None and not arm.uncertainty.parameters:
-        yield f"the model names {arm.uncertainty.file}, which is not beside it: its parameters are taken for exact"
+    for known, what in ((arm.uncertainty, "parameters are"), (arm.kinematic_uncertainty, "geometry is")):
+        if known is not None and not known.parameters:
+            yield f"the model names {known.file}, which is not beside it: its {what} taken for exact"
     yield from reference_taken(arm, [cause.key for cause in named.causes], state.data.fit.runs)
     yield from _smoothing(named.arm, named.base)
     yield from _of_axis(named.axis, arm) if named.axis else ()

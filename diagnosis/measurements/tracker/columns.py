@@ -10,6 +10,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy import stats
 
 from arm_io.types import Array
 from arm_model import Arm
@@ -28,6 +29,10 @@ FRAME, TARGET = 3e-4, 3e-4
 """Prior std of the tracker's frame (m, rad) and of the target's position (m) from a rig file."""
 ANYWHERE = 10.0
 """Prior std of the frame of a tracker whose pose, or of a target whose position, no rig file gives."""
+BY_CHANCE = 0.01
+"""Probability by which, with nothing wrong, the points deny what a model says of its geometry in any direction."""
+SEEN = 0.5
+"""Of the prior variance: what points must leave of it at most to say something of a direction."""
 BOUND = 2.5
 """Prior std beyond which frame and target are kept at their values: the error has another cause."""
 
@@ -223,14 +228,33 @@ def fitted(
             break
         parameters = replace(parameters, free=free[~beyond])
         estimate = fit(parameters, points, extension_scale=scale)
+    if parameters.correlation is not None and (held := _beyond_known(parameters, estimate)).shape[1]:
+        parameters = replace(parameters, held=held)
+        estimate = fit(parameters, points, start=values, extension_scale=scale)
     covariance, correlated = estimate.covariance, 1.0
     if steps is not None:
         correlated = _correlated(residuals(parameters, estimate.values, estimate.extension, points), estimate, side)
         prior = np.concatenate((parameters.scale[parameters.free], scale))
-        covariance = _widened(covariance, prior, correlated)
+        root = prior[:, None] * parameters.prior_root(len(scale))
+        covariance = _widened(covariance, root, correlated)
     kept = len(parameters.free) + own
     trimmed = replace(estimate, extension=estimate.extension[:own], covariance=covariance[:kept, :kept])
     return State(tuple(chosen), parameters, trimmed, correlated)
+
+
+def _beyond_known(parameters: Parameters, estimate: Fit) -> Array:
+    """(free, h) directions, in units of the prior, in which the points deny what is known of the model.
+
+    The directions are those in which the points determine the parameters one by one. With nothing wrong, the estimate
+    in units of the prior has a variance of 1 less that of the estimate itself.
+    """
+    count = len(parameters.free)
+    inverse = np.linalg.inv(parameters.prior_root()) / parameters.scale[parameters.free]
+    unit = inverse @ (estimate.values - parameters.chain.values)[parameters.free]
+    left, axes = np.linalg.eigh(inverse @ estimate.covariance[:count, :count] @ inverse.T)
+    seen = left < SEEN
+    off = np.abs(axes[:, seen].T @ unit) / np.sqrt(1.0 - left[seen])
+    return np.asarray(axes[:, seen][:, off > stats.norm.isf(BY_CHANCE / 2 / max(count, 1))])
 
 
 def _correlated(residual: Array, estimate: Fit, side: Side) -> float:
@@ -239,11 +263,12 @@ def _correlated(residual: Array, estimate: Fit, side: Side) -> float:
     return correlation_time(np.where(estimate.inlier[:, None], residual, 0.0), rows)
 
 
-def _widened(covariance: Array, prior: Array, correlated: float) -> Array:
-    """The covariance if only every ``correlated``-th point counts, with the same prior."""
-    unit = covariance / np.outer(prior, prior)  # (H + 1)^-1 for points that say H
-    information = np.linalg.inv(unit) - np.eye(len(prior))
-    return np.asarray(np.linalg.inv(information / correlated + np.eye(len(prior))) * np.outer(prior, prior))
+def _widened(covariance: Array, root: Array, correlated: float) -> Array:
+    """The covariance if only every ``correlated``-th point counts, with the same prior root root^T."""
+    one, inverse = np.eye(root.shape[1]), np.linalg.pinv(root)
+    unit = inverse @ covariance @ inverse.T  # (H + 1)^-1 for points that say H
+    information = np.linalg.inv(unit) - one
+    return np.asarray(root @ np.linalg.inv(information / correlated + one) @ root.T)
 
 
 def _with_zeros(points: Points, side: Side, steps: Array) -> Points:
@@ -276,8 +301,22 @@ def _parameters(arm: Arm, chosen: Sequence[TrackedCandidate], survey: Survey) ->
             scale[k] = TARGET if survey.target_known else ANYWHERE
         elif step.name in prior_std:
             scale[k] = prior_std[step.name]
-    free = np.flatnonzero(scale)
-    return Parameters(chain, free, free, scale)
+    return _with_known(Parameters(chain, np.flatnonzero(scale), np.flatnonzero(scale), scale), arm)
+
+
+def _with_known(parameters: Parameters, arm: Arm) -> Parameters:
+    """Also what is known of the arm's geometry is free, within its covariance: beside it, candidates are errors."""
+    known, scale = arm.kinematic_uncertainty, parameters.scale
+    if known is None or not known.parameters:
+        return parameters
+    where = [parameters.chain.names.index(name) for name in known.parameters]
+    covariance = np.diag(scale**2)
+    covariance[np.ix_(where, where)] += known.matrix
+    wider = np.sqrt(np.diag(covariance))
+    over = np.where(wider > 0.0, wider, 1.0)
+    correlation, free = covariance / np.outer(over, over), np.flatnonzero(wider)
+    correlation[np.diag_indices(len(wider))] = 1.0
+    return replace(parameters, free=free, every=free, scale=wider, correlation=correlation)
 
 
 def is_physical(candidate: TrackedCandidate, coefficients: Array) -> bool:

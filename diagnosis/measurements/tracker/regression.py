@@ -65,7 +65,7 @@ def linear(state: State, side: Side) -> Linear:
     chain = state.parameters.chain.at(state.values)
     at, every = position_jacobian(chain, points.bent(extension))
     free = state.parameters.free
-    columns = every[:, :, free] * state.parameters.scale[free]
+    columns = (every[:, :, free] * state.parameters.scale[free]) @ state.parameters.prior_root()
     if points.deflections is not None:
         bend = every[:, :, chain.joint_steps()] @ points.deflections
         scales = np.concatenate([c.scales for c in state.chosen if not c.names])

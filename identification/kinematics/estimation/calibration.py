@@ -24,6 +24,7 @@ from scipy.spatial.transform import Rotation
 from arm_io import InputError
 from arm_io.types import Array, Progress
 from arm_model import Arm, Coupling
+from arm_model.tables import Uncertainty, uncertainty_of
 from identification.kinematics.circle_points.circle_point import Circle
 from identification.kinematics.data.blocks import split
 from identification.kinematics.data.points import Points
@@ -53,6 +54,7 @@ from identification.kinematics.models.parameters import Parameters, Target
 
 LEAST = 10
 """Poses: fewer determine nothing, and judge nothing."""
+FILE = "model_kinematic_uncertainty.json"
 FEW = 500
 """Points of all runs, below which they are cross-validated: a fifth of them would judge too little."""
 
@@ -111,6 +113,21 @@ class Calibration:
     aims: dict[int, Array]
     orientation: dict[str, dict[str, float]]
     warnings: tuple[str, ...] = field(default=())
+
+    @property
+    def known(self) -> Uncertainty:
+        """Covariance of the geometry of the arm that is written, whatever target, tracker frame and effects are.
+
+        rad and m; of the base only where the tracker's frame is known: elsewhere it stays the model's.
+        """
+        names = [self.parameters.chain.names[k] for k in self.parameters.free]
+        ours = [
+            i
+            for i, name in enumerate(names)
+            if name.startswith("joint") or (name.startswith("base.") and self.frame_known)
+        ]
+        covariance = self.fit.covariance[np.ix_(ours, ours)] * self.correlated
+        return uncertainty_of(FILE, tuple(names[i] for i in ours), covariance)
 
     @property
     def chain(self) -> Chain:

@@ -1,7 +1,8 @@
 """Robust maximum a posteriori estimation of a chain's values from tracked points, with the exact Jacobian.
 
 Minimised is  sum_i rho(|p_i - f(q_i, x)| / s) + sum_k ((x_k - x0_k) / scale_k)^2  by Levenberg-Marquardt: the first sum
-over points, with noise s estimated along the way, the second the priors, which decide only what the points cannot.
+over points, with noise s estimated along the way, the second the priors, which decide only what the points cannot. Of
+priors that are correlated the second is |u|^2, x - x0 = scale R u (``Parameters.prior_root``).
 
 Every point counts if all of them agree with ordinary least squares. Otherwise points count with Geman and McClure's
 weight (Stat. 1985) while the estimate is still moving, so that beam breaks and wrong points pull little; at the end
@@ -94,8 +95,8 @@ def fit(
     if extension_start is not None:
         x[len(parameters.free) :] = extension_start
     coarse = points.where(slice(None, None, max(1, len(points) // _COARSE)))
-    start_x = x
     problem = _Problem(parameters, points, prior, scale)
+    start_x = x = problem.admitted(x) if parameters.held is not None else x
     if not reject:
         return _with_every_point(problem, _Problem(parameters, coarse, prior, scale), x, iterations)
     x, used = _descend(_Problem(parameters, coarse, prior, scale), x, _soft_weight, iterations, enough=0.1)
@@ -149,7 +150,7 @@ def _distances(problem: _Problem, x: Array, inlier: Mask) -> Array:
     gram, noise = good.T @ good, _scale_of(length)
     scaled = length
     for _ in range(5):
-        hat = jacobian @ np.linalg.solve(gram + noise**2 * np.eye(len(x)), np.swapaxes(jacobian, 1, 2))
+        hat = jacobian @ np.linalg.solve(gram + noise**2 * np.eye(len(gram)), np.swapaxes(jacobian, 1, 2))
         spread = np.eye(3) + np.where(inlier[:, None, None], -1.0, 1.0) * hat
         strength, axes = np.linalg.eigh(spread)
         along = np.einsum("nij,ni->nj", axes, residual)
@@ -159,12 +160,22 @@ def _distances(problem: _Problem, x: Array, inlier: Mask) -> Array:
 
 
 class _Problem:
-    """Residuals and normal equations in unit-prior coordinates u = (x - prior) / scale."""
+    """Residuals and normal equations in unit-prior coordinates u, x = prior + root u."""
 
     def __init__(self, parameters: Parameters, points: Points, prior: Array, scale: Array) -> None:
         self.parameters, self.points, self.prior, self.scale = parameters, points, prior, scale
         self.joint_steps = parameters.chain.joint_steps()
         self.n_free = len(parameters.free)
+        root = parameters.prior_root(len(scale) - self.n_free)
+        self.root, self._inverse = scale[:, None] * root, np.linalg.pinv(root) / scale
+
+    def unit(self, x: Array) -> Array:
+        """(r,) u."""
+        return np.asarray(self._inverse @ (x - self.prior))
+
+    def admitted(self, x: Array) -> Array:
+        """(unknowns,) x without what the prior holds."""
+        return np.asarray(self.prior + self.root @ self.unit(x))
 
     def values(self, x: Array) -> Array:
         values = self.parameters.chain.values
@@ -181,10 +192,10 @@ class _Problem:
         jacobian = every[:, :, self.parameters.free]
         if self.points.deflections is not None and len(x) > self.n_free:
             jacobian = np.concatenate((jacobian, every[:, :, self.joint_steps] @ self.points.deflections), axis=2)
-        return residual, jacobian * self.scale
+        return residual, jacobian @ self.root
 
     def cost(self, x: Array, weight: Array, noise: float, length: Array) -> float:
-        return float(np.sum(weight * length**2) / noise**2 + np.sum(((x - self.prior) / self.scale) ** 2))
+        return float(np.sum(weight * length**2) / noise**2 + np.sum(self.unit(x) ** 2))
 
 
 Weight = Callable[[Array, float], Array]
@@ -227,12 +238,12 @@ def _descend(
         flat = jacobian.reshape(-1, jacobian.shape[2])
         root = np.repeat(np.sqrt(weight) / noise, 3)
         weighted = flat * root[:, None]
-        hessian = weighted.T @ weighted + np.eye(len(x))
-        gradient = weighted.T @ (root * residual.ravel()) - (x - problem.prior) / problem.scale
+        hessian = weighted.T @ weighted + np.eye(flat.shape[1])
+        gradient = weighted.T @ (root * residual.ravel()) - problem.unit(x)
         cost = problem.cost(x, weight, noise, length)
         for _ in range(12):
             step = np.linalg.solve(hessian + damping * np.diag(np.diag(hessian)), gradient)
-            trial = x + problem.scale * step
+            trial = x + problem.root @ step
             reach = np.linalg.norm(problem.residual(trial), axis=1)
             # judged with this iteration's weights: robust weighting by majorisation
             if problem.cost(trial, weight, noise, reach) <= cost * (1 + 1e-12):
@@ -261,6 +272,6 @@ def _result(problem: _Problem, x: Array, inlier: Mask, iterations: int) -> Fit:
         effective = float(np.sum(strength / (strength + noise**2)))
         noise = max(np.sqrt(squares / max(3 * inlier.sum() - effective, 1.0)), _FLOOR)
     unit = (directions * (noise**2 / (strength + noise**2))) @ directions.T
-    covariance = unit * np.outer(problem.scale, problem.scale)
+    covariance = problem.root @ unit @ problem.root.T
     n = problem.n_free
     return Fit(problem.values(x), x[n:], covariance, noise, inlier, effective, iterations)

@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.linalg import block_diag, null_space
 
 from arm_io import InputError
 from arm_io.types import Array
@@ -83,12 +84,28 @@ class Parameters:
     free    (free,) indices of the values that are estimated
     every   (every,) indices of all physical values: what the identifiable rank is counted over
     scale   (values,) prior standard deviation of every value, rad or m
+    correlation  (values, values) of the priors; None: independent
+    held         (free, h) directions, orthonormal in units of the prior (``prior_root``), along which nothing may move
     """
 
     chain: Chain
     free: Index
     every: Index
     scale: Array
+    correlation: Array | None = None
+    held: Array | None = None
+
+    def prior_root(self, more: int = 0) -> Array:
+        """(free + more, r) R: errors that the prior expects are scale R u, with u independent and of unit variance.
+
+        ``more``: further unknowns after the free ones, whose priors are independent.
+        """
+        root: Array = np.eye(len(self.free))
+        if self.correlation is not None:
+            root = np.asarray(np.linalg.cholesky(self.correlation[np.ix_(self.free, self.free)]), np.float64)
+        if self.held is not None:
+            root = root @ null_space(self.held.T)
+        return np.asarray(block_diag(root, np.eye(more)))
 
 
 def parameters_of(

@@ -121,7 +121,8 @@ def calibrated_model(arm: Arm, calibration: Calibration) -> Arm:
     source = f"{arm.source}; kinematics calibrated by armscope" if arm.source else "kinematics calibrated by armscope"
     kept = tuple(e for e in arm.effects if not any(f.name == e.name and f.joint == e.joint for f in found))
     coupling = tuple(entry for entry, _ in calibration.couplings)
-    return replace(out, coupling=coupling, effects=(*kept, *found), source=source)
+    known = calibration.known
+    return replace(out, coupling=coupling, effects=(*kept, *found), source=source, kinematic_uncertainty=known)
 
 
 def summary(table: dict[str, Any]) -> str:
