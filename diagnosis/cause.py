@@ -30,11 +30,16 @@ class Signal(StrEnum):
     CLOSED_LOOP = "closed loop"
 
 
+ROUNDING = 1e-9
+"""Relative standard deviation below which it is what rounding leaves of none: no recording determines a value so."""
+
+
 @dataclass(frozen=True)
 class Estimate:
     """One parameter of a cause: its value and standard deviation, both in ``unit``.
 
-    of_own: value over the same quantity of the model's own friction (1: it has doubled); None where it has none.
+    std: 0 of a number that was chosen, and where less than ``ROUNDING`` of the value was estimated. of_own: value over
+    the same quantity of the model's own friction (1: it has doubled); None where it has none.
     """
 
     name: str
@@ -42,6 +47,10 @@ class Estimate:
     std: float
     unit: str
     of_own: float | None = None
+
+    def __post_init__(self) -> None:
+        if 0.0 < self.std < ROUNDING * abs(self.value):
+            object.__setattr__(self, "std", 0.0)
 
 
 @dataclass(frozen=True)
@@ -72,6 +81,22 @@ class LostRows:
     time: float
     count: int
     row_std: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class EncoderJump:
+    """Counts that an encoder missed at one instant.
+
+    file   name of the recording; joint: from 1
+    row    the first with the offset, from 0; time: s of that row
+    counts  gained; negative: lost
+    """
+
+    file: str
+    joint: int
+    row: int
+    time: float
+    counts: int
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -141,6 +166,7 @@ class Cause:
     remainder      what is left unexplained beside it; None: nothing, or it is not the dominant cause of its joint
     support        evidence that the confidence follows from; None: it is that of the gain alone
     lost_rows      of dropped triggers: every loss
+    encoder_jumps  of an encoder: every jump
     rise_at_rest   of break-away friction: how its level depends on the time at rest; None: it was not judged
     deviations     standard deviations from nothing with the model exact, and with its parameters free within what it
                    says of them; None: it says nothing
@@ -165,6 +191,7 @@ class Cause:
     support: Support | None = None
     harmonics: tuple[EffectTerm, ...] = ()
     lost_rows: tuple[LostRows, ...] = ()
+    encoder_jumps: tuple[EncoderJump, ...] = ()
     rise_at_rest: RiseAtRest | None = None
     deviations: tuple[float, float] | None = None
 
@@ -188,7 +215,18 @@ class Cause:
         """The cause as effects of a model."""
         each: Iterable[tuple[int | None, list[Estimate]]] = self.of_joints.items() or [(self.joint, self.parameters)]
         own_terms = (EffectTerm(self.effect, joint, {p.name: float(p.value) for p in own}) for joint, own in each)
-        return (*own_terms, *self.harmonics, *self._rising)
+        return (*own_terms, *self.harmonics, *self._rising, *self._further_jumps)
+
+    @property
+    def _further_jumps(self) -> tuple[EffectTerm, ...]:
+        """The other jumps of the recording that has the largest, which is in ``parameters``, as effects of a model."""
+        if len(self.encoder_jumps) < 2:
+            return ()
+        own = {p.name: float(p.value) for p in self.parameters}
+        largest = max(self.encoder_jumps, key=lambda one: abs(one.counts))
+        others = [one for one in self.encoder_jumps if one.file == largest.file and one is not largest]
+        told = [{**own, "counts": float(one.counts), "time": one.time} for one in others]
+        return tuple(EffectTerm(self.effect, self.joint, values) for values in told)
 
     @property
     def _rising(self) -> tuple[EffectTerm, ...]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,7 @@ from arm_io.types import Array
 from arm_model import EffectTerm
 from arm_model.effects import Instrument
 from diagnosis.cause import Cause, Estimate, confidence_of
+from diagnosis.measurements.currents.design_matrix import columns_of
 from diagnosis.measurements.currents.model import State
 from diagnosis.measurements.currents.possible import exists
 from diagnosis.remainder.against_noise import ratios
@@ -41,6 +43,8 @@ IMPOSSIBLE = 2.0
 """std by which a load of one recording must be negative to be none."""
 QUIET = 1.5
 """Times the noise that may remain at a joint: values per recording also follow what no effect explains, in part."""
+MOVED = 0.02
+"""Relative step of a nonlinear parameter by which columns are differentiated."""
 INDEPENDENT = 1e-3
 """Relative singular value below which columns of one recording are dependent."""
 
@@ -132,8 +136,9 @@ def own_values(several: Sequence[Candidate], state: State, others: Sequence[Effe
     edges = np.cumsum([0, *widths])
     places = [slice(a, b) for a, b in itertools.pairwise(edges.tolist())]
     unknown = np.array([c.largest(k) for c, width in zip(several, widths) for k in range(width)])
+    bends = [_bends(c, pair, state) for c, pair in zip(several, pairs)]
     found: list[list[_OfRecording]] = [[] for _ in several]
-    for run, x in zip(_runs(state), _of_runs(pairs, state)):
+    for k, (run, x) in enumerate(zip(_runs(state), _of_runs(pairs, state))):
         y = first = _flat(with_own(run, others))
         for _ in range(CORRECTIONS):
             values = scaled_lstsq(x, y, INDEPENDENT)
@@ -143,19 +148,43 @@ def own_values(several: Sequence[Candidate], state: State, others: Sequence[Effe
             except InputError:
                 break
         whole, block = _alone(run, x, y, unknown), np.tile(run.block, run.q.shape[1])
-        for own, place in zip(found, places):
+        for own, place, bend in zip(found, places, bends):
             rest = np.delete(x, np.arange(x.shape[1])[place], axis=1)
             # of what was there to explain: the corrections of values that nothing has are large
             without = first - rest @ scaled_lstsq(rest, first, INDEPENDENT)
             alone = Alone(run.name, whole.values[place], whole.covariance[place, place])
-            own.append(_OfRecording(alone, _predicted_gains(x, y, without, block)))
+            covariance = alone.covariance
+            if bend:
+                slopes = np.column_stack([by[k] @ alone.values for _, by in bend])
+                wider = _alone(run, np.hstack([x, slopes]), y, np.append(unknown, [value for value, _ in bend]))
+                those = [*range(x.shape[1])[place], *range(x.shape[1], x.shape[1] + len(bend))]
+                covariance = wider.covariance[np.ix_(those, those)]
+            own.append(_OfRecording(alone, covariance, _predicted_gains(x, y, without, block)))
     return [_own(c, own, state) for c, own in zip(several, found)]
 
 
 @dataclass(frozen=True)
 class _OfRecording:
+    """covariance: of the coefficients, then of the nonlinear parameters, whose one value serves all recordings."""
+
     alone: Alone
+    covariance: Array
     gains: Array
+
+
+def _bends(c: Candidate, pair: Pair, state: State) -> list[tuple[float, list[Array]]]:
+    """Each nonlinear parameter of a candidate, and the change (n * rows, k) of its columns per unit of it.
+
+    The columns of each recording, the fitted ones first.
+    """
+    found = []
+    for name in c.searched():
+        value = dict(c.shape)[name]
+        other = c.at(name, (1.0 + MOVED) * value)
+        moved = state.model.data.map(partial(columns_of, other))
+        both = zip(_of_runs([moved], state), _of_runs([pair], state))
+        found.append((value, [(after - before) / (MOVED * value) for after, before in both]))
+    return found
 
 
 def _own(c: Candidate, of_recordings: Sequence[_OfRecording], state: State) -> OwnValues:
@@ -165,7 +194,7 @@ def _own(c: Candidate, of_recordings: Sequence[_OfRecording], state: State) -> O
         candidate=c,
         terms=tuple(_term(c, one.values) for one in alone),
         alone=alone,
-        parameters=tuple(estimates(c, one.values.tolist(), one.covariance, joint) for one in alone),
+        parameters=tuple(estimates(c, one.alone.values.tolist(), one.covariance, joint) for one in of_recordings),
         gains=np.concatenate([one.gains for one in of_recordings]),
     )
 
@@ -173,8 +202,9 @@ def _own(c: Candidate, of_recordings: Sequence[_OfRecording], state: State) -> O
 def cause_of(own: OwnValues, every: Sequence[OwnValues], state: State, others: Sequence[EffectTerm]) -> Cause:
     """The cause with its values per recording; it is of the recordings, not of the arm.
 
-    Its parameters are the mean of the recordings, with their scatter as std. every: all that have such values; others:
-    the causes of the arm.
+    Its parameters are the mean of the recordings, with their scatter as std, or with that of the recording that
+    determines it best where they scatter less: a nonlinear parameter does not scatter, since one value serves all
+    recordings. every: all that have such values; others: the causes of the arm.
     """
     c, held_out = own.candidate, len(state.data.fit.runs)
     runs, rms = _runs(state)[held_out:], []
@@ -187,11 +217,7 @@ def cause_of(own: OwnValues, every: Sequence[OwnValues], state: State, others: S
     joint = c.joint or int(np.argmax((rms[0] ** 2 - rms[1] ** 2) / noise**2)) + 1
     unit = state.model.arm.joints[joint - 1].command_unit
     before, after = (float(one[joint - 1]) for one in rms)
-    mean = [
-        Estimate(several[0].name, float(np.mean(values)), float(np.std(values)), several[0].unit)
-        for several in zip(*own.parameters)
-        for values in [[p.value for p in several]]
-    ]
+    mean = [_mean(several) for several in zip(*own.parameters)]
     aliases = (*c.definition.aliases, *c.definition.observed_by[Instrument.CURRENT].aliases)
     return Cause(
         effect=c.effect,
@@ -208,6 +234,13 @@ def cause_of(own: OwnValues, every: Sequence[OwnValues], state: State, others: S
         of_arm=False,
         of_recordings={run.name: values for run, values in zip(_runs(state), own.parameters)},
     )
+
+
+def _mean(several: Sequence[Estimate]) -> Estimate:
+    """Of the values of one parameter by single recordings."""
+    values, stds = np.array([(p.value, p.std) for p in several]).T
+    std = max(float(np.std(values)), float(np.min(stds)))
+    return Estimate(several[0].name, float(np.mean(values)), std, several[0].unit)
 
 
 def _runs(state: State) -> list[Run]:

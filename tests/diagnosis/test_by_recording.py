@@ -15,7 +15,7 @@ import armscope
 from arm_model import Arm
 from diagnosis.remainder.against_noise import runs_of
 from diagnosis.residual.free_values import with_free
-from tests.diagnosis.two_link import WIDTH, Day, recorded
+from tests.diagnosis.two_link import HUMP, WIDTH, Day, recorded
 
 
 @pytest.fixture(scope="module")
@@ -84,6 +84,15 @@ def test_what_was_set_or_ran_differently_has_a_value_per_recording(
     for (own, *_), size in zip(cause.of_recordings.values(), sizes, strict=True):
         assert abs(own.value - size) < 2 * own.std
     assert "in A.mcap, " in str(result) and "in B.mcap: " in str(result)
+
+
+def test_a_parameter_that_serves_all_recordings_has_the_std_of_one(arm: Arm, tmp_path: Path) -> None:
+    """Its values do not scatter: their standard deviation was that of rounding, 1e-17."""
+    (cause,) = _diagnosed(arm, tmp_path, Day(hump=(10.0, 0.0)), Day(hump=(6.0, 0.0))).causes
+    assert cause.effect == "stribeck_friction" and len(cause.of_recordings) == 2
+    for found in (cause.parameters, *cause.of_recordings.values()):
+        (speed,) = (p for p in found if p.name == "stribeck_velocity")
+        assert 0.01 * HUMP < speed.std < 0.3 * HUMP and abs(speed.value - HUMP) < 2 * speed.std
 
 
 @pytest.mark.slow

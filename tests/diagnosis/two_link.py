@@ -19,14 +19,15 @@ LENGTH, CENTRE, MASS, ABOUT = (0.4, 0.3), (0.2, 0.15), (5.0, 2.0), (0.07, 0.016)
 ROTOR, VISCOUS, COULOMB = np.array([0.5, 0.3]), np.array([10.0, 10.0]), np.array([5.0, 3.0])
 DRIVE, GRAVITY, WIDTH = 10.0, 9.80665, 0.01
 RATE, COUNTS = 250.0, 4_000_000
-WAVES = np.array([11.0, 13.0])
+WAVES, HUMP = np.array([11.0, 13.0]), 0.15
 
 
 @dataclass(frozen=True)
 class Day:
     """What is different in one recording: a load of kg at x, y m in the last frame; factors and more of the others.
 
-    ripple: share of all friction that waves with the angles of the joints, ``WAVES`` times per turn.
+    ripple: share of all friction that waves with the angles of the joints, ``WAVES`` times per turn. hump: N m of
+    friction more at rest, of which 1/e is left at ``HUMP`` rad/s.
     """
 
     load: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -35,6 +36,7 @@ class Day:
     coulomb: tuple[float, float] = (0.0, 0.0)
     viscous: tuple[float, float] = (0.0, 0.0)
     ripple: float = 0.0
+    hump: tuple[float, float] = (0.0, 0.0)
 
 
 def motion(seed: int, seconds: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -71,7 +73,7 @@ def torque(q: np.ndarray, v: np.ndarray, a: np.ndarray, day: Day) -> np.ndarray:
             arm = own + joints[link] - joints[joint]
             total[:, joint] += mass * (arm[:, 0] * felt[:, 1] - arm[:, 1] * felt[:, 0]) + about * turn[:, link]
     sign = v / np.hypot(v, WIDTH)
-    friction = (VISCOUS + day.viscous) * v + (COULOMB + day.coulomb) * sign
+    friction = (VISCOUS + day.viscous) * v + (COULOMB + day.coulomb + day.hump * np.exp(-((v / HUMP) ** 2))) * sign
     return total + ROTOR * a + friction * (1.0 + day.ripple * np.sin(WAVES * q))
 
 
