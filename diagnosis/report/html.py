@@ -124,7 +124,7 @@ def _section(result: Diagnosis, cause: Cause, row: dict[str, Any], number: int) 
     if cause.signal is Signal.LINK_ANGLE and cause.joint is None:
         equation = "q_link_read(t) = q_link(t - d)"
     meaning = {p.name: p.meaning for p in CATALOGUE[cause.effect].parameters}
-    several = cause.of_joints or cause.of_recordings
+    several = cause.of_joints or cause.of_recordings or max(map(len, (cause.lost_rows, cause.encoder_jumps))) > 1
     return {
         "title": title(cause),
         "equation": equation,

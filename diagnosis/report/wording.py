@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from arm_model.effects import CATALOGUE
-from diagnosis.cause import NO_VARIABLE, Cause, Estimate, LostRows, Signal, in_words
+from diagnosis.cause import NO_VARIABLE, Cause, EncoderJump, Estimate, LostRows, Signal, in_words
 from diagnosis.diagnose import Diagnosis
 from diagnosis.report.joint_verdicts import remaining
 from diagnosis.units import readable, rounded
@@ -128,10 +128,12 @@ def rise_at_rest(cause: Cause) -> str:
 def values_of(cause: Cause) -> list[str]:
     """One line per parameter, per joint of a cause of the rig, or per recording where they contradict each other.
 
-    Of lost rows: one line per loss.
+    Of lost rows: one line per loss; of missed counts, one line per jump where there are several.
     """
     if cause.lost_rows:
         return [_lost(one) for one in cause.lost_rows]
+    if len(cause.encoder_jumps) > 1:
+        return [_missed(one) for one in cause.encoder_jumps]
     several = {f"at joint {joint}": own for joint, own in cause.of_joints.items()}
     several |= {f"in {name}": own for name, own in cause.of_recordings.items()}
     if not several:
@@ -144,6 +146,12 @@ def _lost(one: LostRows) -> str:
     channels = "currents" if one.count > 0 else f"counter of joint {one.joint}" if one.joint else "all counters"
     row = f"{one.row} ± {rounded(2 * one.row_std, 2)}" if one.row_std > 0.0 else f"{one.row}"
     return f"{channels}: {abs(one.count)} rows before row {row} ({one.time:.3f} s) of {one.file}"
+
+
+def _missed(one: EncoderJump) -> str:
+    """``27 counts lost before row 5000 (5.000 s) of a.mcap``."""
+    counts = f"{abs(one.counts)} count{'s' if abs(one.counts) != 1 else ''} {'lost' if one.counts < 0 else 'gained'}"
+    return f"{counts} before row {one.row} ({one.time:.3f} s) of {one.file}"
 
 
 def uncertain(one: Estimate) -> bool:

@@ -202,6 +202,7 @@ def _cause(cause: Cause) -> dict[str, Any]:
         **({"recordings": of_recordings} if of_recordings else {}),
         **({"harmonics": [asdict(term) for term in cause.harmonics]} if cause.harmonics else {}),
         **({"lost_rows": [asdict(one) for one in cause.lost_rows]} if cause.lost_rows else {}),
+        **({"encoder_jumps": [asdict(one) for one in cause.encoder_jumps]} if cause.encoder_jumps else {}),
         **({"terms": _terms(cause)} if cause.next_orders else {}),
         **({"remainder": asdict(cause.remainder)} if cause.remainder else {}),
         **({"rise_at_rest": asdict(cause.rise_at_rest)} if cause.rise_at_rest else {}),

@@ -16,7 +16,7 @@ from arm_io.types import Array
 from arm_model import Arm, Joint
 from arm_model.effects.sensing import MISSED_COUNTS
 from daq.recording import Recording
-from diagnosis.cause import Estimate
+from diagnosis.cause import EncoderJump, Estimate
 from diagnosis.residual.encoder_step import encoder_step
 from diagnosis.residual.noise import resolution
 from diagnosis.screening.event import Event, Gain
@@ -28,38 +28,54 @@ PRINTED = 0.01
 sines divide a count, seldom by more."""
 JUMP_OVER_OTHERS = 2.4
 """Ratio to the 99 % quantile of the differences between rows that a jump must exceed."""
+SEARCHES = 4
+"""Times that an angle is searched, each without the jumps known before."""
 
 
 def jumps(recordings: Sequence[Recording], arm: Arm) -> list[Event]:
-    """Angles that jump by several encoder steps between two rows and keep the offset; one event per joint."""
-    jumps_of = [[_jump(r, j) for j in range(r.joints)] for r in recordings]
+    """Angles that jump by several encoder steps between two rows and keep the offset; one event per joint.
+
+    Its parameters are those of the largest jump; ``encoder_jumps`` has all of them, recording by recording.
+    """
     events = []
     for j in range(recordings[0].joints):
-        with_jump = [(index, jump) for index, of in enumerate(jumps_of) if (jump := of[j]) is not None]
-        if not with_jump:
-            continue
-        index, (row, size) = max(with_jump, key=lambda instant_of: abs(instant_of[1][1]))
-        step = _count(recordings[index].q[:, j], arm.joints[j])
-        t, dt, name = recordings[index].t[row], recordings[index].dt, recordings[index].path.name
-        events.append(
-            Event(
-                effect=MISSED_COUNTS.name,
-                joint=j + 1,
-                parameters=[
-                    Estimate("counts", float(np.round(size / step)), max(1.0, 0.01 * abs(size / step)), "1"),
-                    Estimate("time", float(t), dt, "s"),
-                    Estimate("resolution", step, 0.01 * step, "rad"),
-                ],
-                evidence=f"the angle of joint {j + 1} jumps by {size:.3g} rad between two rows at {t:.3f} s of "
-                f"{name} and keeps that offset "
-                f"({len(with_jump)} of {len(recordings)} recordings show a jump)",
-                recordings=tuple(index for index, _ in with_jump),
-                gain=Gain(
-                    before=abs(size), after=float(abs(size - step * np.round(size / step))), unit="rad", joint=j + 1
-                ),
-            )
-        )
+        found = [(index, jump) for index, r in enumerate(recordings) for jump in _all_jumps(r, j)]
+        if found:
+            events.append(_event(recordings, arm.joints[j], j + 1, found))
     return events
+
+
+def _event(recordings: Sequence[Recording], drive: Joint, joint: int, found: Sequence[tuple[int, Jump]]) -> Event:
+    """found: index of a recording and a jump in it, all of one joint (from 1)."""
+    index, largest = max(found, key=lambda one: abs(one[1].size))
+    steps = {k: _count(recordings[k].q[:, joint - 1], drive) for k, _ in found}
+    step, size, r = steps[index], largest.size, recordings[index]
+    others = f", as at {len(found) - 1} more instant{'s' if len(found) > 2 else ''}" if len(found) > 1 else ""
+    shown = tuple(dict.fromkeys(k for k, _ in found))
+    return Event(
+        effect=MISSED_COUNTS.name,
+        joint=joint,
+        parameters=[
+            Estimate("counts", float(np.round(size / step)), max(1.0, 0.01 * abs(size / step)), "1"),
+            Estimate("time", float(r.t[largest.row]), r.dt, "s"),
+            Estimate("resolution", step, 0.01 * step, "rad"),
+        ],
+        evidence=f"the angle of joint {joint} jumps by {size:.3g} rad between two rows at {r.t[largest.row]:.3f} s of "
+        f"{r.path.name} and keeps that offset{others} "
+        f"({len(shown)} of {len(recordings)} recordings show a jump)",
+        recordings=shown,
+        gain=Gain(before=abs(size), after=float(abs(size - step * np.round(size / step))), unit="rad", joint=joint),
+        encoder_jumps=tuple(
+            EncoderJump(
+                file=recordings[k].path.name,
+                joint=joint,
+                row=jump.row,
+                time=float(recordings[k].t[jump.row]),
+                counts=round(jump.size / steps[k]),
+            )
+            for k, jump in found
+        ),
+    )
 
 
 def turned_per_row(q: Array, row: int, dt: float) -> float:
@@ -78,13 +94,28 @@ def _count(q: Array, joint: Joint) -> float:
     return own if step < PRINTED * own else step or own or resolution(q)
 
 
-def _jump(recording: Recording, j: int) -> tuple[int, float] | None:
-    """Row after the largest jump that stays, and its size, rad."""
-    q = recording.q[:, j]
+def _all_jumps(recording: Recording, j: int) -> list[Jump]:
+    """The jumps of an angle that stay, in time.
+
+    Searched for again where the known ones are taken out: one that is close to a larger jump shows only then.
+    """
+    q, found = recording.q[:, j].copy(), list[Jump]()
     t = _instants(recording, q)
-    largest = _steep(q, t)[:1]
-    found = [jump for row, size in largest if (jump := _staying(q, t, row, size)) is not None]
-    return (found[0].row, found[0].size) if found else None
+    for _ in range(SEARCHES):
+        more = [jump for row, size in _steep(q, t) if (jump := _staying(q, t, row, size)) is not None]
+        if not more:
+            break
+        found += more
+        q = _without(q, more)
+    return sorted(found, key=lambda jump: jump.row)
+
+
+def _without(q: Array, several: Sequence[Jump]) -> Array:
+    """(m,) an angle without some of its jumps."""
+    q = q.copy()
+    for jump in several:
+        q[jump.row :] -= jump.size
+    return q
 
 
 @dataclass(frozen=True)
@@ -174,8 +205,6 @@ def without_jumps(recording: Recording, index: int, events: list[Event]) -> Arra
     q = recording.q.copy()
     for event in events:
         if event.effect == MISSED_COUNTS.name and event.joint is not None and index in event.recordings:
-            jump = _jump(recording, event.joint - 1)
-            if jump is not None:
-                row, size = jump
-                q[row:, event.joint - 1] -= size
+            j = event.joint - 1
+            q[:, j] = _without(q[:, j], _all_jumps(recording, j))
     return q

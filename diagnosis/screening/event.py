@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from diagnosis.cause import Estimate, LostRows
+from diagnosis.cause import EncoderJump, Estimate, LostRows
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,6 +32,7 @@ class Event:
     gain        what it explains there; None: it shows in closed loop only
     of_joints   of an event of the whole arm that shows joint by joint: its parameters at each joint (from 1)
     lost_rows   of dropped triggers: every loss
+    encoder_jumps  of an encoder: every jump
     """
 
     effect: str
@@ -42,6 +43,7 @@ class Event:
     gain: Gain | None = None
     of_joints: Mapping[int, list[Estimate]] = field(default_factory=dict)
     lost_rows: tuple[LostRows, ...] = ()
+    encoder_jumps: tuple[EncoderJump, ...] = ()
 
 
 def united(events: Sequence[Event]) -> list[Event]:
@@ -64,5 +66,6 @@ def united(events: Sequence[Event]) -> list[Event]:
             gain=max(gains, key=lambda gain: gain.before - gain.after, default=None),
             of_joints={**event.of_joints, **before.of_joints},
             lost_rows=(*before.lost_rows, *event.lost_rows),
+            encoder_jumps=(*before.encoder_jumps, *event.encoder_jumps),
         )
     return list(found.values())

@@ -12,6 +12,8 @@ from arm_model.model_file import read_model
 from daq.recording import Recording, open_recording
 from daq.recording.parts import Attachments
 from daq.recording.tables.table import write_table
+from diagnosis.cause import Cause, EncoderJump, Estimate
+from diagnosis.report.wording import values_of
 from diagnosis.screening.cleaned import screened
 from diagnosis.screening.encoder_jumps import JUMP_IN_STEPS, jumps
 
@@ -39,6 +41,55 @@ def test_a_jump_is_told_in_counts(tmp_path: Path, counts: float, noise: float, d
     found = {p.name: p for p in event.parameters}
     assert abs(found["counts"].value - counts) <= 2 * found["counts"].std
     assert abs(found["time"].value - 3.0) < 0.005
+
+
+MISSED = ((2.0, 13), (2.03, -6), (4.0, -9), (4.005, 5), (6.0, 40))
+"""s and counts: 6 counts 30 ms after 13, 5 counts 5 ms after 9."""
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.3 * COUNT])
+def test_all_jumps_of_a_joint_are_told_and_removed(tmp_path: Path, noise: float) -> None:
+    """Only the largest of a recording was."""
+    rng, t = np.random.default_rng(7), np.arange(0.0, 8.0, 1e-3)
+    true = np.column_stack([0.4 * np.sin(0.9 * t), *np.zeros((5, len(t)))])
+    offset = sum(counts * (t > time - 1e-9) for time, counts in MISSED)
+    q = np.round(true / COUNT) * COUNT + rng.normal(0.0, noise, true.shape)
+    q[:, 0] += offset * COUNT
+    write_table(tmp_path / "a.mcap", t, {"q": q, "i": np.cos(0.9 * t[:, None] + np.arange(6))}, Attachments())
+    found = screened(ARM, [open_recording(tmp_path / "a.mcap")])
+    (event,) = found.events
+    assert [(one.file, one.joint) for one in event.encoder_jumps] == [("a.mcap", 1)] * len(MISSED)
+    assert [one.time for one in event.encoder_jumps] == pytest.approx([time for time, _ in MISSED], abs=1e-9)
+    assert [one.row for one in event.encoder_jumps] == [round(1e3 * time) for time, _ in MISSED]
+    assert np.max(np.abs([one.counts - counts for one, (_, counts) in zip(event.encoder_jumps, MISSED)])) <= 1
+    away = np.min(np.abs(t[:, None] - [time for time, _ in MISSED]), axis=1) > 0.05
+    assert np.max(np.abs(found.samples[0][1] - true)[away]) < (2 + 4 * (noise > 0)) * COUNT
+
+
+def test_several_jumps_have_a_line_each_and_those_of_one_recording_are_in_the_model() -> None:
+    jumps_of = [("a.mcap", 2000, 13), ("a.mcap", 4000, -9), ("b.mcap", 3000, 1)]
+    cause = Cause(
+        effect="missed_counts",
+        joint=2,
+        parameters=[Estimate("counts", 13.0, 1.0, "1"), Estimate("time", 2.0, 1e-3, "s")],
+        confidence=0.98,
+        before=1e-3,
+        after=1e-5,
+        group=(("missed_counts", 2),),
+        evidence="",
+        felt_at=2,
+        unit="rad",
+        encoder_jumps=tuple(EncoderJump(file=f, joint=2, row=r, time=1e-3 * r, counts=n) for f, r, n in jumps_of),
+    )
+    assert values_of(cause) == [
+        "13 counts gained before row 2000 (2.000 s) of a.mcap",
+        "9 counts lost before row 4000 (4.000 s) of a.mcap",
+        "1 count gained before row 3000 (3.000 s) of b.mcap",
+    ]
+    assert [dict(term.parameters) for term in cause.terms] == [
+        {"counts": 13.0, "time": 2.0},
+        {"counts": -9.0, "time": 4.0},
+    ]
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.3 * COUNT])

@@ -122,6 +122,7 @@ def from_event(event: Event, arm: Arm, data: Split[Dataset]) -> Cause:
         of_arm=all(observation.of_arm for observation in CATALOGUE[event.effect].observed_by.values()),
         of_joints={j: stated(values, arm.joints[j - 1]) for j, values in event.of_joints.items()},
         lost_rows=event.lost_rows,
+        encoder_jumps=event.encoder_jumps,
     )
 
 
