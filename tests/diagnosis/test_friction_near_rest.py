@@ -123,11 +123,11 @@ def _dry(stiffness: float) -> Friction:
     return friction
 
 
-@pytest.mark.parametrize("stiffness", [8_000.0, 80_000.0])
-def test_friction_that_builds_up_within_a_few_encoder_steps_is_named_without_a_damping_that_it_has_not(
+@pytest.mark.parametrize("stiffness", [80.0, 8_000.0, 80_000.0])
+def test_friction_that_builds_up_within_few_encoder_steps_or_most_of_a_motion_is_named_without_a_damping_it_has_not(
     stiffness: float,
 ) -> None:
-    """Within 1.3 and 0.13 mrad; the encoder's step is 0.02 mrad."""
+    """Within 125, 1.3 and 0.13 mrad; the encoder's step is 0.02 mrad, the motions are of some 0.9 rad."""
     (cause,) = _named(_dry(stiffness))
     assert cause.key == ("presliding_friction", 1)
     found = {p.name: p for p in cause.parameters}

@@ -19,6 +19,8 @@ WIDTHS = np.array([0.03, 0.1, 0.2, 0.3, 0.45, 0.65, 0.8, 1.0, 1.25, 1.6, 2.0, 2.
 """Smoothing velocities that are tried, as multiples of the model's own."""
 STIFFNESSES, REFINED, BETWEEN = 9, 2, 5
 """Stiffnesses of bristles that are tried; how often values are tried about the best so far, and how many of each."""
+SOFTEST = 0.2
+"""Share of the travel over which the softest bristles that are tried build up their friction."""
 RESOLVED = 2.0
 """Standard deviations of a recorded angle over which friction must build up to differ from friction without a
 state."""
@@ -126,7 +128,8 @@ def _grid(every: Sequence[NearRest], effect: Effect) -> dict[str, Array]:
         if p.scale is Scale.YIELD:
             noise, travel = (max(of(part.run, one.joint) for part in every) for of in (position_noise, _travel))
             stiffest = max(drive.rest_friction) / max(RESOLVED * noise, min(p.shares) * travel)
-            grid[p.name] = np.geomspace(min(p.search), max(stiffest, 2.0 * min(p.search)), STIFFNESSES)
+            softest = min(min(p.search), max(drive.rest_friction) / (SOFTEST * travel))
+            grid[p.name] = np.geomspace(softest, max(stiffest, 2.0 * softest), STIFFNESSES)
     if effect.rate is None:
         grid["width"] = WIDTHS * drive.sign_velocity
     return grid
