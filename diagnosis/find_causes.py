@@ -17,6 +17,7 @@ from daq.recording import Recording
 from diagnosis.cause import Cause, EffectKey, extend
 from diagnosis.closed_loop import resonance
 from diagnosis.closed_loop.comparison import with_smoothing_velocities
+from diagnosis.closed_loop.friction import friction_in_loop
 from diagnosis.measurements.currents.basis_functions import TWO_FACED
 from diagnosis.measurements.currents.causes import from_axis
 from diagnosis.measurements.currents.columns import candidates
@@ -26,6 +27,7 @@ from diagnosis.measurements.currents.model_errors import model_uncertainty
 from diagnosis.measurements.currents.search import Found
 from diagnosis.measurements.currents.shortage import Shortage, shortage
 from diagnosis.measurements.near_rest.friction import friction_causes
+from diagnosis.measurements.near_rest.passages import known_speed
 from diagnosis.measurements.near_rest.time_at_rest import with_rise_at_rest
 from diagnosis.measurements.single_axis.causes import AxisSide, axis_side, with_sharp_friction
 from diagnosis.per_recording.search import per_recording
@@ -101,7 +103,7 @@ def _named(model: Arm, known: Sequence[Cause], recordings: Recordings, screened:
     sight = residuals_of(arm, screened, progress)
     named = _settled(arm, sight, recordings, excluded, progress)
     progress("judging friction near rest")
-    if near_rest := _near_rest(named, excluded):
+    if near_rest := _near_rest(named, recordings, excluded):
         # the others are searched for again, with that friction in the model
         known, excluded = [*known, *near_rest], excluded | {cause.key for cause in near_rest}
         arm = extend(model, known)
@@ -132,7 +134,7 @@ def _settled(arm: Arm, sight: Residuals, recordings: Recordings, excluded: Set[E
     return named
 
 
-def _near_rest(named: Named, excluded: Set[EffectKey]) -> tuple[Cause, ...]:
+def _near_rest(named: Named, recordings: Recordings, excluded: Set[EffectKey]) -> tuple[Cause, ...]:
     """Friction that shows where joints turn or creep, beside what the search named.
 
     Of an arm whose model is exact: what an identified model leaves over there is not known.
@@ -146,9 +148,18 @@ def _near_rest(named: Named, excluded: Set[EffectKey]) -> tuple[Cause, ...]:
     for one in named.found.unexplained.structures:
         if one.joint is not None and one.against in TWO_FACED:
             given.setdefault(one.joint, []).append(Variable(one.against))
-    return tuple(
-        friction_causes(state.data.map(lambda part: part.runs), state.terms, taken, tuple(named.library), given)
-    )
+    found = friction_causes(state.data.map(lambda part: part.runs), state.terms, taken, tuple(named.library), given)
+    return (*found, *_in_loop(named, recordings, [*taken, *(cause.key for cause in found)]))
+
+
+def _in_loop(named: Named, recordings: Recordings, taken: Sequence[EffectKey]) -> list[Cause]:
+    """The same by closed loops, at joints whose encoder does not show the speed that currents are judged at."""
+    runs = [run for part in named.found.state.data for run in part.runs]
+    coarse = [j for j in range(1, len(named.arm) + 1) if not any(known_speed(run, j) for run in runs)]
+    if not coarse:
+        return []
+    every = [replace(r, q=q, i=i) for r, (_, q, i) in zip((*recordings.fit, *recordings.held_out), named.sight.samples)]
+    return friction_in_loop(extend(named.base, named.causes), every, coarse, taken)
 
 
 def _searched(

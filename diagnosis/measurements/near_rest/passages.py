@@ -111,7 +111,7 @@ def near_rest(
 
     given: variables of another law; what functions of them, one per direction, explain is ``beside``.
     """
-    found = [_of_run(run, joint, terms) for run in runs if run.powered and _known_speed(run, joint)]
+    found = [_of_run(run, joint, terms) for run in runs if run.powered and known_speed(run, joint)]
     return [_given(one, given) for one in found if one.rows.any()]
 
 
@@ -131,7 +131,7 @@ def _given(one: NearRest, variables: Collection[Variable]) -> NearRest:
     return replace(one, residual=one.apart(one.residual))
 
 
-def _known_speed(run: Run, joint: int) -> bool:
+def known_speed(run: Run, joint: int) -> bool:
     """Whether the encoder shows the speed of a joint to a fraction of that at which it stands."""
     return speed_noise(run, joint) < SPEED_NOISE
 

@@ -1,0 +1,238 @@
+"""Friction that builds up gradually, by position errors in closed loop, where the encoder is too coarse for currents.
+
+Near rest, currents are judged along the measured motion, which takes the speed of the joint: an encoder must show it to
+a few mrad/s. The closed loop on the recorded demands takes no measured speed. Where friction builds up over a distance,
+a joint lags its demand less after each reversal, and the counted angles show that over a few counts. Stiffness and
+damping are simulated in batches, one pair per lane, beside other smoothing velocities of the model's own friction;
+every recording is predicted by the lane that fits all others best.
+
+A hump is not searched for: it moves a joint by less than what servos leave of healthy recordings (decision 0042).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from arm_io.types import Array
+from arm_model import Arm, EffectTerm
+from arm_model.effects import Effect, friction_near_rest
+from arm_model.sensing import recorded
+from arm_model.simulation import simulate_batch
+from daq.recording import Recording
+from diagnosis.cause import Cause, EffectKey, Estimate, Signal, confidence_of
+from diagnosis.closed_loop.comparison import SMOOTHING, has_demand
+from diagnosis.closed_loop.resonance import late
+from diagnosis.residual.expected_current import COMPARE_BAND, low_pass, rate_of
+from diagnosis.residual.noise import angle_noise
+from diagnosis.residual.run import ROWS_PER_SECOND, kept
+from diagnosis.residual.run_setup import set_up
+from diagnosis.units import unit_at
+from identification.preprocessing import demand_of_run
+from identification.selection import Thresholds, p_value
+from identification.selection.cluster_covariance import cluster_covariance
+
+SOFTEST, RESOLVED = 0.2, 2.0
+"""Friction builds up over at most this share of the travel, and at least this number of std of a counted angle."""
+STIFFNESSES, DAMPINGS = 10, np.array([0.0, 0.5, 2.0, 8.0])
+"""Number of stiffnesses that are tried, each with these dampings, as multiples of friction over the highest speed."""
+STEPS, STEP, FARTHEST = 4, 0.05, 0.5
+"""Gauss-Newton steps from the best lane; relative step of a derivative; largest change of a logarithm in a step."""
+RESOLVES = 1.0 / (2 * np.pi * COMPARE_BAND)
+"""s: delays of a loop that the band of comparison does not resolve. A stiffness that is late is a damping less."""
+END_SECONDS = 0.2
+"""Left out at both ends of a recording: filter transients."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrictionLimits(Thresholds):
+    """What friction that builds up must satisfy.
+
+    left         share of the squared position error of the best smoothing velocity that it may leave: 0.02 to 0.07
+                 where it is there; 0.3 and more beside stick-slip, 1.2 and more where nothing is
+    current      share of the squared error of the current that it may leave
+    significant  probability that as many one-second blocks gain by chance, over all joints
+    """
+
+    left: float = 0.15
+    current: float = 1.0
+    significant: float = 0.01
+
+
+LIMITS = FrictionLimits()
+
+
+def friction_in_loop(
+    arm: Arm, recordings: Sequence[Recording], joints: Sequence[int], taken: Collection[EffectKey]
+) -> list[Cause]:
+    """Friction with a state at ``joints`` (from 1), one cause per joint at most.
+
+    arm: with all that is known of it. taken: effects that are known or excluded.
+    """
+    usable = [r for r in recordings if has_demand(r)]
+    if arm.controller is None or len(usable) < 2:
+        return []
+    laws = [effect for effect in friction_near_rest() if effect.rate is not None]
+    near = {effect.name for effect in friction_near_rest()}
+    found = []
+    for joint in joints:
+        if max(arm.joints[joint - 1].rest_friction) == 0.0 or any((name, joint) in taken for name in near):
+            continue
+        found += [_judged(arm, usable, joint, effect, len(joints) * len(laws)) for effect in laws]
+    return [cause for cause in found if cause is not None]
+
+
+@dataclass(frozen=True)
+class _Lanes:
+    """Errors of the closed loops of some lanes at one joint.
+
+    values: of each parameter, (lanes,); angle rad and current A: (lanes, m) per recording
+    """
+
+    values: dict[str, Array]
+    angle: list[Array]
+    current: list[Array]
+
+    def of(self, lane: int) -> Array:
+        """Angle errors of all recordings in one lane."""
+        return np.concatenate([part[lane] for part in self.angle])
+
+    @property
+    def best(self) -> int:
+        """The lane that leaves least of the angles of all recordings."""
+        return int(np.argmin(sum(np.sum(part**2, axis=1) for part in self.angle)))
+
+
+def _lanes(arm: Arm, recordings: Sequence[Recording], joint: int, values: dict[str, Array]) -> _Lanes:
+    """Loops with ``values`` (lanes,) of parameters of the joint (``arm_model.parameters``)."""
+    angle, current, j = list[Array](), list[Array](), joint - 1
+    for r in recordings:
+        own = set_up(arm, r)
+        t, rate = r.t - r.t[0], rate_of(r.t)
+        lanes = {f"joint{joint}.{name}": of for name, of in values.items()}
+        shown = recorded(own, simulate_batch(own, demand_of_run(r, own), t, parameters=lanes))
+        errors = [_errors(r, j, q[:, j], i[:, j], rate) for q, i in zip(shown.q, shown.current)]
+        angle.append(np.stack([error for error, _ in errors]))
+        current.append(np.stack([error for _, error in errors]))
+    return _Lanes(values, angle, current)
+
+
+def _errors(r: Recording, j: int, q: Array, i: Array, rate: float) -> tuple[Array, Array]:
+    """(m,) rad and A: measured less simulated in the band of comparison, without what a late demand makes of it.
+
+    A loop that is not stable is as wrong as none.
+    """
+    if not (np.isfinite(q).all() and np.isfinite(i).all()):
+        q, i = (np.full_like(one[:, j], one[:, j].mean()) for one in (r.q, r.i))
+    speed, rise, end = np.gradient(q, r.dt), np.gradient(i, r.dt), round(END_SECONDS * ROWS_PER_SECOND)
+    delay = late((r.q[:, j] - q)[:, None], speed[:, None])
+    angle, current = (
+        low_pass(measured[:, j] - simulated + delay * slope, COMPARE_BAND, rate)[kept(rate)][end:-end]
+        for measured, simulated, slope in ((r.q, q, speed), (r.i, i, rise))
+    )
+    return angle, current
+
+
+def _predicted(lanes: _Lanes) -> tuple[list[Array], list[Array]]:
+    """What angles and currents leave of each recording in the lane that fits the angles of all others best."""
+    energy = np.array([np.sum(part**2, axis=1) for part in lanes.angle])
+    best = [int(np.argmin(energy.sum(axis=0) - own)) for own in energy]
+    angle, current = ([part[lane] for part, lane in zip(parts, best)] for parts in (lanes.angle, lanes.current))
+    return angle, current
+
+
+def _judged(arm: Arm, recordings: Sequence[Recording], joint: int, effect: Effect, tests: int) -> Cause | None:
+    drive = arm.joints[joint - 1]
+    turned = _predicted(_lanes(arm, recordings, joint, {"sign_velocity": drive.sign_velocity * SMOOTHING}))
+    tried = _lanes(_with(arm, effect, joint), recordings, joint, _grid(recordings, arm, joint, effect))
+    held = _predicted(tried)
+    before, after = ([float(sum(part @ part for part in signal)) for signal in side] for side in (turned, held))
+    chance = tests * p_value(_gains(turned[0], held[0]))
+    if after[0] > LIMITS.left * before[0] or after[1] > LIMITS.current * before[1] or chance > LIMITS.significant:
+        return None
+    stiffness, found = tried.values[_stiffness(effect)], _estimates(arm, recordings, joint, effect, tried)
+    if not stiffness.min() < found[0].value < stiffness.max():
+        return None
+    rms = [float(np.sqrt(side[0] / sum(map(len, held[0])))) for side in (before, after)]
+    unit = unit_at(drive, "rad")
+    return Cause(
+        effect=effect.name,
+        joint=joint,
+        parameters=found,
+        confidence=confidence_of(min(1.0, chance)),
+        before=rms[0],
+        after=rms[1],
+        group=((effect.name, joint),),
+        evidence=f"{effect.shows}: in closed loop, where every recording is predicted from the others, the position "
+        f"error of joint {joint} falls from {rms[0]:.3g} to {rms[1]:.3g} {unit} rms; its encoder is too coarse to "
+        "judge currents near rest",
+        felt_at=joint,
+        unit=unit,
+        signal=Signal.ANGLE,
+    )
+
+
+def _stiffness(effect: Effect) -> str:
+    return f"{effect.name}.{next(p.name for p in effect.parameters if p.search and not p.fixed)}"
+
+
+def _damping(effect: Effect) -> str:
+    return f"{effect.name}.{next(p.name for p in effect.parameters if p.fixed)}"
+
+
+def _with(arm: Arm, effect: Effect, joint: int) -> Arm:
+    term = EffectTerm(effect.name, joint, {p.name: p.search[0] for p in effect.parameters if p.search})
+    return replace(arm, effects=(*arm.effects, term))
+
+
+def _grid(recordings: Sequence[Recording], arm: Arm, joint: int, effect: Effect) -> dict[str, Array]:
+    """Stiffnesses that the encoder shows, each with every damping."""
+    friction, j = max(arm.joints[joint - 1].rest_friction), joint - 1
+    travel = max(float(np.ptp(r.q[:, j])) for r in recordings)
+    noise = max(float(angle_noise(r.q[:, [j]])[0]) for r in recordings)
+    smooth = [low_pass(r.q[:, j], COMPARE_BAND, rate_of(r.t)) for r in recordings]
+    fastest = max(float(np.max(np.abs(np.gradient(q, r.dt)))) for q, r in zip(smooth, recordings))
+    softest, stiffest = friction / (SOFTEST * travel), friction / (RESOLVED * noise)
+    stiffness, damping = np.meshgrid(
+        np.geomspace(softest, stiffest, STIFFNESSES), DAMPINGS * friction / fastest, indexing="ij"
+    )
+    return {_stiffness(effect): stiffness.ravel(), _damping(effect): damping.ravel()}
+
+
+def _estimates(arm: Arm, recordings: Sequence[Recording], joint: int, effect: Effect, tried: _Lanes) -> list[Estimate]:
+    """Stiffness and damping with std, refined from the best lane; errors of different seconds are independent."""
+    names, best = (_stiffness(effect), _damping(effect)), tried.best
+    value, damping = (float(tried.values[name][best]) for name in names)
+    moved = STEP * float(np.max(tried.values[names[1]])) / DAMPINGS[-1]
+    for _ in range(STEPS):
+        values = np.array([value, value * (1.0 + STEP), value]), np.array([damping, damping, damping + moved])
+        around = _lanes(_with(arm, effect, joint), recordings, joint, dict(zip(names, values)))
+        slopes = np.stack([around.of(1) - around.of(0), around.of(2) - around.of(0)], axis=1) / [STEP, moved]
+        step = -np.linalg.lstsq(slopes, around.of(0), rcond=None)[0]
+        last = value, damping
+        value *= float(np.exp(np.clip(step[0], -FARTHEST, FARTHEST)))
+        damping = max(damping + float(step[1]), 0.0)
+    seconds = [np.arange(part.shape[1]) // ROWS_PER_SECOND for part in around.angle]
+    first = np.cumsum([0, *(int(own[-1]) + 1 for own in seconds[:-1])])
+    cluster = np.concatenate([own + k for own, k in zip(seconds, first)])
+    std = np.sqrt(np.diag(cluster_covariance(slopes, [around.of(0)], cluster))) * [last[0], 1.0]
+    std[1] = np.hypot(std[1], RESOLVES * last[0])
+    drive = arm.joints[joint - 1]
+    return [
+        Estimate(
+            name.split(".")[1],
+            at,
+            float(np.hypot(by, effect.model_error * at)),
+            unit_at(drive, effect[name.split(".")[1]].unit),
+        )
+        for name, at, by in zip(names, last, std)
+    ]
+
+
+def _gains(before: Sequence[Array], after: Sequence[Array]) -> Array:
+    """(blocks,) fall of the squared error in every second of every recording."""
+    return np.concatenate(
+        [np.add.reduceat(a**2 - b**2, np.arange(0, len(a), ROWS_PER_SECOND)) for a, b in zip(before, after)]
+    )
