@@ -31,6 +31,7 @@ from diagnosis.closed_loop.comparison import (
     with_smoothing_velocities,
 )
 from diagnosis.closed_loop.model_errors import healthy, spreads
+from diagnosis.closed_loop.oscillation import with_oscillations
 from diagnosis.confidence import stated
 from diagnosis.find_causes import Named, Recordings, has_dynamics, named_causes
 from diagnosis.measurements.currents.causes import from_event
@@ -314,7 +315,8 @@ def _in_loop(
             extended, [r for r, _ in looped], [run for _, run in looped], [one for _, one in verified.compared[side]]
         )
 
-    return clear_errors(verified.compared, runs, reported, spread, healthy(extended))
+    found = clear_errors(verified.compared, runs, reported, spread, healthy(extended))
+    return with_oscillations(found, (after for several in verified.compared.values() for _, after in several), extended)
 
 
 def _judged(structures: Sequence[Structure], shortage: Shortage | None) -> list[Structure]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import ndimage, signal
 
 from arm_io.types import Array
@@ -34,10 +35,19 @@ def wave_of(residual: Array, side: Dataset, joint: int) -> str | None:
     if not len(power):
         return None
     band = (frequency >= SLOWEST) & (frequency <= COMPARE_BAND)
+    found = peak(frequency, power, band)
+    return None if found is None else f"a wave of {found[0]:.1f} Hz"
+
+
+def peak(frequency: Array, power: Array, band: NDArray[np.bool_]) -> tuple[float, slice] | None:
+    """Hz of a frequency that stands out of a spectrum in a band, and the places that belong to it; or None.
+
+    frequency, power, band: (k,) Hz in steps of 1 / SECONDS, power, and where to search.
+    """
     inside = np.where(band, power, 0.0)
     half = round(WIDTH * SECONDS)
     top = int(np.argmax(ndimage.uniform_filter1d(inside, 2 * half + 1, mode="constant")))
     here, below = slice(max(0, top - half), top + half + 1), slice(max(0, top - 3 * half - 1), max(0, top - half))
-    if inside[here].sum() < SHARE * inside.sum() or inside[here].sum() < PEAK * power[below].sum():
+    if not inside.any() or inside[here].sum() < max(SHARE * inside.sum(), PEAK * power[below].sum()):
         return None
-    return f"a wave of {float(np.average(frequency[here], weights=inside[here])):.1f} Hz"
+    return float(np.average(frequency[here], weights=inside[here])), here

@@ -22,6 +22,7 @@ from diagnosis.cause import NO_VARIABLE, Signal
 from diagnosis.closed_loop.clear_errors import LIMITS, clear_errors
 from diagnosis.closed_loop.comparison import Compared
 from diagnosis.closed_loop.model_errors import drawn
+from diagnosis.closed_loop.oscillation import oscillation
 from diagnosis.closed_loop.setpoint_phase import lag_of
 from diagnosis.residual.expected_current import rate_of
 from diagnosis.residual.run import kept, residual_run
@@ -176,3 +177,23 @@ def test_a_current_that_oscillates_at_47_hz_is_not_consistent(root: Path, tmp_pa
     assert {(one.joint, one.signal) for one in result.details.unexplained} == {(2, Signal.CLOSED_LOOP)}
     assert "the current in closed loop of joint 2 against frequencies of 20 to 100 Hz" in str(result)
     assert "loop_band" in result.to_json()["limits"]["verdict"]
+    assert "it oscillates at 47.0 Hz, with an amplitude of 100 mA, and the angle does not" in str(result)
+
+
+@pytest.mark.parametrize("frequency", [5.3, 38.0])
+def test_a_servo_that_oscillates_is_told_with_frequency_and_amplitudes(frequency: float) -> None:
+    """A relay's rectangular current, and the angle that it moves: the first harmonic of a rectangle is 4 / pi of it."""
+    phase = 2 * np.pi * frequency * T + 0.3 * np.cumsum(np.random.default_rng(2).normal(size=len(T))) / np.sqrt(RATE)
+    one = _compared(0.2 * np.sign(np.sin(phase)))
+    angle = one.angle + np.column_stack([0.0 * T, 1e-3 * np.sin(phase)])
+    band = (2.0, 20.0) if frequency < 20.0 else (20.0, 100.0)
+    found = oscillation([replace(one, angle=angle)] * 2, 2, band)
+    assert found is not None
+    assert abs(found.frequency - frequency) < 0.1
+    assert found.current == pytest.approx(0.2 * 4 / np.pi, rel=0.1) and found.angle == pytest.approx(1e-3, rel=0.1)
+
+
+def test_noise_and_breaking_away_do_not_oscillate() -> None:
+    for wrong in (0.0 * T, 30 * BELOW * (T > 15.0), BELOW * np.cumsum(np.random.default_rng(3).normal(size=len(T)))):
+        for band in ((2.0, 20.0), (20.0, 100.0)):
+            assert oscillation([_compared(wrong)], 2, band) is None

@@ -1,0 +1,92 @@
+"""Frequency and amplitude of what a closed loop leaves, where a servo oscillates by itself (a limit cycle)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import signal
+
+from arm_io.types import Array
+from arm_model import Arm
+from diagnosis.cause import NO_VARIABLE, Signal, Structure
+from diagnosis.closed_loop.clear_errors import HIGHEST
+from diagnosis.closed_loop.comparison import Compared
+from diagnosis.residual.expected_current import COMPARE_BAND, rate_of
+from diagnosis.selection.waves import SECONDS, SLOWEST, peak
+from diagnosis.units import readable, rounded, unit_at
+
+LEAST_ANGLE = 1e-7
+"""rad (m): no encoder of a joint resolves less."""
+
+
+@dataclass(frozen=True)
+class Oscillation:
+    """Hz; amplitudes of current (in its own unit) and angle (rad, m), as of a sine that is as strong all the time."""
+
+    frequency: float
+    current: float
+    angle: float
+
+
+def with_oscillations(structures: Sequence[Structure], compared: Iterable[Compared], arm: Arm) -> list[Structure]:
+    """Structures of the closed loop, those that are mostly an oscillation with its frequency and amplitudes."""
+    every, found = list(compared), []
+    for one in structures:
+        own = None
+        if one.signal is Signal.CLOSED_LOOP and one.joint is not None:
+            band = (SLOWEST, COMPARE_BAND) if one.against == NO_VARIABLE else (COMPARE_BAND, HIGHEST)
+            own = oscillation(every, one.joint, band)
+        found.append(one if own is None else replace(one, size=f"{one.size}: {_words(own, arm, one.joint or 1)}"))
+    return found
+
+
+def oscillation(compared: Sequence[Compared], joint: int, band: tuple[float, float]) -> Oscillation | None:
+    """What a joint (from 1) does at one frequency in a ``band`` (Hz) and its loop does not; None where none stands out.
+
+    Recordings of one rate, that of the first.
+    """
+    alike = [one for one in compared if len(one.t) >= _segment(one) and np.isclose(_rate(one), _rate(compared[0]))]
+    if not alike:
+        return None
+    powers = [
+        _power([getattr(one, of) - getattr(one, f"simulated_{of}") for one in alike], joint, alike)
+        for of in ("current", "angle")
+    ]
+    frequency: Array = np.asarray(np.fft.rfftfreq(_segment(alike[0]), 1.0 / _rate(alike[0])), float)
+    inside = (frequency >= band[0]) & (frequency <= min(band[1], 0.45 * _rate(alike[0])))
+    found = peak(frequency, powers[0], inside)
+    if found is None:
+        return None
+    at, here = found
+    current, angle = (float(np.sqrt(2.0 * power[here].sum() * frequency[1])) for power in powers)
+    return Oscillation(at, current, angle)
+
+
+def _rate(one: Compared) -> float:
+    return rate_of(one.t)
+
+
+def _segment(one: Compared) -> int:
+    return round(SECONDS * _rate(one))
+
+
+def _power(errors: Sequence[Array], joint: int, compared: Sequence[Compared]) -> Array:
+    """Mean power density of errors (m, n) of a joint over all recordings, by their lengths."""
+    of_each = [
+        signal.welch(error[:, joint - 1], _rate(one), nperseg=_segment(one))[1] for error, one in zip(errors, compared)
+    ]
+    return np.asarray(np.average(of_each, axis=0, weights=[len(error) for error in errors]))
+
+
+def _words(own: Oscillation, arm: Arm, joint: int) -> str:
+    """``it oscillates at 5.3 Hz, with amplitudes of 120 mA and 0.034 mrad``."""
+    drive = arm.joints[joint - 1]
+    sizes = []
+    for size, unit in ((own.current, drive.command_unit), (own.angle, unit_at(drive, "rad"))):
+        factor, said = readable(unit, (size,))
+        sizes.append(f"{rounded(size * factor, 2)} {said}")
+    if own.angle < LEAST_ANGLE:
+        return f"it oscillates at {own.frequency:.1f} Hz, with an amplitude of {sizes[0]}, and the angle does not"
+    return f"it oscillates at {own.frequency:.1f} Hz, with amplitudes of {sizes[0]} and {sizes[1]}"
