@@ -89,7 +89,7 @@ class EncoderJump:
 
     file   name of the recording; joint: from 1
     row    the first with the offset, from 0; time: s of that row
-    counts  gained; negative: lost
+    counts  gained; negative: lost; std: of their number
     """
 
     file: str
@@ -97,6 +97,7 @@ class EncoderJump:
     row: int
     time: float
     counts: int
+    std: float
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -149,9 +149,9 @@ def _lost(one: LostRows) -> str:
 
 
 def _missed(one: EncoderJump) -> str:
-    """``27 counts lost before row 5000 (5.000 s) of a.mcap``."""
-    counts = f"{abs(one.counts)} count{'s' if abs(one.counts) != 1 else ''} {'lost' if one.counts < 0 else 'gained'}"
-    return f"{counts} before row {one.row} ({one.time:.3f} s) of {one.file}"
+    """``27 ± 2 counts lost before row 5000 (5.000 s) of a.mcap``."""
+    number, fate = f"{abs(one.counts)} ± {rounded(2 * one.std, 2)}", "lost" if one.counts < 0 else "gained"
+    return f"{number} counts {fate} before row {one.row} ({one.time:.3f} s) of {one.file}"
 
 
 def uncertain(one: Estimate) -> bool:

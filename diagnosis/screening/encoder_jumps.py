@@ -56,7 +56,7 @@ def _event(recordings: Sequence[Recording], drive: Joint, joint: int, found: Seq
         effect=MISSED_COUNTS.name,
         joint=joint,
         parameters=[
-            Estimate("counts", float(np.round(size / step)), max(1.0, 0.01 * abs(size / step)), "1"),
+            Estimate("counts", float(np.round(size / step)), _std(size / step), "1"),
             Estimate("time", float(r.t[largest.row]), r.dt, "s"),
             Estimate("resolution", step, 0.01 * step, "rad"),
         ],
@@ -72,10 +72,16 @@ def _event(recordings: Sequence[Recording], drive: Joint, joint: int, found: Seq
                 row=jump.row,
                 time=float(recordings[k].t[jump.row]),
                 counts=round(jump.size / steps[k]),
+                std=_std(jump.size / steps[k]),
             )
             for k, jump in found
         ),
     )
+
+
+def _std(counts: float) -> float:
+    """Of a number of counts, by the parabolas on both sides of a jump."""
+    return max(1.0, 0.01 * abs(counts))
 
 
 def turned_per_row(q: Array, row: int, dt: float) -> float:

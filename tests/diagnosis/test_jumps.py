@@ -79,12 +79,14 @@ def test_several_jumps_have_a_line_each_and_those_of_one_recording_are_in_the_mo
         evidence="",
         felt_at=2,
         unit="rad",
-        encoder_jumps=tuple(EncoderJump(file=f, joint=2, row=r, time=1e-3 * r, counts=n) for f, r, n in jumps_of),
+        encoder_jumps=tuple(
+            EncoderJump(file=f, joint=2, row=r, time=1e-3 * r, counts=n, std=1.0) for f, r, n in jumps_of
+        ),
     )
     assert values_of(cause) == [
-        "13 counts gained before row 2000 (2.000 s) of a.mcap",
-        "9 counts lost before row 4000 (4.000 s) of a.mcap",
-        "1 count gained before row 3000 (3.000 s) of b.mcap",
+        "13 ± 2 counts gained before row 2000 (2.000 s) of a.mcap",
+        "9 ± 2 counts lost before row 4000 (4.000 s) of a.mcap",
+        "1 ± 2 counts gained before row 3000 (3.000 s) of b.mcap",
     ]
     assert [dict(term.parameters) for term in cause.terms] == [
         {"counts": 13.0, "time": 2.0},
