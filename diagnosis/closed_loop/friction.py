@@ -6,7 +6,7 @@ a joint lags its demand less after each reversal, and the counted angles show th
 damping are simulated in batches, one pair per lane, beside other smoothing velocities of the model's own friction;
 every recording is predicted by the lane that fits all others best.
 
-A hump is not searched for: it moves a joint by less than what servos leave of healthy recordings (decision 0042).
+A hump is not searched for: it moves a joint by less than what servos leave of healthy recordings (decision 0043).
 """
 
 from __future__ import annotations
