@@ -107,6 +107,17 @@ def test_friction_that_changes_while_it_is_recorded_is_no_drift(kind: str, tmp_p
     assert result.to_json()["causes"][0]["terms"] == [{"term": "change with time", "parameters": ["change"]}]
 
 
+def test_a_short_held_out_recording_does_not_name_what_the_fitted_ones_contradict(tmp_path: Path) -> None:
+    """In four seconds, Coulomb friction explains as much as load friction that grows; the fitted ones contradict it."""
+    torque = _at_joint_2(lambda q, v, t, load: 0.1 * (0.6 + 0.8 * t / 20.0) * np.abs(load) * np.tanh(v / REST))
+    arm = NumpyArm(_rubbing(straight(5.0, 5.0), straight(5.0, 5.0)), torque=torque)
+    fit, held_out = arm.record(tmp_path / "fit.mcap", 1), arm.record(tmp_path / "held_out.mcap", 2, seconds=4.0)
+    result = armscope.diagnose(fit, model((COULOMB[0], (5.0, 5.0)), VISCOUS), held_out=held_out)
+    assert _named(result) == [("load_friction", 2)] and result.verdict == "explained"
+    sizes = _sizes(result)
+    assert (sizes["mu"], sizes["change"]) == pytest.approx((0.06, 0.004), rel=0.03)
+
+
 def test_both_orders_of_an_encoder_are_one_cause(tmp_path: Path) -> None:
     def error(motor: np.ndarray) -> np.ndarray:
         second = motor[:, 1]

@@ -205,10 +205,12 @@ class Currents(MeasurementModel[Candidate, State]):
 
     def stalled(self, state: State) -> State | None:
         """Two effects that hide each other may enter together, or a rival take the place of a cause."""
-        joints = joints_above_noise(state.fitted, state.data.held_out, self.arm)
+        joints = joints_above_noise(state.fitted.held_out, state.data.held_out, self.arm)
         both = pair_of(self.library, state.fitted, state.data, joints, self._taken(state))
         if not both:
-            return self._swapped(state, joints)
+            # what a law leaves in the fitted recordings alone, another one may explain as well
+            in_fit = joints_above_noise(state.fitted.fit, state.data.fit, self.arm)
+            return self._swapped(state, {*joints, *in_fit})
         held_out = state.data.held_out
         alone = {c.key: [score(c, self.library[c], state.fitted, held_out)] for c in both}
         return State(self, (*state.chosen, *both), state.data, {**state.rivals, **alone})
@@ -250,7 +252,7 @@ class Currents(MeasurementModel[Candidate, State]):
                 return _replaced(trial, sharp, refined(with_term, others, self.data.fit))
         return trial
 
-    def _swapped(self, state: State, joints: Sequence[int]) -> State | None:
+    def _swapped(self, state: State, joints: Set[int]) -> State | None:
         """With a rival, and the next-order terms of its law, in the place of a cause of one of the ``joints``.
 
         Where what is left falls to ``LIMITS.swapped`` of it: the nearest single law need not be the one whose terms

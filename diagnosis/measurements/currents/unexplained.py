@@ -82,9 +82,9 @@ def _most_likely(shapes: Sequence[Shape], fitted: Fitted, held_out: Dataset, joi
     return Structure(Signal.CURRENT, joint, shapes[best].name, float(gains[best].sum()) / before)
 
 
-def joints_above_noise(fitted: Fitted, held_out: Dataset, arm: Arm) -> list[int]:
-    """Joints whose residual exceeds the noise, the largest residual-to-noise ratio first."""
-    by_joint = {joint: noise_ratio(fitted.held_out, held_out, joint) for joint in range(1, len(arm) + 1)}
+def joints_above_noise(residual: Array, side: Dataset, arm: Arm) -> list[int]:
+    """Joints whose ``residual`` (n * rows,) exceeds the noise, the largest residual-to-noise ratio first."""
+    by_joint = {joint: noise_ratio(residual, side, joint) for joint in range(1, len(arm) + 1)}
     return sorted(
         (joint for joint, value in by_joint.items() if value > LIMITS.above_noise), key=lambda joint: -by_joint[joint]
     )
