@@ -170,3 +170,8 @@ def test_bodies_at_the_edge_of_what_is_possible_stay_possible_in_other_frames(in
             body = transform(body, pose)
         mass, _, about = about_com(body)
         assert unphysical(mass, about) is None
+
+
+def test_rounding_of_a_mass_point_that_is_back_at_its_origin_is_no_negative_inertia() -> None:
+    assert unphysical(0.034, (-2e-31, -1.7e-18, 1.7e-18, -2.9e-19, -1.3e-18, 1.1e-19)) is None
+    assert "not positive" in (unphysical(0.034, (1e-10, 1e-10, -1e-12, 0.0, 0.0, 0.0)) or "")
