@@ -16,7 +16,7 @@ import numpy as np
 from scipy import stats
 
 from arm_model.effects import CATALOGUE, Instrument, Variable
-from comparison import Change
+from comparison import Change, Quantity
 
 CHANCE = 0.01
 """p-value, of deviations that explain all scatter, below which it counts."""
@@ -52,8 +52,13 @@ def _with(one: Change, scatter: dict[int | None, float], freedom: int) -> Change
 
 def of_friction(one: Change) -> bool:
     """Whether what changed is friction, or a cause that friction may be taken for."""
-    kind = one.quantity.kind
-    return like_friction(effect_of(one.quantity.name)) if kind == "cause" else kind in ("friction", "curve")
+    return friction_like(one.quantity)
+
+
+def friction_like(quantity: Quantity) -> bool:
+    """Likewise, of a quantity."""
+    kind = quantity.kind
+    return like_friction(effect_of(quantity.name)) if kind == "cause" else kind in ("friction", "curve")
 
 
 def effect_of(quantity: str) -> str:

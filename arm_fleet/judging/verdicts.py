@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
 
 from arm_fleet.judging.alarms import Alarm, Night
-from arm_fleet.judging.scatter import effect_of
+from arm_fleet.judging.scatter import effect_of, friction_like, like_friction, of_friction
 from arm_fleet.plan import Plan
 from arm_fleet.tasks.store import Record
 from arm_fleet.tasks.task import State
-from comparison.trend import Trend, limit_sentence, sentence, trend_of
+from comparison import Quantity
+from comparison.trend import Movement, Trend, limit_sentence, sentence, trend_of
 
 FEWEST = 3
 """Results of a trend."""
@@ -38,9 +40,11 @@ class Verdict:
     """What is said of one arm.
 
     since, until  first and last night of the latest uninterrupted series of named nights; None: it has none
-    cause    what changed, in words: a cause that diagnoses name, else the quantity that changed most surely
+    cause    what changed, in words: the cause that changed in most nights of the series, else the quantity that changed
+             most surely
     trends   of its identifications and diagnoses; empty where nothing was named and no limit is set
-    moved    sentences about what moved, and limits
+    told     quantities that moved: of an arm whose temperature is recorded, friction only where a named night shows it
+    moved    sentences about them, and limits
     actions  what to do next
     key      of the last named night, whose report shows the cause
     failed   its nights without a result: night, state, reason
@@ -57,6 +61,7 @@ class Verdict:
     cause: str = ""
     p: float | None = None
     trends: tuple[Trend, ...] = ()
+    told: tuple[str, ...] = ()
     moved: tuple[str, ...] = ()
     actions: tuple[str, ...] = ()
     key: str | None = None
@@ -99,7 +104,8 @@ def verdict_of(
         else Condition.RETURNED
     )
     trends = _trends(plan, nights) if series or plan.limits else []
-    moved = [sentence(one, trend.histories) for trend in trends for one in trend.moved] if series else []
+    told = _told(trends, series, any(one.temperature is not None for one in nights))
+    moved = [sentence(one, trend.histories) for one, trend in told]
     moved += [limit_sentence(one, trend.histories) for trend in trends for one in trend.limited]
     by_key = {one["key"]: one for one in records}
     known = [one.moved.history.quantity.name for trend in trends for one in trend.movements]
@@ -113,6 +119,7 @@ def verdict_of(
         cause=_cause(series),
         p=min((one.corrected for one in series), default=None),
         trends=tuple(trends),
+        told=tuple(one.moved.history.quantity.name for one, _ in told),
         moved=tuple(moved),
         actions=tuple(_actions(condition, series, by_key, failed, trends)),
         key=series[-1].key if series else None,
@@ -134,12 +141,45 @@ def _last_series(alarms: Sequence[Alarm]) -> list[Alarm]:
 
 
 def _cause(series: Sequence[Alarm]) -> str:
-    """Of the latest named nights, the first that says it by a cause."""
+    """The cause that changed in most of the named nights, of several the surest in the last; else a parameter."""
+    latest = [one.quantity for alarm in reversed(series) for one in alarm.changes]
+    words = {place_of(one): one.words.partition(" of ")[2] or one.words for one in latest if one.kind == "cause"}
+    nights = _nights_of_causes(series)
+    if nights:
+        return words[max(nights, key=nights.__getitem__)]
+    return latest[0].words if latest else ""
+
+
+Place = tuple[str, int | None]
+"""Effect and joint."""
+
+
+def place_of(quantity: Quantity) -> Place:
+    """Of a parameter of a cause."""
+    return effect_of(quantity.name), quantity.joint
+
+
+def _nights_of_causes(series: Sequence[Alarm]) -> Counter[Place]:
+    """In how many nights each cause changed; of the same number, the surest of the latest night comes first."""
+    counts: Counter[Place] = Counter()
     for alarm in reversed(series):
-        named = [one.quantity for one in alarm.changes if one.quantity.kind == "cause"]
-        if named:
-            return named[0].words.partition(" of ")[2] or named[0].words
-    return next((alarm.changes[0].quantity.words for alarm in reversed(series) if alarm.changes), "")
+        # A cause has several parameters.
+        counts.update([*dict.fromkeys(place_of(one.quantity) for one in alarm.changes if one.quantity.kind == "cause")])
+    return counts
+
+
+def _told(trends: Sequence[Trend], series: Sequence[Alarm], heated: bool) -> list[tuple[Movement, Trend]]:
+    """What moved, what the named nights show first; friction that moved alone may only follow recorded temperature."""
+    if not series:
+        return []
+    changed = {one.quantity.name for alarm in series for one in alarm.changes}
+    moved = [(one, trend) for trend in trends for one in trend.moved]
+    found = []
+    for one, trend in moved:
+        quantity = one.moved.history.quantity
+        if quantity.name in changed or not (heated and friction_like(quantity)):
+            found.append((one, trend))
+    return sorted(found, key=lambda one: one[0].moved.history.quantity.name not in changed)
 
 
 def _trends(plan: Plan, nights: Sequence[Night]) -> list[Trend]:
@@ -155,9 +195,15 @@ def _trends(plan: Plan, nights: Sequence[Night]) -> list[Trend]:
 
 
 def _that_changed(causes: Sequence[Mapping[str, Any]], series: Sequence[Alarm]) -> list[Mapping[str, Any]]:
-    """Of the causes of a night those that changed; all where none did."""
-    quantities = {(effect_of(c.quantity.name), c.quantity.joint) for one in series for c in one.changes}
-    return [one for one in causes if (one["effect"], one["joint"]) in quantities] or list(causes)
+    """Of the causes of a night those that changed, in most nights first; else those that the changed parameters fit."""
+    nights = _nights_of_causes(series)
+    own = [one for one in causes if (one["effect"], one["joint"]) in nights]
+    if own:
+        return sorted(own, key=lambda one: -nights[one["effect"], one["joint"]])
+    changes = [one for alarm in series for one in alarm.changes]
+    joints = {one.quantity.joint for one in changes} | {None}
+    friction = all(map(of_friction, changes))
+    return [one for one in causes if one["joint"] in joints and (like_friction(one["effect"]) or not friction)]
 
 
 def _actions(
@@ -171,9 +217,10 @@ def _actions(
     found = []
     if condition is Condition.CHANGED:
         causes = records[series[-1].key]["value"].get("causes", []) if series[-1].key in records else []
-        for cause in _that_changed(causes, series):
+        fitting = _that_changed(causes, series)
+        for cause in fitting:
             found += [f"{one['title']}: {one['check']}" for one in cause.get("origins", [])[:CHECKS]]
-        if not causes:
+        if not fitting:
             found.append("Record the same experiments once more, with more speed, so that diagnose can name a cause")
     for trend in trends:
         found += [

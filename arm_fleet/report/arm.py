@@ -18,13 +18,13 @@ MOST_PANELS = 12
 
 def arm_page(arm: Verdict, tasks: Sequence[TaskLine], alarms: Sequence[Alarm]) -> Report:
     """Histories of what changed, and the nights with their reports."""
-    changed = {change.quantity.name for one in alarms if one.named for change in one.changes}
+    changed = {change.quantity.name for one in alarms if one.named for change in one.changes} | {*arm.told}
     charts = []
     for trend in arm.trends:
-        shown = [one for one in trend.movements if one in trend.moved or one.moved.history.quantity.name in changed]
+        shown = [one for one in trend.movements if one.moved.history.quantity.name in changed]
         shown += [one for one in trend.limited if one not in shown]
         if shown:
-            title = f"{trend.histories.what}: histories of what changed"
+            title = f"{trend.histories.what}: what changed, or has a limit"
             charts.append(histories_chart(trend.histories, shown[:MOST_PANELS], trend.histories.what, title))
     now = arm.condition is Condition.CHANGED
     says = (
@@ -58,6 +58,11 @@ def link(place: str | None, words: str) -> Markup:
     return Markup('<a href="{}">{}</a>').format(place, words)
 
 
+def unbroken(words: str) -> Markup:
+    """A date in one line."""
+    return Markup('<span class="u">{}</span>').format(words)
+
+
 def _nights(tasks: Sequence[TaskLine], alarms: Sequence[Alarm]) -> Markup:
     judged = {one.key: one for one in alarms}
     rows = []
@@ -65,7 +70,7 @@ def _nights(tasks: Sequence[TaskLine], alarms: Sequence[Alarm]) -> Markup:
         alarm = judged.get(task.key)
         rows.append(
             [
-                link(task.report and f"../{task.report}", task.night or "baseline"),
+                link(task.report and f"../{task.report}", unbroken(task.night or "baseline")),
                 task.verdict if task.reason == "" else f"{task.state}: {task.reason}",
                 task.causes,
                 "" if alarm is None else f"{alarm.corrected:.2g}",

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from markupsafe import Markup
 
-from arm_fleet.report.arm import link
+from arm_fleet.report.arm import link, unbroken
 from arm_fleet.report.text import tasks, verdict
 from arm_report import Chart, Panel, Report, Series, table
 from arm_report.palette import AFTER, MEASURED
@@ -68,10 +68,10 @@ def _changed(fleet: Fleet, changed: list[Verdict]) -> Markup:
             [
                 link(one.page, one.arm),
                 one.cause,
-                one.since,
+                unbroken(one.since or ""),
                 one.moved[0] if one.moved else "",
                 f"{one.p or 0.0:.2g}",
-                link(by_key[one.key].report, by_key[one.key].night) if one.key in by_key else "",
+                link(by_key[one.key].report, unbroken(by_key[one.key].night)) if one.key in by_key else "",
             ]
         )
     return table(rows, ["arm", "cause", "named since", "how fast", "p corrected", "last night"], [4])

@@ -19,7 +19,7 @@ MOST_FAILED = 5
 def verdict(fleet: Fleet) -> str:
     """The one sentence."""
     nights, named = len(fleet.alarms), sum(one.named for one in fleet.alarms)
-    share = f"at most {fleet.plan.rate:.1%} of named nights are expected to be false"
+    share = f"at most {fleet.plan.rate:.1%} of them are expected to differ by chance"
     if not fleet.alarms:
         return "No night could be compared with reference nights of its arm."
     changed, arms = len(fleet.changed), len(fleet.verdicts)
@@ -29,15 +29,15 @@ def verdict(fleet: Fleet) -> str:
     without = f" {unknown} cannot be compared." if unknown else ""
     return (
         f"{changed} of {arms} arms {'is' if changed == 1 else 'are'} changed.{again}{without} "
-        f"In {named} of {nights} compared nights an arm is named ({share})."
+        f"{named} of {nights} nights of single arms differ from the reference nights of their arm ({share})."
     )
 
 
 def tasks(fleet: Fleet) -> str:
-    """'120 tasks: 118 done, 2 timeout; 40 ran now'."""
+    """'120 tasks: 118 done, 2 timeout; 40 computed now'."""
     states = Counter(one.state for one in fleet.tasks)
     words = ", ".join(f"{count} {state}" for state, count in states.most_common())
-    return f"{len(fleet.tasks)} tasks: {words or 'none'}; {fleet.ran} ran now"
+    return f"{len(fleet.tasks)} tasks: {words or 'none'}; {fleet.ran} computed now"
 
 
 def text(fleet: Fleet) -> str:

@@ -63,7 +63,7 @@ def _awaited(here: Connection, process: BaseProcess, task: Task) -> Answer:
     """What the process sends, or why it sends nothing; the process is gone afterwards."""
     try:
         if not here.poll(task.timeout):
-            return State.TIME, f"took longer than {task.timeout:g} s", {}, 0.0, 0
+            return State.TIME, f"took longer than {task.timeout:g} s (timeout of the plan)", {}, 0.0, 0
         answer: Answer = here.recv()
         return answer
     except (EOFError, OSError):
@@ -127,7 +127,7 @@ def _called(there: Connection, task: Task, folder: str, before: dict[str, bytes]
     except DeviceFault as error:
         state, reason, value = State.BUG, str(error), {}
     except MemoryError:
-        state, reason, value = State.MEMORY, f"needs more than {task.memory / 1e9:.3g} GB of memory", {}
+        state, reason, value = State.MEMORY, f"needs more than {task.memory / 1e9:.3g} GB (memory of the plan)", {}
     except BaseException as error:
         place = traceback.extract_tb(error.__traceback__)[-1]
         where = f"{Path(place.filename).name}:{place.lineno}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -40,14 +41,15 @@ class Cluster:
             with _local(self.workers) as address, distributed.Client(address, set_as_default=False) as client:
                 yield client
             return
-        client = _connected(self.scheduler, self.patience)
-        try:
-            if not client.scheduler_info(n_workers=-1)["workers"]:
-                _await_worker(client, self.scheduler, self.patience)
-            yield client
-        finally:
-            # A scheduler that is gone does not answer to a farewell.
-            client.close(timeout=2)
+        with _silent():
+            client = _connected(self.scheduler, self.patience)
+            try:
+                if not client.scheduler_info(n_workers=-1)["workers"]:
+                    _await_worker(client, self.scheduler, self.patience)
+                yield client
+            finally:
+                # A scheduler that is gone does not answer to a farewell.
+                client.close(timeout=2)
 
 
 @contextmanager
@@ -70,6 +72,17 @@ def _local(workers: int) -> Iterator[str]:
         ) as cluster,
     ):
         yield cluster.scheduler_address
+
+
+@contextmanager
+def _silent() -> Iterator[None]:
+    """Without Dask's log: what happens to a scheduler is told in a sentence, not by the traceback of its client."""
+    log = logging.getLogger("distributed.client")
+    before, log.disabled = log.disabled, True
+    try:
+        yield
+    finally:
+        log.disabled = before
 
 
 def _connected(address: str, patience: float) -> Client:

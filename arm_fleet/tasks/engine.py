@@ -10,7 +10,6 @@ from __future__ import annotations
 import platform
 from collections.abc import Mapping, Sequence
 from concurrent.futures import CancelledError, ThreadPoolExecutor
-from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import repeat
 from typing import TYPE_CHECKING, Any
@@ -63,10 +62,13 @@ class Engine:
             for _ in range(MOST_LOSSES):
                 if not waiting:
                     break
-                with self.cluster.client() as client, suppress(_SchedulerLost):
-                    for address, why in _refusing(client, next(iter(waiting.values())).code).items():
-                        self._refuse(address, why)
-                    self._collect(client, waiting, total)
+                with self.cluster.client() as client:
+                    try:
+                        for address, why in _refusing(client, next(iter(waiting.values())).code).items():
+                            self._refuse(address, why)
+                        self._collect(client, waiting, total)
+                    except _SchedulerLost:
+                        self.notes.append(f"the scheduler was lost; {len(waiting)} tasks were handed to the next one")
         finally:
             self.ran = total - len(waiting)
         if waiting:

@@ -37,9 +37,9 @@ def command(
         raise InputError("--workers", "are of this machine; must not be given with --scheduler")
     with shown(as_json) as progress:
         found = fleet(plan, out, scheduler=scheduler, workers=workers, progress=progress)
-    for note in found.notes:
-        print(f"note: {note}", file=sys.stderr)
     if as_json:
+        for note in found.notes:
+            print(f"note: {note}", file=sys.stderr)
         print(json.dumps(found.to_json(), allow_nan=False))
     else:
         print(wrapped(f"{found}\n{out / 'fleet.html'}"))

@@ -126,6 +126,13 @@ def test_what_changed_is_named_with_its_nights() -> None:
             {"effect": "backlash", "joint": 1, "origins": [{"title": "Gear", "check": "turn it by hand"}]},
         ]
     }
+    records["arm-0"][-1]["value"] = {
+        "causes": [
+            {"effect": "missed_counts", "joint": 1, "origins": [{"title": "Cable", "check": "look at it"}]},
+            {"effect": "viscous_friction", "joint": 2, "origins": [{"title": "Oil", "check": "drain it"}]},
+            {"effect": "viscous_friction", "joint": 1, "origins": [{"title": "Seal", "check": "feel it"}]},
+        ]
+    }
     verdicts = {
         arm: verdict_of(wanted, arm, nights[arm], [one for one in found if one.arm == arm], records[arm])
         for arm in ("arm-0", "arm-1", "arm-3", "arm-5")
@@ -137,6 +144,8 @@ def test_what_changed_is_named_with_its_nights() -> None:
         Condition.HEALTHY,
     ]
     assert verdicts["arm-0"].cause == "Coulomb friction of joint 1"
+    checks = [action for action in verdicts["arm-0"].actions if "limit" not in action]
+    assert checks == ["Seal: feel it"], "friction was identified: causes like friction of its joint"
     assert verdicts["arm-1"].cause == "backlash of joint 1"
     assert verdicts["arm-1"].actions == ("Gear: turn it by hand",), "what changed, not all that the night names"
     assert any("drift of" in sentence for sentence in verdicts["arm-0"].moved)

@@ -48,14 +48,14 @@ def test_a_failure_says_why(call: str, state: State, reason: str) -> None:
 @pytest.mark.skipif(sys.platform != "linux", reason="other kernels do not hold RLIMIT_DATA")
 def test_memory_is_refused_beyond_the_limit() -> None:
     outcome = bounded(task("a", "greedy", memory=600_000_000), {})
-    assert outcome.state is State.MEMORY and outcome.reason == "needs more than 0.6 GB of memory"
+    assert outcome.state is State.MEMORY and outcome.reason == "needs more than 0.6 GB (memory of the plan)"
     assert outcome.peak < 600_000_000
 
 
 def test_time_ends_also_what_does_not_listen(tmp_path: Path) -> None:
     pid = tmp_path / "pid"
     outcome = bounded(task("a", "endless", timeout=2.0, pid=str(pid)), {})
-    assert outcome.state is State.TIME and outcome.reason == "took longer than 2 s"
+    assert outcome.state is State.TIME and outcome.reason == "took longer than 2 s (timeout of the plan)"
     assert gone(int(pid.read_text()))
 
 

@@ -123,6 +123,7 @@ def test_a_scheduler_that_is_restarted(dask: Processes, tmp_path: Path) -> None:
     records = results(one, plan)
     restarter.join()
     assert [records[task.key]["value"]["square"] for task in plan] == [k**2 for k in range(12)]
+    assert one.notes and all("the scheduler was lost" in note for note in one.notes)
     twice = {name for name, times in ran(log).items() if times > 1}
     assert one.ran == 12 and len(twice) <= 4, "of those that the old scheduler had, only a few were not handed over yet"
 
@@ -178,8 +179,11 @@ def test_a_night_without_result_shows_in_the_exit_status(
     model = (root / "config/models/two_link.toml").as_posix()
     (tmp_path / "plan.toml").write_text(
         f'name = "one"\nmodel = "{model}"\nrecordings = "{{night}}/{{arm}}.mcap"\nrun = ["diagnose"]\n'
-        '[[arm]]\nname = "a"\n'
+        '[[arm]]\nname = "a"\n[[arm]]\nname = "b"\n'
     )
     assert run(["fleet", str(tmp_path / "plan.toml"), "--out", str(tmp_path / "out"), "--json"]) == 4
     assert json.loads(capsys.readouterr().out)["failed"] == 1
     assert (tmp_path / "out/fleet.html").is_file()
+    assert run(["fleet", str(tmp_path / "plan.toml"), "--out", str(tmp_path / "out")]) == 4
+    printed = capsys.readouterr()
+    assert (printed.out + printed.err).count("has no recording of arm 'b'") == 1, "said once"

@@ -73,6 +73,17 @@ def test_nights_of_another_temperature(scene: Scene, tmp_path: Path) -> None:
     assert np.corrcoef(noise[1:], noise[:-1])[0, 1] == pytest.approx(np.exp(-1 / 5), abs=0.05)
 
 
+def test_a_season(tmp_path: Path) -> None:
+    """``--season`` alone: every arm is so many kelvin warmer in the last night, and turns more easily."""
+    arguments = ["fleet-sim", str(tmp_path / "fleet"), "--arms", "1", "--nights", "2", "--worn", "0", "--seconds", "4"]
+    assert run([*arguments, "--season", "12"]) == 0
+    first, last = (open_recording(tmp_path / f"fleet/nights/{night_of(k)}/arm-001_1.mcap") for k in (0, 1))
+    assert first.temp is not None and last.temp is not None
+    assert np.median(last.temp) - np.median(first.temp) == pytest.approx(12.0, abs=0.5)
+    moving = np.abs(first.i[:, 0]) > 1.0
+    assert np.mean(np.abs(last.i[moving, 0])) < 0.97 * np.mean(np.abs(first.i[moving, 0]))
+
+
 def test_an_arm_without_controller_is_refused(scene: Scene, tmp_path: Path) -> None:
     bare = replace(scene, arm=replace(scene.arm, controller=None))
     with pytest.raises(InputError, match=r"Two links: has no \[controller\]"):
