@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from arm_io.plain_data import LARGEST
 from arm_io.types import Array
 from arm_model import Arm
 from arm_model.friction_split import departures
@@ -32,7 +33,17 @@ def known_to(problem: Problem, spread: Spread) -> Uncertainty:
     for k, part in enumerate(parts):
         for name, share in part.items():
             spelled[every.index(name), k] = share
-    return uncertainty_of(FILE, tuple(every), spelled @ covariance @ spelled.T)
+    return uncertainty_of(FILE, tuple(every), writable(spelled @ covariance @ spelled.T))
+
+
+def writable(covariance: Array) -> Array:
+    """A covariance (p, p) whose entries a file may have (``arm_io.plain_data``), with the same correlations.
+
+    Of what three seconds of a weightless arm do not determine, deviations may be beyond any number of physics.
+    """
+    most = 0.99 * LARGEST
+    share = np.sqrt(most / np.maximum(np.diag(covariance), most))
+    return np.asarray(covariance * np.outer(share, share))
 
 
 def _shrunk(spread: Spread) -> Array:

@@ -137,7 +137,9 @@ def _analysed(rng: np.random.Generator, model: Path, fit: Path, held_out: Path, 
     yield called("calibrate", "--model", model, *target, "--poses", 12, "--out", folder / "poses")
     for name in ("identified_wls", "diagnosed", "calibrated"):
         if (written := folder / name / "model.toml").exists():
-            yield called("model", written)
+            yield (read := called("model", written))
+            if read.status == UNUSABLE_INPUT:  # a file that armscope wrote, and cannot read
+                yield Ended(read.command, None, read.said)
             yield called("simulate", "--model", written, "--like", fit, "--out", folder / "again.mcap")
 
 

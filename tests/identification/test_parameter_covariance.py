@@ -7,11 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from arm_io.plain_data import check_plain
 from arm_model import Arm, FrictionCurve
 from arm_model.friction_split import split_arm
 from arm_model.rigid_body.regressor import regressor
 from identification.regression.equations import Friction, column_names, described_columns
-from identification.regression.parameter_covariance import _in_model, _shrunk
+from identification.regression.parameter_covariance import _in_model, _shrunk, writable
 from identification.regression.uncertainty import Uncertainty
 from tests.arm_model.random_arms import random_arm
 
@@ -57,3 +58,13 @@ def test_few_blocks_still_speak_of_every_direction() -> None:
         over = covariance / np.outer(std, std)
         assert np.linalg.eigvalsh(over)[0] > least
     assert np.allclose(over, few / np.outer(std, std), atol=2e-3)
+
+
+def test_deviations_beyond_physics_are_written_as_large_as_a_file_may_have_them() -> None:
+    std = np.array([1e-3, 2e7, 1e12])
+    correlation = np.array([[1.0, 0.5, -0.3], [0.5, 1.0, 0.9], [-0.3, 0.9, 1.0]])
+    written = writable(correlation * np.outer(std, std))
+    check_plain("model_uncertainty.json", {"covariance": written.tolist()})
+    left = np.sqrt(np.diag(written))
+    assert left[:2] == pytest.approx(std[:2]) and left[2] > 3e7
+    assert written / np.outer(left, left) == pytest.approx(correlation)
