@@ -25,8 +25,13 @@ RUNS_AWAY = 1.5
 AVERAGED, FLAT_SECONDS, AT_SECONDS = 0.01, 0.03, 1.0
 """s over which a current is averaged, for which a clipped current is constant once, and in all."""
 # of all: a single crest of a smooth current may be flat
-PILED, BEYOND = 4.0, 0.2
-"""Rows at a limit over those in an equally wide range below, at least, and share of them that noise may lift above."""
+PILED, BEYOND = 4.0, 0.03
+"""Rows at a limit over those in an equally wide range below, at least, and share of them that noise may lift above:
+0.02 of them exceed three noises where half of the variance is slower than the noise that is measured. The crests of a
+slow current rise beyond their commonest value."""
+AGAIN, GAP = 0.25, 0.1
+"""Share of the rows at a limit that lie outside its longest visit, at least, and s between two visits: a smooth crest
+comes once, or again at another value."""
 LEAST, PLAIN = 15.0, 100.0
 """Noises of a current that a limit must exceed at all, and to show by its rows alone: at less, the current of a joint
 that goes slowly against its Coulomb friction piles up at its largest value as well."""
@@ -61,6 +66,10 @@ class _Pile:
         """As a clipped current has it: near a smooth maximum (a parabola) 2.3 times as many rows are at it as below."""
         return self.at > max(PILED * self.below, AT_SECONDS) and self.beyond < BEYOND * self.at
 
+    def at_level(self, values: Array) -> NDArray[np.bool_]:
+        """(m,) rows that count as ``at``."""
+        return np.asarray(np.abs(values - self.level) < 2.0 * self.noise)
+
     def holds(self, values: Array) -> NDArray[np.bool_]:
         """(m,) rows that are at the level but for their noise."""
         return np.asarray(np.abs(values - self.level) < 4.0 * self.noise)
@@ -69,9 +78,10 @@ class _Pile:
 def current_limits(recordings: Sequence[Recording], arm: Arm | None = None) -> list[Event]:
     """Currents whose rows pile up at one extreme value, in either direction, while the joint is driven.
 
-    So do those of a joint that meets nothing but its friction, or always accelerates alike: the pile is a limit where
-    the joint departs from its setpoint meanwhile, where the current does not follow the friction of the joint (of
-    ``arm``), which changes with speed and direction, or where it is flat to a hundredth.
+    So do those of a joint that meets nothing but its friction, or always accelerates alike, and those of a slow motion
+    at a smooth crest: the pile is a limit where the joint departs from its setpoint meanwhile; or where it is reached
+    in several visits and either does not follow the friction of the joint (of ``arm``), which changes with speed and
+    direction, or is flat to a hundredth.
     """
     smooth = [_averaged(r) for r in recordings]
     # noise that averaging does not remove
@@ -140,12 +150,25 @@ def _clipped(
     alone = [_pile([values[k][values[k] > 0.0]], pile.noise, recordings[k : k + 1]).high for k in away]
     if any(alone):
         return moving
-    if not pile.high:
+    if not pile.high or not _again(recordings, values, j, pile):
         return ()
     slope, std = (np.nan, np.inf) if arm is None else _over_friction(recordings, values, j, pile, arm)
     if slope + 2.0 * std < FOLLOWS:
         return moving
     return moving if not slope - 2.0 * std > FOLLOWS and pile.level > PLAIN * pile.noise else ()
+
+
+def _again(recordings: Sequence[Recording], values: Sequence[Array], j: int, pile: _Pile) -> bool:
+    """Whether enough of the rows at a pile lie outside its longest visit, in one direction of joint j's current."""
+    visits = [0.0]
+    for r, value in zip(recordings, values):
+        rows, at = max(1, round(GAP / r.dt)), pile.at_level(value)
+        sign = np.sign(ndimage.uniform_filter1d(r.i[:, j], max(1, round(AVERAGED / r.dt))))
+        for direction in (1.0, -1.0):
+            there = np.pad(pile.holds(value) & (sign == direction), rows)
+            starts, ends = _stretches(ndimage.binary_closing(there, np.ones(rows))[rows:-rows])
+            visits += [float(at[start:end].sum()) * r.dt for start, end in zip(starts, ends)]
+    return sum(visits) - max(visits) >= AGAIN * sum(visits) > 0.0
 
 
 def _over_friction(

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from daq.recording import Recording, open_recording
 from daq.recording.parts import Attachments
 from daq.recording.tables.table import write_table
 from diagnosis.screening.current_limit import current_limits
+from tests.comparison.second_day import puma, record
 
 
 def _recorded(path: Path, current: np.ndarray, noise: float, seed: int) -> Recording:
@@ -145,3 +147,27 @@ def test_a_single_crest_that_is_flat_is_no_limit(arm: Arm, tmp_path: Path) -> No
     i, crest = recording.i.copy(), (t > 10.1) & (t < 10.6)
     i[crest, 0] += 1.3 * np.abs(i[:, 0]).max() - ndimage.uniform_filter1d(i[:, 0], 9)[crest]
     assert current_limits([replace(recording, i=i)], arm) == []
+
+
+def _slow(root: Path, path: Path, share: float) -> list[int | None]:
+    """Joints whose limit is named in 24 slow recordings; joint 1 has one at this share of its largest current."""
+    of, named = puma(root), []
+    for seed in range(0, 72, 3):
+        slow: dict[str, Any] = {"seed": seed, "speed": 0.3, "seconds": 8.0, "rate": 125.0}
+        one = record(path, of, 2 * seed, **slow)
+        if share < 1.0:
+            largest = float(np.quantile(np.abs(one.i[:, 0]), 0.99))
+            one = record(path, of, 2 * seed, **slow, limit=share * largest)
+        named += [event.joint for event in current_limits([one], of)]
+    return named
+
+
+def test_crests_of_slow_motions_are_no_limit(root: Path, tmp_path: Path) -> None:
+    """Coulomb friction, gravity and little else: currents of seconds within a few hundredths of their largest."""
+    assert _slow(root, tmp_path / "run.mcap", 1.0) == []
+
+
+def test_limits_of_slow_motions_are_found(root: Path, tmp_path: Path) -> None:
+    """But for those of a joint that goes in one direction for nearly all of the time: one visit is no limit."""
+    named = _slow(root, tmp_path / "run.mcap", 0.85)
+    assert set(named) == {1} and len(named) > 20
