@@ -166,7 +166,7 @@ def _again(recordings: Sequence[Recording], values: Sequence[Array], j: int, pil
         sign = np.sign(ndimage.uniform_filter1d(r.i[:, j], max(1, round(AVERAGED / r.dt))))
         for direction in (1.0, -1.0):
             there = np.pad(pile.holds(value) & (sign == direction), rows)
-            starts, ends = _stretches(ndimage.binary_closing(there, np.ones(rows))[rows:-rows])
+            starts, ends = _stretches(ndimage.binary_closing(there, np.ones(rows, bool))[rows:-rows])
             visits += [float(at[start:end].sum()) * r.dt for start, end in zip(starts, ends)]
     return sum(visits) - max(visits) >= AGAIN * sum(visits) > 0.0
 
