@@ -347,16 +347,18 @@ def _warnings(arm: Arm, measured: Measured, named: Named, structures: Sequence[S
         if known is not None and not known.parameters:
             yield f"the model names {known.file}, which is not beside it: its {what} taken for exact"
     yield from reference_taken(arm, [cause.key for cause in named.causes], state.data.fit.runs)
-    yield from _smoothing(named.arm, named.base)
+    yield from _smoothing(arm, named.base)
     yield from _of_axis(named.axis, arm) if named.axis else ()
     yield from measured.link.remarks if measured.link else ()
 
 
-def _smoothing(arm: Arm, base: Arm) -> tuple[str, ...]:
-    """Warns of a Coulomb smoothing velocity that replaces the one of the model."""
-    wide, narrow = (one.joints[0].sign_velocity for one in (arm, base))
-    said = f"Coulomb smoothing velocity set to {narrow:.2g} instead of {wide:.2g} m/s (rad/s)"
-    return () if narrow == wide else (said,)
+def _smoothing(arm: Arm, base: Arm) -> Iterator[str]:
+    """Warns of Coulomb smoothing velocities that replace those of the model."""
+    for number, (own, other) in enumerate(zip(arm.joints, base.joints), 1):
+        wide, narrow = own.sign_velocity, other.sign_velocity
+        if narrow != wide:
+            of = f" of joint {number}" if len(arm) > 1 else ""
+            yield f"Coulomb smoothing velocity{of} set to {narrow:.2g} instead of {wide:.2g} m/s (rad/s)"
 
 
 def _of_friction(stated: Arm, extended: Arm) -> tuple[str, ...]:

@@ -39,6 +39,7 @@ from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Dataset, Pair
 from diagnosis.selection.harmonics import with_harmonics
 from diagnosis.selection.ripple_orders import of_shafts, order_of
+from diagnosis.verification.another_turn import another_turn
 from diagnosis.verification.tenable import tenable_causes
 from identification.selection import Split
 
@@ -101,11 +102,19 @@ def _named(model: Arm, known: Sequence[Cause], recordings: Recordings, screened:
     excluded = {cause.key for cause in known if not cause.by_tracker}
     arm = extend(model, known) if known else model
     sight = residuals_of(arm, screened, progress)
-    named = _settled(arm, sight, recordings, excluded, progress)
+    named, refused = _settled(arm, sight, recordings, excluded, progress), set[EffectKey]()
+    while named.axis is None and (turn := another_turn(named.found.state, named.causes)) is not None:
+        # ... with friction that turns as it does, and without the law that explained nothing else
+        model, refused = turn.of(model), refused | {turn.cause}
+        arm = extend(model, known) if known else model
+        sight = residuals_of(arm, screened, progress)
+        named = _settled(arm, sight, recordings, excluded | refused, progress)
     progress("judging friction near rest")
-    if near_rest := _near_rest(named, recordings, excluded):
+    near_rest = _near_rest(named, recordings, excluded)
+    excluded |= refused | {cause.key for cause in near_rest}
+    if near_rest:
         # the others are searched for again, with that friction in the model
-        known, excluded = [*known, *near_rest], excluded | {cause.key for cause in near_rest}
+        known = [*known, *near_rest]
         arm = extend(model, known)
         sight = residuals_of(arm, screened, progress)
         named = replace(_settled(arm, sight, recordings, excluded, progress), near_rest=near_rest)

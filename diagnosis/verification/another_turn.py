@@ -1,0 +1,76 @@
+"""A law of friction near rest, beside another smoothing velocity of the joint's own friction.
+
+In the search, an error of the smoothing velocity is a column of the first order. Where friction turns three times as
+sharply as the model says, the exact residual is another one, and bristles that yield over less than an encoder shows
+explain it: they turn at once. Such a law is judged against every other smoothing velocity, exactly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from arm_io.types import Array
+from arm_model import Arm, EffectTerm
+from arm_model.effects import friction_near_rest
+from diagnosis.cause import Cause, EffectKey
+from diagnosis.closed_loop.comparison import SMOOTHING
+from diagnosis.measurements.currents.limits import LIMITS
+from diagnosis.measurements.currents.model import State
+from diagnosis.residual.comparable_rows import comparable_rows
+from diagnosis.residual.expected_current import COMPARE_BAND, low_pass, rate_of, reading
+from diagnosis.residual.run import Run, kept
+
+
+@dataclass(frozen=True)
+class Turn:
+    """That friction of a joint turns at another smoothing velocity, and that a cause explained nothing else.
+
+    cause: the key of the cause; velocity: the joint's ``sign_velocity``, rad/s (m/s)
+    """
+
+    cause: EffectKey
+    velocity: float
+
+    def of(self, arm: Arm) -> Arm:
+        """The arm with that smoothing velocity."""
+        joints = list(arm.joints)
+        j = (self.cause[1] or 1) - 1
+        joints[j] = replace(joints[j], sign_velocity=self.velocity)
+        return replace(arm, joints=tuple(joints))
+
+
+def another_turn(state: State, causes: Sequence[Cause]) -> Turn | None:
+    """Of the first cause that gains less than what matters beside another smoothing velocity of its joint's friction.
+
+    Of laws of friction near rest; None where all gain. The held-out recordings choose the smoothing velocity, with the
+    law and without.
+    """
+    near, runs = {effect.name for effect in friction_near_rest()}, state.data.held_out.runs
+    terms = [term for cause in causes for term in cause.terms]
+    for cause in causes:
+        if cause.effect not in near or cause.joint is None:
+            continue
+        others = [term for term in terms if term not in cause.terms]
+        without, with_it = (_energies(runs, own, cause.joint) for own in (others, terms))
+        if without.min() - with_it.min() < LIMITS.min_gain * state.data.held_out.rows:
+            own = runs[0].arm.joints[cause.joint - 1].sign_velocity
+            return Turn(cause.key, float(own * SMOOTHING[int(np.argmin(without))]))
+    return None
+
+
+def _energies(runs: Sequence[Run], terms: Sequence[EffectTerm], joint: int) -> Array:
+    """Squared whitened residuals of the rows that are compared, with ``SMOOTHING`` of a joint (from 1)."""
+    return np.array([sum(_energy(run, terms, joint, float(by)) for run in runs) for by in SMOOTHING])
+
+
+def _energy(run: Run, terms: Sequence[EffectTerm], joint: int, by: float) -> float:
+    """The same of one recording, with ``by`` times the joint's smoothing velocity."""
+    joints = list(run.arm.joints)
+    joints[joint - 1] = replace(joints[joint - 1], sign_velocity=by * joints[joint - 1].sign_velocity)
+    arm = replace(run.arm, joints=tuple(joints), effects=(*run.arm.effects, *terms, *run.own))
+    t, q = run.raw
+    expected = low_pass(reading(arm, t, q, powered=run.powered), COMPARE_BAND, rate_of(t))[kept(rate_of(t))]
+    return float(np.sum(run.whiten(run.current - expected) ** 2 * comparable_rows(run)))

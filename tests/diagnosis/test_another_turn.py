@@ -1,0 +1,107 @@
+"""Friction that turns more sharply than the model says is no law of friction near rest; one that builds up is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from arm_model import Arm, Joint
+from daq.recording import Recording, open_recording
+from daq.recording.parts import Attachments
+from daq.recording.tables.table import write_table
+from diagnosis.closed_loop.comparison import SMOOTHING
+from diagnosis.measurements.currents.design_matrix import columns_of, dataset_of
+from diagnosis.measurements.currents.model import Currents
+from diagnosis.measurements.currents.search import Found
+from diagnosis.measurements.currents.unexplained import Unexplained
+from diagnosis.residual.run import Run, residual_run
+from diagnosis.selection.candidate import Candidate
+from diagnosis.verification.another_turn import Turn, another_turn
+from diagnosis.verification.tenable import causes_of
+from identification.selection import Split
+
+RATE, ROTOR, COULOMB, VISCOUS, NOISE, COUNT = 500.0, 0.5, 1.4, 0.5, 0.005, 8e-5
+MODEL = 0.01
+"""rad/s: smoothing velocity of the model."""
+Friction = Callable[[np.ndarray], np.ndarray]
+
+
+def _turns(width: float) -> Friction:
+    return lambda v: COULOMB * np.tanh(v / width)
+
+
+def _builds_up(stiffness: float) -> Friction:
+    """Dahl's law, exactly, from row to row."""
+
+    def friction(v: np.ndarray) -> np.ndarray:
+        torque, now = np.empty_like(v), 0.0
+        for k, way in enumerate(((v + np.roll(v, 1)) / 2 / RATE).tolist()):
+            level = COULOMB if way > 0.0 else -COULOMB
+            torque[k] = now = level + (now - level) * np.exp(-stiffness * abs(way) / COULOMB)
+        return torque
+
+    return friction
+
+
+def _recorded(path: Path, friction: Friction, seed: int) -> Recording:
+    """Two axes that move from point to point at several speeds, with rests between; ``friction``: of the first."""
+    rng, v = np.random.default_rng(seed), [np.zeros(round(0.7 * RATE))]
+    for number in range(14):
+        way, speed = (-1.0) ** number * rng.uniform(0.1, 0.4), np.exp(rng.uniform(np.log(0.06), np.log(0.6)))
+        x = np.arange(0.0, 1.0, speed / (2.0 * abs(way) * RATE))
+        v += [way * 30 * x**2 * (1 - x) ** 2 * speed / (2.0 * abs(way)), np.zeros(round(0.25 * RATE))]
+    speeds = np.concatenate(v)
+    t, q = np.arange(len(speeds)) / RATE, np.cumsum(speeds) / RATE
+    as_modelled = COULOMB * speeds / np.hypot(speeds, MODEL)
+    needed = (ROTOR * np.gradient(speeds, t) + VISCOUS * speeds)[:, None]
+    current = needed + np.column_stack([friction(speeds), as_modelled]) + NOISE * rng.normal(size=(len(t), 2))
+    read = np.round(q / COUNT) * COUNT
+    write_table(path, t, {"q": np.column_stack([read, read]), "i": current}, Attachments())
+    return open_recording(path)
+
+
+def _run(friction: Friction, seed: int, folder: Path) -> Run:
+    joint = Joint(
+        convention="placed",
+        axis=(0.0, 0.0, 1.0),
+        xyz=(0.0, 0.0, 0.0),
+        rpy=(0.0, 0.0, 0.0),
+        gear=1.0,
+        torque_constant=1.0,
+        rotor_inertia=ROTOR,
+        coulomb=(COULOMB, COULOMB),
+        viscous=(VISCOUS, VISCOUS),
+        sign_velocity=MODEL,
+    )
+    r = _recorded(folder / f"{seed}.mcap", friction, seed)
+    return residual_run(f"{seed}", Arm("axes", (joint, joint)), r.t, r.q, r.i)
+
+
+def _turned(friction: Friction, stiffness: float, folder: Path) -> tuple[float, Turn | None]:
+    """By which factor bristles of this stiffness reduce what is left of joint 1, and how its friction turns instead."""
+    fit, held_out = ([_run(friction, seed, folder) for seed in seeds] for seeds in ((0, 1), (2,)))
+    data = Split(dataset_of(fit), dataset_of(held_out))
+    bristles = Candidate("presliding_friction", 1, (("stiffness", stiffness), ("damping", 0.0)))
+    model = Currents(fit[0].arm, data, {bristles: data.map(lambda part: columns_of(bristles, part))}, [])
+    state = model.refitted([bristles], {bristles.key: []})
+    left, before = (float(np.sum(of[data.held_out.of(1)] ** 2)) for of in (state.fitted.held_out, data.held_out.y))
+    return left / before, another_turn(state, causes_of(Found(state, Unexplained([], []))))
+
+
+@pytest.mark.parametrize("width", [0.003, 0.001])
+def test_friction_that_turns_more_sharply_than_the_model_says_has_no_bristles(width: float, tmp_path: Path) -> None:
+    """Bristles that yield over a fifth of a count turn at once, and explain the residual of the model as well."""
+    left, turn = _turned(_turns(width), 95_000.0, tmp_path)
+    assert left < 0.7
+    assert turn is not None and turn.cause == ("presliding_friction", 1)
+    # a tanh of this width and v / hypot(v, w) are closest at 0.4 to 1 times the width
+    assert 0.3 * width < turn.velocity < 1.3 * width or turn.velocity == pytest.approx(SMOOTHING[0] * MODEL)
+
+
+@pytest.mark.parametrize("stiffness", [200.0, 400.0])
+def test_friction_that_builds_up_is_no_matter_of_its_turn(stiffness: float, tmp_path: Path) -> None:
+    left, turn = _turned(_builds_up(stiffness), stiffness, tmp_path)
+    assert left < 0.7 and turn is None
