@@ -15,7 +15,7 @@ from arm_model.effects import CATALOGUE
 from arm_report import write_report
 from daq.recording import Recording
 from diagnosis.cause import Cause, Estimate, in_words
-from diagnosis.closed_loop import clear_errors, resonance
+from diagnosis.closed_loop import clear_errors, friction, resonance
 from diagnosis.diagnose import Diagnosis
 from diagnosis.experiments.discriminating import Separation, separations
 from diagnosis.experiments.revealing import Showing, shown_by
@@ -47,6 +47,7 @@ LIMITS: dict[str, Thresholds] = {
     "tracker": tracker.LIMITS,
     "demands": wrist_coupling.LIMITS,
     "closed_loop": resonance.LIMITS,
+    "friction_in_loop": friction.LIMITS,
     "verdict": clear_errors.LIMITS,
 }
 """Thresholds of every measurement model."""

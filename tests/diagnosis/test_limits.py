@@ -42,6 +42,7 @@ def test_the_file_has_every_threshold(monkeypatch: pytest.MonkeyPatch) -> None:
         "tracker",
         "demands",
         "closed_loop",
+        "friction_in_loop",
         "verdict",
     }
     for name, limits in LIMITS.items():
