@@ -152,7 +152,7 @@ def test_a_fleet_that_wears(scene: Scene, tmp_path: Path, capsys: pytest.Capture
         visible = truth[name]["visible"]
         latest = np.datetime64(visible) + np.timedelta64(2, "D")
         assert truth[name]["begins"] <= arms[name]["since"] <= str(latest)
-        assert arms[name]["cause"].lower() == cause
+        assert arms[name]["cause"] == cause
     assert arms["gap"]["condition"] == "changed"
     assert arms["seal"]["condition"] == "changed, and is as before again"
     assert arms["seal"]["until"] < truth["seal"]["repaired"]
