@@ -28,6 +28,8 @@ from identification.regression.uncertainty import uncertainty
 
 EXCITED = 1e-3
 """Share of a column that no other explains; below it, a recording says nothing about the parameter."""
+BODY = ("mass", "mx", "my", "mz", "ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+"""Parameters of the body of a link: kg, kg m, kg m2."""
 UNKNOWN = 0.1
 """Least uncertainty of a value taken from the model, over the largest value of its unit."""
 
@@ -111,6 +113,21 @@ class Structure:
         base = self.base.grouping[self.rows] @ model_values(self.arm, "asymmetric")
         points = [model_friction(self.arm, curve, curve.speeds) for curve in self.curves]
         return np.concatenate([base, *points, np.zeros(len(loaded_joints(self.loads)))])
+
+    def by_body(self, link: int) -> Array:
+        """(c, 10) change of the values by the parameters BODY of a link (from 1).
+
+        Where a joint slides and bears weight, a mass is a constant force, which the points of its friction curve show.
+        """
+        columns = [self.base.names.index(f"link{link}.{name}") for name in BODY]
+        change = np.zeros((self.size, len(columns)))
+        change[: len(self.rows)] = self.base.grouping[self.rows][:, columns]
+        levels = {self.base.names[column]: row for row, column in enumerate(self.base.kept)}
+        for k, (curve, _) in enumerate(self.points, len(self.rows)):
+            level = levels.get(f"joint{curve.joint + 1}.coulomb_{'positive' if curve.direction > 0 else 'negative'}")
+            if level is not None:
+                change[k] = self.base.grouping[level, columns]
+        return change
 
     def uncertain(self, units: Sequence[str]) -> Array:
         """(c,) how far the model's values may be off: their size, at least UNKNOWN of the largest of the unit."""

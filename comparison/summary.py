@@ -3,7 +3,8 @@
 A payload changes base parameters of several links at once; a torque constant or a current gain changes every parameter
 that a joint's current shows, friction and masses alike. Both are linear in the compared values, to first order:
 
-    payload         change = G p        G the grouping of base parameters, p the ten parameters of the last link
+    payload         change = G p        G the grouping of base parameters, p the ten parameters of the last link; with
+                                        the constant force at a joint that slides and bears it
     current scale   change = g A+ S y   A+ the regression, S y the torque of that joint alone
 
 A cause is stated where the changes that it can make are significant together, and what it leaves of them is not. The
@@ -95,15 +96,15 @@ def summaries(
     if not len(seen.change) or not significant:
         return []
     candidates = 1 + len(structure.arm)
-    if (payload := _payload(structure, seen, significant, candidates)) is not None:
-        return [payload]
+    found = [_payload(structure, seen, significant, candidates)]
     scale = np.mean([f.by_scale for f, mine in zip(fits, side) if not mine], axis=0)
-    found = [
-        summed
-        for joint in range(len(structure.arm))
-        if (summed := _current_scale(joint, scale[:, joint], seen, significant, candidates)) is not None
+    scales = [
+        _current_scale(joint, scale[:, joint], seen, significant, candidates) for joint in range(len(structure.arm))
     ]
-    return found if len(found) == 1 else []
+    # of two joints whose scales explain as much, nothing says which
+    found += scales if sum(one is not None for one in scales) == 1 else []
+    stated = [one for one in found if one is not None]
+    return [max(stated, key=lambda one: len(one.explains))] if stated else []
 
 
 def _seen(fits: Sequence[Fitted], side: NDArray[np.bool_], changes: Sequence[Change]) -> _Changes:
@@ -149,15 +150,18 @@ def _explained(before: float, after: float, rows: int, rank: int, candidates: in
 
 
 def _payload(structure: Structure, seen: _Changes, significant: Sequence[Change], candidates: int) -> Summary | None:
-    """The body that was added to or taken from the last link, if it explains the changes of links."""
-    base, last = structure.base, len(structure.arm)
-    names = [f"link{last}.{name}" for name in ("mass", "mx", "my", "mz", "ixx", "ixy", "ixz", "iyy", "iyz", "izz")]
-    grouping = base.grouping[structure.rows][:, [base.names.index(name) for name in names]]
-    of_links = np.array([one.quantity.kind == "inertia" for one in seen.quantities])
-    own = seen.select(of_links)
-    if len(own.change) < 3 or any(one.quantity.kind != "inertia" for one in significant):
+    """The body that was added to or taken from the last link, if it explains all changes of what it would change."""
+    made = structure.by_body(len(structure.arm))[seen.places]
+    of_body = np.asarray(made.any(axis=1), bool)
+    own = seen.select(of_body)
+    names = {one.quantity.name for one in own.quantities}
+    borne = {one.quantity.joint for one in own.quantities if one.quantity.kind == "curve"}
+    # a constant force, of a joint that bears the body
+    names |= {f"joint{joint}.offset" for joint in borne}
+    explains = tuple(one.quantity.name for one in significant if one.quantity.name in names)
+    if len(own.change) < 3 or not explains:
         return None
-    c, covariance, before, after, rank = _fitted(grouping[own.places], own)
+    c, covariance, before, after, rank = _fitted(made[of_body], own)
     std = float(np.sqrt(covariance[0, 0]))
     if abs(c[0]) < CLEARLY * std or not _explained(before, after, len(own.change), rank, candidates):
         return None
@@ -175,10 +179,10 @@ def _payload(structure: Structure, seen: _Changes, significant: Sequence[Change]
         effect="payload",
         joint=None,
         parameters=parameters,
-        explains=tuple(one.quantity.name for one in significant),
+        explains=explains,
         sentence=(
             f"A body of {abs(c[0]):.3g} +- {2 * std:.2g} kg {verb}{where} (payload, or that link's own mass) explains "
-            f"{_all(len(significant))}"
+            f"{_all(len(explains), len(significant))}"
         ),
     )
 
@@ -206,10 +210,13 @@ def _current_scale(
         explains=tuple(one.quantity.name for one in significant),
         sentence=(
             f"Currents of joint {joint + 1} are {100 * scale:+.2g} +- {200 * std:.2g} % for the same torque (torque "
-            f"constant {100 * constant:+.2g} %, or the gain of its transducer): explains {_all(len(significant))}"
+            f"constant {100 * constant:+.2g} %, or the gain of its transducer): explains "
+            f"{_all(len(significant), len(significant))}"
         ),
     )
 
 
-def _all(count: int) -> str:
+def _all(count: int, of: int) -> str:
+    if count < of:
+        return f"{count} of {of} significant changes"
     return "the only significant change" if count == 1 else f"all {count} significant changes"

@@ -19,8 +19,6 @@ from comparison.load_friction import loaded_joints
 from comparison.quantities import values_quantities
 from comparison.regression import Fitted, Structure
 
-BODY = ("mass", "mx", "my", "mz", "ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-
 
 @dataclass(frozen=True)
 class Hypothesis:
@@ -103,12 +101,8 @@ def _shapes(structure: Structure, joint: int) -> Array:
 
 
 def _of_bodies(structure: Structure) -> Iterator[Hypothesis]:
-    base, count = structure.base, len(structure.rows)
     for link in range(1, len(structure.arm) + 1):
-        columns = [base.names.index(f"link{link}.{name}") for name in BODY]
-        directions = np.zeros((structure.size, len(columns)))
-        directions[:count] = base.grouping[structure.rows][:, columns]
-        yield Hypothesis("inertia", link, directions)
+        yield Hypothesis("inertia", link, structure.by_body(link))
 
 
 def _single(structure: Structure) -> Iterator[Hypothesis]:

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from arm_model.description import Arm
+from arm_model.model_file import read_model
 from arm_model.rigid_body.inertia import about_com, barycentric
 from comparison.from_recordings import compare_recordings
 from comparison.outcome import Comparison
@@ -66,6 +67,17 @@ def test_a_payload_sums_up_the_changes_of_links(arm: Arm, before: Recording, tmp
     assert payload.sentence in str(result) and result.to_json()["verdict"].startswith(payload.sentence)
     back = compare_recordings([record(tmp_path / "loaded.mcap", carrying(arm), 3)], [before], arm)
     assert back.summaries[0].parameters["mass"][0] == pytest.approx(-2.0, abs=0.3)
+
+
+def test_a_payload_is_a_constant_force_where_a_joint_lifts_it(root: Path, tmp_path: Path) -> None:
+    """Two turning joints and a vertical sliding one with a rotor: friction of the latter shows the weight."""
+    scara = read_model(root / "config/models/scara.toml")
+    three = replace(scara, joints=tuple(replace(j, rotor_inertia=0.5) for j in scara.joints[:3]), controller=None)
+    runs = [record(tmp_path / f"{k}.mcap", arm, k) for k, arm in enumerate((three, carrying(three)))]
+    (payload,) = compare_recordings(runs[:1], runs[1:], three).summaries
+    mass, std, _ = payload.parameters["mass"]
+    assert payload.effect == "payload" and abs(mass - 2.0) < 3 * std < 0.3
+    assert "joint3.offset" in payload.explains
 
 
 @pytest.mark.parametrize("again", [MOTIONS["same motion"], MOTIONS["another motion"]], ids=["same", "another"])
