@@ -59,7 +59,7 @@ def compare_recordings(
     band = [wide(motion) for motion in motions]
     in_band, _, rows = _fits(structure, recordings, band, motions, progress)
     progress("the fewest changes")
-    decided, added = with_fewest(Recorded(structure, band, rows, in_band, side), alone)
+    decided, added, found = with_fewest(Recorded(structure, band, rows, in_band, side), alone)
     return Comparison(
         what="recordings",
         arm=arm,
@@ -67,7 +67,7 @@ def compare_recordings(
         after=tuple(str(recording.path) for recording in after),
         changes=[*decided, *added, *limit_changes(before, after, arm)],
         circumstances=circumstances(recordings, motions, side, arm),
-        summaries=summaries(structure, fits, side, _as_decided(alone, decided)),
+        summaries=summaries(structure, fits, side, _as_decided(alone, decided), found),
         warnings=[warning for run in runs for warning in run.warnings],
     )
 

@@ -13,7 +13,7 @@ covariance of the changes has the deviations that each was judged by, and the co
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,6 +23,7 @@ from scipy import linalg, stats
 
 from arm_io.types import Array
 from comparison.change import Change
+from comparison.joint_fit.both_sides import Tested
 from comparison.regression import Fitted, Structure
 
 CERTAIN = 1e-4
@@ -84,27 +85,32 @@ class _Changes:
 
 
 def summaries(
-    structure: Structure, fits: Sequence[Fitted], side: NDArray[np.bool_], changes: Sequence[Change]
+    structure: Structure,
+    fits: Sequence[Fitted],
+    side: NDArray[np.bool_],
+    changes: Sequence[Change],
+    found: Sequence[Tested] = (),
 ) -> list[Summary]:
-    """The causes that sum up changes.
+    """The causes that sum up changes: of the regressions of single recordings, or the scales that the joint fit found.
 
     side     True of the fits before
     changes  of all quantities; the last of them are those of the values
+    found    by the joint fit
     """
     significant = [one for one in changes if one.significant]
     seen = _seen(fits, side, changes[len(changes) - structure.size :])
     if not len(seen.change) or not significant:
         return []
     candidates = 1 + len(structure.arm)
-    found = [_payload(structure, seen, significant, candidates)]
+    single = [_payload(structure, seen, significant, candidates)]
     scale = np.mean([f.by_scale for f, mine in zip(fits, side) if not mine], axis=0)
     scales = [
         _current_scale(joint, scale[:, joint], seen, significant, candidates) for joint in range(len(structure.arm))
     ]
     # of two joints whose scales explain as much, nothing says which
-    found += scales if sum(one is not None for one in scales) == 1 else []
-    stated = [one for one in found if one is not None]
-    return [max(stated, key=lambda one: len(one.explains))] if stated else []
+    single += scales if sum(one is not None for one in scales) == 1 else []
+    stated = [one for one in single if one is not None]
+    return [max(stated, key=lambda one: len(one.explains))] if stated else list(_by_joint_fit(found, significant))
 
 
 def _seen(fits: Sequence[Fitted], side: NDArray[np.bool_], changes: Sequence[Change]) -> _Changes:
@@ -152,7 +158,8 @@ def _explained(before: float, after: float, rows: int, rank: int, candidates: in
 def _payload(structure: Structure, seen: _Changes, significant: Sequence[Change], candidates: int) -> Summary | None:
     """The body that was added to or taken from the last link, if it explains all changes of what it would change."""
     made = structure.by_body(len(structure.arm))[seen.places]
-    of_body = np.asarray(made.any(axis=1), bool)
+    of_links = np.array([one.quantity.kind == "inertia" for one in seen.quantities])
+    of_body = np.asarray(made.any(axis=1) | of_links, bool)
     own = seen.select(of_body)
     names = {one.quantity.name for one in own.quantities}
     borne = {one.quantity.joint for one in own.quantities if one.quantity.kind == "curve"}
@@ -198,20 +205,36 @@ def _current_scale(
     *_, by_friction, _ = _fitted(np.array(curve)[:, None], seen)
     if (by_friction - after) * (len(seen.change) - 1) < BETTER:
         return None
-    # of the currents after: what they were before is 1 - c of them
-    scale, std = float(c[0] / (1.0 - c[0])), float(np.sqrt(covariance[0, 0]) / (1.0 - c[0]) ** 2)
+    return _scale(joint + 1, float(c[0]), float(np.sqrt(covariance[0, 0])), [o.quantity.name for o in significant], 0)
+
+
+def _by_joint_fit(found: Sequence[Tested], significant: Sequence[Change]) -> Iterator[Summary]:
+    """The scales of currents among what the joint fit found; each explains what changed of its joint."""
+    for one in found:
+        if one.hypothesis.what == "scale" and one.hypothesis.joint is not None:
+            axis = float(np.sign(np.sum(one.hypothesis.directions * one.directions)))
+            of = [each.quantity for each in significant]
+            names = [each.name for each in of if each.joint == one.hypothesis.joint]
+            c, std = axis * float(one.coefficients[0]), float(np.sqrt(one.covariance[0, 0]))
+            if (summary := _scale(one.hypothesis.joint, c, std, names, len(of) - len(names))) is not None:
+                yield summary
+
+
+def _scale(joint: int, c: float, std: float, explains: Sequence[str], others: int) -> Summary | None:
+    """Another scale of the currents of a joint (from 1); c of the currents after: before they were 1 - c of them."""
+    scale, std = c / (1.0 - c), std / (1.0 - c) ** 2
     if abs(scale) < CLEARLY * std:
         return None
     constant = 1.0 / (1.0 + scale) - 1.0
     return Summary(
         effect="torque_constant",
-        joint=joint + 1,
+        joint=joint,
         parameters={"error": (constant, std / (1.0 + scale) ** 2, "1")},
-        explains=tuple(one.quantity.name for one in significant),
+        explains=tuple(explains),
         sentence=(
-            f"Currents of joint {joint + 1} are {100 * scale:+.2g} +- {200 * std:.2g} % for the same torque (torque "
+            f"Currents of joint {joint} are {100 * scale:+.2g} +- {200 * std:.2g} % for the same torque (torque "
             f"constant {100 * constant:+.2g} %, or the gain of its transducer): explains "
-            f"{_all(len(significant), len(significant))}"
+            f"{_all(len(explains), len(explains) + others)}"
         ),
     )
 

@@ -61,8 +61,8 @@ class _Joint:
     found: Sequence[Tested]
 
 
-def with_fewest(recorded: Recorded, changes: Sequence[Change]) -> tuple[list[Change], list[Change]]:
-    """The changes of all quantities, decided by the shared regression; and those of effects beyond the model.
+def with_fewest(recorded: Recorded, changes: Sequence[Change]) -> tuple[list[Change], list[Change], Sequence[Tested]]:
+    """The changes of all quantities, decided by the shared regression; those of effects beyond the model; what entered.
 
     changes: by regressions of single recordings; the last of them are those of the values.
     """
@@ -86,7 +86,7 @@ def with_fewest(recorded: Recorded, changes: Sequence[Change]) -> tuple[list[Cha
             before, after = (float(maps[k] @ values), float(std[k])), (float(sizes[k]), float(errors[k]))
             decided[k] = _conditional(decided[k], before, after, one, joint.every)
     beside = tested(joint.both, joint.every, [one.hypothesis for one in found])
-    return decided, added_changes(structure, joint.every, [*found, *beside], values, covariance)
+    return decided, added_changes(structure, joint.every, [*found, *beside], values, covariance), found
 
 
 def _searched(recorded: Recorded) -> _Joint:
@@ -211,7 +211,11 @@ def _clearest(one: Tested, changes: Sequence[Change], sizes: Array, errors: Arra
         return own
     # several values, or a level of friction that is compared in one direction only
     first = len(sizes) - values
-    return first + int(np.argmax(np.abs(sizes[first:]) / np.maximum(errors[first:], 1e-300)))
+    clear = np.abs(sizes[first:]) / np.maximum(errors[first:], 1e-300)
+    if one.hypothesis.what == "scale":
+        # one coefficient: all values change by as many deviations, those of its joint by most
+        clear *= [each.quantity.joint == one.hypothesis.joint for each in changes[first : len(sizes)]]
+    return first + int(np.argmax(clear))
 
 
 def _conditional(

@@ -133,3 +133,16 @@ def test_calibrations_are_compared_first(arm: Arm, before: Recording, tmp_path: 
 
 def calibration(table: dict[str, list[float]], digest: str) -> bytes:
     return json.dumps({**table, "count_column": [0, 1, 2], "volt_column": [0, 1, 2], "hash": digest}).encode()
+
+
+def test_a_torque_constant_that_the_joint_fit_finds_beside_a_ripple_is_summed_up(
+    arm: Arm, before: Recording, tmp_path: Path
+) -> None:
+    """The regressions of single recordings, which no ripple explains, leave too much of the changes for one cause."""
+    rippled = record(tmp_path / "after.mcap", arm, 2, ripple=(1.5, 24.0, 0.7))
+    result = compare_recordings([before], [scaled(rippled, 2, 1 / 0.75)], arm)
+    (constant,) = result.summaries
+    value, std, _ = constant.parameters["error"]
+    assert (constant.effect, constant.joint) == ("torque_constant", 2)
+    assert abs(value + 0.25) < 3 * std < 0.1
+    assert not any(name.startswith("joint1.") for name in constant.explains)
