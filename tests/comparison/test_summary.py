@@ -136,9 +136,10 @@ def calibration(table: dict[str, list[float]], digest: str) -> bytes:
 
 
 def test_a_torque_constant_that_the_joint_fit_finds_beside_a_ripple_is_summed_up(
-    arm: Arm, before: Recording, tmp_path: Path
+    arm: Arm, before: Recording, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The regressions of single recordings, which no ripple explains, leave too much of the changes for one cause."""
+    """Where the regressions of single recordings leave too much of the changes for one cause, as they are made to."""
+    monkeypatch.setattr("comparison.summary._current_scale", lambda *_: None)
     rippled = record(tmp_path / "after.mcap", arm, 2, ripple=(1.5, 24.0, 0.7))
     result = compare_recordings([before], [scaled(rippled, 2, 1 / 0.75)], arm)
     (constant,) = result.summaries
