@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import signal
 
 from arm_io.types import Array
@@ -21,6 +22,7 @@ from diagnosis.residual.encoder_step import encoder_step
 from diagnosis.residual.noise import resolution
 from diagnosis.screening.event import Event, Gain
 
+Rows = NDArray[np.intp]
 JUMP_IN_STEPS = 2.4
 """Steps of the encoder that a jump must exceed."""
 PRINTED = 0.01
@@ -28,6 +30,11 @@ PRINTED = 0.01
 sines divide a count, seldom by more."""
 JUMP_OVER_OTHERS = 2.4
 """Ratio to the 99 % quantile of the differences between rows that a jump must exceed."""
+BESIDE, USUAL_BESIDE = 0.15, 3.5
+"""Share of a jump, and times the usual std, by which the angle may turn more than at its trend in the rows beside.
+
+The teeth of a gap that closes make the motor fast, too, but no row alone.
+"""
 SEARCHES = 4
 """Times that an angle is searched, each without the jumps known before."""
 
@@ -175,10 +182,31 @@ def _steep(q: Array, t: Array) -> list[tuple[int, float]]:
     least = max(JUMP_IN_STEPS * step, JUMP_OVER_OTHERS * _usual(beyond))
     steep = np.flatnonzero((np.abs(beyond) >= least) & (_sharp(q, t) >= JUMP_IN_STEPS * step))
     found: list[tuple[int, float]] = []
+    fastest, usual = 0.0, 1.5 * float(np.median(np.abs(beyond)))
     for row in steep[np.argsort(-np.abs(beyond[steep]), kind="stable")].tolist():
         if near < row < len(q) - 2 * near and all(abs(row - other) > near for other, _ in found):
-            found.append((row, float(beyond[row])))
-    return found
+            size = float(beyond[row])
+            if _beside(q, t, row, steep) > max(BESIDE * abs(size), USUAL_BESIDE * usual, 1.5 * step):
+                fastest = max(fastest, abs(size))
+            else:
+                found.append((row, size))
+    # what is as fast as a motion of this angle is one
+    return [(row, size) for row, size in found if abs(size) >= JUMP_OVER_OTHERS * fastest]
+
+
+def _beside(q: Array, t: Array, row: int, steep: Rows) -> float:
+    """rad: by how much an angle (m,) turns more or less in the row before or after a row than its trend there says.
+
+    The trend is a straight line through the speeds on either side from the third row on, without ``steep`` rows.
+    """
+    most, last = 0.0, min(max(8, round(0.05 / _period(t))), 13)
+    for side in (-1, 1):
+        here, rows = row + side, np.setdiff1d(row + side * np.arange(3, last), steep)
+        rows = rows[(rows >= 0) & (rows < len(q) - 1)]
+        if len(rows) > 3:
+            speed = np.polyfit(rows - here, (q[rows + 1] - q[rows]) / (t[rows + 1] - t[rows]), 1)[1]
+            most = max(most, abs(float(q[here + 1] - q[here] - (t[here + 1] - t[here]) * speed)))
+    return most
 
 
 def _sharp(q: Array, t: Array) -> Array:
