@@ -7,7 +7,6 @@ from arm_io import lazy
 if TYPE_CHECKING:
     from arm_model.symbolic import latex, printing
     from arm_model.symbolic.printing import shown
-    from arm_model.symbolic.sections import both_ways
     from arm_model.symbolic.tape import Expr, Tape, needed, operations
 else:
     __getattr__ = lazy(__name__)
@@ -15,7 +14,6 @@ else:
 __all__ = [
     "Expr",
     "Tape",
-    "both_ways",
     "latex",
     "needed",
     "operations",

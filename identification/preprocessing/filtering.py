@@ -1,8 +1,7 @@
 """Filters forwards and backwards, as scipy's ``sosfiltfilt``, to the last bit.
 
 scipy solves for the initial states of the sections at every call, which takes as long as filtering some thousand rows:
-they depend on the sections alone, and are kept here. The channels are filtered side by side
-(``arm_model.symbolic.both_ways``).
+they depend on the sections alone, and are kept here.
 """
 
 from __future__ import annotations
@@ -13,7 +12,6 @@ import numpy as np
 from scipy import signal
 
 from arm_io.types import Array
-from arm_model.symbolic import both_ways
 
 
 def zero_phase(sections: Array, values: Array, *, pad: int | None = None) -> Array:
@@ -25,9 +23,17 @@ def zero_phase(sections: Array, values: Array, *, pad: int | None = None) -> Arr
     pad = _default_pad(sections) if pad is None else pad
     if pad >= len(values):
         raise ValueError(f"{len(values)} rows cannot be continued by {pad}")
-    values = np.asarray(values, float)
-    rows = values.reshape(len(values), -1)
-    return both_ways(sections, _states(sections.tobytes()), rows, pad).reshape(values.shape)
+    rows = np.ascontiguousarray(np.asarray(values, float).T)
+    ends = (
+        2 * rows[..., :1] - rows[..., pad:0:-1],
+        2 * rows[..., -1:] - rows[..., -2 : -(pad + 2) : -1],
+    )
+    continued = np.concatenate([ends[0], rows, ends[1]], axis=-1) if pad else rows
+    states = _states(sections.tobytes()).reshape(len(sections), *[1] * (rows.ndim - 1), 2)
+    forwards, _ = signal.sosfilt(sections, continued, zi=states * continued[..., :1])
+    backwards, _ = signal.sosfilt(sections, forwards[..., ::-1], zi=states * forwards[..., -1:])
+    smooth = backwards[..., ::-1]
+    return np.asarray((smooth[..., pad:-pad] if pad else smooth).T, float)
 
 
 def _default_pad(sections: Array) -> int:
