@@ -40,6 +40,7 @@ from diagnosis.measurements.currents.shortage import Shortage
 from diagnosis.measurements.demands.wrist_coupling import wrist_coupling
 from diagnosis.measurements.link_encoders.causes import LinkSide, link_side
 from diagnosis.measurements.single_axis.causes import AxisSide
+from diagnosis.measurements.single_axis.remarks import remarks
 from diagnosis.measurements.tracker.causes import Tracked, tracked_causes
 from diagnosis.origins import Suspect, evidence_of, suspects
 from diagnosis.remainder.against_noise import ratios
@@ -54,8 +55,8 @@ from diagnosis.screening.even_rows import even, even_samples, grid_of, known_noi
 from diagnosis.screening.event import Event
 from diagnosis.screening.plausibility import check_motion, mixed_up
 from diagnosis.selection.design import Dataset
-from diagnosis.units import unit_at
 from diagnosis.verification.idle_limits import idle_limits
+from diagnosis.verification.replaced_values import friction_replaced, smoothing_replaced
 from identification.selection import Split
 
 
@@ -212,7 +213,7 @@ def diagnose(
         shortage=named.shortage if measured.judged else None,
         known_to=known.held_out if state.model.uncertain else None,
         remainders=remainders(state, unexplained) if measured.judged else [],
-        warnings=(*cleaned.remarks, *_warnings(given, measured, named, structures), *_of_friction(said, extended)),
+        warnings=(*cleaned.remarks, *_warnings(given, measured, named, structures), *friction_replaced(said, extended)),
     )
 
 
@@ -347,46 +348,9 @@ def _warnings(arm: Arm, measured: Measured, named: Named, structures: Sequence[S
         if known is not None and not known.parameters:
             yield f"the model names {known.file}, which is not beside it: its {what} taken for exact"
     yield from reference_taken(arm, [cause.key for cause in named.causes], state.data.fit.runs)
-    yield from _smoothing(arm, named.base)
-    yield from _of_axis(named.axis, arm) if named.axis else ()
+    yield from smoothing_replaced(arm, named.base)
+    yield from remarks(named.axis, arm.joints[0]) if named.axis else ()
     yield from measured.link.remarks if measured.link else ()
-
-
-def _smoothing(arm: Arm, base: Arm) -> Iterator[str]:
-    """Warns of Coulomb smoothing velocities that replace those of the model."""
-    for number, (own, other) in enumerate(zip(arm.joints, base.joints), 1):
-        wide, narrow = own.sign_velocity, other.sign_velocity
-        if narrow != wide:
-            of = f" of joint {number}" if len(arm) > 1 else ""
-            yield f"Coulomb smoothing velocity{of} set to {narrow:.2g} instead of {wide:.2g} m/s (rad/s)"
-
-
-def _of_friction(stated: Arm, extended: Arm) -> tuple[str, ...]:
-    """Says where the causes made friction that drives a joint, which is not what the extended model has."""
-    return tuple(
-        f"with the causes, friction of joint {j} would drive it at some speed: the extended model has the nearest "
-        "friction that opposes the motion at every speed"
-        for j, (before, after) in enumerate(zip(stated.joints, extended.joints), 1)
-        if (before.coulomb, before.viscous) != (after.coulomb, after.viscous)
-    )
-
-
-def _of_axis(axis: AxisSide, arm: Arm) -> tuple[str, ...]:
-    """Residual of a single axis, and the wave over position that no second run confirms."""
-    said = []
-    if axis.causes:
-        left = f"{axis.causes[-1].after:.3g} {arm.joints[0].command_unit} rms"
-        said.append(f"{left} of the held-out current below 60 Hz remain unexplained")
-    if axis.wave:
-        drive = arm.joints[0]
-        length = f"{axis.wave.length:.4g} rad" if drive.revolute else f"{1e3 * axis.wave.length:.2f} mm"
-        said.append(
-            f"a wave of {axis.wave.amplitude:.2g} {unit_at(drive, 'N m')} every {length}, the same at all speeds "
-            "and in both directions, is "
-            f"{axis.wave.share:.0%} of the residual; it is not named because a second recording must show it at the "
-            "same positions"
-        )
-    return tuple(said)
 
 
 def _shown_in_loop(

@@ -39,7 +39,7 @@ from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Dataset, Pair
 from diagnosis.selection.harmonics import with_harmonics
 from diagnosis.selection.ripple_orders import of_shafts, order_of
-from diagnosis.verification.another_turn import another_turn
+from diagnosis.verification.smoothing_velocity import other_smoothing
 from diagnosis.verification.tenable import tenable_causes
 from identification.selection import Split
 
@@ -103,9 +103,9 @@ def _named(model: Arm, known: Sequence[Cause], recordings: Recordings, screened:
     arm = extend(model, known) if known else model
     sight = residuals_of(arm, screened, progress)
     named, refused = _settled(arm, sight, recordings, excluded, progress), set[EffectKey]()
-    while named.axis is None and (turn := another_turn(named.found.state, named.causes)) is not None:
-        # ... with friction that turns as it does, and without the law that explained nothing else
-        model, refused = turn.of(model), refused | {turn.cause}
+    while named.axis is None and (other := other_smoothing(named.found.state, named.causes)) is not None:
+        # searched again with that smoothing velocity, and without the law that explained nothing else
+        model, refused = other.of(model), refused | {other.cause}
         arm = extend(model, known) if known else model
         sight = residuals_of(arm, screened, progress)
         named = _settled(arm, sight, recordings, excluded | refused, progress)

@@ -34,15 +34,22 @@ BLOCK = 1.0
 class Trial:
     """A richer law tried at one joint (from 1): rms errors (N m, N) on held-out sliding rows, and whether it stays.
 
-    straight: without it; curve: with it. why: what speaks against a law with a smaller error; else empty.
+    straight: without it; curve: with it; None where it slides on no held-out row. why: what speaks against a law that
+    has no such rows, or a smaller error; else empty.
     """
 
     joint: int
-    straight: float
-    curve: float
+    straight: float | None
+    curve: float | None
     p: float
     stays: bool
     why: str = ""
+
+    def compared(self, unit: str) -> str:
+        """What was compared, as a report says it, in unit (N m, N)."""
+        if self.straight is None:
+            return self.why
+        return f"held-out error while it slides {self.straight:.3g} -> {self.curve:.3g} {unit}"
 
 
 def trial_of(j: int, before: Solved, after: Solved, slowest: float, tried: int) -> Trial:
@@ -55,7 +62,7 @@ def trial_of(j: int, before: Solved, after: Solved, slowest: float, tried: int) 
     mine = (rows.joint == j) & (_speed(rows, j) > SLOWEST * slowest)
     mine = mine if rows.sliding is None else mine & rows.sliding
     if not mine.any():
-        return Trial(joint=j + 1, straight=0.0, curve=0.0, p=1.0, stays=False)
+        return Trial(joint=j + 1, straight=None, curve=None, p=1.0, stays=False, why="it slides on no held-out row")
     gain = (one[1] ** 2 - other[1] ** 2)[mine]
     _, block = np.unique(np.stack([rows.run[mine], rows.t[mine] // BLOCK]), axis=1, return_inverse=True)
     p = p_value(np.bincount(block.ravel(), weights=gain).astype(float))

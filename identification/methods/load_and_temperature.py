@@ -161,7 +161,7 @@ def _justified(found: Solved, wider: Solved, tried: _Tried) -> tuple[list[Effect
     for j in joints:
         trial = trial_of(j, found, wider, tried.slowest[j], len(joints))
         unit = "N m" if found.problem.arm.joints[j].revolute else "N"
-        why[j] = f"held-out error while it slides {trial.straight:.3g} -> {trial.curve:.3g} {unit}"
+        why[j] = trial.compared(unit)
         if not trial.stays:
             continue
         for term in tried.terms:

@@ -22,17 +22,19 @@ def sentences(result: Identification) -> list[str]:
     said = []
     for joint in sorted({*curved, *trials}):
         trial, unit = trials.get(joint), result.torque_unit(joint - 1)
-        errors = "" if trial is None else f"{trial['straight']:.3g} -> {trial['curve']:.3g} {unit}"
+        errors = ""
+        if trial is not None and trial["straight"] is not None:
+            errors = f"held-out error while it slides {trial['straight']:.3g} -> {trial['curve']:.3g} {unit}"
         why = "" if trial is None else trial["why"]
         if joint not in curved:
             said.append(
-                f"friction of joint {joint}: Coulomb and viscous (a curve is not justified: held-out error while it "
-                f"slides {errors}{', ' * bool(why)}{why})"
+                f"friction of joint {joint}: Coulomb and viscous (a curve is not justified: "
+                f"{', '.join(filter(None, (errors, why)))})"
             )
             continue
         speed = curved[joint].speed
         per = "rad/s" if result.arm.joints[joint - 1].revolute else "m/s"
-        source = "as in the model" if trial is None else f"held-out error while it slides {errors}"
+        source = errors or "as in the model"
         said.append(
             f"friction of joint {joint}: a curve of free shape through {len(speed)} speeds from {speed[0]:.2g} to "
             f"{speed[-1]:.2g} {per} ({source})"

@@ -12,9 +12,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from arm_model import Arm, Controller, Joint
+from arm_model import Arm, Controller
 from daq.recording import Attachments, Recording, open_recording, write_table
 from diagnosis.closed_loop.friction import friction_in_loop
+from tests.diagnosis.one_axis import vertical_joint
 
 ROTOR, VISCOUS, COULOMB, NOISE, COUNT = 2.0, 5.0, 10.0, 0.1, 1e-3
 GAINS = 3000.0, 3000.0, 240.0
@@ -26,18 +27,7 @@ Hidden = tuple[float, float, float, bool]
 
 
 def _axis() -> Arm:
-    joint = Joint(
-        convention="placed",
-        axis=(0.0, 0.0, 1.0),
-        xyz=(0.0, 0.0, 0.0),
-        rpy=(0.0, 0.0, 0.0),
-        gear=1.0,
-        torque_constant=1.0,
-        rotor_inertia=ROTOR,
-        coulomb=(COULOMB, COULOMB),
-        viscous=(VISCOUS, VISCOUS),
-        sign_velocity=0.01,
-    )
+    joint = vertical_joint(ROTOR, COULOMB, VISCOUS, 0.01)
     servo = Controller(
         kind="gains",
         setpoint_period=TICK,

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from arm_model import Arm, Joint
+from arm_model import Arm
 from arm_model.effects import CATALOGUE, Variable
 from diagnosis.cause import Cause, Estimate
 from diagnosis.measurements.near_rest.friction import _rises, friction_causes
@@ -22,6 +22,7 @@ from diagnosis.report.wording import rise_at_rest as words
 from diagnosis.residual.expected_current import reading
 from diagnosis.residual.run import Run, residual_run
 from identification.selection import Split
+from tests.diagnosis.one_axis import vertical_joint
 
 RATE, ROTOR, COULOMB, VISCOUS, WIDTH, NOISE, COUNT = 500.0, 2.0, 10.0, 5.0, 0.01, 0.1, 2e-5
 Friction = Callable[[np.ndarray, np.ndarray], np.ndarray]
@@ -74,18 +75,7 @@ def _runs(friction: Friction, other: Friction = _nothing) -> Split[Sequence[Run]
 
 
 def _axis() -> Arm:
-    joint = Joint(
-        convention="placed",
-        axis=(0.0, 0.0, 1.0),
-        xyz=(0.0, 0.0, 0.0),
-        rpy=(0.0, 0.0, 0.0),
-        gear=1.0,
-        torque_constant=1.0,
-        rotor_inertia=ROTOR,
-        coulomb=(COULOMB, COULOMB),
-        viscous=(VISCOUS, VISCOUS),
-        sign_velocity=WIDTH,
-    )
+    joint = vertical_joint(ROTOR, COULOMB, VISCOUS, WIDTH)
     return Arm("axis", (joint,))
 
 

@@ -9,12 +9,12 @@ import pytest
 
 from arm_io import InputError
 from arm_model.description import Arm
-from arm_model.rigid_body.numeric import rigid_torque
 from daq.recording import Attachments, Recording, open_recording, write_table
 from diagnosis.diagnose import diagnose
 from diagnosis.remainder.against_noise import against_noise
 from diagnosis.screening.lost_rows.skipped_rows import Hole, filled, holes_of
 from tests.comparison.second_day import motion, puma
+from tests.diagnosis.one_axis import currents
 
 RATE = 250.0
 LOST = ((700, 5), (1500, 40), (2600, 12))
@@ -25,13 +25,7 @@ def _recorded(path: Path, arm: Arm, seed: int, lost: tuple[tuple[int, int], ...]
     """15 s at 250 Hz without the rows ``lost``; currents ``late`` rows late from 9 s on."""
     rng, t = np.random.default_rng(seed), np.arange(3750) / RATE
     q, qd, qdd = motion(t, len(arm), seed, 1.6)
-    torque = rigid_torque(arm, q, qd, qdd)
-    for j, joint in enumerate(arm.joints):
-        smooth = qd[:, j] / np.hypot(qd[:, j], joint.sign_velocity)
-        dry = np.where(qd[:, j] > 0, joint.coulomb[0], joint.coulomb[1])
-        wet = np.where(qd[:, j] > 0, joint.viscous[0], joint.viscous[1])
-        torque[:, j] += joint.ratio**2 * (joint.rotor_inertia * qdd[:, j] + wet * qd[:, j]) + joint.ratio * dry * smooth
-    i = torque / arm.joint_array("drive_constant") + 0.01 * rng.standard_normal(q.shape)
+    i = currents(arm, q, qd, qdd) + 0.01 * rng.standard_normal(q.shape)
     if late:
         i[2250:] = i[2250 - late : -late]
     kept = np.ones(len(t), bool)

@@ -9,7 +9,6 @@ import pytest
 
 from arm_io.types import Array
 from arm_model.description import Arm
-from arm_model.rigid_body.numeric import rigid_torque
 from arm_model.system import inverse_dynamics
 from daq.recording import Attachments, Recording, open_recording, write_table
 from diagnosis.diagnose import diagnose
@@ -19,6 +18,7 @@ from diagnosis.residual.noise import KnownNoise
 from diagnosis.residual.run import residual_run
 from diagnosis.screening.even_rows import even, even_samples, grid_of, known_noise
 from tests.comparison.second_day import motion, puma
+from tests.diagnosis.one_axis import currents
 
 
 def _recorded(path: Path, arm: Arm, seed: int, jitter: float) -> Recording:
@@ -26,14 +26,7 @@ def _recorded(path: Path, arm: Arm, seed: int, jitter: float) -> Recording:
     rng = np.random.default_rng(seed)
     t = (np.arange(3750) + jitter * np.clip(rng.normal(size=3750), -2, 2)) / 250.0
     q, qd, qdd = motion(t, len(arm), seed, 1.6)
-    torque = rigid_torque(arm, q, qd, qdd)
-    for j, joint in enumerate(arm.joints):
-        # the law of the model file: coulomb (positive, negative) and viscous at the motor
-        smooth = qd[:, j] / np.hypot(qd[:, j], joint.sign_velocity)
-        dry = np.where(qd[:, j] > 0, joint.coulomb[0], joint.coulomb[1])
-        wet = np.where(qd[:, j] > 0, joint.viscous[0], joint.viscous[1])
-        torque[:, j] += joint.ratio**2 * (joint.rotor_inertia * qdd[:, j] + wet * qd[:, j]) + joint.ratio * dry * smooth
-    i = torque / arm.joint_array("drive_constant") + 0.01 * rng.standard_normal(q.shape)
+    i = currents(arm, q, qd, qdd) + 0.01 * rng.standard_normal(q.shape)
     write_table(path, t - t[0], {"q": np.round(q / 1e-5) * 1e-5, "i": i}, Attachments())
     return open_recording(path)
 

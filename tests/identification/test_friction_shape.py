@@ -11,6 +11,8 @@ import pytest
 import armscope
 from arm_model import read_model
 from armscope.cli import run
+from identification.report.friction import sentences
+from tests.comparison import second_day
 from tests.diagnosis.rubbing_arm import Law, humped, recording, stranger
 
 
@@ -112,3 +114,15 @@ def test_a_shape_is_refused_where_the_method_has_none(tmp_path: Path) -> None:
     fit = recording(tmp_path / "1.mcap", straight, 1, seconds=5.0)
     with pytest.raises(armscope.InputError, match="--shape: free is determined by ols, wls and irls"):
         armscope.identify(fit, stranger(tmp_path / "model.toml"), method="iv", shape="free")
+
+
+def test_of_a_joint_that_rests_in_held_out_recordings_no_errors_are_compared(root: Path, tmp_path: Path) -> None:
+    arm = second_day.puma(root)
+    fit, held_out = (
+        second_day.record(tmp_path / f"{k}.mcap", arm, k, seed=k, resting=resting)
+        for k, resting in enumerate((None, 2))
+    )
+    said = sentences(armscope.identify(fit, arm, held_out=held_out))
+    (of_joint,) = [one for one in said if one.startswith("friction of joint 3: ")]
+    assert "slides on no held-out row" in of_joint and "->" not in of_joint
+    assert any("->" in one for one in said)

@@ -1,8 +1,9 @@
 """A law of friction near rest, beside another smoothing velocity of the joint's own friction.
 
-In the search, an error of the smoothing velocity is a column of the first order. Where friction turns three times as
-sharply as the model says, the exact residual is another one, and bristles that yield over less than an encoder shows
-explain it: they turn at once. Such a law is judged against every other smoothing velocity, exactly.
+In the search, an error of the smoothing velocity is a column of the first order. Where friction changes its sign over a
+third of the speed that the model says, the exact residual is another one, and bristles that yield over less than an
+encoder shows explain it: they change the sign at once. Such a law is judged against every other smoothing velocity,
+exactly.
 """
 
 from __future__ import annotations
@@ -25,8 +26,8 @@ from diagnosis.residual.run import Run, kept
 
 
 @dataclass(frozen=True)
-class Turn:
-    """That friction of a joint turns at another smoothing velocity, and that a cause explained nothing else.
+class OtherSmoothing:
+    """That friction of a joint has another smoothing velocity, and that a cause explained nothing else.
 
     cause: the key of the cause; velocity: the joint's ``sign_velocity``, rad/s (m/s)
     """
@@ -42,7 +43,7 @@ class Turn:
         return replace(arm, joints=tuple(joints))
 
 
-def another_turn(state: State, causes: Sequence[Cause]) -> Turn | None:
+def other_smoothing(state: State, causes: Sequence[Cause]) -> OtherSmoothing | None:
     """Of the first cause that gains less than what matters beside another smoothing velocity of its joint's friction.
 
     Of laws of friction near rest; None where all gain. The held-out recordings choose the smoothing velocity, with the
@@ -57,7 +58,7 @@ def another_turn(state: State, causes: Sequence[Cause]) -> Turn | None:
         without, with_it = (_energies(runs, own, cause.joint) for own in (others, terms))
         if without.min() - with_it.min() < LIMITS.min_gain * state.data.held_out.rows:
             own = runs[0].arm.joints[cause.joint - 1].sign_velocity
-            return Turn(cause.key, float(own * SMOOTHING[int(np.argmin(without))]))
+            return OtherSmoothing(cause.key, float(own * SMOOTHING[int(np.argmin(without))]))
     return None
 
 

@@ -1,4 +1,4 @@
-"""Friction that turns more sharply than the model says is no law of friction near rest; one that builds up is."""
+"""Friction of a smaller smoothing velocity than modelled is no law of friction near rest; one that builds up is."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from arm_model import Arm, Joint
+from arm_model import Arm
 from daq.recording import Recording, open_recording
 from daq.recording.parts import Attachments
 from daq.recording.tables.table import write_table
@@ -19,9 +19,10 @@ from diagnosis.measurements.currents.search import Found
 from diagnosis.measurements.currents.unexplained import Unexplained
 from diagnosis.residual.run import Run, residual_run
 from diagnosis.selection.candidate import Candidate
-from diagnosis.verification.another_turn import Turn, another_turn
+from diagnosis.verification.smoothing_velocity import OtherSmoothing, other_smoothing
 from diagnosis.verification.tenable import causes_of
 from identification.selection import Split
+from tests.diagnosis.one_axis import vertical_joint
 
 RATE, ROTOR, COULOMB, VISCOUS, NOISE, COUNT = 500.0, 0.5, 1.4, 0.5, 0.005, 8e-5
 MODEL = 0.01
@@ -29,7 +30,7 @@ MODEL = 0.01
 Friction = Callable[[np.ndarray], np.ndarray]
 
 
-def _turns(width: float) -> Friction:
+def _smooth(width: float) -> Friction:
     return lambda v: COULOMB * np.tanh(v / width)
 
 
@@ -64,44 +65,33 @@ def _recorded(path: Path, friction: Friction, seed: int) -> Recording:
 
 
 def _run(friction: Friction, seed: int, folder: Path) -> Run:
-    joint = Joint(
-        convention="placed",
-        axis=(0.0, 0.0, 1.0),
-        xyz=(0.0, 0.0, 0.0),
-        rpy=(0.0, 0.0, 0.0),
-        gear=1.0,
-        torque_constant=1.0,
-        rotor_inertia=ROTOR,
-        coulomb=(COULOMB, COULOMB),
-        viscous=(VISCOUS, VISCOUS),
-        sign_velocity=MODEL,
-    )
+    joint = vertical_joint(ROTOR, COULOMB, VISCOUS, MODEL)
     r = _recorded(folder / f"{seed}.mcap", friction, seed)
     return residual_run(f"{seed}", Arm("axes", (joint, joint)), r.t, r.q, r.i)
 
 
-def _turned(friction: Friction, stiffness: float, folder: Path) -> tuple[float, Turn | None]:
-    """By which factor bristles of this stiffness reduce what is left of joint 1, and how its friction turns instead."""
+def _judged(friction: Friction, stiffness: float, folder: Path) -> tuple[float, OtherSmoothing | None]:
+    """By which factor bristles of this stiffness reduce what is left of joint 1, and the other smoothing velocity."""
     fit, held_out = ([_run(friction, seed, folder) for seed in seeds] for seeds in ((0, 1), (2,)))
     data = Split(dataset_of(fit), dataset_of(held_out))
     bristles = Candidate("presliding_friction", 1, (("stiffness", stiffness), ("damping", 0.0)))
     model = Currents(fit[0].arm, data, {bristles: data.map(lambda part: columns_of(bristles, part))}, [])
     state = model.refitted([bristles], {bristles.key: []})
     left, before = (float(np.sum(of[data.held_out.of(1)] ** 2)) for of in (state.fitted.held_out, data.held_out.y))
-    return left / before, another_turn(state, causes_of(Found(state, Unexplained([], []))))
+    return left / before, other_smoothing(state, causes_of(Found(state, Unexplained([], []))))
 
 
 @pytest.mark.parametrize("width", [0.003, 0.001])
-def test_friction_that_turns_more_sharply_than_the_model_says_has_no_bristles(width: float, tmp_path: Path) -> None:
-    """Bristles that yield over a fifth of a count turn at once, and explain the residual of the model as well."""
-    left, turn = _turned(_turns(width), 95_000.0, tmp_path)
+def test_friction_of_a_smaller_smoothing_velocity_has_no_bristles(width: float, tmp_path: Path) -> None:
+    """Bristles that yield over a fifth of a count change the sign at once, and explain the residual as well."""
+    left, other = _judged(_smooth(width), 95_000.0, tmp_path)
     assert left < 0.7
-    assert turn is not None and turn.cause == ("presliding_friction", 1)
+    assert other is not None and other.cause == ("presliding_friction", 1)
     # a tanh of this width and v / hypot(v, w) are closest at 0.4 to 1 times the width
-    assert 0.3 * width < turn.velocity < 1.3 * width or turn.velocity == pytest.approx(SMOOTHING[0] * MODEL)
+    assert 0.3 * width < other.velocity < 1.3 * width or other.velocity == pytest.approx(SMOOTHING[0] * MODEL)
 
 
 @pytest.mark.parametrize("stiffness", [200.0, 400.0])
-def test_friction_that_builds_up_is_no_matter_of_its_turn(stiffness: float, tmp_path: Path) -> None:
-    left, turn = _turned(_builds_up(stiffness), stiffness, tmp_path)
-    assert left < 0.7 and turn is None
+def test_friction_that_builds_up_is_explained_by_no_smoothing_velocity(stiffness: float, tmp_path: Path) -> None:
+    left, other = _judged(_builds_up(stiffness), stiffness, tmp_path)
+    assert left < 0.7 and other is None

@@ -1,0 +1,29 @@
+"""Values of the model that a diagnosis replaces without naming a cause, each with a sentence that says so."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from arm_model import Arm
+from diagnosis.units import unit_at
+
+
+def smoothing_replaced(model: Arm, base: Arm) -> Iterator[str]:
+    """A sentence per joint whose Coulomb smoothing velocity is not that of the model."""
+    for number, (own, other) in enumerate(zip(model.joints, base.joints), 1):
+        if other.sign_velocity != own.sign_velocity:
+            of = f" of joint {number}" if len(model) > 1 else ""
+            yield (
+                f"Coulomb smoothing velocity{of} set to {other.sign_velocity:.2g} instead of {own.sign_velocity:.2g} "
+                f"{unit_at(own, 'rad/s')}"
+            )
+
+
+def friction_replaced(stated: Arm, extended: Arm) -> Iterator[str]:
+    """A sentence per joint whose friction would drive it with the causes as stated: the extended model has another."""
+    for number, (before, after) in enumerate(zip(stated.joints, extended.joints), 1):
+        if (before.coulomb, before.viscous) != (after.coulomb, after.viscous):
+            yield (
+                f"with the causes, friction of joint {number} would drive it at some speed: the extended model has the "
+                "nearest friction that opposes the motion at every speed"
+            )
