@@ -44,6 +44,16 @@ class TickClock:
         pieces = [self._readings[k : k + self._keep] for k in range(0, len(self._readings), self._keep)]
         return [(tick, host) for piece in pieces for tick, host, _ in _quick(piece)]
 
+    @property
+    def quickest(self) -> int:
+        """ns: the shortest round trip of all readings."""
+        return min(trip for _, _, trip in self._readings)
+
+    def tick(self, host: int) -> int:
+        """The tick at host ns ``host``, by the line of ``host()``."""
+        (tick, at, _), offset, slope = self._line = self._line or self._fitted()
+        return tick + round((host - at - offset) / slope)
+
     def host(self, ticks: NDArray[np.int64]) -> NDArray[np.int64]:
         """Host ns at ``ticks`` (n,), which rise from call to call; at least one reading must have been added.
 

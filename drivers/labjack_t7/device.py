@@ -22,19 +22,18 @@ from pydantic import Field, model_validator
 from arm_io import DeviceFault
 from arm_io.table import NoSeconds, Seconds, Table
 from drivers.blocks import join
-from drivers.counting import check_channel, extend
+from drivers.counting import check_channel
 from drivers.labjack_t7 import protocol as t7
 from drivers.labjack_t7 import setup as setup
+from drivers.labjack_t7.core_timer import CoreTimer
 from drivers.labjack_t7.link import T7Link
 from drivers.protocols import Block, CounterMode, EdgeSource, HostClock, Identity, Plan, Quality
 from drivers.reconnect import Reconnect, or_fault
 from drivers.rig_context import RigContext
-from drivers.tick_clock import TickClock
 
 ADVICE = "is it powered, and is the cable in?"
 CHANNEL_SKEW = 11e-6  # s between AINs of one scan at +-10 V, resolution index 0 (datasheet appendix A-1)
 CLEAR_OFFSET = 100  # READ_A_AND_RESET lies 100 registers above READ_A
-READING_PERIOD = 250_000_000  # ns between readings of CORE_TIMER, which also feed the watchdog
 
 
 class Config(Table):
@@ -170,12 +169,11 @@ class LabJackT7:
         self._plan, self._offset, self._resume = plan, 0, False
         self._rows: list[Block] = []
         self._edges: list[Block] = []
-        self._tick, self._tick_base, self._number, self._first, self._last = 0, 0, -1, (0, 0), (0, 0)
+        self._number, self._first, self._last = -1, (0, 0), (0, 0)  # (number, tick) of the first and last row
         self._was_reset = False
         self._reconnect.begin()
-        self._ticks = TickClock(t7.CORE_TIMER_HZ)
         with or_fault(self.name, ADVICE):
-            self._tick = self._link.read_uint(t7.CORE_TIMER)  # ticks are 64 bit from here on, and positive
+            self._timer = CoreTimer(self._link, self._clock, plan)
             self._start_stream()
 
     def _start_stream(self) -> None:
@@ -183,7 +181,7 @@ class LabJackT7:
         rows = None if self._plan.rows is None else max(1, self._plan.rows - self._number - 1)
         setup.set_stream(self._link, self.scan, self._plan, rows)
         self._link.read_stream()
-        self._read_timer()
+        self._timer.read_quickly()
         self._stream = t7.Stream(self.scan)
         self._link.write_uint(t7.STREAM_ENABLE, 1)
 
@@ -215,8 +213,7 @@ class LabJackT7:
         if not self._reconnect.there(now, self._reopen):
             return
         try:
-            if now - self._read_at > READING_PERIOD:
-                self._read_timer()
+            self._timer.read_if_due(now)
             scans = self._stream.feed(self._link.read_stream())
         except OSError:
             self._link.close()
@@ -227,15 +224,15 @@ class LabJackT7:
             self._keep(scans)
 
     def _keep(self, scans: t7.Scans) -> None:
-        tick = extend(scans.timer - self._tick_base, 32, self._tick)
-        host = self._ticks.host(tick)
+        tick = self._timer.extend(scans.timer)
+        host = self._timer.host(tick)
         if self._resume:
-            self._offset, self._resume = self._number_at(int(host[0])) - int(scans.number[0]), False
+            self._offset, self._resume = self._number_at(int(tick[0])) - int(scans.number[0]), False
         number = scans.number + self._offset
         if self._number < 0:
-            self._first = (int(number[0]), int(host[0]))
-        self._last = (int(number[-1]), int(host[-1]))
-        self._tick, self._number = int(tick[-1]), int(number[-1])
+            self._first = (int(number[0]), int(tick[0]))
+        self._last = (int(number[-1]), int(tick[-1]))
+        self._number = int(number[-1])
         quality = np.zeros((len(number), len(self.config.counters) + len(self.config.inputs)), np.uint8)
         if self._was_reset:
             quality[:, : len(self.config.counters)] |= np.uint8(Quality.DEVICE_RESET)
@@ -244,15 +241,6 @@ class LabJackT7:
         counts = (scans.counts + self._preset) & 0xFFFFFFFF
         self._rows.append(Block(number, host, tick, quality, counts, self._calibration.volts(scans.codes)))
         self._edges.append(Block(number, host, tick, np.zeros((len(number), 0), np.uint8)))
-
-    def _read_timer(self) -> None:
-        """One reading of CORE_TIMER against the host's clock."""
-        before = self._clock.monotonic_ns()
-        raw = np.array([self._link.read_uint(t7.CORE_TIMER)], np.int64)
-        after = self._clock.monotonic_ns()
-        tick = extend(raw - self._tick_base, 32, self._tick)
-        self._ticks.add(int(tick[0]), (before + after) // 2, after - before)
-        self._read_at = after
 
     def _reopen(self) -> None:
         """Connection and stream once more; numbers go on where the trigger line now is."""
@@ -269,30 +257,24 @@ class LabJackT7:
         self._resume = True
 
     def _begin_anew(self) -> None:
-        """The T7 has lost its power: counters at 0, CORE_TIMER too.
-
-        The ticks of the rows go on from where they would now be.
-        """
+        """The T7 has lost its power: counters at 0, CORE_TIMER too. Raises OSError, also where its time is unsure."""
         self._was_reset = True
-        self._ticks.restart()
-        self._tick += round((self._clock.monotonic_ns() - self._last[1]) * t7.CORE_TIMER_HZ * 1e-9)
-        self._tick_base = self._link.read_uint(t7.CORE_TIMER) - self._tick
+        self._timer.begin_anew()
         for line in self.config.counters:
             setup.start_counter(self._link, line)
 
-    def _number_at(self, host: int) -> int:
-        """Number of the trigger at host time ``host``, from the triggers before the loss and their mean interval."""
-        assert self._plan is not None
+    def _number_at(self, tick: int) -> int:
+        """Number of the trigger at ``tick``, from the triggers before the loss and their mean interval."""
         if self._number < 0:
             return 0
-        interval = 1e9 / self._plan.rate
+        interval = self._timer.interval * 1e-9 * t7.CORE_TIMER_HZ
         if self._last[0] > self._first[0]:
             interval = (self._last[1] - self._first[1]) / (self._last[0] - self._first[0])
-        return self._last[0] + max(1, round((host - self._last[1]) / interval))
+        return self._last[0] + max(1, round((tick - self._last[1]) / interval))
 
     def clock_readings(self) -> list[tuple[int, int]]:
         """(CORE_TIMER, host ns) of the readings since arming, four a second; late answers left out."""
-        return self._ticks.readings()
+        return self._timer.readings()
 
     @property
     def seeking(self) -> bool:

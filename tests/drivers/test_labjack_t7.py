@@ -63,7 +63,7 @@ def stamped_within(device: driver.LabJackT7) -> float:
 
     Half a round trip, of which a busy machine makes long ones.
     """
-    return 0.5e-9 * max(trip for _, _, trip in device._ticks._readings)
+    return 0.5e-9 * max(trip for _, _, trip in device._timer._ticks._readings)
 
 
 def test_counts_and_volts_are_those_on_the_wires(rig) -> None:
