@@ -1,6 +1,6 @@
 """CORE_TIMER, the T7's own clock, which stamps every scan: extended to 64 bit and related to the host's clock.
 
-It is read when a stream begins and four times a second from then on. The T7 took a value at some instant between
+It is read when a stream begins and every quarter of a second from then on. The T7 took a value at some instant between
 request and answer: where a busy computer or network holds these up for milliseconds, the reading is as uncertain.
 """
 

@@ -314,6 +314,8 @@ def test_another_t7_behind_the_cable_is_not_taken_for_it(rig) -> None:
     device.arm(Plan(TIMER, 1000.0, None))
     read_rows(device.read, 20)
     box.close()
+    while device._link.connected:
+        device.read()  # what was still under way
     other = simulator.make("other", box.config, swing_wires(), serial=470099999)
     other.open()
     with pytest.raises(DeviceFault, match="another T7 answers: serial number 470099999, not 470012345"):
