@@ -17,7 +17,7 @@ from daq.recording import Recording
 from diagnosis.cause import Cause, EffectKey, extend
 from diagnosis.closed_loop import resonance
 from diagnosis.closed_loop.comparison import with_smoothing_velocities
-from diagnosis.closed_loop.friction import friction_in_loop
+from diagnosis.closed_loop.friction import friction_in_loop, has_state, with_estimates_of
 from diagnosis.measurements.currents.basis_functions import TWO_FACED
 from diagnosis.measurements.currents.causes import from_axis
 from diagnosis.measurements.currents.columns import candidates
@@ -162,13 +162,19 @@ def _near_rest(named: Named, recordings: Recordings, excluded: Set[EffectKey]) -
 
 
 def _in_loop(named: Named, recordings: Recordings, taken: Sequence[EffectKey]) -> list[Cause]:
-    """The same by closed loops, at joints whose encoder does not show the speed that currents are judged at."""
+    """The same by closed loops, at joints whose encoder does not show the speed that currents are judged at.
+
+    What the search named there of currents is judged again, and estimated by both.
+    """
     runs = [run for part in named.found.state.data for run in part.runs]
     coarse = [j for j in range(1, len(named.arm) + 1) if not any(known_speed(run, j) for run in runs)]
     if not coarse:
         return []
     every = [replace(r, q=q, i=i) for r, (_, q, i) in zip((*recordings.fit, *recordings.held_out), named.sight.samples)]
-    return friction_in_loop(extend(named.base, named.causes), every, coarse, taken)
+    again = {cause.key: cause for cause in named.causes if cause.joint in coarse and has_state(cause.effect)}
+    beside = [cause for cause in named.causes if cause.key not in again]
+    found = friction_in_loop(extend(named.base, beside), every, coarse, set(taken) - set(again))
+    return [with_estimates_of(cause, again[cause.key]) if cause.key in again else cause for cause in found]
 
 
 def _searched(

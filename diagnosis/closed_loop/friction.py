@@ -18,7 +18,7 @@ import numpy as np
 
 from arm_io.types import Array
 from arm_model import Arm, EffectTerm
-from arm_model.effects import Effect, friction_near_rest
+from arm_model.effects import CATALOGUE, Effect, friction_near_rest
 from arm_model.sensing import recorded
 from arm_model.simulation import simulate_batch
 from daq.recording import Recording
@@ -74,7 +74,7 @@ def friction_in_loop(
     usable = [r for r in recordings if has_demand(r)]
     if arm.controller is None or len(usable) < 2:
         return []
-    laws = [effect for effect in friction_near_rest() if effect.rate is not None]
+    laws = [effect for effect in friction_near_rest() if has_state(effect.name)]
     near = {effect.name for effect in friction_near_rest()}
     found = []
     for joint in joints:
@@ -82,6 +82,29 @@ def friction_in_loop(
             continue
         found += [_judged(arm, usable, joint, effect, len(joints) * len(laws)) for effect in laws]
     return [cause for cause in found if cause is not None]
+
+
+def has_state(effect: str) -> bool:
+    """Whether an effect of this name is friction near rest that builds up."""
+    return CATALOGUE[effect].near_rest and CATALOGUE[effect].rate is not None
+
+
+def with_estimates_of(cause: Cause, other: Cause) -> Cause:
+    """The cause with estimates of both, which were made of different signals, weighted by their deviations.
+
+    Where two differ by more than their deviations, that of their mean grows with it (Birge, Physical Review 40, 1932).
+    """
+    by_other = {one.name: one for one in other.parameters if one.std > 0.0}
+    return replace(
+        cause, parameters=[_mean(one, by_other[one.name]) if one.name in by_other else one for one in cause.parameters]
+    )
+
+
+def _mean(one: Estimate, other: Estimate) -> Estimate:
+    weights = np.array([one.std, other.std]) ** -2.0
+    apart = abs(one.value - other.value) / float(np.hypot(one.std, other.std))
+    value = float(np.average([one.value, other.value], weights=weights))
+    return replace(one, value=value, std=max(1.0, apart) / float(np.sqrt(weights.sum())))
 
 
 @dataclass(frozen=True)
@@ -192,8 +215,7 @@ def _grid(recordings: Sequence[Recording], arm: Arm, joint: int, effect: Effect)
     friction, j = max(arm.joints[joint - 1].rest_friction), joint - 1
     travel = max(float(np.ptp(r.q[:, j])) for r in recordings)
     noise = max(float(angle_noise(r.q[:, [j]])[0]) for r in recordings)
-    smooth = [low_pass(r.q[:, j], COMPARE_BAND, rate_of(r.t)) for r in recordings]
-    fastest = max(float(np.max(np.abs(np.gradient(q, r.dt)))) for q, r in zip(smooth, recordings))
+    fastest, _ = _fastest(recordings, joint)
     softest, stiffest = friction / (SOFTEST * travel), friction / (RESOLVED * noise)
     stiffness, damping = np.meshgrid(
         np.geomspace(softest, stiffest, STIFFNESSES), DAMPINGS * friction / fastest, indexing="ij"
@@ -201,25 +223,43 @@ def _grid(recordings: Sequence[Recording], arm: Arm, joint: int, effect: Effect)
     return {_stiffness(effect): stiffness.ravel(), _damping(effect): damping.ravel()}
 
 
+def _fastest(recordings: Sequence[Recording], joint: int) -> tuple[float, float]:
+    """rad/s and rad/s2: largest speed and acceleration of a joint (from 1) in the band of comparison."""
+    speeds, pulls = list[float](), list[float]()
+    for r in recordings:
+        speed = np.gradient(low_pass(r.q[:, joint - 1], COMPARE_BAND, rate_of(r.t)), r.dt)
+        speeds.append(float(np.max(np.abs(speed))))
+        pulls.append(float(np.max(np.abs(np.gradient(speed, r.dt)))))
+    return max(speeds), max(pulls)
+
+
 def _estimates(arm: Arm, recordings: Sequence[Recording], joint: int, effect: Effect, tried: _Lanes) -> list[Estimate]:
-    """Stiffness and damping with std, refined from the best lane; errors of different seconds are independent."""
-    names, best = (_stiffness(effect), _damping(effect)), tried.best
-    value, damping = (float(tried.values[name][best]) for name in names)
-    moved = STEP * float(np.max(tried.values[names[1]])) / DAMPINGS[-1]
+    """Stiffness and damping with std, refined from the best lane; errors of different seconds are independent.
+
+    The loop of the arm need not be that of the model: a servo that takes the speed of its demand half a tick earlier
+    adds torque in proportion to acceleration, as an inertia does. It turns into stiffness and damping unless it is
+    free beside them.
+    """
+    names, best = (_stiffness(effect), _damping(effect), "rotor_inertia"), tried.best
+    value, damping = (float(tried.values[name][best]) for name in names[:2])
+    drive = arm.joints[joint - 1]
+    inertia = drive.ratio**2 * drive.rotor_inertia
+    fastest, hardest = _fastest(recordings, joint)
+    moved = STEP * max(drive.rest_friction) / np.array([fastest, hardest])
     for _ in range(STEPS):
-        values = np.array([value, value * (1.0 + STEP), value]), np.array([damping, damping, damping + moved])
-        around = _lanes(_with(arm, effect, joint), recordings, joint, dict(zip(names, values)))
-        slopes = np.stack([around.of(1) - around.of(0), around.of(2) - around.of(0)], axis=1) / [STEP, moved]
+        values = np.array([value, damping, inertia]) + np.vstack([np.zeros(3), np.diag([STEP * value, *moved])])
+        around = _lanes(_with(arm, effect, joint), recordings, joint, dict(zip(names, values.T)))
+        slopes = np.stack([around.of(k) - around.of(0) for k in (1, 2, 3)], axis=1) / [STEP, *moved]
         step = -np.linalg.lstsq(slopes, around.of(0), rcond=None)[0]
         last = value, damping
         value *= float(np.exp(np.clip(step[0], -FARTHEST, FARTHEST)))
         damping = max(damping + float(step[1]), 0.0)
+        inertia += float(step[2])
     seconds = [np.arange(part.shape[1]) // ROWS_PER_SECOND for part in around.angle]
     first = np.cumsum([0, *(int(own[-1]) + 1 for own in seconds[:-1])])
     cluster = np.concatenate([own + k for own, k in zip(seconds, first)])
-    std = np.sqrt(np.diag(cluster_covariance(slopes, [around.of(0)], cluster))) * [last[0], 1.0]
+    std = np.sqrt(np.diag(cluster_covariance(slopes, [around.of(0)], cluster))) * [last[0], 1.0, 1.0]
     std[1] = np.hypot(std[1], RESOLVES * last[0])
-    drive = arm.joints[joint - 1]
     return [
         Estimate(
             name.split(".")[1],

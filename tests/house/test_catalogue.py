@@ -24,6 +24,7 @@ NAMES_OF_SOMETHING_ELSE = {
     "identification/floating_base/joints.py": "a parameter of an arm: a joint's rotor_inertia",
     "identification/regression/equations.py": "a parameter of an arm: a joint's rotor_inertia",
     "identification/regression/physical_consistency.py": "a parameter of an arm: a joint's rotor_inertia",
+    "diagnosis/closed_loop/friction.py": "a parameter of an arm: a joint's rotor_inertia",
 }
 DETECTORS = {
     "diagnosis/screening/mains_hum.py": "a spectral line at the frequency of the mains",
