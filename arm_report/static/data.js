@@ -46,6 +46,21 @@ function digits(value) {
   return Number(value.toPrecision(4)).toString();
 }
 
+/** Ticks of a logarithmic axis: one to nine times every power of ten from low to high, both above zero. */
+function decadeTicks(low, high) {
+  const ticks = [];
+  for (let power = Math.floor(Math.log10(low)); power <= Math.log10(high); power++) {
+    for (let times = 1; times < 10; times++) ticks.push(Number(`${times}e${power}`));
+  }
+  return ticks.filter((tick) => tick >= low && tick <= high);
+}
+
+/** Ticks of an axis that is linear up to `linear` on both sides of zero and logarithmic beyond. */
+function ticksAboutZero(low, high, linear) {
+  const beyond = decadeTicks(linear, Math.max(linear, -low, high));
+  return [...beyond.map((tick) => -tick).reverse(), 0, ...beyond].filter((tick) => tick >= low && tick <= high);
+}
+
 const day = (seconds) => new Date(1000 * seconds).toISOString().slice(0, 10);
 
 /** Seconds since 1970 as date or time of day, UTC, as ISO 8601 writes them, for ticks that are `step` s apart. */

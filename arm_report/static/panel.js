@@ -96,6 +96,10 @@ class PanelView {
     const write = (_, ticks) => ticks.map((v) => (v === null ? "" : digits(v)));
     // the ends of a logarithmic axis are no round numbers
     const decades = (_, ticks) => ticks.map((v) => (v === null || Math.abs(Number(v.toPrecision(1)) / v - 1) > 1e-6 ? "" : digits(v)));
+    // uPlot's own ticks never end where an axis begins shortly before a power of ten
+    const ticksX = panel.log_x ? { splits: (_, _axis, low, high) => decadeTicks(low, high) }
+      : panel.linear !== null ? { splits: (_, _axis, low, high) => ticksAboutZero(low, high, panel.linear) } : {};
+    const ticksY = panel.log_y ? { splits: (_, _axis, low, high) => decadeTicks(low, high) } : {};
     const instants = (_plot, ticks, _axis, _space, step) => ticks.map((v) => (v === null ? "" : instant(v, step)));
     const shown = this.last || !this.chart.shared;
     return {
@@ -115,10 +119,10 @@ class PanelView {
         y: { distr: panel.log_y ? 3 : 1, dir: panel.names.length ? -1 : 1, range: (_, low, high) => this._yRange(low, high) },
       },
       axes: [
-        { ...axis, show: true, size: shown ? 30 : 6, label: shown ? (panel.dates ? undefined : panel.x) : undefined, labelSize: 20, ...(panel.dates ? { space: 90 } : {}), values: shown ? (panel.dates ? instants : panel.log_x ? decades : write) : () => [] },
+        { ...axis, ...ticksX, show: true, size: shown ? 30 : 6, label: shown ? (panel.dates ? undefined : panel.x) : undefined, labelSize: 20, ...(panel.dates ? { space: 90 } : {}), values: shown ? (panel.dates ? instants : panel.log_x ? decades : write) : () => [] },
         panel.names.length
           ? { ...axis, size: Math.min(260, this.place.clientWidth * 0.45), grid: { show: false }, splits: () => panel.names.map((_, k) => k), values: (_, ticks) => ticks.map((k) => panel.names[k]) }
-          : { ...axis, size: 58, label: panel.y, labelSize: 18, values: panel.log_y ? decades : write },
+          : { ...axis, ...ticksY, size: 58, label: panel.y, labelSize: 18, values: panel.log_y ? decades : write },
       ],
       series: [{}, ...panel.series.map((one) => this._style(one))],
       hooks: {
@@ -249,7 +253,9 @@ class PanelView {
     const { ctx, bbox } = plot;
     ctx.save();
     ctx.textAlign = "left";
-    for (const level of this.panel.levels) {
+    ctx.font = `${11 * devicePixelRatio}px system-ui`;
+    let taken = -Infinity, line = 0; // up to where words stand, and in which line the last ones do
+    for (const level of [...this.panel.levels].sort((a, b) => a.value - b.value)) {
       const at = plot.valToPos(level.value, level.axis, true), across = level.axis === "y";
       const [low, high] = across ? [bbox.top, bbox.top + bbox.height] : [bbox.left, bbox.left + bbox.width];
       if (at < low - 1 || at > high + 1) continue;
@@ -262,9 +268,12 @@ class PanelView {
       ctx.stroke();
       if (!level.words) continue;
       ctx.fillStyle = styleOf("quiet");
-      ctx.font = `${11 * devicePixelRatio}px system-ui`;
       ctx.textBaseline = "top";
-      ctx.fillText(level.words, at + 4 * devicePixelRatio, bbox.top + 3 * devicePixelRatio);
+      const wide = ctx.measureText(level.words).width + 4 * devicePixelRatio;
+      const left = Math.min(at + 4 * devicePixelRatio, bbox.left + bbox.width - wide);
+      line = left < taken ? line + 1 : 0;
+      taken = Math.max(taken, left + wide);
+      ctx.fillText(level.words, left, bbox.top + (3 + 14 * line) * devicePixelRatio);
     }
     ctx.restore();
   }

@@ -41,6 +41,7 @@ def report(result: Identification) -> Report:
             "refuted": _refuted(result),
             "warnings": result.warnings,
             "errors": _errors(result),
+            "totals": _totals(result),
             "predictions": list(plots.predictions(result)),
             "friction_said": friction.sentences(result),
             "ripples_said": ripples.sentences(result),
@@ -122,22 +123,27 @@ def _errors(result: Identification) -> Markup:
         unit = result.torque_unit(j)
         row = [str(j + 1)]
         for held in (False, True):
-            row += [_size(result.rms(held, j), unit), _percent(result.relative_error(held, j))]
+            row += [_size(result.rms(held, j), unit, 3), _percent(result.relative_error(held, j))]
         if explained:
-            row += [_size(result.rms(True, j, sliding=True), unit), _size(result.expected_rms(j), unit)]
+            row += [_size(size, unit, 3) for size in (result.rms(True, j, sliding=True), result.expected_rms(j))]
         if result.noise and (one := result.noise_of(j)):
-            row += [_size(one.error, one.unit), _size(one.floor, one.unit), f"{one.ratio:.2g}"]
+            row += [_size(one.error, one.unit, 3), _size(one.floor, one.unit, 3), f"{one.ratio:.2g}"]
         elif result.noise:
             row += [""] * 3
         rows.append(row)
-    total = {"all (model.toml)": (result.relative_error(False), result.relative_error(True))}
-    empty = [""] * (2 * explained + 3 * bool(result.noise))
-    for name, (fit, held_out) in (total | result.compared).items():
-        rows.append([name, "", _percent(fit), "", _percent(held_out), *empty])
     head = ["joint", "fitted, rms", "relative", "held out, rms", "relative"]
     head += ["sliding, rms", "expected"] if explained else []
     head += ["current", "noise floor", "ratio"] if result.noise else []
     return table(rows, head, range(1, len(head)))
+
+
+def _totals(result: Identification) -> list[str]:
+    """Relative errors of all joints together, of model.toml and of what it is compared with."""
+    total = {"model.toml": (result.relative_error(False), result.relative_error(True))}
+    return [
+        f"All joints, {name}: {_percent(fit)} fitted" + (f", {_percent(held)} held out" if held == held else "")
+        for name, (fit, held) in (total | result.compared).items()
+    ]
 
 
 def _recordings(result: Identification) -> Markup:
@@ -169,8 +175,8 @@ def _percent(share: float) -> str:
     return "" if share != share else f"{share:.2%}"
 
 
-def _size(value: float, unit: str) -> str:
-    return "" if value != value else f"{value:.4g} {unit}"
+def _size(value: float, unit: str, figures: int = 4) -> str:
+    return "" if value != value else f"{value:.{figures}g} {unit}"
 
 
 def _values(values: list[Value], what: str) -> Markup:

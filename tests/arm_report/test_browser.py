@@ -227,6 +227,22 @@ def test_dates_are_written_as_iso_8601_in_utc(page: Any) -> None:
     assert written == ["2026-01-05", "01-05 23:30", "23:30:05"]
 
 
+@pytest.mark.parametrize("scale", [{"log_x": True}, {"log_x": True, "log_y": True}, {"linear": 0.0097}])
+def test_an_axis_that_begins_shortly_before_a_power_of_ten_is_drawn(
+    browser: Any, tmp_path: Path, scale: dict[str, Any]
+) -> None:
+    x = np.array([0.0107, 0.05, 0.31])
+    panel = Panel(series=(Series(x=x, y=x, colour=AFTER),), x="speed, rad/s", y="friction, N m", **scale)
+    path = tmp_path / "report.html"
+    path.write_text(report("a report", Chart(name="friction", title="friction", panels=(panel,))).html())
+    with watched(browser) as page:
+        page.goto(path.as_uri())
+        page.wait_for_selector("#chart-friction canvas")
+        assert page.evaluate(f"() => {{ {_text('data.js')}; return decadeTicks(0.0097, 0.25); }}") == pytest.approx(
+            [*np.arange(0.01, 0.095, 0.01), 0.1, 0.2]
+        )
+
+
 def test_print_and_pages_without_scripts_show_pictures(browser: Any, page: Any, written: Path) -> None:
     assert not page.is_visible("#chart-currents .still")
     page.emulate_media(media="print")
