@@ -16,7 +16,7 @@ COMMANDS: dict[str, str] = {
     "view": "serve a live view to Foxglove and PlotJuggler, of a running daemon or of a recording",
     "info": "summarise a recording: rows, losses, gaps, calibration, provenance",
     "recover": "recover all readable rows of an unfinished or damaged recording, and list the losses",
-    "import": "convert measured data (CSV, Parquet, .mat, ROS 2 bag) to a recording",
+    "import": "convert measured data (CSV, Parquet, .mat, HDF5, ROS 2 bag) to a recording",
     "export": "convert a recording to CSV, Parquet, .mat or a ROS 2 bag",
     "plot": "plot or animate one recording, or several overlaid, or an experiment before it runs",
     "model": "summarise a model file, print its equations (text, LaTeX, Python, C), convert from and to URDF and MJCF",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -31,8 +31,8 @@ def command(
     table: Annotated[
         Path,
         typer.Argument(
-            help="CSV, Parquet or .mat with t, q1.., i1.. (and qref, ql, v, temp per joint, x, y, z), or under other "
-            "names; or a ROS 2 bag with JointState (its folder, .mcap or .db3)"
+            help="CSV, Parquet, .mat or HDF5 with t, q1.., i1.. (and qref, ql, v, temp per joint, x, y, z), or under "
+            "other names; or a ROS 2 bag with JointState (its folder, .mcap or .db3)"
         ),
     ],
     out: RecordingOut,
@@ -60,12 +60,10 @@ def command(
 ) -> None:
     checked = _joints_of(rig, model)
     names = [] if checked is None else [joint.name or f"joint{number}" for number, joint in enumerate(checked.joint, 1)]
-    chosen = read_mapping(mapping) if mapping is not None else _guessed(table, guess)
+    chosen = read_mapping(mapping) if mapping is not None else _guessed(table, guess, names)
     with shown(as_json):
         source = open_source(table, mapping=chosen, topic=topic, joints=names)
         chosen = chosen or source.mapping
-        if save_map is not None:
-            write_text(save_map, _text(table, chosen))
         if chosen is not None and mapping is None:
             print(f"note: {table}: {chosen.in_words()}", file=sys.stderr)
         joints = None if checked is None else checked.joints
@@ -74,6 +72,8 @@ def command(
             read_blocks(source, joints=joints, keep_extra=keep_extra, unit=time_unit, mapping=chosen), per_current
         )
         first = next(blocks)
+        if save_map is not None:
+            write_text(save_map, _text(table, chosen))
         attachments = _attachments(table, rig, checked, first, chosen, per_current)
         write_blocks(out, first, blocks, attachments, joints=names or getattr(source, "joints", ()))
     rows, seconds = blocks.rows, blocks.last - float(first.t[0])
@@ -139,12 +139,12 @@ def _attachments(
     )
 
 
-def _guessed(table: Path, accepted: bool) -> Mapping | None:
+def _guessed(table: Path, accepted: bool, joints: Sequence[str]) -> Mapping | None:
     """The mapping that a table suggests, once a person has accepted it; None where it needs none.
 
     InputError where it was not.
     """
-    found = guessed(table)
+    found = guessed(table, joints)
     if found is None or accepted:
         return found
     words = found.in_words()

@@ -92,9 +92,9 @@ def test_a_table_that_is_no_text_is_refused(tmp_path: Path) -> None:
 
 
 def test_the_rig_has_the_last_word_on_joints(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"column q3 is missing \(and 1 more\); the rig has 3 joints"):
+    with pytest.raises(InputError, match=r"column q3 is missing \(and 1 more\); the arm has 3 joints"):
         read_csv(write(tmp_path, GOOD), joints=3)
-    with pytest.raises(InputError, match="column q2, but the rig has 1 joint$"):
+    with pytest.raises(InputError, match="column q2, but the arm has 1 joint$"):
         read_csv(write(tmp_path, GOOD), joints=1)
 
 

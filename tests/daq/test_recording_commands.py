@@ -60,7 +60,7 @@ def test_import_says_what_is_wrong_and_leaves_nothing(
     out = tmp_path / "run.mcap"
     assert run(["import", str(table), "--rig", str(tmp_path / "rig.toml"), "--out", str(out)]) == 2
     error = capsys.readouterr().err
-    assert error == f"error: {table}: line 1: column q2 is missing (and 1 more); the rig has 2 joints\n"
+    assert error == f"error: {table}: line 1: column q2 is missing (and 1 more); the arm has 2 joints\n"
     assert run(["import", str(table), "--out", str(tmp_path / "nowhere" / "run.mcap")]) == 2
     assert sorted(path.name for path in tmp_path.iterdir()) == ["rig.toml", "table.csv"]
 

@@ -76,3 +76,51 @@ def test_a_table_in_our_words_that_seems_to_be_in_degrees_is_noted(
         (tmp_path / "run.mcap").unlink(missing_ok=True)
         assert run(["import", str(tmp_path / "log.csv"), "--out", str(tmp_path / "run.mcap"), *options]) == 0
         assert ("joint 2 goes to 90 rad, more than two turns" in capsys.readouterr().err) == noted
+
+
+@pytest.mark.parametrize(
+    ("names", "with_model"),
+    [
+        ("stamp,elbow_pos,shoulder_pos,elbow_effort,shoulder_effort,elbow_cmd,shoulder_cmd", False),
+        ("time,position.elbow,position.shoulder,i/elbow [A],i/shoulder [A],command.elbow,command.shoulder", True),
+    ],
+)
+def test_columns_named_by_joints(names: str, with_model: bool, root: Path, tmp_path: Path) -> None:
+    rows = [f"{k / 100},{k / 1e3},{k / 2e3},{k},{-k},{k / 1e3 + 1},{k / 2e3 + 1}" for k in range(30)]
+    (tmp_path / "log.csv").write_text(names + "\n" + "\n".join(rows))
+    more = ["--model", str(root / "config/starters/csv/model.toml")] if with_model else []  # of shoulder and elbow
+    recording = imported(tmp_path / "log.csv", "--guess", *more)
+    elbow, shoulder = (1, 0) if with_model else (0, 1)
+    k = np.arange(30)
+    np.testing.assert_allclose(recording.q[:, [elbow, shoulder]], np.column_stack([k / 1e3, k / 2e3]))
+    np.testing.assert_allclose(recording.i[:, [elbow, shoulder]], np.column_stack([k, -k]))
+    np.testing.assert_allclose(recording.qref[:, elbow], k / 1e3 + 1)
+
+
+def test_a_single_joint_needs_no_number(tmp_path: Path) -> None:
+    rows = [f"{10 * k},{k},{2 * k}" for k in range(30)]
+    (tmp_path / "log.csv").write_text("time_ms,angle_deg,torque_Nm\n" + "\n".join(rows))
+    recording = imported(tmp_path / "log.csv", "--guess")
+    np.testing.assert_allclose(recording.t, 0.01 * np.arange(30), atol=1e-12)
+    np.testing.assert_allclose(np.rad2deg(recording.q[:, 0]), np.arange(30), atol=1e-9)
+    np.testing.assert_allclose(recording.i[:, 0], 2.0 * np.arange(30))
+
+
+def test_columns_of_an_hdf5_file(tmp_path: Path) -> None:
+    import h5py
+
+    t = np.arange(30) * 0.01
+    with h5py.File(tmp_path / "log.h5", "w") as file:
+        file["time"], file["position"], file["current"] = t, np.column_stack([t, -t]), np.column_stack([2 * t, t])
+    recording = imported(tmp_path / "log.h5", "--guess")
+    np.testing.assert_allclose(recording.q, np.column_stack([t, -t]))
+    np.testing.assert_allclose(recording.i, np.column_stack([2 * t, t]))
+
+
+def test_a_table_that_says_too_little_is_told_what_to_do(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    (tmp_path / "log.csv").write_text("clock,alpha,beta\n" + "\n".join(f"{k},{k},{k}" for k in range(30)))
+    saved = tmp_path / "map.toml"
+    table, out = str(tmp_path / "log.csv"), str(tmp_path / "run.mcap")
+    assert run(["import", table, "--guess", "--save-map", str(saved), "--out", out]) == 2
+    assert "--map says which of clock, alpha, beta are t, q1, i1" in capsys.readouterr().err
+    assert not saved.exists()

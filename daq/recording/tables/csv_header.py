@@ -48,7 +48,7 @@ def joints_of(
 ) -> int:
     """The number of joints, if the columns are as they should be; InputError otherwise.
 
-    joints  that the rig has; None: as many as there are columns q1, q2, ...
+    joints  that the rig or the model has; None: as many as there are columns q1, q2, ...
     where   of the names in messages
     """
     for name, times in Counter(names).items():
@@ -67,7 +67,7 @@ def joints_of(
     _check_missing(path, names, needed, unknown, joints, where)
     for match in by_joint:
         if match[0] in unknown:
-            owner = "the rig" if joints else "the table (columns q1, q2, ...)"
+            owner = "the arm" if joints else "the table (columns q1, q2, ...)"
             raise InputError(path, f"{where}column {match[0]}, but {owner} has {count} joint{'s' * (count > 1)}")
     if unknown and not keep_extra:
         raise InputError(
@@ -98,7 +98,7 @@ def _check_missing(
     close = difflib.get_close_matches(missing[0], unknown[:1000], 1, 0.5)
     hint = f"; is it {close[0]!r}?" if close else ""
     more = f" (and {len(missing) - 1} more)" if len(missing) > 1 else ""
-    rig = f"; the rig has {joints} joint{'s' * (joints > 1)}" if joints else ""
+    arm = f"; the arm has {joints} joint{'s' * (joints > 1)}" if joints else ""
     listed = f"{', '.join(unknown[:8])}{', ..' * (len(unknown) > 8)}"
     other = f"; --map says which of {listed} are t, q1, i1, .. (docs/recordings.md)" if unknown else ""
-    raise InputError(path, f"{where}column {missing[0]} is missing{more}{hint or rig or other}")
+    raise InputError(path, f"{where}column {missing[0]} is missing{more}{hint or other + arm}")

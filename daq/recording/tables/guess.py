@@ -14,6 +14,7 @@ from arm_io.files import read_head
 from arm_io.types import Array
 from daq.recording.tables.csv_header import LONGEST_HEADER
 from daq.recording.tables.mapping import Mapping
+from daq.recording.tables.named_joints import of_named_joints
 
 KNOWN: dict[str, dict[str, dict[str, str]]] = {
     "Universal Robots RTDE": {
@@ -65,19 +66,20 @@ SAMPLE = 1 << 16
 """Bytes of a text that a guess is made from."""
 
 
-def guess(names: Sequence[str], columns: dict[str, Array] | None = None) -> Mapping | None:
+def guess(names: Sequence[str], columns: dict[str, Array] | None = None, joints: Sequence[str] = ()) -> Mapping | None:
     """The mapping that the names of a table suggest; None where they say too little.
 
     columns  numbers of some rows: positions beyond two turns are taken for degrees
+    joints   names of the arm's joints: their order, where columns are named by joints
     """
     for table in KNOWN.values():
         mapping = _known(names, table)
         if mapping is not None:
             return mapping
-    return _from_words(names, columns or {})
+    return _from_words(names, columns or {}, joints)
 
 
-def guess_csv(path: str | Path) -> Mapping | None:
+def guess_csv(path: str | Path, joints: Sequence[str] = ()) -> Mapping | None:
     """The mapping that a text suggests, with its separator and decimal sign; None where it says too little."""
     text = read_head(path, SAMPLE).decode("utf-8-sig", errors="replace")
     lines = [line.strip() for line in text.split("\n")]
@@ -85,13 +87,13 @@ def guess_csv(path: str | Path) -> Mapping | None:
         raise InputError(path, "line 1: must name the columns")
     lines = lines if len(text) < SAMPLE else lines[:-1]
     for separator in ";\t|, ":
-        found = _guess_separated(lines, separator)
+        found = _guess_separated(lines, separator, joints)
         if found is not None:
             return found
     return None
 
 
-def _guess_separated(lines: Sequence[str], separator: str) -> Mapping | None:
+def _guess_separated(lines: Sequence[str], separator: str, joints: Sequence[str]) -> Mapping | None:
     """The mapping that the lines of a text suggest if this separates their cells."""
     names = [name.strip().strip('"') for name in lines[0].split(separator)]
     rows = [line.split(separator) for line in lines[1:] if line]
@@ -101,7 +103,7 @@ def _guess_separated(lines: Sequence[str], separator: str) -> Mapping | None:
         name: np.array([_number(row[place].replace(decimal, ".")) for row in rows if place < len(row)])
         for place, name in enumerate(names)
     }
-    found = guess(names, numbers)
+    found = guess(names, numbers, joints)
     return found and found.model_copy(update={"separator": separator, "decimal": decimal})
 
 
@@ -113,8 +115,8 @@ def _known(names: Sequence[str], table: dict[str, dict[str, str]]) -> Mapping | 
     return Mapping.model_validate({"columns": columns, "units": table.get("units", {})})
 
 
-def _from_words(names: Sequence[str], numbers: dict[str, Array]) -> Mapping | None:
-    """The columns whose names are words for a signal, numbered in their order."""
+def _from_words(names: Sequence[str], numbers: dict[str, Array], joints: Sequence[str]) -> Mapping | None:
+    """The columns whose names are words for a signal and numbers, or words and names of joints."""
     time = [(name, found) for name in names if (found := _TIME.fullmatch(name.strip()))]
     columns: dict[str, Any] = {}
     units: dict[str, str] = {}
@@ -128,6 +130,10 @@ def _from_words(names: Sequence[str], numbers: dict[str, Array]) -> Mapping | No
             columns[signal], unit = series
             taken |= set(columns[signal])
             units |= {signal: unit} if unit else {}
+    if "t" in columns and not {"q", "i"} & set(columns):
+        named = of_named_joints([name for name in names if name != columns["t"]], _WORDS, _UNIT, joints)
+        columns |= {signal: list(series) for signal, (series, _) in named.items()}
+        units |= {signal: _SPELLED.get(unit, unit) for signal, (_, unit) in named.items() if unit}
     if not {"t", "q", "i"} <= set(columns):
         return None
     for signal in {"q", "qref", "ql"} & set(columns) - set(units):

@@ -1,4 +1,4 @@
-"""MATLAB's .mat files read as tables: v5 to v7 whole, v7.3 in parts."""
+"""MATLAB's .mat files read as tables: v5 to v7 whole, v7.3 in parts, as any other HDF5 file."""
 
 from __future__ import annotations
 
@@ -90,7 +90,9 @@ class MatlabSource:
         return found
 
     def _broken(self, error: Exception) -> InputError:
-        return InputError(self.path, f"cannot be read as a .mat file: {error or type(error).__name__}")
+        return InputError(
+            self.path, f"cannot be read as a {self.path.suffix.lower() or '.mat'} file: {error or type(error).__name__}"
+        )
 
 
 def _of_v5(path: Path) -> dict[str, Any]:

@@ -20,8 +20,9 @@ from daq.recording.tables.ros_bag import BagSource, is_bag
 def open_source(
     path: Path, *, mapping: Mapping | None = None, topic: str | None = None, joints: Sequence[str] = ()
 ) -> Source:
-    """The columns of a file: ROS 2 bag (folder, .mcap, .db3), Parquet, .mat, else CSV with the mapping's separator.
+    """The columns of a file: ROS 2 bag (folder, .mcap, .db3), Parquet, .mat, HDF5, else CSV.
 
+    mapping        its separator and decimal sign, of a CSV
     topic, joints  of a bag, as ``BagSource`` has them
     InputError where it cannot be read.
     """
@@ -34,7 +35,7 @@ def open_source(
     match path.suffix.lower():
         case ".parquet" | ".pq":
             return ParquetSource(path)
-        case ".mat":
+        case ".mat" | ".h5" | ".hdf5":
             return MatlabSource(path)
     return CsvSource(path) if mapping is None else CsvSource(path, mapping.separator, mapping.decimal)
 
@@ -44,14 +45,15 @@ def ours(names: Sequence[str]) -> bool:
     return {"t", "q1", "i1"} <= set(names)
 
 
-def guessed(path: Path) -> Mapping | None:
+def guessed(path: Path, joints: Sequence[str] = ()) -> Mapping | None:
     """The mapping that a file suggests; None where it has our names, says itself what is what, or says too little.
 
+    joints  names of the arm's joints, where they are known: the order of columns named by them
     InputError where it cannot be read.
     """
     if is_bag(path) or os.path.isdir(path):
         return None
-    if path.suffix.lower() in (".parquet", ".pq", ".mat"):
+    if path.suffix.lower() in (".parquet", ".pq", ".mat", ".h5", ".hdf5"):
         source = open_source(path)
         if ours(source.names):
             return None
@@ -59,8 +61,8 @@ def guessed(path: Path) -> Mapping | None:
             first = next(islice(source.chunks(source.names, source.names[0]), 1), None)
         except InputError:  # a column without numbers, which no mapping names
             first = None
-        return guess(source.names, None if first is None else first.columns)
-    found = guess_csv(path)
+        return guess(source.names, None if first is None else first.columns, joints)
+    found = guess_csv(path, joints)
     if found is not None and found.separator == "," and found.decimal == ".":
         return None if ours(CsvSource(path).names) else found
     return found
