@@ -281,7 +281,12 @@ def _residuals(state: State) -> list[Array]:
 
 
 def _alone(run: Run, x: Array, y: Array, unknown: Array) -> Alone:
-    """Coefficients by one recording; ``unknown`` (k,): std of those that it says nothing of."""
+    """Coefficients by one recording; ``unknown`` (k,): std of those that it says nothing of.
+
+    Where a joint stands, what friction does is one unknown for as long as it stands: its rows are no evidence each.
+    """
+    moves = comparable_rows(run).T.ravel()
+    x, y = np.where(moves[:, None], x, 0.0), np.where(moves, y, 0.0)
     values = scaled_lstsq(x, y, INDEPENDENT)
     block = np.tile(run.block, run.q.shape[1])
     covariance = cluster_covariance(x, [y - x @ values], block, independent=INDEPENDENT, unknown=unknown)

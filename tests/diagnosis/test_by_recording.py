@@ -95,6 +95,16 @@ def test_a_parameter_that_serves_all_recordings_has_the_std_of_one(arm: Arm, tmp
         assert 0.01 * HUMP < speed.std < 0.3 * HUMP and abs(speed.value - HUMP) < 2 * speed.std
 
 
+def test_a_recording_in_which_a_joint_stands_contradicts_no_value_of_its_friction(arm: Arm, tmp_path: Path) -> None:
+    """A single move of the other joint: the friction of the first does not follow its speed."""
+    days = [Day(coulomb=(0.5, 0.0)), Day(held=0.0), Day(coulomb=(0.5, 0.0))]
+    *fit, held_out = (recorded(tmp_path / f"{seed}.mcap", seed, day) for seed, day in enumerate(days))
+    (cause,) = armscope.diagnose(fit, arm, held_out=held_out).causes
+    (friction,) = cause.parameters
+    assert cause.key == ("coulomb_friction", 1) and not cause.of_recordings
+    assert abs(friction.value - 0.5) < 2 * friction.std < 0.1
+
+
 @pytest.mark.slow
 def test_beside_a_load_mounted_differently_a_cause_of_the_arm_keeps_its_name(arm: Arm, tmp_path: Path) -> None:
     rubs = (0.0, 1.5)
