@@ -14,7 +14,6 @@ from arm_io.files import read_head
 from arm_io.types import Array
 from daq.recording.tables.csv_header import LONGEST_HEADER
 from daq.recording.tables.mapping import Mapping
-from daq.recording.tables.named_joints import of_named_joints
 
 KNOWN: dict[str, dict[str, dict[str, str]]] = {
     "Universal Robots RTDE": {
@@ -62,6 +61,9 @@ _WORDS = {
 _UNIT = r"(?P<unit>[ _]*[\[(]?(rad|deg|degrees|grad|°|mA|A|Nm|N m|N\*m|V|C|degC)[\])]?)?"
 _SPELLED = {"degrees": "deg", "Grad": "deg", "grad": "deg", "°": "deg", "Nm": "N m", "N*m": "N m", "C": "degC"}
 _COMMA = re.compile(r"\s*-?\d+,\d+(e-?\d+)?\s*")
+_Series = tuple[tuple[str, ...], str]
+"""Columns, one per joint, and their unit as it is written; "" without."""
+_BETWEEN = "[ _./:-]+"
 SAMPLE = 1 << 16
 """Bytes of a text that a guess is made from."""
 
@@ -131,7 +133,7 @@ def _from_words(names: Sequence[str], numbers: dict[str, Array], joints: Sequenc
             taken |= set(columns[signal])
             units |= {signal: unit} if unit else {}
     if "t" in columns and not {"q", "i"} & set(columns):
-        named = of_named_joints([name for name in names if name != columns["t"]], _WORDS, _UNIT, joints)
+        named = _of_named_joints([name for name in names if name != columns["t"]], joints)
         columns |= {signal: list(series) for signal, (series, _) in named.items()}
         units |= {signal: _SPELLED.get(unit, unit) for signal, (_, unit) in named.items() if unit}
     if not {"t", "q", "i"} <= set(columns):
@@ -164,6 +166,44 @@ def _of_joints(names: Sequence[str], word: str) -> tuple[list[str], str] | None:
     first = min(found, default=2)
     numbers = range(first, first + len(found))
     return ([found[number] for number in numbers], unit) if first < 2 and set(numbers) == set(found) else None
+
+
+def _of_named_joints(names: Sequence[str], joints: Sequence[str]) -> dict[str, _Series]:
+    """Signal -> its columns, where every joint of the positions has a column of the signal; {} without q and i.
+
+    joints  names of the arm's joints: these in their order, if the columns have them all; else the order of the table
+    """
+    found: dict[str, dict[str, tuple[str, str]]] = {}
+    taken: set[str] = set()
+    for signal, word in _WORDS.items():
+        for name in names:
+            of = None if name in taken else _joint_of(name, word)
+            if of is not None and of[0] not in found.get(signal, {}):
+                found.setdefault(signal, {})[of[0]] = name, of[1]
+                taken.add(name)
+    if not {"q", "i"} <= set(found):
+        return {}
+    there = list(found["q"])
+    order = [joint for joint in joints if joint in there] if set(joints) >= set(there) else there
+    if not set(order) <= set(found["i"]) or ("" in order and len(order) > 1):
+        return {}
+    complete = {signal: columns for signal, columns in found.items() if set(order) <= set(columns)}
+    return {
+        signal: (tuple(columns[joint][0] for joint in order), columns[order[0]][1])
+        for signal, columns in complete.items()
+    }
+
+
+def _joint_of(name: str, word: str) -> tuple[str, str] | None:
+    """The joint that a column's name has beside a word for a signal ("": none), and the unit; None for other names."""
+    for pattern in (
+        rf"{word}{_UNIT}",
+        rf"(?P<joint>.+?){_BETWEEN}{word}{_UNIT}",
+        rf"{word}{_BETWEEN}(?P<joint>.+?){_UNIT}",
+    ):
+        if match := re.fullmatch(pattern, name.strip(), re.IGNORECASE):
+            return match.groupdict().get("joint") or "", (match["unit"] or "").strip(" _[]()")
+    return None
 
 
 def _number(cell: str) -> float:
