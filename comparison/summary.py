@@ -23,7 +23,7 @@ from scipy import linalg, stats
 
 from arm_io.types import Array
 from comparison.change import Change
-from comparison.joint_fit.both_sides import Tested
+from comparison.joint_fit.fewest import Found
 from comparison.regression import Fitted, Structure
 
 CERTAIN = 1e-4
@@ -89,7 +89,7 @@ def summaries(
     fits: Sequence[Fitted],
     side: NDArray[np.bool_],
     changes: Sequence[Change],
-    found: Sequence[Tested] = (),
+    found: Sequence[Found] = (),
 ) -> list[Summary]:
     """The causes that sum up changes: of the regressions of single recordings, or the scales that the joint fit found.
 
@@ -208,15 +208,16 @@ def _current_scale(
     return _scale(joint + 1, float(c[0]), float(np.sqrt(covariance[0, 0])), [o.quantity.name for o in significant], 0)
 
 
-def _by_joint_fit(found: Sequence[Tested], significant: Sequence[Change]) -> Iterator[Summary]:
-    """The scales of currents among what the joint fit found; each explains what changed of its joint."""
+def _by_joint_fit(found: Sequence[Found], significant: Sequence[Change]) -> Iterator[Summary]:
+    """The scales of currents among what the joint fit found; each explains what it makes, and what its joint shows."""
+    of = [each.quantity for each in significant]
     for one in found:
-        if one.hypothesis.what == "scale" and one.hypothesis.joint is not None:
-            axis = float(np.sign(np.sum(one.hypothesis.directions * one.directions)))
-            of = [each.quantity for each in significant]
-            names = [each.name for each in of if each.joint == one.hypothesis.joint]
-            c, std = axis * float(one.coefficients[0]), float(np.sqrt(one.covariance[0, 0]))
-            if (summary := _scale(one.hypothesis.joint, c, std, names, len(of) - len(names))) is not None:
+        what, joint, tested = one.tested.hypothesis.what, one.tested.hypothesis.joint, one.tested
+        if what == "scale" and joint is not None:
+            axis = float(np.sign(np.sum(tested.hypothesis.directions * tested.directions)))
+            names = [each.name for each in of if each.name in one.makes or each.joint == joint]
+            c, std = axis * float(tested.coefficients[0]), float(np.sqrt(tested.covariance[0, 0]))
+            if (summary := _scale(joint, c, std, names, len(of) - len(names))) is not None:
                 yield summary
 
 

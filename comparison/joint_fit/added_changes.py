@@ -10,14 +10,12 @@ import numpy as np
 from arm_io.types import Array
 from arm_model import Arm
 from arm_model.effects import solved
-from comparison.change import SIGNIFICANT, Change, Quantity
+from comparison.change import Change, Quantity
 from comparison.joint_fit.both_sides import Tested
 from comparison.joint_fit.effects import Added
 from comparison.joint_fit.hypotheses import Hypothesis, chance
 from comparison.regression import Structure
 
-CERTAIN = 1e-3
-"""Probability by chance, times the number of hypotheses, up to which a change is significant."""
 KNOWN = 4.0
 """Deviations from zero that the amplitudes of both sides must have for their phases to be compared."""
 CLEARLY = 2.0
@@ -28,41 +26,47 @@ def added_changes(
     structure: Structure,
     every: Sequence[Hypothesis],
     found: Sequence[Tested],
+    others: Sequence[Tested],
     values: Array,
     covariance: Array,
 ) -> list[Change]:
     """One or two per effect and joint, by the alternative that explains most; of ripples, of those that changed.
 
-    found       every hypothesis as tested, those that entered first
+    found   the hypotheses that entered; others: those that did not, beside which nothing of them is significant
     values, covariance  (c,), (c, c) of the side before
     """
+    entered = _best(found)
+    rest = {key: one for key, one in _best(others).items() if key not in entered and not _added(one).wave}
+    parts = [
+        *(_changes(structure.arm, one, chance(one.log_p, every), values, covariance) for one in entered.values()),
+        *(_changes(structure.arm, one, 0.0, values, covariance) for one in rest.values()),
+    ]
+    return [change for part in parts for change in part]
+
+
+def _best(tested: Sequence[Tested]) -> dict[tuple[str, int, float], Tested]:
+    """Per effect, joint and order, that of effects beyond the model which explains most."""
     best: dict[tuple[str, int, float], Tested] = {}
-    entered: set[tuple[str, int, float]] = set()
-    for one in found:
-        added = one.hypothesis.added
-        if added is None or (added.wave and not _certain(one, every)):
-            continue
-        key = added.effect, added.joint, added.held.get("order", 0.0)
-        if key not in best or (one.gain > best[key].gain and key not in entered):
-            best[key] = one
-        if _certain(one, every):
-            entered.add(key)
-    return [change for one in best.values() for change in _changes(structure.arm, one, every, values, covariance)]
+    for one in tested:
+        if one.hypothesis.added is not None:
+            added = _added(one)
+            key = added.effect, added.joint, added.held.get("order", 0.0)
+            if key not in best or one.gain > best[key].gain:
+                best[key] = one
+    return best
 
 
-def _certain(one: Tested, every: Sequence[Hypothesis]) -> bool:
-    return chance(one.log_p, every) < np.log(CERTAIN)
+def _added(one: Tested) -> Added:
+    assert one.hypothesis.added is not None
+    return one.hypothesis.added
 
 
-def _changes(arm: Arm, one: Tested, every: Sequence[Hypothesis], values: Array, covariance: Array) -> Iterator[Change]:
-    added, places = one.hypothesis.added, one.hypothesis.directions.T
-    assert added is not None
+def _changes(arm: Arm, one: Tested, log_corrected: float, values: Array, covariance: Array) -> Iterator[Change]:
+    added, places = _added(one), one.hypothesis.directions.T
     then, spread = places @ values, places @ covariance @ places.T
     by, along = places @ one.changes, places @ one.directions
     changed = along @ one.covariance @ along.T
-    raised = 1.0 if _certain(one, every) else SIGNIFICANT / CERTAIN
-    corrected = min(1.0, raised * float(np.exp(chance(one.log_p, every))))
-    judged = float(np.exp(one.log_p)), corrected
+    judged = float(np.exp(one.log_p)), min(1.0, float(np.exp(log_corrected)))
     if not added.wave:
         quantity, size = _of_size(arm, added)
         stds = size * np.sqrt(np.maximum([spread[0, 0], changed[0, 0]], 0.0))

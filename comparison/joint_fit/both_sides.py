@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import sparse, stats
 
 from arm_io.types import Array
 from comparison.joint_fit.hypotheses import Hypothesis
@@ -34,29 +34,36 @@ NONE = 1e-9
 
 @dataclass(frozen=True)
 class Both:
-    """Weighted normal equations per block of time, for values in units of ``scale`` (c,).
+    """Weighted rows of all recordings, for values in units of ``scale`` (c,).
 
-    grams (b, c, c), scores (b, c) of blocks, relative to the values of the model; recording (b,) and after (b,) of each
-    rows   per recording (k, c) columns and (k,) torques less the model's, over the noise
+    x, y       (n, c) columns and (n,) torques less the model's, over the noise
+    block      (n,) the block of time of each row; recording, after  (b,) of each block
+    total, late  (c, c) normal matrices of all rows, and of the side after
     """
 
-    grams: Array
-    scores: Array
+    x: Array
+    y: Array
+    block: NDArray[np.intp]
     recording: NDArray[np.intp]
     after: NDArray[np.bool_]
     scale: Array
-    rows: Sequence[tuple[Array, Array]]
+    total: Array
+    late: Array
 
     @property
     def recordings(self) -> int:
         return int(self.recording.max()) + 1
 
+    @property
+    def rows_after(self) -> NDArray[np.bool_]:
+        """(n,) rows of the side after."""
+        return np.asarray(self.after[self.block])
+
     def weighed(self) -> tuple[Array, Array, Array]:
         """(c, c) each: pseudo-inverse of both sides' matrix, share of the shared fit that is of the side after, M."""
-        total, after = self.grams.sum(axis=0), self.grams[self.after].sum(axis=0)
-        inverse = np.linalg.pinv(total + NONE * np.eye(len(total)), hermitian=True)
-        share = after @ inverse
-        return inverse, share, after - share @ after
+        inverse = np.asarray(np.linalg.pinv(self.total + NONE * np.eye(len(self.total)), hermitian=True))
+        share = self.late @ inverse
+        return inverse, share, np.asarray(self.late - share @ self.late)
 
 
 @dataclass(frozen=True)
@@ -115,16 +122,16 @@ def both_sides(structure: Structure, data: Sequence[Rows], fits: Sequence[Fitted
     square = sum((x**2).sum(axis=0) for x, _ in parts)
     # of a joint that stands, or a gap that its load never crosses, nothing is shown
     scale = 1.0 / np.sqrt(np.where(square > 0.0, square, 1.0))
-    grams, scores, recording = [], [], []
-    for number, ((x, y), rows, one) in enumerate(zip(parts, data, fits)):
+    blocks: list[NDArray[np.intp]] = []
+    recording: list[int] = []
+    for number, (rows, one) in enumerate(zip(data, fits)):
         _, block = np.unique((rows.equations.t / max(one.block, LEAST_BLOCK)).astype(np.intp), return_inverse=True)
-        for b in range(int(block.max()) + 1):
-            mine = x[block == b] * scale
-            grams.append(mine.T @ mine)
-            scores.append(mine.T @ y[block == b])
-            recording.append(number)
-    of = np.array(recording, np.intp)
-    return Both(np.array(grams), np.array(scores), of, ~side[of], scale, parts)
+        blocks.append(block + len(recording))
+        recording += [number] * (int(block.max()) + 1)
+    of, block = np.array(recording, np.intp), np.concatenate(blocks)
+    x, y = np.concatenate([one * scale for one, _ in parts]), np.concatenate([one for _, one in parts])
+    late = x[~side[of][block]]
+    return Both(x, y, block, of, ~side[of], scale, x.T @ x, late.T @ late)
 
 
 def _spread(rows: Rows, fitted: Fitted, joints: int) -> Array:
@@ -147,15 +154,14 @@ def _weighted(rows: Rows, model: Array, noise: Array) -> tuple[Array, Array]:
 def left_of(both: Both, found: Sequence[Tested]) -> list[Array]:
     """(k,) per recording: what the shared fit with the changes ``found`` leaves of its rows, over their noise."""
     values, changes = _shared(both, found)
-    late = [bool(both.after[both.recording == k].any()) for k in range(both.recordings)]
-    return [y - (x * both.scale) @ (values + changes if after else values) for (x, y), after in zip(both.rows, late)]
+    left = both.y - both.x @ values - np.where(both.rows_after, both.x @ changes, 0.0)
+    return [left[both.recording[both.block] == k] for k in range(both.recordings)]
 
 
 def _shared(both: Both, found: Sequence[Tested]) -> tuple[Array, Array]:
     """(c,) scaled: the values of the side before, less the model's, and the changes ``found``."""
     changes = sum((one.changes for one in found), np.zeros(len(both.scale))) / both.scale
-    scores = both.scores - np.where(both.after[:, None], both.grams @ changes, 0.0)
-    return both.weighed()[0] @ scores.sum(axis=0), changes
+    return both.weighed()[0] @ (both.x.T @ both.y - both.late @ changes), changes
 
 
 def shared_values(both: Both, model: Array, found: Sequence[Tested]) -> tuple[Array, Array]:
@@ -172,29 +178,55 @@ def tested(both: Both, every: Sequence[Hypothesis], chosen: Sequence[Hypothesis]
     inverse, share, m = both.weighed()
     known = np.concatenate([np.empty((len(m), 0)), *(one.directions for one in chosen)], axis=1) / both.scale[:, None]
     apart = np.linalg.pinv(known.T @ m @ known, hermitian=True, rcond=SHOWN) @ known.T if known.shape[1] else known.T
-    found = known @ (apart @ (both.scores[both.after].sum(axis=0) - share @ both.scores.sum(axis=0)))
-    scores = both.scores - np.where(both.after[:, None], both.grams @ found, 0.0)
-    scores = scores - both.grams @ (inverse @ scores.sum(axis=0))
-    raw = []
+    after = both.rows_after
+    scores = both.x[after].T @ both.y[after]
+    found = known @ (apart @ (scores - share @ (both.x.T @ both.y)))
+    left = both.y - np.where(after, both.x @ found, 0.0)
+    left = left - both.x @ (inverse @ (both.x.T @ left))
+    scores = both.x[after].T @ left[after]
+    shapes = []
     for one in every:
         directions = one.directions / both.scale[:, None]
-        raw.append(_raw(both, scores, directions - known @ (apart @ (m @ directions)), (inverse, share, m)))
-    return _judged(both, every, raw)
+        shapes.append(_shape(scores, directions - known @ (apart @ (m @ directions)), m))
+    return _judged(both, every, _raws(both, left, shapes, inverse, share))
 
 
-def _raw(both: Both, scores: Array, directions: Array, weighed: tuple[Array, Array, Array]) -> _Raw | None:
-    """``scores`` (b, c) of blocks at the shared fit; None where the sides do not show the hypothesis."""
-    inverse, share, m = weighed
+def _shape(scores: Array, directions: Array, m: Array) -> tuple[Array, Array, Array]:
+    """Independent directions (c, k) that the sides show, with size (k,) and coefficients (k,); k may be 0.
+
+    scores: (c,) of the side after, at the shared fit.
+    """
     size, axes = np.linalg.eigh(directions.T @ m @ directions)
     kept = size > SHOWN * max(float(np.sum(directions**2)), 1e-300) / len(size)
-    if not kept.any():
-        return None
     along, size = directions @ axes[:, kept], size[kept]
-    coefficients = along.T @ scores[both.after].sum(axis=0) / size
+    return along, size, along.T @ scores / size
+
+
+def _raws(
+    both: Both, left: Array, shapes: Sequence[tuple[Array, Array, Array]], inverse: Array, share: Array
+) -> list[_Raw | None]:
+    """Of each hypothesis, from what the shared fit leaves (n,); None where the sides do not show it."""
+    after, blocks = both.rows_after, len(both.recording)
+    along = np.concatenate([one for one, _, _ in shapes], axis=1)
+    changed = np.stack([one @ coefficients for one, _, coefficients in shapes], axis=1)
+    shown, shared = both.x @ along, both.x @ (share.T @ along)
     # the residual of the fit in which it has changed
-    left = scores - np.where(both.after[:, None], both.grams @ (along @ coefficients), 0.0)
-    left = left - both.grams @ (inverse @ left.sum(axis=0))
-    sums = np.where(both.after[:, None], left @ along, 0.0) - left @ (share.T @ along)
+    remaining = left[:, None] - np.where(after[:, None], both.x @ changed, 0.0)
+    remaining += both.x @ (inverse @ (both.late @ changed))
+    into = sparse.csr_array((np.ones(len(after)), (both.block, np.arange(len(after)))), (blocks, len(after)))
+    found: list[_Raw | None] = []
+    end = 0
+    for k, (one, size, coefficients) in enumerate(shapes):
+        own = slice(end, end := end + len(size))
+        moves = np.where(after[:, None], shown[:, own], 0.0) - shared[:, own]
+        parts = into @ (remaining[:, k, None] * moves), into @ (shown[:, own] ** 2)
+        found.append(_raw(both, (one, size, coefficients), *parts) if len(size) else None)
+    return found
+
+
+def _raw(both: Both, shape: tuple[Array, Array, Array], sums: Array, shown: Array) -> _Raw:
+    """``sums`` (b, k) of blocks at the fit with the change, and the information (b, k) of each."""
+    along, size, coefficients = shape
     blocks = len(sums)
     covariance = sums.T @ sums * blocks / max(blocks - 1 - len(size), 1) / np.outer(size, size)
     # no surer than white rows
@@ -204,7 +236,6 @@ def _raw(both: Both, scores: Array, directions: Array, weighed: tuple[Array, Arr
     freedom = max(both.recordings - 2, 1)
     scatter = float(np.mean(np.sum(whole**2, axis=0) * both.recordings / freedom / np.diag(covariance)))
     gains = coefficients**2 * size
-    shown = np.sum((both.grams @ along) * along, axis=1)
     return _Raw(along, coefficients, covariance, scatter, float(gains.sum()), _effective(shown, both.after, gains))
 
 

@@ -1,8 +1,7 @@
-"""The fewest changes that explain how two sides differ: forward selection among hypotheses.
+"""The fewest changes that explain how two sides differ: stepwise selection among hypotheses.
 
-Of those that are certain, the one that explains most enters, and the others are tested beside it, until none is
-certain. A change that the regressions of single recordings call significant stands only if the shared regression shows
-it, too.
+While one is certain, that which explains most enters, and those leave that chance explains beside it. A change that
+the regressions of single recordings call significant stands only if the shared regression shows it, too.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ from comparison.regression import Fitted, Rows, Structure
 from identification.preprocessing.signals import Motion
 
 CERTAIN = 1e-3
-"""Probability by chance, times the number of hypotheses, of a change that enters."""
+"""Probability by chance, times the number of hypotheses, of a certain change; of one that explains more, its own."""
 SLACK, NEARLY = 3.0, 0.2
 """Deviations, and share of its change, by which a value that cannot be negative may seem so."""
 STIFFER = 4.0
@@ -61,7 +60,15 @@ class _Joint:
     found: Sequence[Tested]
 
 
-def with_fewest(recorded: Recorded, changes: Sequence[Change]) -> tuple[list[Change], list[Change], Sequence[Tested]]:
+@dataclass(frozen=True)
+class Found:
+    """A hypothesis that entered, and the names of the quantities that it changes by more than two deviations."""
+
+    tested: Tested
+    makes: frozenset[str]
+
+
+def with_fewest(recorded: Recorded, changes: Sequence[Change]) -> tuple[list[Change], list[Change], list[Found]]:
     """The changes of all quantities, decided by the shared regression; those of effects beyond the model; what entered.
 
     changes: by regressions of single recordings; the last of them are those of the values.
@@ -71,22 +78,28 @@ def with_fewest(recorded: Recorded, changes: Sequence[Change]) -> tuple[list[Cha
     chances = _chances(structure, joint)
     values, covariance = shared_values(joint.both, _model(structure, joint.added), found)
     maps = _maps(structure, np.diag(covariance), len(values))
-    made = np.zeros(len(changes), bool)
-    for one in found:
+    made = np.zeros((len(found), len(changes)), bool)
+    for own, one in zip(made, found):
         sizes, errors = one.seen_by(maps)
-        made |= np.abs(sizes) > 2.0 * errors
+        own[:] = np.abs(sizes) > 2.0 * errors
     decided = [
-        each if by else _stands(each, chances, joint.every) for each, by in zip(changes, made & _possible(changes))
+        each if by else _stands(each, chances, joint.every)
+        for each, by in zip(changes, made.any(axis=0) & _possible(changes))
     ]
     std = np.sqrt(np.maximum(np.sum(maps @ covariance * maps, axis=1), 0.0))
-    for one in found:
+    for own, one in zip(made, found):
         if one.hypothesis.added is None:
             sizes, errors = one.seen_by(maps)
             k = _clearest(one, decided, sizes, errors, structure.size)
             before, after = (float(maps[k] @ values), float(std[k])), (float(sizes[k]), float(errors[k]))
             decided[k] = _conditional(decided[k], before, after, one, joint.every)
+            own[k] = True
     beside = tested(joint.both, joint.every, [one.hypothesis for one in found])
-    return decided, added_changes(structure, joint.every, [*found, *beside], values, covariance), found
+    causes = [
+        Found(one, frozenset(each.quantity.name for each, by in zip(decided, own) if by))
+        for own, one in zip(made, found)
+    ]
+    return decided, added_changes(structure, joint.every, found, beside, values, covariance), causes
 
 
 def _searched(recorded: Recorded) -> _Joint:
@@ -148,23 +161,58 @@ def _maps(structure: Structure, variance: Array, size: int) -> Array:
 
 
 def selected(both: Both, every: Sequence[Hypothesis]) -> list[Tested]:
-    """The hypotheses that entered, each as tested beside the others that did."""
+    """The hypotheses that entered, each as tested beside the others that did.
+
+    Of those that are certain, the one that explains most shows that something changed. What did is the hypothesis
+    beside which it is not certain any more, if one explains still more and is not by chance: what a cause explains may
+    be known less surely than a part of it. Its chance is that of the certain one.
+    """
     chosen: list[Hypothesis] = []
-    least = np.log(CERTAIN)
-    while len(chosen) < MOST:
+    surest: dict[int, float] = {}
+    for _ in range(2 * MOST):
         rest = [one for one in every if all(one is not other for other in chosen)]
-        certain = [one for one in tested(both, rest, chosen) if chance(one.log_p, every) < least]
-        certain = [one for one in certain if _is_possible(both, one)]
-        if not certain:
+        likely = [one for one in tested(both, rest, chosen) if one.log_p < np.log(CERTAIN) and _is_possible(both, one)]
+        certain = [one for one in likely if _is_certain(one, every)]
+        if len(chosen) == MOST or not certain:
             break
-        chosen.append(max(certain, key=lambda one: one.gain - 2 * one.hypothesis.directions.shape[1]).hypothesis)
+        shown = max(certain, key=_explained)
+        best = _explaining(both, every, chosen, shown, likely).hypothesis
+        surest[id(best)] = shown.log_p
+        chosen = [one.hypothesis for one in _beside(both, every, [*chosen, best]) if one.log_p < np.log(CERTAIN)]
+    return [replace(one, log_p=min(one.log_p, surest[id(one.hypothesis)])) for one in _beside(both, every, chosen)]
+
+
+def _explaining(
+    both: Both, every: Sequence[Hypothesis], chosen: Sequence[Hypothesis], shown: Tested, likely: Sequence[Tested]
+) -> Tested:
+    """Of those that explain more than the one ``shown``, the one that explains most and this one with it; or it."""
+    rivals = [one for one in likely if _explained(one) > _explained(shown)]
+    for rival in sorted(rivals, key=_explained, reverse=True):
+        beside = [*chosen, rival.hypothesis]
+        again = tested(both, [one for one in every if all(one is not other for other in beside)], beside)
+        if not any(_is_certain(one, every) for one in again if one.hypothesis is shown.hypothesis):
+            return rival
+    return shown
+
+
+def _explained(one: Tested) -> float:
+    """Squares that it removes beyond those that its number of coefficients would by chance."""
+    return one.gain - 2 * one.hypothesis.directions.shape[1]
+
+
+def _is_certain(one: Tested, every: Sequence[Hypothesis]) -> bool:
+    return bool(chance(one.log_p, every) < np.log(CERTAIN))
+
+
+def _beside(both: Both, every: Sequence[Hypothesis], chosen: Sequence[Hypothesis]) -> list[Tested]:
+    """Each of those ``chosen`` as tested beside the others."""
     again = []
     for one in chosen:
         others = [other for other in chosen if other is not one]
         # with all that did not enter, as their scatter between recordings is part of what it is judged by
         beside = tested(both, [each for each in every if all(each is not other for other in others)], others)
         again += [each for each in beside if each.hypothesis is one]
-    return [one for one in again if chance(one.log_p, every) < least]
+    return again
 
 
 def _is_possible(both: Both, one: Tested) -> bool:

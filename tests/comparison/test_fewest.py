@@ -1,0 +1,71 @@
+"""Which hypothesis enters the joint fit, on rows made by hand: what is certain is not always what changed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from comparison.joint_fit import both_sides
+from comparison.joint_fit.both_sides import Both
+from comparison.joint_fit.fewest import selected
+from comparison.joint_fit.hypotheses import Hypothesis
+
+RECORDINGS, BLOCKS, ROWS = 8, 30, 12
+QUIET = 8
+"""Values of the kind of the second whose scatter says that recordings hardly differ in it."""
+
+
+def both_of(
+    rng: np.random.Generator, made: tuple[float, float, float], differs: float
+) -> tuple[Both, list[Hypothesis]]:
+    """Eight recordings, the last four with changes of the first three values, under noise of 1.
+
+    The rows of the second value are a part of those of the first. What a change of the first makes of the others
+    differs between recordings by ``differs`` of it, as of a cause that the columns describe to first order only.
+    """
+    n, size = RECORDINGS * BLOCKS * ROWS, 3 + QUIET
+    x, in_part = rng.normal(size=(n, size)), np.arange(n) % 3 == 0
+    x[:, 1] = np.where(in_part, x[:, 0], 0.0)
+    block = np.repeat(np.arange(RECORDINGS * BLOCKS), ROWS)
+    recording = np.repeat(np.arange(RECORDINGS), BLOCKS)
+    late = recording[block] >= RECORDINGS // 2
+    uneven = differs * made[0] * (-1.0) ** recording[block] * x[:, 0] * ~in_part
+    y = rng.normal(size=n) + late * (x[:, :3] @ made + uneven)
+    both = Both(x, y, block, recording, recording >= RECORDINGS // 2, np.ones(size), x.T @ x, x[late].T @ x[late])
+    names = ["cause", "part", "other", *(f"quiet {k}" for k in range(QUIET))]
+    kinds = ["scale", *["friction"] * (size - 1)]
+    every = [Hypothesis(what, 1, one[:, None], name, tries=300) for what, one, name in zip(kinds, np.eye(size), names)]
+    return both, every
+
+
+def names(found: list[both_sides.Tested]) -> set[str]:
+    return {one.hypothesis.quantity for one in found}
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_cause_is_found_though_a_part_of_it_is_surer(seed: int) -> None:
+    both, every = both_of(np.random.default_rng(seed), (1.0, 0.0, 0.0), 0.17)
+    whole, part, *_ = both_sides.tested(both, every, [])
+    assert whole.gain > part.gain and whole.log_p > part.log_p
+    (found,) = selected(both, every)
+    assert found.hypothesis.quantity == "cause"
+    # something changed as surely as its part shows
+    assert found.log_p <= part.log_p
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_part_alone_is_found_as_itself(seed: int) -> None:
+    both, every = both_of(np.random.default_rng(seed), (0.0, 1.0, 0.0), 0.0)
+    assert names(selected(both, every)) == {"part"}
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_two_that_have_nothing_in_common_are_both_found(seed: int) -> None:
+    both, every = both_of(np.random.default_rng(seed), (1.0, 0.0, 0.5), 0.17)
+    assert names(selected(both, every)) == {"cause", "other"}
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_nothing_is_found_where_nothing_changed(seed: int) -> None:
+    both, every = both_of(np.random.default_rng(seed), (0.0, 0.0, 0.0), 0.0)
+    assert selected(both, every) == []
