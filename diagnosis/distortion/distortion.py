@@ -27,7 +27,7 @@ from diagnosis.distortion.random_walk import STEP, gains_of, likelihood, memory,
 from diagnosis.measurements.currents.design_matrix import dataset_of, free_columns
 from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.residual.comparable_rows import comparable_rows
-from diagnosis.residual.run import ROWS_PER_SECOND, Run
+from diagnosis.residual.run import Run
 from diagnosis.units import unit_at
 from identification.selection import p_value
 
@@ -117,7 +117,7 @@ def distort(arm: Arm, name: str, runs: Sequence[Run], recordings: Sequence[Recor
     pairs = [(run, recording) for run, recording in zip(runs, recordings) if run.powered]
     columns = [_column(run, own, model) for run, _ in pairs]
     residuals = _residuals([run for run, _ in pairs], columns, arm)
-    steps = [_steps(residual, column) for residual, column in zip(residuals, columns)]
+    steps = [_steps(run, *both) for (run, _), *both in zip(pairs, residuals, columns)]
     information = float(sum(seen.sum() for _, seen in steps))
     if information <= 0.0:
         raise InputError("--distort", f"{own} does not affect these recordings; must be excited by the motion")
@@ -185,7 +185,7 @@ def _residuals(runs: Sequence[Run], columns: Sequence[Array], arm: Arm) -> list[
     always = free @ np.linalg.lstsq(np.column_stack([own, free]), y, rcond=None)[0][1:]
     hidden = np.zeros_like(y)
     for _ in range(ROUNDS if own.any() else 0):
-        steps = [_steps(one, column) for one, column in zip(by_run(y - always - hidden), columns)]
+        steps = [_steps(*one) for one in zip(runs, by_run(y - always - hidden), columns)]
         ratio, _ = strength(steps)
         walk = _flat(
             column * _at_rows(run, smoothed(*step, ratio)[0]) for run, step, column in zip(runs, steps, columns)
@@ -202,12 +202,17 @@ def _flat(parts: Iterable[Array]) -> Array:
 
 def _at_rows(run: Run, x: Array) -> Array:
     """(m, 1) of values (s,) of every ``STEP``."""
-    return np.interp(run.t, run.t[0] + STEP * (np.arange(len(x)) + 0.5), x)[:, None]
+    return np.interp(run.t, run.t[0] + _rows(run) * (np.arange(len(x)) + 0.5) / run.per_second, x)[:, None]
 
 
-def _steps(residual: Array, column: Array) -> tuple[Array, Array]:
-    """Score H^T y and information H^T H of every ``STEP``, all joints together."""
-    rows = round(STEP * ROWS_PER_SECOND)
+def _rows(run: Run) -> int:
+    """Rows of a run in one ``STEP``."""
+    return round(STEP * run.per_second)
+
+
+def _steps(run: Run, residual: Array, column: Array) -> tuple[Array, Array]:
+    """Score H^T y and information H^T H of every ``STEP`` of a run, all joints together."""
+    rows = _rows(run)
     count = len(residual) // rows
 
     def summed(values: Array) -> Array:
@@ -229,7 +234,7 @@ def _path(
     """The parameter along one recording, from the score and information of its steps."""
     score, seen = step
     x, variance = smoothed(score, seen, ratio)
-    rows, count = round(STEP * ROWS_PER_SECOND), len(x)
+    rows, count = _rows(run), len(x)
 
     def mean(values: Array) -> Array:
         averages: Array = values[: count * rows].reshape(count, rows).mean(axis=1)

@@ -31,6 +31,7 @@ from diagnosis.residual.expected_current import (
     coulomb_at,
     low_pass,
     motion_of,
+    rate_along,
     rate_of,
     reading,
     true_angle,
@@ -52,7 +53,7 @@ CREEP = 0.02
 
 @dataclass(frozen=True)
 class Run:
-    """The residual of one recording under one model; m rows at ROWS_PER_SECOND, n joints.
+    """The residual of one recording under one model; m rows at some ROWS_PER_SECOND, n joints.
 
     raw: t (k,) s and q (k, n) rad as recorded, events taken out; t (m,) s from the start of the recording; q, v, a (m,
     n) rad and per second of the motor over gear; current, expected, residual (m, n) A; current_rate A/s;
@@ -104,9 +105,14 @@ class Run:
         edges = [0, *ends.tolist(), len(self.t)]
         return tuple(slice(a, b) for a, b in itertools.pairwise(edges))
 
+    @property
+    def per_second(self) -> float:
+        """Rows per second: of 250 rows/s every second one is kept, which makes 125, not ROWS_PER_SECOND."""
+        return rate_of(self.t)
+
     def rate(self, values: Array) -> Array:
         """Derivative of values (m,) by time, within each recording."""
-        return np.concatenate([np.gradient(values[part], 1.0 / ROWS_PER_SECOND) for part in self.parts])
+        return np.concatenate([rate_along(values[part], 1.0 / rate_of(self.t[part])) for part in self.parts])
 
     @cached_property
     def along(self) -> Array:
@@ -213,7 +219,7 @@ class Run:
         for part, j in itertools.product(self.parts, np.flatnonzero(matters).tolist()):
             over, t = 1.0 / self.deviation[part, j], self.t[part] - self.t[part][0]
             folded, rippled = self.folded[part, j] * over, self.rippled[part, j] * over[:, None]
-            directions = unseen_directions(folded, rippled, t, of_unseen=of_unseen, per_second=ROWS_PER_SECOND)
+            directions = unseen_directions(folded, rippled, t, of_unseen=of_unseen, per_second=rate_of(self.t[part]))
             found.append((part, j, *directions))
         return found
 
@@ -314,7 +320,7 @@ def merged(runs: Sequence[Run]) -> Run:
 
 
 def kept(rate: float) -> slice:
-    """Rows of a recording at ``rate`` Hz that are kept: ROWS_PER_SECOND of them, without filter transients."""
+    """Rows of a recording at ``rate`` Hz that are kept: about ROWS_PER_SECOND of them, without filter transients."""
     return slice(int(0.2 * rate), -int(0.2 * rate), max(1, round(rate / ROWS_PER_SECOND)))
 
 

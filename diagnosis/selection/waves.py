@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 from scipy import ndimage, signal
 
 from arm_io.types import Array
-from diagnosis.residual.expected_current import COMPARE_BAND
-from diagnosis.residual.run import ROWS_PER_SECOND
+from diagnosis.residual.expected_current import COMPARE_BAND, rate_of
 from diagnosis.selection.design import Dataset
 from diagnosis.selection.regression import by_recording
 
@@ -27,11 +26,12 @@ SECONDS = 4.0
 
 def wave_of(residual: Array, side: Dataset, joint: int) -> str | None:
     """``a wave of 5.0 Hz`` in the whitened residual (n * rows,) of a joint (from 1) of all recordings; else None."""
-    power, rows = np.zeros(0), round(SECONDS * ROWS_PER_SECOND)
-    for values in by_recording(residual, side):
+    power, frequency = np.zeros(0), np.arange(0.0, COMPARE_BAND + SLOWEST, 1.0 / SECONDS)
+    for values, run in zip(by_recording(residual, side), side.runs, strict=True):
+        rows = round(SECONDS * (rate := rate_of(run.t)))
         if len(values) >= rows:
-            frequency, own = signal.welch(values[:, joint - 1], ROWS_PER_SECOND, nperseg=rows)
-            power = own * len(values) + (power if len(power) else 0.0)
+            at, own = signal.welch(values[:, joint - 1], rate, nperseg=rows)
+            power = np.interp(frequency, at, own) * len(values) + (power if len(power) else 0.0)
     if not len(power):
         return None
     band = (frequency >= SLOWEST) & (frequency <= COMPARE_BAND)

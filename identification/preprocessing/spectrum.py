@@ -20,6 +20,7 @@ from arm_io.types import Array
 from identification.preprocessing.filtering import zero_phase
 
 OCCUPIED = 0.95  # share of the acceleration's power that counts as the bandwidth of the dynamics
+SPEEDY = 0.9  # share of the speed's power, without that of noise, that lies below the valley
 STANDING = 0.02  # of a joint's peak speed: below it the sign of the velocity may be noise
 SHAKEN = 0.01  # of the liveliest joint's travel in noise levels
 SEGMENT = 8.0  # s, length of Welch's segments: resolution 0.125 Hz
@@ -53,7 +54,9 @@ def choose_band(q: Array, dt: float) -> Band:
     if not moving.any():
         return Band(rate / 4, rate / 8, f, density, noise)
     share = density[:, moving] / np.maximum(density[:, moving].max(axis=0), 1e-300)
-    valley = _valley(f, share)
+    of_noise = 2 * dt * noise**2 * _second_difference(f, dt)[:, None]
+    moved = (density - of_noise)[:, moving] / np.maximum(density[:, moving].max(axis=0), 1e-300)
+    valley = _valley(f, share, _top_of_speed(f[1:], moved[1:]))
     # Twice: the noise let in by this is cut by the parallel filter, while a reversal, and with it friction, stays where
     # it was.
     motion = min(2.0 * valley, 0.25 / dt)
@@ -88,18 +91,30 @@ def _white_noise(f: Array, density: Array, dt: float) -> Array:
     upper = (f > 0.3 / dt) & (f < 0.475 / dt)
     if not upper.any():
         return np.zeros(density.shape[1])
-    gain = (2 * np.sin(np.pi * f[upper] * dt) / dt) ** 4
+    gain = _second_difference(f[upper], dt)
     floor = np.median(density[upper] / gain[:, None], axis=0) / np.log(2)  # a periodogram's median is ln 2 of its mean
     return np.asarray(np.sqrt(floor / (2 * dt)))
 
 
-def _valley(f: Array, share: Array) -> float:
-    """The frequency of least power beyond the motion's own.
+def _second_difference(f: Array, dt: float) -> Array:
+    """(f,) 1/s4: what the second difference of positions makes of the power of white noise."""
+    return np.asarray((2 * np.sin(np.pi * f * dt) / dt) ** 4)
+
+
+def _top_of_speed(f: Array, moved: Array) -> float:
+    """Hz below which SPEEDY of the speed's power is, of acceleration densities (f, J) of the motion alone.
+
+    A motion of a few sine waves has valleys between them that are deeper than the one before the noise.
+    """
+    power = np.cumsum(np.mean(moved, axis=1) / f**2)
+    return float(f[int(np.argmax(power >= SPEEDY * power[-1]))])
+
+
+def _valley(f: Array, share: Array, above: float) -> float:
+    """The frequency of least power ``above`` Hz, beyond the motion's own.
 
     Minimum of the joints' mean log spectrum, smoothed over a third of an octave.
     """
-    speed = np.cumsum(np.mean(share[1:], axis=1) / f[1:] ** 2)
-    slow = f[1:][np.searchsorted(speed, 0.5 * speed[-1])]  # half of the speed's power is below
     level = np.mean(np.log(np.maximum(share[1:], 1e-300)), axis=1)
     octave = np.log2(f[1:])
     grid = np.arange(octave[0], octave[-1], 1 / 24)
@@ -110,7 +125,7 @@ def _valley(f: Array, share: Array) -> float:
     first = np.minimum(first, last - 1)
     smooth = (total[last] - total[first]) / (last - first)
     # Beyond half the Nyquist frequency anti-aliasing makes valleys of its own, and filters ring long.
-    usable = (2.0**grid <= 0.5 * f[-1]) & (2.0**grid >= min(slow, 0.25 * f[-1]))
+    usable = (2.0**grid <= 0.5 * f[-1]) & (2.0**grid >= min(above, 0.25 * f[-1]))
     floor, frequency = smooth[usable], 2.0 ** grid[usable]
     lowest = int(np.argmin(floor))
     # Its far side, where the power has doubled again.

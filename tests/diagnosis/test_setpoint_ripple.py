@@ -14,10 +14,13 @@ from arm_model import Arm, EffectTerm
 from arm_model.sensing import recorded
 from arm_model.simulation import simulate
 from daq.recording import Attachments, Recording, open_recording, write_table
+from diagnosis.measurements.currents.columns import columns
 from diagnosis.residual.expected_current import COMPARE_BAND
 from diagnosis.residual.noise import scatter
 from diagnosis.residual.run import Run, residual_run
 from diagnosis.residual.run_setup import known_setpoints
+from diagnosis.selection.candidate import Candidate
+from identification.preprocessing.spectrum import choose_band
 
 NOISE, STEP = 0.01, 1.5e-6
 Sample = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
@@ -100,6 +103,38 @@ def test_small_viscous_friction_is_no_current_gain(arm: Arm, recordings: Callabl
     assert [(one.effect, one.joint) for one in found.causes] == [("viscous_friction", 1)]
     viscous = found.causes[0].parameters[0]
     assert found.verdict == "explained" and abs(viscous.value - 0.3) < 2 * viscous.std < 0.05
+
+
+@pytest.mark.parametrize("half_gap", [1e-3, 4e-3])
+def test_a_gap_is_its_size_and_no_time_skew(
+    arm: Arm, recordings: Callable[..., list[Recording]], half_gap: float
+) -> None:
+    """250 rows/s of which every second one is kept, 125 and not 100 a second: named 1.3 mrad and a skew of 2 ms."""
+    fit, held_out = recordings(EffectTerm("backlash", 1, {"half_gap": half_gap}))
+    found = armscope.diagnose(fit, arm, held_out=held_out)
+    assert [(one.effect, one.joint) for one in found.causes] == [("backlash", 1)]
+    assert found.verdict == "explained"
+    assert found.causes[0].parameters[0].value == pytest.approx(half_gap, rel=0.05)
+
+
+@pytest.mark.parametrize(("half_gap", "step"), [(0.0, 1e-4), (1e-3, 1.5e-6)])
+def test_a_motion_of_a_few_waves_is_no_motion_of_the_slowest(arm: Arm, half_gap: float, step: float) -> None:
+    """Between waves of 0.47 and 1.3 Hz is less power than before the noise: motion was said to end at 0.9 Hz."""
+    worn = replace(arm, effects=(EffectTerm("backlash", 1, {"half_gap": half_gap}),) if half_gap else ())
+    q = _sampled(worn, 250.0, 1)[1]
+    assert choose_band(np.round(q / step) * step, 1.0 / 250.0).parallel > 1.3
+
+
+def test_rows_that_are_kept_have_the_rate_that_they_have(arm: Arm) -> None:
+    """A spring behind the motor, and a rate of change, at 250 rows/s as at 500."""
+    springs = Candidate("joint_compliance", 1, (("stiffness", 2e3), ("damping", 20.0)))
+    found = []
+    for rate in (250.0, 500.0):
+        t, q, i, _ = _sampled(arm, rate)
+        run = residual_run("healthy", arm, t, q, i)
+        assert run.rate(np.sin(9 * run.t)) == pytest.approx(9 * np.cos(9 * run.t), abs=0.05)
+        found.append(np.interp(np.arange(1.0, 8.0, 0.01), run.t, columns(springs, run)[:, 0, 0]))
+    assert np.std(found[0] - found[1]) < 0.05 * np.std(found[1])
 
 
 def test_a_model_without_controller_learns_of_the_setpoints_from_the_demands(

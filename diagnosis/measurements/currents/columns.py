@@ -24,12 +24,13 @@ from diagnosis.residual.expected_current import (
     gap_of,
     integrated,
     low_pass,
+    rate_of,
     spring_of,
     through_gap,
     wound_up,
 )
 from diagnosis.residual.instrument_noise import passed
-from diagnosis.residual.run import ROWS_PER_SECOND, Run, signals_of
+from diagnosis.residual.run import Run, signals_of
 from diagnosis.selection.candidate import Candidate
 
 
@@ -162,9 +163,11 @@ def _wound_up(run: Run, j: int, effect: Effect, p: Values) -> tuple[Array, Array
             run.twists.clear()
             run.twists.update(zip([(j, *one) for one in springs], _twists(run, j, springs)))
         return run.twists[j, *spring]
-    load, inertia, step = run.brisk_rigid[:, j], run.inertia[:, j], 1.0 / ROWS_PER_SECOND
-    gaps = [through_gap(load[part], inertia[part], gap_of(effect, p), step) for part in run.parts]
-    twist = np.concatenate([low_pass(gap, COMPARE_BAND, ROWS_PER_SECOND) for gap in gaps])
+    load, inertia, half_gap, gaps = run.brisk_rigid[:, j], run.inertia[:, j], gap_of(effect, p), []
+    for part in run.parts:
+        rate = rate_of(run.t[part])
+        gaps.append(low_pass(through_gap(load[part], inertia[part], half_gap, 1.0 / rate), COMPARE_BAND, rate))
+    twist = np.concatenate(gaps)
     speed = run.rate(twist)
     return twist, speed, run.rate(speed)
 
@@ -181,7 +184,7 @@ def _twists(run: Run, j: int, springs: Sequence[tuple[float, float]]) -> list[tu
     """Twist (m,) of a joint and its rates behind each of some springs."""
     load, inertia = run.brisk_rigid[:, j], run.inertia[:, j]
     stiffness, damping = np.array(springs).T
-    each = [wound_up(load[part], inertia[part], stiffness, damping, 1.0 / ROWS_PER_SECOND) for part in run.parts]
+    each = [wound_up(load[part], inertia[part], stiffness, damping, 1.0 / rate_of(run.t[part])) for part in run.parts]
     twist, speed, acceleration = (np.concatenate(rates).T.copy() for rates in zip(*each))
     return list(zip(twist, speed, acceleration))
 
@@ -191,7 +194,7 @@ def _states(effect: Effect, p: Values, s: Signals, run: Run) -> Array:
     states = []
     for part in run.parts:
         within = replace(s, v=s.v[part], sign=s.sign[part], coulomb=s.coulomb[part], q=s.q[part])
-        states.append(integrated(effect, p, within, 1.0 / ROWS_PER_SECOND))
+        states.append(integrated(effect, p, within, 1.0 / rate_of(run.t[part])))
     return np.concatenate(states)
 
 

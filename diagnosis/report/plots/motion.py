@@ -8,7 +8,6 @@ from arm_io.types import Array
 from arm_model.collision import chain_of
 from arm_report.motion import Motion, clip_of
 from diagnosis.diagnose import Diagnosis
-from diagnosis.residual.run import ROWS_PER_SECOND
 
 HELD_OUT = "held out"
 """The clip of the held-out recordings, one after the other."""
@@ -16,7 +15,9 @@ HELD_OUT = "held out"
 
 def held_out_time(result: Diagnosis) -> Array:
     """(rows,) s: held-out recordings one after the other."""
-    return np.arange(sum(len(run.t) for run in result.held_out)) / ROWS_PER_SECOND
+    runs = result.held_out
+    begins = np.cumsum([0.0, *(len(run.t) / run.per_second for run in runs)])
+    return np.concatenate([begin + run.t - run.t[0] for begin, run in zip(begins, runs)])
 
 
 def motion_of(result: Diagnosis) -> Motion:

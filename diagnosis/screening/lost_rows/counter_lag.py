@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_io.types import Array
-from diagnosis.residual.run import ROWS_PER_SECOND, Run
+from diagnosis.residual.run import Run
 
 Index = NDArray[np.intp]
 
 PIECE = 50
-"""Rows at ROWS_PER_SECOND whose mean residual is no evidence of a shift."""
+"""Rows of a run whose mean residual is no evidence of a shift."""
 STEP = 0.004
 """s between shifts for which the current is predicted; between them the residual is interpolated."""
 COLOURED = 16.0
@@ -46,7 +46,7 @@ def lost_by_current(
     run = next(iter(runs.values()))
     fine = np.arange(min(runs), max(runs) + 1)
     errors = _errors(runs, joint, fine)
-    edges = [0, *(round(time * ROWS_PER_SECOND / PIECE) for time, _ in jumps), len(errors)]
+    edges = [0, *(round(time * run.per_second / PIECE) for time, _ in jumps), len(errors)]
     parts = np.stack([errors[a:b].sum(axis=0) for a, b in pairwise(np.clip(edges, 0, len(errors)).tolist())])
     instruments = float(np.mean(run.instruments[:, joint - 1] ** 2))
     parts /= (float(np.median(errors.min(axis=1))) / PIECE + instruments) * COLOURED

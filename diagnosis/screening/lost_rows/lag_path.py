@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from arm_io.types import Array
-from diagnosis.residual.run import ROWS_PER_SECOND, Run
+from diagnosis.residual.run import Run
 
 Index = NDArray[np.intp]
 
 PIECE = 50
-"""Rows at ROWS_PER_SECOND for which one lag is compared."""
+"""Rows of a run for which one lag is compared."""
 LONGEST = 5.0
 """s: longest lag that is looked for; at most a quarter of the recording."""
 COLOURED = 16.0
@@ -60,9 +60,9 @@ class Step:
 
 
 def lag_steps(run: Run) -> list[Step]:
-    """The changes of lag of a run by at least two rows at ROWS_PER_SECOND, in time; several or none."""
+    """The changes of lag of a run by at least two of its rows, in time; several or none."""
     pieces = np.arange(0, len(run.t) - PIECE + 1, PIECE)
-    longest = min(int(LONGEST * ROWS_PER_SECOND), len(run.t) // 4)
+    longest = min(int(LONGEST * run.per_second), len(run.t) // 4)
     if len(pieces) < 4 or not _worth_looking(run, pieces):
         return []
     moving = _moving(run, pieces)
@@ -80,9 +80,9 @@ def lag_steps(run: Run) -> list[Step]:
         size = [float(np.sum(run.current_rate[a:b] ** 2 / scale)) for a, b in (parts[:2], parts[2:])]
         fitted, lagged = float(np.sum(own / scale)) / size[0], float(np.sum(without)) * COLOURED / size[1]
         if abs(after - before) > 1 and held and lagged > EMERGED * fitted and _agreed(without, with_it):
-            lags = before / ROWS_PER_SECOND, after / ROWS_PER_SECOND
+            lags = before / run.per_second, after / run.per_second
             edge = float(run.t[pieces[at]])
-            time, _ = instant(run, lags, (edge - 3 * PIECE / ROWS_PER_SECOND, edge + 3 * PIECE / ROWS_PER_SECOND))
+            time, _ = instant(run, lags, (edge - 3 * PIECE / run.per_second, edge + 3 * PIECE / run.per_second))
             steps.append(Step(time, lags[1] - lags[0]))
     return steps if in_order(steps) else []
 
