@@ -16,6 +16,7 @@ from daq.recording import Recording
 from identification.methods import closed_loop, joint_by_joint, sequential
 from identification.methods.friction_tuning import simulated_error, tune_friction
 from identification.methods.inverse_dynamics import Shape, identify
+from identification.preprocessing.attenuation import attenuation_warnings
 from identification.preprocessing.readiness import Readiness
 from identification.regression.conclusion import warnings_of_fit
 from identification.regression.equations import Friction
@@ -86,7 +87,11 @@ def check_runs(
     InputError: not at all.
     """
     problem = prepare(fit, arm, held_out=held_out, friction=friction, progress=progress, sparse=sparse)
-    warnings = problem.warnings if sparse else [*problem.warnings, *warnings_of_fit(problem)]
+    warnings = (
+        problem.warnings
+        if sparse
+        else [*problem.warnings, *attenuation_warnings(problem.motions), *warnings_of_fit(problem)]
+    )
     return Readiness(problem.runs, excitation_of(problem), warnings)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -15,6 +15,7 @@ from armscope.commands.options import Json
 from armscope.progress import shown
 
 if TYPE_CHECKING:
+    from arm_clearance import Chain, Pairs, Space
     from arm_model import Arm
     from daq.rig import Rig
     from experiment import Experiment
@@ -67,56 +68,73 @@ def command(
     ] = 125.0,
     as_json: Json = False,
 ) -> None:
-    from arm_clearance import pairs_of
-    from arm_model import on_fixed_base, read_model
-    from arm_model.collision import chain_of
-    from armscope.api.reading import note_gaps
-    from armscope.motion import clearance_in_words, clearance_of, draw, space_of
+    from armscope.motion import clearance_in_words, clearance_of, draw
     from armscope.picture import check_picture
-    from daq.rig import read_rig
     from experiment import check_trajectory, demand_of, write_experiment, write_trajectory
     from identification.experiment_design import Series
 
     if plot is not None:
         check_picture(plot)
+    task = _task(model, rig, space, floor)
+    for path in trajectory or []:
+        check_trajectory(path, len(task.arm))
+    series = Series(duration, fundamental, harmonics)
+    search = {"criterion": criterion.value, "candidates": candidates, "seed": seed}
+    designed = _off_the_setpoints(task.arm, _design(task, series, as_json, search), task.rig)
+    write_experiment(out, designed, heading=f"Excitation for {task.arm.name}, seed {seed}, {candidates} candidates.")
+    demand = demand_of(designed)
+    if plot is not None:
+        draw(plot, demand, task.chain, task.around, task.limits.position)
+    points = {str(path): write_trajectory(path, demand, task.names, trajectory_rate) for path in trajectory or []}
+    if as_json:
+        table = {"file": str(out), "duration": duration, "joints": len(task.arm), "harmonics": harmonics}
+        clearance = clearance_of(demand, task.chain, task.pairs)
+        print(json.dumps(table | {"trajectories": points, "rate": designed.rate, "clearance": clearance}))
+        return
+    sampled = f", {designed.rate:g} rows/s (not a multiple of the setpoint rate)" if designed.rate else ""
+    joints = f"{len(task.arm)} joint{'s' * (len(task.arm) > 1)}"
+    print(f"{out}: {duration:g} s, {harmonics} harmonics of {fundamental:g} Hz for {joints}{sampled}")
+    print("\n".join(f"  {line}" for line in clearance_in_words(demand, task.chain, task.pairs)))
+    for file, count in points.items():
+        print(f"{file}: {count} points, {trajectory_rate:g} per second")
+
+
+@dataclass(frozen=True)
+class _Task:
+    """What a motion is designed for: the arm, its rig if one is given, and what the motion must keep within.
+
+    chain, around, pairs  capsules of the arm, the space around it, and which of them must stay apart
+    """
+
+    arm: Arm
+    rig: Rig | None
+    limits: Limits
+    chain: Chain
+    around: Space | None
+    pairs: Pairs | None
+
+    @property
+    def names(self) -> list[str]:
+        """Of the joints."""
+        return [joint.name or f"joint{number}" for number, joint in enumerate(self.arm.joints, 1)]
+
+
+def _task(model: Path | None, rig: Path | None, space: Path | None, floor: float | None) -> _Task:
+    """The arm and its bounds as the options say; notes on stderr what the model lacks. Raises InputError."""
+    from arm_clearance import pairs_of
+    from arm_model import on_fixed_base, read_model
+    from arm_model.collision import chain_of
+    from armscope.api.reading import note_gaps
+    from armscope.motion import space_of
+    from daq.rig import read_rig
+
     checked = None if rig is None else read_rig(rig, drivers=False)
     source = _model_path(model, checked)
     arm = on_fixed_base(read_model(source), source, "'armscope excite'")
     note_gaps(source, "dynamics", "collisions")
-    for path in trajectory or []:
-        check_trajectory(path, len(arm))
-    series, limits, chain = Series(duration, fundamental, harmonics), _limits(arm, checked), chain_of(arm)
-    around = space_of(checked, space, floor)
+    chain, around = chain_of(arm), space_of(checked, space, floor)
     pairs = None if around is None else pairs_of(chain, around)
-    designed = _design(
-        arm,
-        series,
-        as_json,
-        criterion=criterion.value,
-        limits=replace(limits, pairs=pairs),
-        candidates=candidates,
-        seed=seed,
-    )
-    designed = _off_the_setpoints(arm, designed, checked)
-    write_experiment(out, designed, heading=f"Excitation for {arm.name}, seed {seed}, {candidates} candidates.")
-    demand = demand_of(designed)
-    if plot is not None:
-        draw(plot, demand, chain, around, limits.position)
-    names = [joint.name or f"joint{number}" for number, joint in enumerate(arm.joints, 1)]
-    points = {str(path): write_trajectory(path, demand, names, trajectory_rate) for path in trajectory or []}
-    if as_json:
-        table = {"file": str(out), "duration": duration, "joints": len(arm), "harmonics": harmonics}
-        print(
-            json.dumps(
-                table | {"trajectories": points, "rate": designed.rate, "clearance": clearance_of(demand, chain, pairs)}
-            )
-        )
-    else:
-        sampled = f", {designed.rate:g} rows/s (not a multiple of the setpoint rate)" if designed.rate else ""
-        print(f"{out}: {duration:g} s, {harmonics} harmonics of {fundamental:g} Hz for {len(arm)} joints{sampled}")
-        print("\n".join(f"  {line}" for line in clearance_in_words(demand, chain, pairs)))
-        for file, count in points.items():
-            print(f"{file}: {count} points, {trajectory_rate:g} per second")
+    return _Task(arm, checked, replace(_limits(arm, checked), pairs=pairs), chain, around, pairs)
 
 
 def _model_path(model: Path | None, rig: Rig | None) -> Path:
@@ -152,11 +170,15 @@ def _limits(arm: Arm, rig: Rig | None) -> Limits:
     return limits.within(arm, **rig.limits.model_dump())
 
 
-def _design(arm: Arm, series: Series, as_json: bool, **search: Any) -> Experiment:
+def _design(task: _Task, series: Series, as_json: bool, search: dict[str, Any]) -> Experiment:
     """The best of the candidate motions, ``design_excitation``; shows progress on a terminal."""
     from identification.experiment_design import design_excitation
 
     with shown(as_json) as progress:
         return design_excitation(
-            arm, series, **search, progress=lambda share, text: progress(Step("designing", share, 1.0, detail=text))
+            task.arm,
+            series,
+            limits=task.limits,
+            **search,
+            progress=lambda share, text: progress(Step("designing", share, 1.0, detail=text)),
         )

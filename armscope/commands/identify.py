@@ -85,9 +85,7 @@ def command(
 ) -> None:
     """Identifies an arm."""
     from arm_io import InputError, check_folder
-    from arm_report import wrapped
-    from armscope.api.floating_base import floats, refuse
-    from armscope.api.identification import check, identify
+    from armscope.api.floating_base import floats
 
     allocation.for_computation()
     if out is None and not only_check:
@@ -101,9 +99,7 @@ def command(
             "--shape": shape is not Shape.auto,
             "--check": only_check,
         }
-        refuse(model, options)
-        assert out is not None, "only --check needs none"
-        _identify_base(run, model, held_out or [], out, pictures(png, pdf), as_json)
+        _identify_base(run, model, held_out or [], out, pictures(png, pdf), as_json, options)
         return
     note_gaps(model, "dynamics")
     chosen: dict[str, Any] = {
@@ -111,26 +107,52 @@ def command(
         "method": method.value,
         "friction": None if friction is None else friction.value,
     }
-    with shown(as_json) as progress:
-        if out is None or only_check:
-            ready = check(run, model, **chosen, progress=progress)
-            progress.hide()
-            _print_readiness(ready, as_json)
-            return
-        result = identify(run, model, **chosen, shape=shape.value, progress=progress)
-        progress("report")
-        table = result.write(out, pictures=pictures(png, pdf))
-    if as_json:
-        print(json.dumps(table))
+    if out is None or only_check:
+        _check(run, model, chosen, as_json)
     else:
-        print(wrapped(f"{result}\n{out / 'report.html'}, identification.json, model.toml"))
+        _identify(run, model, chosen | {"shape": shape.value}, out, pictures(png, pdf), as_json)
+
+
+def _check(run: list[Path], model: Path, chosen: dict[str, Any], as_json: bool) -> None:
+    """Says what recordings are good for; writes nothing."""
+    from armscope.api.identification import check
+
+    with shown(as_json) as progress:
+        ready = check(run, model, **chosen, progress=progress)
+        progress.hide()
+        _print_readiness(ready, as_json)
+
+
+def _identify(
+    run: list[Path], model: Path, chosen: dict[str, Any], out: Path, kinds: Sequence[str], as_json: bool
+) -> None:
+    """An arm on a fixed base: the parameters, and the report with its files in ``out``."""
+    from arm_report import wrapped
+    from armscope.api.identification import identify
+
+    with shown(as_json) as progress:
+        result = identify(run, model, **chosen, progress=progress)
+        progress("report")
+        table = result.write(out, pictures=kinds)
+    print(
+        json.dumps(table) if as_json else wrapped(f"{result}\n{out / 'report.html'}, identification.json, model.toml")
+    )
 
 
 def _identify_base(
-    run: list[Path], model: Path, held_out: list[Path], out: Path, kinds: Sequence[str], as_json: bool
+    run: list[Path],
+    model: Path,
+    held_out: list[Path],
+    out: Path | None,
+    kinds: Sequence[str],
+    as_json: bool,
+    options: dict[str, bool],
 ) -> None:
-    from armscope.api.floating_base import identify_base
+    """An arm on a floating base; InputError for ``options`` that were given and are for a fixed one."""
+    from armscope.api.floating_base import identify_base, refuse
 
+    refuse(model, options)
+    assert out is not None, "only --check needs none"
     with shown(as_json) as progress:
         result = identify_base(run, model, held_out=held_out, progress=progress)
         progress("report")

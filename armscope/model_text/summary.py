@@ -55,8 +55,9 @@ def summary(arm: Arm) -> dict[str, Any]:
 
 def summary_text(summary: dict[str, Any]) -> str:
     """The same for people, with units."""
+    count = len(summary["joints"])
     lines = [
-        f"{summary['name']}: {len(summary['joints'])} joints, controller: {summary['controller'] or 'none'}",
+        f"{summary['name']}: {count} joint{'s' * (count > 1)}, controller: {summary['controller'] or 'none'}",
         f"{summary['operations']} operations for the rates of {summary['states']} states",
         *([] if summary["base"] is None else [_base_text(summary["base"])]),
         "",

@@ -19,7 +19,6 @@ from arm_io.types import Array
 from arm_model import Arm
 from daq.recording import Recording
 from identification.preprocessing.quality import Trusted
-from identification.preprocessing.setpoint_ripple import rate_beside, unbounded, whole_rows
 from identification.preprocessing.signals import Motion
 
 HOLES = 0.05  # share of excluded rows worth a warning;
@@ -30,7 +29,6 @@ LEAST_SHIFTS = 4  # rows in LAG: fewer leave no room for a search
 EXPLAINED = 0.9  # of the torque's square: below it, the motion does not determine the lag
 ILL_CONDITIONED = 1e4  # of the regressor with its columns scaled alike
 TELLING = 1.5  # times the unexplained at no lag over that at the best: less is chance
-FOLDED = 0.01  # of a torque: what less than it does unseen, where rows come at no multiple of the setpoints' rate
 LIMIT = 0.98  # of the torque limit counts as reached
 BLOCK = 1 << 17  # rows of a correlation at a time
 
@@ -159,7 +157,7 @@ def readiness_of(recording: Recording, found: Trusted, motion: Motion, arm: Arm)
         warnings.append(
             f"{name}: {recording.ledger.lost} of {recording.ledger.triggers} rows were lost as it was recorded"
         )
-    warnings += [*found.sentences, *_left_out(name, motion), *_folded(name, motion)]
+    warnings += [*found.sentences, *_left_out(name, motion)]
     for entry, joint in zip(joints, arm.joints):
         warnings += _weaknesses(name, entry, motion, joint.torque_limit)
     return RunReadiness(name, len(motion.t), motion.dt, found.counted, joints, warnings)
@@ -175,30 +173,6 @@ def _left_out(name: str, motion: Motion) -> list[str]:
             joints = ", ".join(f"joint {k + 1}: {shares[k]:.0%}" for k in many)
             found.append(f"{name}: rows left out ({reason}) of {joints}")
     return found
-
-
-def _folded(name: str, motion: Motion) -> list[str]:
-    """Where transients at setpoints are aliased by the sampling (``setpoint_ripple``)."""
-    setpoints, rate = motion.setpoints, 1 / motion.dt
-    other = rate_beside(setpoints.period, rate)
-    if unbounded(setpoints, rate):
-        known = "how far cannot be seen at so few rows per setpoint"
-    elif motion.folded is None:
-        return []
-    else:
-        shares = 2 * np.std(motion.folded, axis=0) / np.maximum(np.std(motion.torque, axis=0), 1e-12)
-        if not whole_rows(setpoints, rate) and shares.max() < FOLDED:
-            return []
-        known = (
-            f"the standard deviations allow for it (up to {shares.max():.1%} of the torque of joint "
-            f"{int(shares.argmax()) + 1})"
-        )
-    return [
-        f"{name}: {rate:.5g} Hz is {rate * setpoints.period:.3g} times the rate of the controller's setpoints (every "
-        f"{setpoints.period * 1e3:.3g} ms{setpoints.as_shown}): the servos'"
-        f" ripple is folded onto the acceleration, and a joint's own inertia may be off; {known};"
-        f" at {other:.5g} Hz, or with currents averaged over each row, it would not be off"
-    ]
 
 
 def _weaknesses(name: str, entry: JointReadiness, motion: Motion, limit: float | None) -> list[str]:

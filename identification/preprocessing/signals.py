@@ -203,10 +203,15 @@ def with_reversals(motion: Motion) -> Motion:
     return replace(motion, for_judging=True)
 
 
-def _parallel(motion: Motion) -> tuple[Array, int]:
+def parallel_taps(motion: Motion) -> Array:
+    """(m,) the symmetric impulse response of the parallel low-pass."""
     cut = motion.band.parallel * motion.dt  # of the rate
     half = min(int(np.ceil(2.0 / cut)), (len(motion.t) - 1) // 4)
-    taps = signal.firwin(2 * half + 1, min(2 * cut, 0.98))
+    return np.asarray(signal.firwin(2 * half + 1, min(2 * cut, 0.98)), float)
+
+
+def _parallel(motion: Motion) -> tuple[Array, int]:
+    taps, cut = parallel_taps(motion), motion.band.parallel * motion.dt
     return taps, max(1, int(1 / (2.5 * cut))) * motion.sparing
 
 

@@ -17,6 +17,7 @@ from arm_model.friction_split import completed
 from arm_model.servo import fixed_gains
 from daq.recording import Recording
 from identification.preprocessing import checks
+from identification.preprocessing.attenuation import attenuation_warnings
 from identification.preprocessing.signals import parallel_filter, sliding_rows, with_reversals
 from identification.preprocessing.spectrum import Band
 from identification.regression.effect_columns import is_effect, shown_torque
@@ -29,6 +30,8 @@ from identification.regression.problem import Problem
 from identification.regression.uncertainty import Uncertainty, uncertainty
 from identification.result import Identification, Prediction
 
+UNBIASED = ("iv", "didim")
+"""Methods whose regressors have no noise of the encoders."""
 UNCONSTRAINED = "least squares alone, not an arm that could exist"
 """Name of the fit itself beside the arm that is written."""
 SPLIT = 0.7  # share of the time that is fitted where no recording is held out
@@ -110,6 +113,8 @@ def conclude(
     """
     _check_friction(problem, best, spread)
     warnings = list(problem.warnings)
+    if method not in UNBIASED:
+        warnings += attenuation_warnings(problem.motions)
     physical = physical_values(problem, best, spread.information)
     identified = with_values(problem, physical)
     predictions, compared, held_names = _predictions(problem, best, identified, spread, solve, warnings)

@@ -20,6 +20,7 @@ from identification.preprocessing import checks
 from identification.preprocessing.filtering import zero_phase
 from identification.preprocessing.quality import trusted
 from identification.preprocessing.readiness import Excitation, RunReadiness, readiness_of
+from identification.preprocessing.run_warnings import said_once
 from identification.preprocessing.setpoint_ripple import folded_torque
 from identification.preprocessing.setpoints import Setpoints, setpoints_of
 from identification.preprocessing.signals import Motion, smooth_motion, spared, with_reversals
@@ -170,7 +171,7 @@ def motions_of(
     return (
         spared([motion for motion, _ in seen[: len(fit)]]),
         spared([with_reversals(motion) for motion, _ in seen[len(fit) :]]),
-        [run for _, run in seen],
+        said_once([run for _, run in seen], [motion for motion, _ in seen]),
     )
 
 

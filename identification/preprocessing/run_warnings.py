@@ -1,0 +1,77 @@
+"""What speaks against recordings, each sentence once, with the names of all that it is true of."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from arm_io.types import Array
+from identification.preprocessing.readiness import RunReadiness
+from identification.preprocessing.setpoint_ripple import rate_beside, unbounded, whole_rows
+from identification.preprocessing.signals import Motion
+
+FOLDED = 0.01  # of a torque: what less than it does unseen, where rows come at no multiple of the setpoints' rate
+
+
+def said_once(runs: Sequence[RunReadiness], motions: Sequence[Motion]) -> list[RunReadiness]:
+    """The runs, each warning with the first that it is true of; those of their ``motions`` (same order) are added."""
+    names_of: dict[str, list[str]] = {}
+    for run in runs:
+        for warning in run.warnings:
+            names_of.setdefault(warning.removeprefix(f"{run.run}: "), []).append(run.run)
+    for names, sentence in _folded(runs, motions):
+        names_of[sentence] = names
+    return [
+        replace(run, warnings=[_with_names(names, said) for said, names in names_of.items() if names[0] == run.run])
+        if run.run not in [earlier.run for earlier in runs[:place]]
+        else replace(run, warnings=[])
+        for place, run in enumerate(runs)
+    ]
+
+
+def _with_names(names: Sequence[str], sentence: str) -> str:
+    return f"{', '.join(dict.fromkeys(names))}: {sentence}"
+
+
+def _folded(runs: Sequence[RunReadiness], motions: Sequence[Motion]) -> list[tuple[list[str], str]]:
+    """Where transients at setpoints are aliased by the sampling (``setpoint_ripple``): once for the same rates."""
+    of_rates: dict[str, list[tuple[str, Motion]]] = {}
+    for run, motion in zip(runs, motions):
+        setpoints, rate = motion.setpoints, 1 / motion.dt
+        known = unbounded(setpoints, rate)
+        if known or (motion.folded is not None and (whole_rows(setpoints, rate) or _share(motion).max() >= FOLDED)):
+            rates = (
+                f"{rate:.5g} Hz is {rate * setpoints.period:.3g} times the rate of the controller's setpoints (every "
+                f"{setpoints.period * 1e3:.3g} ms{setpoints.as_shown})"
+            )
+            of_rates.setdefault(rates, []).append((run.run, motion))
+    return [
+        ([name for name, _ in alike], f"{rates}: {_consequence([motion for _, motion in alike])}")
+        for rates, alike in of_rates.items()
+    ]
+
+
+def _consequence(motions: Sequence[Motion]) -> str:
+    motion = motions[0]
+    rate = 1 / motion.dt
+    if unbounded(motion.setpoints, rate):
+        known = "how far cannot be seen at so few rows per setpoint"
+    else:
+        share = np.max([_share(one) for one in motions], axis=0)
+        known = (
+            f"the standard deviations allow for it (up to {share.max():.1%} of the torque of joint "
+            f"{int(share.argmax()) + 1})"
+        )
+    return (
+        f"the servos' ripple is folded onto the acceleration, and a joint's own inertia may be off; {known}; at "
+        f"{rate_beside(motion.setpoints.period, rate):.5g} Hz, or with currents averaged over each row, it would not "
+        "be off"
+    )
+
+
+def _share(motion: Motion) -> Array:
+    """(J,) two standard deviations of what may be folded, of the torque's."""
+    assert motion.folded is not None
+    return np.asarray(2 * np.std(motion.folded, axis=0) / np.maximum(np.std(motion.torque, axis=0), 1e-12))
