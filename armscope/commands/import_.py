@@ -126,6 +126,8 @@ def _attachments(
     """Rig, model, and where the rows come from."""
     model = None if checked is None else checked.model_path
     details: dict[str, Any] = {} if first.epoch is None else {"epoch": str(first.epoch)}
+    if rig is None and checked is not None:
+        details["joint_types"] = [joint.type for joint in checked.joint]
     if chosen is not None:
         details |= {
             "mapping": chosen.model_dump(exclude_none=True, exclude_defaults=True),

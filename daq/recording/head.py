@@ -98,8 +98,10 @@ class RecordingHead:
 
 
 def position_unit(recording: RecordingHead, joint: int) -> str:
-    """rad, or m of a joint (from 1) that slides, as the rig says."""
-    return "m" if _joint_table(recording, joint).get("type") == "prismatic" else "rad"
+    """rad, or m of a joint (from 1) that slides, as the rig says, or the model with which a table was imported."""
+    types = recording.provenance.get("joint_types", [])
+    kind = types[joint - 1] if joint <= len(types) else _joint_table(recording, joint).get("type")
+    return "m" if kind == "prismatic" else "rad"
 
 
 def current_unit(recording: RecordingHead, joint: int) -> str:

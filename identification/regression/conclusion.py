@@ -5,6 +5,7 @@ Checks, predictions, named parameters with their uncertainty, an arm that could 
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -30,6 +31,7 @@ from identification.regression.problem import Problem
 from identification.regression.uncertainty import Uncertainty, uncertainty
 from identification.result import Identification, Prediction
 
+MOST_NAMED = 6  # weak parameters in a warning
 UNBIASED = ("iv", "didim")
 """Methods whose regressors have no noise of the encoders."""
 UNCONSTRAINED = "least squares alone, not an arm that could exist"
@@ -125,8 +127,7 @@ def conclude(
     weak = [value.name for value in base if not value.identifiable]
     if weak:
         warnings.append(
-            f"{len(weak)} of {len(base)} base parameters cannot be identified from these runs: {', '.join(weak[:6])}"
-            + (" ..." if len(weak) > 6 else "")
+            f"{len(weak)} of {len(base)} base parameters cannot be identified from these runs: {_weak_in_words(weak)}"
         )
     notes = [
         f"cut-off {motion.band.motion:.3g} Hz for differentiation, {motion.band.parallel:.3g} Hz for the "
@@ -155,6 +156,15 @@ def conclude(
         compared={UNCONSTRAINED: compared},
         runs=problem.runs,
     )
+
+
+def _weak_in_words(names: Sequence[str]) -> str:
+    """The first of the names; of friction curves only how many of a joint's speeds they are."""
+    speeds = Counter(name.partition(".")[0].removeprefix("joint") for name in names if ".curve" in name)
+    said = [name for name in names if ".curve" not in name]
+    listed = [*said[:MOST_NAMED], *["..."] * (len(said) > MOST_NAMED)]
+    curves = [f"friction of joint {j} at {n} speed{'s' * (n > 1)} of its curve" for j, n in speeds.items()]
+    return ", ".join([*listed, *curves])
 
 
 def _check_friction(problem: Problem, best: Fit, spread: Uncertainty) -> None:

@@ -9,6 +9,7 @@ import pytest
 from scipy.io import savemat
 
 from armscope.cli import run
+from daq.recording.head import current_unit, position_unit
 from tests.daq.test_foreign_tables import imported
 
 
@@ -124,3 +125,13 @@ def test_a_table_that_says_too_little_is_told_what_to_do(tmp_path: Path, capsys:
     assert run(["import", table, "--guess", "--save-map", str(saved), "--out", out]) == 2
     assert "--map says which of clock, alpha, beta are t, q1, i1" in capsys.readouterr().err
     assert not saved.exists()
+
+
+def test_joints_that_slide_have_metres_and_newtons(root: Path, tmp_path: Path) -> None:
+    names = ["bridge", "carriage", "ram"]
+    header = ",".join(["time", *(f"{name}_pos" for name in names), *(f"{name}_effort [Nm]" for name in names)])
+    (tmp_path / "log.csv").write_text(header + "\n" + "\n".join(",".join([str(k / 100)] * 7) for k in range(30)))
+    recording = imported(tmp_path / "log.csv", "--guess", "--model", str(root / "config/models/gantry.toml"))
+    assert [position_unit(recording, joint) for joint in (1, 2, 3)] == ["m"] * 3
+    plain = imported(tmp_path / "log.csv", "--guess")
+    assert position_unit(plain, 1) == "rad" and current_unit(plain, 1) == "N m"

@@ -17,6 +17,7 @@ from identification.preprocessing.readiness import RunReadiness
 from identification.preprocessing.run_warnings import said_once
 from identification.preprocessing.signals import Motion, parallel_filter, smooth_motion
 from identification.preprocessing.spectrum import choose_band
+from identification.regression.conclusion import _weak_in_words
 
 RATE, SECONDS = 500.0, 12.0
 MODEL = """
@@ -95,3 +96,11 @@ def test_what_several_recordings_have_in_common_is_said_once() -> None:
     ]
     said = [run.warnings for run in said_once(runs, [motion, motion])]
     assert said == [["a.mcap: a row is lost", "a.mcap, b.mcap: it is slow"], []]
+
+
+def test_weak_speeds_of_friction_curves_are_counted() -> None:
+    names = ["joint3.offset", "joint3.curve1", "joint3.curve2", "joint1.curve1+", *(f"link{k}.mx" for k in range(6))]
+    assert _weak_in_words(names) == (
+        "joint3.offset, link0.mx, link1.mx, link2.mx, link3.mx, link4.mx, ..., friction of joint 3 at 2 speeds of its "
+        "curve, friction of joint 1 at 1 speed of its curve"
+    )
