@@ -16,7 +16,7 @@ from arm_model.effects import CATALOGUE, Variable
 from diagnosis.cause import Cause, Estimate
 from diagnosis.measurements.near_rest.friction import _rises, friction_causes
 from diagnosis.measurements.near_rest.laws import fitted_to_all, law_of
-from diagnosis.measurements.near_rest.passages import NearRest, near_rest
+from diagnosis.measurements.near_rest.passages import NearRest, near_rest, seen
 from diagnosis.measurements.near_rest.time_at_rest import rise_at_rest
 from diagnosis.report.wording import rise_at_rest as words
 from diagnosis.residual.expected_current import reading
@@ -159,7 +159,7 @@ def test_beside_a_law_of_position_only_a_hump_that_is_there_is_named(breakaway: 
 def test_a_hump_that_all_recordings_together_do_not_have_is_none() -> None:
     """The trials that are judged come from all recordings but one; together they may fit no hump at all."""
     runs = _runs(_slides(lambda v: np.tanh(v / WIDTH)))
-    every = near_rest([*runs.fit, *runs.held_out], 1, ())
+    every = near_rest(seen([*runs.fit, *runs.held_out], ()), 1)
     law = law_of(every, CATALOGUE["stribeck_friction"])
     no_hump = replace(law, column=[-np.abs(part) * np.sign(one.residual) for one, part in zip(every, law.column)])
     assert fitted_to_all(every, no_hump)["breakaway"] == 0.0
@@ -187,7 +187,7 @@ def _after_rests(rests: tuple[float, float], rise: float) -> tuple[Cause, list[N
         effect="stribeck_friction", joint=1, parameters=found, confidence=0.9, before=1.0, after=0.5, evidence="",
         group=(("stribeck_friction", 1),), felt_at=1, unit="A",
     )  # fmt: skip
-    return cause, near_rest(every, 1, cause.terms)
+    return cause, near_rest(seen(every, cause.terms), 1)
 
 
 @pytest.mark.parametrize("rise", [1.2, 0.0])
@@ -248,3 +248,30 @@ def test_a_joint_that_stands_shows_nothing() -> None:
         i = ROTOR * np.gradient(v, t) + VISCOUS * v + held(v, t) + NOISE * rng.normal(size=len(t))
         runs.append(residual_run(f"{seed}", _axis(), t, np.round(q / COUNT)[:, None] * COUNT, i[:, None]))
     assert friction_causes(Split(runs[:2], runs[2:]), (), (), ()) == []
+
+
+def _creeping(friction: Friction) -> list[Cause]:
+    """The axis in moves of 5 to 12 mrad by an encoder of 0.1 mrad, after one long move."""
+    runs: list[Run] = []
+    for seed in range(3):
+        rng, x = np.random.default_rng(seed), np.arange(round(1.5 * RATE)) / (1.5 * RATE)
+        ways = np.array([0.5, *rng.uniform(0.005, 0.012, size=6)]) * np.resize([1, 1, -1], 7)
+        move = x**3 * (10 - 15 * x + 6 * x**2)
+        q = np.concatenate([start + way * move for start, way in zip(np.cumsum(ways) - ways, ways)])
+        t = np.arange(len(q)) / RATE
+        v = np.gradient(q, 1 / RATE)
+        i = ROTOR * np.gradient(v, 1 / RATE) + VISCOUS * v + friction(v, t) + NOISE * rng.normal(size=len(t))
+        runs.append(residual_run(f"{seed}", _axis(), t, np.round(q[:, None] / 1e-4) * 1e-4, i[:, None]))
+    return friction_causes(Split(runs[:2], runs[2:]), (), (), ())
+
+
+@pytest.mark.parametrize("width", [0.3, 1.0])
+def test_friction_that_turns_within_the_speed_of_few_encoder_steps_is_no_cause(width: float) -> None:
+    assert _creeping(_slides(lambda v: np.tanh(v / (width * WIDTH)))) == []
+
+
+def test_friction_that_builds_up_over_few_encoder_steps_is_named() -> None:
+    (cause,) = _creeping(_dry(20_000.0))
+    assert cause.key == ("presliding_friction", 1)
+    stiffness = cause.parameters[0]
+    assert abs(stiffness.value - 20_000.0) < 2 * stiffness.std < 10_000.0

@@ -30,7 +30,7 @@ from diagnosis.measurements.near_rest.laws import (
     smoothing,
     torque_of,
 )
-from diagnosis.measurements.near_rest.passages import SLIDES, STANDS, NearRest, near_rest
+from diagnosis.measurements.near_rest.passages import SLIDES, STANDS, NearRest, near_rest, seen
 from diagnosis.residual.expected_current import coulomb_at, rate_of
 from diagnosis.residual.run import Run
 from diagnosis.selection.candidate import Candidate
@@ -85,8 +85,9 @@ def friction_causes(
     joints = range(1, len(runs.fit[0].arm) + 1)
     tests = len(joints) * len(friction_near_rest())
     every, arm = [*runs.fit, *runs.held_out], runs.fit[0].arm
+    recordings = seen(every, terms)
     found = in_parallel(
-        lambda joint: _of_joint(near_rest(every, joint, terms, given.get(joint, ())), library, tests),
+        lambda joint: _of_joint(near_rest(recordings, joint, given.get(joint, ())), library, tests),
         [joint for joint in joints if _open(arm, joint, taken)],
     )
     return [cause for cause in found if cause is not None]

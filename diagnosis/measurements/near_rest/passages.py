@@ -4,7 +4,8 @@ The search gives a row near standstill the std of all of the joint's Coulomb fri
 depends on more than the velocity. That is right where a joint stands. Where it passes through rest, or creeps, friction
 is known but for the law by which it turns, and less of it is unknown: the share ``TURN`` of what it lacks to the
 friction of sliding. Friction is evaluated at the full rate and then filtered as the residual is, because a reversal
-lasts no longer than the filters.
+lasts no longer than the filters; at speeds by angles between the steps of the encoder, because a joint that creeps
+passes few of them.
 """
 
 from __future__ import annotations
@@ -17,8 +18,9 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from arm_io.types import Array
-from arm_model import Arm, EffectTerm, Joint
+from arm_model import EffectTerm, Joint
 from arm_model.effects import Effect, Signals, Values, Variable
+from diagnosis.residual.between_steps import between_steps
 from diagnosis.residual.expected_current import (
     COMPARE_BAND,
     MOTION_BAND,
@@ -27,6 +29,7 @@ from diagnosis.residual.expected_current import (
     low_pass,
     motion_of,
     rate_of,
+    reading,
     true_angle,
 )
 from diagnosis.residual.noise import angle_noise
@@ -53,7 +56,7 @@ UNMEASURED = 1e4
 class NearRest:
     """One joint of one recording near rest: r rows.
 
-    run, joint  where (joint from 1); v (k,) rad/s: speed of the motor at the rate of the recording
+    run, joint  where (joint from 1); v (k,) rad/s: speed of the motor at the rate of the recording; stands (k,)
     rows (m,)   which of the run's rows these are; block (r,): number of the passage and its second
     residual    (r,) A over std, conditional on all causes; std (r,) A
     beside      (r, k) orthonormal: what is known to be of another law, and counts neither in ``residual`` nor in ``of``
@@ -62,6 +65,7 @@ class NearRest:
     run: Run
     joint: int
     v: Array
+    stands: NDArray[np.bool_]
     rows: NDArray[np.bool_]
     block: NDArray[np.intp]
     residual: Array
@@ -104,14 +108,43 @@ class NearRest:
         return self.run.arm.joints[self.joint - 1]
 
 
-def near_rest(
-    runs: Sequence[Run], joint: int, terms: Sequence[EffectTerm], given: Collection[Variable] = ()
-) -> list[NearRest]:
-    """A joint near rest in each recording under its arm with ``terms``; none where its speed is not known so finely.
+@dataclass(frozen=True)
+class Seen:
+    """A recording by angles between the steps of its encoders: v (k, n) rad/s at its rate, residual (m, n) A.
+
+    stands: (k, n) where joints stand, by the readings themselves: a joint that creeps shows steps.
+    """
+
+    run: Run
+    v: Array
+    residual: Array
+    stands: NDArray[np.bool_]
+
+
+def seen(runs: Sequence[Run], terms: Sequence[EffectTerm]) -> list[Seen]:
+    """The ``runs`` with drives on, each under its arm with ``terms``."""
+    return [_seen(run, terms) for run in runs if run.powered]
+
+
+def _seen(run: Run, terms: Sequence[EffectTerm]) -> Seen:
+    t, q = run.raw
+    arm = replace(run.arm, effects=(*run.arm.effects, *terms, *run.own))
+    rate, angle = rate_of(t), between_steps(q)
+    shown = motion_of(true_angle(arm, q), MOTION_BAND, rate)
+    stands = np.stack([standing(v, rate) for v in shown[1].T], axis=1)
+    if np.array_equal(angle, q):
+        return Seen(run, shown[1], residual_with(run, terms), stands)
+    motion = motion_of(true_angle(arm, angle), MOTION_BAND, rate)
+    expected = low_pass(reading(arm, t, angle, motion=motion), COMPARE_BAND, rate)[kept(rate)]
+    return Seen(run, motion[1], run.current - expected, stands)
+
+
+def near_rest(recordings: Sequence[Seen], joint: int, given: Collection[Variable] = ()) -> list[NearRest]:
+    """A joint near rest in each recording; none where its speed is not known so finely.
 
     given: variables of another law; what functions of them, one per direction, explain is ``beside``.
     """
-    found = [_of_run(run, joint, terms) for run in runs if run.powered and known_speed(run, joint)]
+    found = [_of_run(one, joint) for one in recordings if known_speed(one.run, joint)]
     return [_given(one, given) for one in found if one.rows.any()]
 
 
@@ -148,19 +181,19 @@ def position_noise(run: Run, joint: int) -> float:
     return float(angle_noise(run.raw[1][:, [joint - 1]])[0])
 
 
-def _of_run(run: Run, joint: int, terms: Sequence[EffectTerm]) -> NearRest:
-    t, q = run.raw
-    rate, j = rate_of(t), joint - 1
-    v = motion_of(true_angle(_with(run, terms), q)[:, j], MOTION_BAND, rate)[1]
+def _of_run(recording: Seen, joint: int) -> NearRest:
+    run, v, j = recording.run, recording.v[:, joint - 1], joint - 1
+    rate = rate_of(run.raw[0])
     instruments = run.instruments[:, j]
-    stands = _spread(standing(v, rate), AFTER_REST * rate)
+    stands = recording.stands[:, j]
     slow = _spread(np.abs(v) < SLIDES, SMEARED * rate)
-    rows = (slow & ~stands)[kept(rate)] & (run.deviation[:, j] < UNMEASURED * instruments)
+    rows = (slow & ~_spread(stands, AFTER_REST * rate))[kept(rate)] & (run.deviation[:, j] < UNMEASURED * instruments)
     passage, _ = ndimage.label(rows)
     one = NearRest(
         run=run,
         joint=joint,
         v=v,
+        stands=stands,
         rows=rows,
         block=(passage * len(rows) + np.arange(len(rows)) // ROWS_PER_SECOND)[rows],
         residual=np.zeros(0),
@@ -169,11 +202,7 @@ def _of_run(run: Run, joint: int, terms: Sequence[EffectTerm]) -> NearRest:
     drive = run.arm.joints[j]
     lacking = max(drive.rest_friction) * (1.0 - np.abs(one.sign(drive.sign_velocity)))
     std = np.hypot(instruments[rows], TURN * one.of(lacking))
-    return replace(one, residual=residual_with(run, terms)[rows, j] / std, std=std)
-
-
-def _with(run: Run, terms: Sequence[EffectTerm]) -> Arm:
-    return replace(run.arm, effects=(*run.arm.effects, *terms, *run.own))
+    return replace(one, residual=recording.residual[rows, j] / std, std=std)
 
 
 def standing(v: Array, rate: float) -> NDArray[np.bool_]:

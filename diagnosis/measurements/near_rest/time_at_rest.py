@@ -6,7 +6,7 @@ the time at rest (Rabinowicz, Proc. Phys. Soc. 71, 1958; Armstrong-Helouvry, Dup
 
     height = level + rise log10(time at rest).
 
-A joint stands where ``passages.standing`` says so; it rests there from the first to the last instant at which it is
+A joint stands where ``NearRest.stands`` says so; it rests there from the first to the last instant at which it is
 slower than ``STILL``, or than its encoder shows. How long it had rested when a recording began is not known.
 """
 
@@ -24,7 +24,7 @@ from arm_model import EffectTerm
 from arm_model.effects import CATALOGUE, Effect
 from diagnosis.cause import Cause, RiseAtRest
 from diagnosis.measurements.near_rest.laws import WIDTHS
-from diagnosis.measurements.near_rest.passages import STANDS, NearRest, near_rest, speed_noise, standing
+from diagnosis.measurements.near_rest.passages import STANDS, NearRest, near_rest, seen, speed_noise
 from diagnosis.residual.expected_current import rate_of
 from diagnosis.residual.run import Run, kept
 
@@ -62,9 +62,11 @@ def with_rise_at_rest(causes: Sequence[Cause], runs: Sequence[Run], terms: Seque
 
     terms: effects of all causes that the arm of the ``runs`` does not have.
     """
+    humps = [cause.key for cause in causes if cause.joint is not None and _is_hump(CATALOGUE[cause.effect])]
+    recordings = seen(runs, terms) if humps else []
     return [
-        replace(cause, rise_at_rest=rise_at_rest(cause, near_rest(runs, cause.joint, terms)))
-        if cause.joint is not None and _is_hump(CATALOGUE[cause.effect])
+        replace(cause, rise_at_rest=rise_at_rest(cause, near_rest(recordings, cause.joint)))
+        if cause.joint is not None and cause.key in humps
         else cause
         for cause in causes
     ]
@@ -151,7 +153,7 @@ def _rests(number: int, one: NearRest, ends: float) -> Iterator[Rest]:
     """Every rest that begins within a recording of this ``number``; ``ends`` rad/s (m/s): where a hump is over."""
     rate = rate_of(one.run.raw[0])
     place = np.arange(len(one.v))[kept(rate)][one.rows]
-    label, count = ndimage.label(standing(one.v, rate))
+    label, count = ndimage.label(one.stands)
     stands = [part for (part,) in ndimage.find_objects(label)]
     still = np.abs(one.v) < max(STILL, 3.0 * speed_noise(one.run, one.joint))
     for k in range(count):
