@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence, Set
 from dataclasses import dataclass, replace
-from functools import partial
 
 from arm_io.types import Progress
 from arm_model import Arm
@@ -21,7 +20,8 @@ from diagnosis.closed_loop.friction import friction_in_loop, has_state, with_est
 from diagnosis.measurements.currents.basis_functions import TWO_FACED
 from diagnosis.measurements.currents.causes import from_axis
 from diagnosis.measurements.currents.columns import candidates
-from diagnosis.measurements.currents.design_matrix import bounded, columns_of, dataset_of, dataset_with, free_columns
+from diagnosis.measurements.currents.design_matrix import bounded, dataset_of, dataset_with, free_columns
+from diagnosis.measurements.currents.library import Library
 from diagnosis.measurements.currents.model import Currents
 from diagnosis.measurements.currents.model_errors import model_uncertainty
 from diagnosis.measurements.currents.search import Found
@@ -36,7 +36,7 @@ from diagnosis.residual.run import Run
 from diagnosis.residual.warmth import depends, not_warmed
 from diagnosis.screening.cleaned import Residuals, Screened, confirmed, realigned, residuals_of
 from diagnosis.selection.candidate import Candidate
-from diagnosis.selection.design import Dataset, Pair
+from diagnosis.selection.design import Dataset
 from diagnosis.selection.harmonics import with_harmonics
 from diagnosis.selection.ripple_orders import of_shafts, order_of
 from diagnosis.verification.smoothing_velocity import other_smoothing
@@ -63,7 +63,7 @@ class Named:
     arm: Arm
     sight: Residuals
     base: Arm
-    library: dict[Candidate, Pair]
+    library: Library
     ripples: tuple[Candidate, ...]
     found: Found
     axis: AxisSide | None
@@ -188,7 +188,7 @@ def _searched(
     every = tuple(c for c in every if c.key not in excluded and not (depends(c.effect) and c.joint in cold))
     ripples = tuple(c for c in every if order_of(c) is not None)
     runs, data = sight.runs, _datasets(sight.runs, first, parts)
-    library = {c: data.map(partial(columns_of, c)) for c in every if order_of(c) is None}
+    library = Library((c for c in every if order_of(c) is None), data)
     warm = [run.arm.temperatures for run in sight.runs]
     axis = axis_side(arm, (sight.samples[:first], sight.samples[first:]), two_fold=parts, temperatures=warm)
     of_axis, base = [from_axis(one, arm) for one in axis.causes] if axis else [], arm
@@ -200,7 +200,7 @@ def _searched(
         data = _datasets(runs, first, parts).map(lambda part: replace(part, y=dataset_with(part, terms)))
     free = [Split(*pair) for pair in zip(free_columns(data.fit, arm), free_columns(data.held_out, arm))]
     data, free = bounded(data, free)
-    searched, ripples = (library, ripples) if axis is None else ({}, ())
+    searched, ripples = (library, ripples) if axis is None else (Library((), data), ())
     model = Currents(arm, data, searched, free, ripples, excluded, model_uncertainty(arm, data))
     found, causes = tenable_causes(model, recordings.held_out, runs[first:], progress)
     return Named(

@@ -17,7 +17,7 @@ from diagnosis.experiments.motions import Stage, Trial, of_joint, with_payload
 from diagnosis.experiments.t_optimality import predicted_run
 from diagnosis.measurements.currents.columns import candidates
 from diagnosis.measurements.currents.design_matrix import columns_of, dataset_of
-from diagnosis.measurements.currents.detectability import felt, times_noise
+from diagnosis.measurements.currents.detectability import felt, is_typical, times_noise
 from diagnosis.selection.candidate import Candidate
 from experiment import Experiment, demand_of
 from identification.experiment_design import Limits
@@ -100,7 +100,8 @@ def _strengths(trial: Trial, stage: Stage, noise: Array, effects: Sequence[Candi
         return {}
     side, strongest = dataset_of([run]), dict[EffectKey, float]()
     for c in effects:
-        strongest[c.key] = max(strongest.get(c.key, 0.0), felt(c, columns_of(c, side), side.rows))
+        strength = felt(c, columns_of(c, side), side.rows) if is_typical(c) else 0.0
+        strongest[c.key] = max(strongest.get(c.key, 0.0), strength)
     return strongest
 
 

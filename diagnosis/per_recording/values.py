@@ -100,11 +100,11 @@ def promising(
         return []
     found, rows = [], sum(part.rows for part in state.model.data)
     taken = {*state.model.excluded, *(c.key for c in beside)}
-    for c, pair in list(state.model.library.items()):
+    for c in tuple(state.model.library):
         if not c.definition.settable or c.key in taken:
             continue
         own = own_values([*beside, c], state, others)[-1]
-        more = own.gains.sum() - (0.0 if beside else _common_gain(pair, state, others))
+        more = own.gains.sum() - (0.0 if beside else _common_gain(state.model.columns(c), state, others))
         if more > MATTERS * rows and exists_in_all(own, state):
             found.append(own)
     best = max((float(own.gains.sum()) for own in found), default=0.0)

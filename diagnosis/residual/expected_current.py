@@ -204,40 +204,33 @@ def through_gap(load: Array, inertia: Array, half_gap: float, step: float) -> Ar
         twist[k], k = side * half_gap, k + 1
 
 
-def wound_up(
-    load: Array, inertia: Array, stiffness: float | Array, damping: float | Array, step: float
-) -> tuple[Array, Array, Array]:
-    """Twist of an elastic joint, its rate and second rate (m,), for rows ``step`` s apart; (m, k) of k springs at once.
+def wound_up(load: Array, inertia: Array, stiffness: float, damping: float, step: float) -> tuple[Array, Array, Array]:
+    """Twist of an elastic joint, its rate and second rate (m,), for rows ``step`` s apart.
 
     The motor follows its own motion; the link, of ``inertia`` (m,) kg m2, would need ``load`` (m,) N m to follow it
     stiffly, and oscillates behind the spring instead: inertia d'' + damping d' + stiffness d = load, by exact steps
     with the load as it is in the middle of each; at rest at the start. A link without inertia only follows its load.
-    stiffness N m/rad and damping N m s/rad are numbers, or (k,).
+    stiffness N m/rad, damping N m s/rad.
     """
-    if np.ndim(stiffness):
-        load, inertia = load[:, None], inertia[:, None]
     if not (inertia > NO_INERTIA).all():
         follows = load / stiffness
-        speed = np.gradient(follows, step, axis=0)
-        return follows, speed, np.gradient(speed, step, axis=0)
+        speed = np.gradient(follows, step)
+        return follows, speed, np.gradient(speed, step)
     decay = damping / inertia / 2
     frequency = np.sqrt(np.maximum(stiffness / inertia - decay**2, 1e-9))
     shrink, cos, sin = np.exp(-decay * step), np.cos(frequency * step), np.sin(frequency * step)
     stay, go = shrink * (cos + decay / frequency * sin), shrink * sin / frequency
     back, keep = -stiffness / inertia * shrink * sin / frequency, shrink * (cos - decay / frequency * sin)
-    settled = np.append(load[1:] + load[:-1], 2 * load[-1:], axis=0) / (2 * stiffness)
+    settled = np.append(load[1:] + load[:-1], 2 * load[-1:]) / (2 * stiffness)
     # with x the deviation of (twist, rate) from (settled, 0), each step is x = [[stay, go], [back, keep]] x
-    forced = (1.0 - stay) * settled, -back * settled
-    several = (one.reshape(len(load), -1).T for one in (stay, go, back, keep, *forced, load / stiffness))
-    solved = [_recurrence(*one) for one in zip(*several)]
-    twist, rate = (np.stack(part, axis=-1).reshape(settled.shape) for part in zip(*solved))
+    twist, rate = _recurrence(stay, go, back, keep, (1.0 - stay) * settled, -back * settled, load[0] / stiffness)
     return twist, rate, (load - stiffness * twist - damping * rate) / inertia
 
 
 def _recurrence(
-    stay: Array, go: Array, back: Array, keep: Array, forced: Array, forced_rate: Array, start: Array
+    stay: Array, go: Array, back: Array, keep: Array, forced: Array, forced_rate: Array, start: float
 ) -> tuple[Array, Array]:
-    """d, v (m,): d' = stay d + go v + forced, v' = back d + keep v + forced_rate, row by row; from start[0] and 0.
+    """d, v (m,): d' = stay d + go v + forced, v' = back d + keep v + forced_rate, row by row; from start and 0.
 
     The steps are a triangular system of bandwidth four in d0, v0, d1, v1, ..., which BLAS solves forwards, as a loop
     would.
@@ -245,7 +238,7 @@ def _recurrence(
     band = np.zeros((4, 2 * len(stay)), order="F")
     band[2, ::2], band[3, ::2], band[1, 1::2], band[2, 1::2] = -stay, -back, -go, -keep
     right = np.zeros(2 * len(stay))
-    right[0], right[2::2], right[3::2] = start[0], forced[:-1], forced_rate[:-1]
+    right[0], right[2::2], right[3::2] = start, forced[:-1], forced_rate[:-1]
     solved = blas.dtbsv(3, band, right, lower=1, diag=1, overwrite_x=1)
     return solved[::2], solved[1::2]
 

@@ -145,11 +145,6 @@ class Run:
         """The last residuals (m, n) A under other effects than those of ``arm``: several steps ask for the same."""
         return deque(maxlen=KEPT)
 
-    @cached_property
-    def twists(self) -> dict[tuple[int, float, float], tuple[Array, Array, Array]]:
-        """Twist (m,) rad, rate and second rate behind springs (joint from 0, stiffness, damping) computed so far."""
-        return {}
-
     def _slopes(self, angle: float, speed: float) -> Array:
         """(m, n, n) A: slopes of the rigid torque by each angle or speed, by central differences of these steps."""
         bent, joints = described(self.arm), np.eye(len(self.arm))

@@ -6,7 +6,7 @@ residual.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Set
+from collections.abc import Callable, Iterable, Set
 from dataclasses import dataclass
 
 import numpy as np
@@ -123,19 +123,22 @@ def residual_with(pair: Pair, c: Array, fitted: Fitted, held_out: Dataset) -> Ar
 
 
 def best_of_each(
-    library: Mapping[Candidate, Pair], fitted: Fitted, fit: Dataset, taken: Set[EffectKey]
+    candidates: Iterable[Candidate],
+    at_own_joint: Callable[[Candidate], Columns],
+    fitted: Fitted,
+    taken: Set[EffectKey],
 ) -> list[Candidate]:
     """For every effect at every joint that is not taken, the candidate that fits its own joint best.
 
-    Conditional on those fitted.
+    Conditional on those fitted. at_own_joint: the candidate's columns in the fit set there (``at_joint``).
     """
     of_key: dict[EffectKey, list[Candidate]] = {}
-    for candidate in library:
+    for candidate in candidates:
         if candidate.key not in taken:
             of_key.setdefault(candidate.key, []).append(candidate)
 
     def gain(candidate: Candidate) -> float:
-        return fit_gain(at_joint(library[candidate].fit, candidate.joint, fit), fitted)[0]
+        return fit_gain(at_own_joint(candidate), fitted)[0]
 
     return [max(several, key=gain) if len(several) > 1 else several[0] for several in of_key.values()]
 

@@ -16,7 +16,8 @@ from daq.recording.parts import Attachments
 from daq.recording.tables.table import write_table
 from diagnosis.cause import Cause, Estimate
 from diagnosis.measurements.currents.columns import candidates
-from diagnosis.measurements.currents.design_matrix import columns_of, dataset_of
+from diagnosis.measurements.currents.design_matrix import dataset_of
+from diagnosis.measurements.currents.library import Library
 from diagnosis.measurements.currents.model import Currents
 from diagnosis.measurements.currents.refinement import is_physical
 from diagnosis.measurements.currents.unexplained import noise_ratio
@@ -45,8 +46,7 @@ def test_a_cause_whose_gain_in_the_final_model_does_not_matter_is_found(arm: Arm
     """Beside friction that is there, a rotor inertia of a thousandth of what the noise shows was chosen."""
     data = Split(*(dataset_of([_run(arm, seed, Day(coulomb=(1.0, 0.0)))]) for seed in (1, 2)))
     true, idle = Candidate("coulomb_friction", 1), Candidate("rotor_inertia", 2)
-    library = {c: data.map(lambda part, c=c: columns_of(c, part)) for c in (true, idle)}
-    model = Currents(arm, data, library, [])
+    model = Currents(arm, data, Library((true, idle), data), [])
     state = model.refitted([true], {true.key: []})
     assert negligible(state, _causes(state)) is None
     state = model.refitted([true, idle], {true.key: [], idle.key: []})
@@ -57,7 +57,7 @@ def test_a_cause_of_which_no_arm_is_left_is_refused_before_its_gain_is_judged(ar
     """A link lighter by more than it weighs explained the data, and the command ended in an error of the model file."""
     data = Split(*(dataset_of([_run(arm, seed, Day(load=(-6.0, 0.0, 0.0)))]) for seed in (1, 2)))
     link = Candidate("link_inertia", 2)
-    model = Currents(arm, data, {link: data.map(lambda part: columns_of(link, part))}, [])
+    model = Currents(arm, data, Library((link,), data), [])
     assert model.refitted([link], {link.key: []}).terms[0].parameters["mass"] < -arm.joints[1].mass
     found, causes = tenable_causes(model, [], data.held_out.runs, lambda sentence: None)
     assert causes == [] and found.state.chosen == ()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pytest
@@ -15,8 +14,9 @@ from arm_model.rigid_body.inertia import about_com, barycentric
 from arm_model.system import inverse_dynamics
 from diagnosis.cause import Estimate
 from diagnosis.measurements.currents.columns import candidates
-from diagnosis.measurements.currents.design_matrix import columns_of, dataset_of
+from diagnosis.measurements.currents.design_matrix import dataset_of
 from diagnosis.measurements.currents.estimates import estimates_of
+from diagnosis.measurements.currents.library import Library
 from diagnosis.measurements.currents.model import Currents
 from diagnosis.measurements.currents.search import named_by_body, simplified
 from diagnosis.residual.noise import KnownNoise
@@ -86,7 +86,7 @@ def recorded(real: Arm, model: Arm, seed: int) -> Run:
 def named(real: Arm, model: Arm) -> list[tuple[str, int | None, dict[str, Estimate]]]:
     """Effects, joints and parameters that a search over SEARCHED finds."""
     data = Split(dataset_of([recorded(real, model, 1)]), dataset_of([recorded(real, model, 2)]), False)
-    library = {c: data.map(partial(columns_of, c)) for c in candidates(model) if c.effect in SEARCHED}
+    library = Library((c for c in candidates(model) if c.effect in SEARCHED), data)
     state = simplified(named_by_body(select(Currents(model, data, library, []))))
     return [(c.effect, c.joint, {p.name: p for p in v}) for c, v in zip(state.chosen, estimates_of(state))]
 
@@ -138,7 +138,7 @@ def test_a_mass_point_and_a_rotor_are_the_body_that_explains_as_much(arm: Arm) -
     body, own = box(3.0, CENTRE, (0.15, 0.2, 0.12))
     real = carrying(arm, body)
     data = Split(dataset_of([recorded(real, arm, 1)]), dataset_of([recorded(real, arm, 2)]), False)
-    model = Currents(arm, data, {c: data.map(partial(columns_of, c)) for c in candidates(arm)}, [])
+    model = Currents(arm, data, Library(candidates(arm), data), [])
     both = [Candidate("payload", None), Candidate("rotor_inertia", LAST)]
     state = simplified(model.refitted(both, {c.key: [] for c in both}))
     assert [(c.effect, c.joint) for c in state.chosen] == [("payload", None)]

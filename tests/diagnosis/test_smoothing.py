@@ -11,6 +11,7 @@ from arm_model.rigid_body.numeric import rigid_torque
 from daq.recording import Attachments, Recording, open_recording, write_table
 from diagnosis.diagnose import diagnose
 from diagnosis.measurements.currents.design_matrix import bounded, dataset_of, free_columns
+from diagnosis.measurements.currents.library import Library
 from diagnosis.measurements.currents.model import Currents
 from diagnosis.residual.run import Run, residual_run
 from identification.selection import Split
@@ -70,7 +71,7 @@ def test_noise_of_fast_moves_says_nothing_of_smoothing_where_a_joint_is_slow(roo
         data = Split(dataset_of(runs[:1]), dataset_of(runs[1:]), False)
         free = [Split(*pair) for pair in zip(free_columns(data.fit, arm), free_columns(data.held_out, arm))]
         data, free = bounded(data, free)
-        state = Currents(arm, data, {}, free).start()
+        state = Currents(arm, data, Library((), data), free).start()
         before, after = (float(np.mean(y**2)) for y in (data.held_out.y, state.fitted.held_out))
         assert len(state.free) == kept
         assert after < 1.1 * before if noise else after < 0.5 * before

@@ -13,7 +13,8 @@ from daq.recording import Recording, open_recording
 from daq.recording.parts import Attachments
 from daq.recording.tables.table import write_table
 from diagnosis.closed_loop.comparison import SMOOTHING
-from diagnosis.measurements.currents.design_matrix import columns_of, dataset_of
+from diagnosis.measurements.currents.design_matrix import dataset_of
+from diagnosis.measurements.currents.library import Library
 from diagnosis.measurements.currents.model import Currents
 from diagnosis.measurements.currents.search import Found
 from diagnosis.measurements.currents.unexplained import Unexplained
@@ -75,7 +76,7 @@ def _judged(friction: Friction, stiffness: float, folder: Path) -> tuple[float, 
     fit, held_out = ([_run(friction, seed, folder) for seed in seeds] for seeds in ((0, 1), (2,)))
     data = Split(dataset_of(fit), dataset_of(held_out))
     bristles = Candidate("presliding_friction", 1, (("stiffness", stiffness), ("damping", 0.0)))
-    model = Currents(fit[0].arm, data, {bristles: data.map(lambda part: columns_of(bristles, part))}, [])
+    model = Currents(fit[0].arm, data, Library((bristles,), data), [])
     state = model.refitted([bristles], {bristles.key: []})
     left, before = (float(np.sum(of[data.held_out.of(1)] ** 2)) for of in (state.fitted.held_out, data.held_out.y))
     return left / before, other_smoothing(state, causes_of(Found(state, Unexplained([], []))))

@@ -112,17 +112,6 @@ def test_a_state_follows_its_recurrence_row_by_row() -> None:
     assert np.ptp(found) > 0.0
 
 
-@pytest.mark.parametrize("mass", [0.8, 0.0])
-def test_several_springs_wind_up_as_each_alone(mass: float) -> None:
-    random = np.random.default_rng(3)
-    load, inertia = np.cumsum(random.normal(size=300)), mass * random.uniform(0.5, 1.5, 300)
-    stiffness, damping = np.array([300.0, 4e3, 1e5]), np.array([2.0, 80.0, 20.0])
-    together = wound_up(load, inertia, stiffness, damping, 0.01)
-    for k in range(3):
-        alone = wound_up(load, inertia, float(stiffness[k]), float(damping[k]), 0.01)
-        assert all(np.array_equal(of_all[:, k], own) for of_all, own in zip(together, alone))
-
-
 def test_a_link_without_inertia_is_through_the_gap_at_once() -> None:
     load = np.array([5.0, 5.0, -1.0, -1.0, 2.0, 0.0])
     for inertia in (0.0, 1e-18):

@@ -9,7 +9,7 @@ turns coefficients back into parameters.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -44,56 +44,34 @@ def at_own_joint(candidate: Candidate, arm: Arm) -> bool:
 
 def columns(candidate: Candidate, run: Run) -> Array:
     """(m, n, k) A: change of ``run.residual`` for a unit of each of k coefficients."""
+    return _columns(candidate, run, slice(0, len(run.arm)))
+
+
+def own_columns(candidate: Candidate, run: Run) -> Array:
+    """(m, k) A: ``columns`` at the joint of a candidate, those of other joints not computed."""
+    assert candidate.joint is not None
+    return _columns(candidate, run, slice(candidate.joint - 1, candidate.joint))[:, 0]
+
+
+def _columns(candidate: Candidate, run: Run, at: slice) -> Array:
+    """(m, j, k) A: ``columns`` of the j joints ``at``."""
     effect, arm, joint = candidate.definition, run.arm, candidate.joint
     if not run.powered and effect.current is None:
         # the brakes hold: only effects of the instruments act
         count = candidate.link_parameters or len(candidate.units())
-        return np.zeros((*run.current.shape, 1 if effect.delay is not None else count))
+        return np.zeros((*run.current[:, at].shape, 1 if effect.delay is not None else count))
     if candidate.link_parameters:
-        return _link_columns(run, arm, joint or len(arm))[..., : candidate.link_parameters]
+        return _link_columns(run, arm, joint or len(arm))[:, at, : candidate.link_parameters]
     if effect.change is not None:
-        return np.stack([_changed(run, arm, effect, joint, unit) for unit in candidate.units()], axis=-1)
+        return np.stack([_changed(run, arm, effect, joint, unit)[:, at] for unit in candidate.units()], axis=-1)
     if effect.coupling:
-        return np.stack([_coupled(run, arm, unit) for unit in candidate.units()], axis=-1)
+        return np.stack([_coupled(run, arm, unit)[:, at] for unit in candidate.units()], axis=-1)
     if effect.delay is not None:
-        return -run.current_rate[..., None]
+        return -run.current_rate[:, at, None]
     assert joint is not None
     s = signals_of(run, arm, joint, link_side=effect.link_side)
-    laws = [_law(run, arm, candidate, unit, s) for unit in candidate.units()]
+    laws = [_law(run, candidate, unit, s, at) for unit in candidate.units()]
     return np.stack(laws, axis=-1) if len(laws) > 1 else laws[0][..., None]
-
-
-def own_columns(candidate: Candidate, run: Run) -> Array:
-    """(m, k) A: ``columns`` at the joint of a candidate that changes no other current (``at_own_joint``)."""
-    effect, arm, joint = candidate.definition, run.arm, candidate.joint
-    assert joint is not None
-    if not run.powered or not _of_one_drive(candidate, arm):
-        return columns(candidate, run)[:, joint - 1]
-    s = signals_of(run, arm, joint)
-    own = np.stack([_own_law(run, arm, candidate, unit, s) for unit in candidate.units()], axis=-1)
-    if effect.wave:
-        for column, unit in zip(own.T, candidate.units()):
-            column *= _through(effect, unit, arm.joints[joint - 1], s)
-    return own
-
-
-def _of_one_drive(candidate: Candidate, arm: Arm) -> bool:
-    """Whether the law is a torque of one drive, or an error of one current."""
-    effect = candidate.definition
-    description = effect.change is not None or effect.coupling or effect.delay is not None or candidate.link_parameters
-    if description or (effect.link_side and arm.coupling):
-        return False
-    return candidate.is_torque or effect.current is not None
-
-
-def _own_law(run: Run, arm: Arm, candidate: Candidate, p: Values, s: Signals) -> Array:
-    """(m,) A at the joint of a law ``_of_one_drive``."""
-    effect = candidate.definition
-    if not candidate.is_torque:
-        assert effect.current is not None
-        return np.broadcast_to(np.asarray(effect.current(p, s), float), run.t.shape)
-    torque = _torque(effect, p, s, run) / arm.joints[(candidate.joint or 1) - 1].drive_constant
-    return np.broadcast_to(np.asarray(torque, float), run.t.shape)
 
 
 def _torque(effect: Effect, p: Values, s: Signals, run: Run) -> Array:
@@ -109,29 +87,33 @@ def _through(effect: Effect, p: Values, drive: Joint, s: Signals) -> Array:
     return passed(effect.cycles(p) * drive.ratio * np.abs(s.v) / (2 * np.pi))
 
 
-def _law(run: Run, arm: Arm, candidate: Candidate, p: Values, s: Signals) -> Array:
-    effect, j = candidate.definition, (candidate.joint or 1) - 1
-    change = np.zeros_like(run.current)
-    if _of_one_drive(candidate, arm):
-        change[:, j] = _own_law(run, arm, candidate, p, s)
-    elif candidate.is_torque:
-        # every drive that moves the link feels its share
-        return np.outer(_torque(effect, p, s, run), arm.coupling_matrix[j]) / arm.joint_array("drive_constant")
+def _law(run: Run, candidate: Candidate, p: Values, s: Signals, at: slice) -> Array:
+    """(m, j) A: change of the currents of the j joints ``at``, among which is the candidate's, by its law."""
+    effect, arm, j = candidate.definition, run.arm, (candidate.joint or 1) - 1
+    drive, own = arm.joints[j], j - at.start
+    change = np.zeros((len(run.t), at.stop - at.start))
+    if candidate.is_torque:
+        torque = _torque(effect, p, s, run)
+        if effect.link_side and arm.coupling:
+            # every drive that moves the link feels its share
+            return np.outer(torque, arm.coupling_matrix[j, at]) / arm.joint_array("drive_constant")[at]
+        change[:, own] = torque / drive.drive_constant
+    elif effect.current is not None:
+        change[:, own] = effect.current(p, s)
     elif effect.deflection is not None:
         # link angle = motor angle - deflection
         elastic = effect.spring is not None
-        rates = _wound_up(run, j, effect, p) if elastic else _rates(effect.deflection, p, s, arm.joints[j].ratio, run)
-        change = _moved(run, j, *(-rate for rate in rates))
+        rates = _wound_up(run, j, effect, p) if elastic else _rates(effect.deflection, p, s, drive.ratio, run)
+        change = _moved(run, j, at, *(-rate for rate in rates))
         # virtual work: where the link turns less than the motor, the motor feels less of its load
-        change[:, j] -= _slope(effect.deflection, p, s) * arm.joints[j].ratio * s.load / arm.joints[j].drive_constant
+        change[:, own] -= _slope(effect.deflection, p, s) * drive.ratio * s.load / drive.drive_constant
     elif effect.angle is not None:
         # true angle = reading - error, of motor and link
-        error, speed, acceleration = _rates(effect.angle, p, s, arm.joints[j].ratio, run)
-        change = _moved(run, j, -error, -speed, -acceleration)
-        drive = arm.joints[j]
-        change[:, j] -= drive.ratio**2 * drive.rotor_inertia * acceleration / drive.drive_constant
+        error, speed, acceleration = _rates(effect.angle, p, s, drive.ratio, run)
+        change = _moved(run, j, at, -error, -speed, -acceleration)
+        change[:, own] -= drive.ratio**2 * drive.rotor_inertia * acceleration / drive.drive_constant
     if effect.wave:
-        change *= _through(effect, p, arm.joints[j], s)[:, None]
+        change *= _through(effect, p, drive, s)[:, None]
     return change
 
 
@@ -154,39 +136,18 @@ def _rates(law: Law, p: Values, s: Signals, ratio: float, run: Run) -> tuple[Arr
 
 def _wound_up(run: Run, j: int, effect: Effect, p: Values) -> tuple[Array, Array, Array]:
     """Twist (m,) of a joint with a spring or with play, and its rates; at rest at the start of every recording."""
-    spring = spring_of(effect, p)
-    if spring is not None:
-        if (j, *spring) not in run.twists:
-            # the springs of the search grid together: one pass over the rows; those of one joint are kept at a time
-            grid = _springs_of_grid(effect)
-            springs = grid if spring in grid else [spring]
-            run.twists.clear()
-            run.twists.update(zip([(j, *one) for one in springs], _twists(run, j, springs)))
-        return run.twists[j, *spring]
-    load, inertia, half_gap, gaps = run.brisk_rigid[:, j], run.inertia[:, j], gap_of(effect, p), []
+    load, inertia = run.brisk_rigid[:, j], run.inertia[:, j]
+    if (spring := spring_of(effect, p)) is not None:
+        each = [wound_up(load[part], inertia[part], *spring, 1.0 / rate_of(run.t[part])) for part in run.parts]
+        twist, speed, acceleration = (np.concatenate(rates) for rates in zip(*each))
+        return twist, speed, acceleration
+    half_gap, gaps = gap_of(effect, p), []
     for part in run.parts:
         rate = rate_of(run.t[part])
         gaps.append(low_pass(through_gap(load[part], inertia[part], half_gap, 1.0 / rate), COMPARE_BAND, rate))
     twist = np.concatenate(gaps)
     speed = run.rate(twist)
     return twist, speed, run.rate(speed)
-
-
-def _springs_of_grid(effect: Effect) -> list[tuple[float, float]]:
-    """Stiffness and damping of every spring that is searched for."""
-    grid = itertools.product(*(p.search for p in effect.parameters if p.search))
-    names = [p.name for p in effect.parameters if p.search]
-    found = (spring_of(effect, Values(dict(zip(names, values)))) for values in grid)
-    return [spring for spring in found if spring is not None]
-
-
-def _twists(run: Run, j: int, springs: Sequence[tuple[float, float]]) -> list[tuple[Array, Array, Array]]:
-    """Twist (m,) of a joint and its rates behind each of some springs."""
-    load, inertia = run.brisk_rigid[:, j], run.inertia[:, j]
-    stiffness, damping = np.array(springs).T
-    each = [wound_up(load[part], inertia[part], stiffness, damping, 1.0 / rate_of(run.t[part])) for part in run.parts]
-    twist, speed, acceleration = (np.concatenate(rates).T.copy() for rates in zip(*each))
-    return list(zip(twist, speed, acceleration))
 
 
 def _states(effect: Effect, p: Values, s: Signals, run: Run) -> Array:
@@ -206,11 +167,11 @@ def _slope(law: Law, p: Values, s: Signals) -> Array:
     return slope
 
 
-def _moved(run: Run, j: int, angle: Array, speed: Array, acceleration: Array) -> Array:
-    """(m, n) A: change of the expected currents of all joints when link j is displaced by ``angle`` (m,) rad."""
-    change: Array = run.by_angle[..., j] * angle[:, None]
-    change += run.by_speed[..., j] * speed[:, None]
-    change += run.by_acceleration[..., j] * acceleration[:, None]
+def _moved(run: Run, j: int, at: slice, angle: Array, speed: Array, acceleration: Array) -> Array:
+    """(m, j) A: change of the expected currents of the joints ``at`` when link j is displaced by ``angle`` (m,) rad."""
+    change: Array = run.by_angle[:, at, j] * angle[:, None]
+    change += run.by_speed[:, at, j] * speed[:, None]
+    change += run.by_acceleration[:, at, j] * acceleration[:, None]
     return change
 
 
@@ -231,7 +192,7 @@ def _link_columns(run: Run, arm: Arm, joint: int) -> Array:
 
 def _coupled(run: Run, arm: Arm, unit: Values) -> Array:
     """link = (K + C) motor: links displaced by C q, torques returned by C^T; K the couplings of the model."""
-    change = np.zeros_like(run.current)
+    change, every = np.zeros_like(run.current), slice(0, len(arm))
     constant, back = arm.joint_array("drive_constant"), np.linalg.inv(arm.coupling_matrix)
     at_links = run.rigid @ back
     for name, value in unit.items():
@@ -243,7 +204,7 @@ def _coupled(run: Run, arm: Arm, unit: Values) -> Array:
         # a turn of link i alone is this turn of the motors
         for k in np.flatnonzero(back[:, i]):
             by = value * back[k, i]
-            change += _moved(run, int(k), by * run.q[:, j], by * run.v[:, j], by * run.a[:, j])
+            change += _moved(run, int(k), every, by * run.q[:, j], by * run.v[:, j], by * run.a[:, j])
         change[:, j] += value * at_links[:, i] / constant[j]
     return change
 

@@ -15,6 +15,7 @@ from diagnosis.residual.free_values import with_free
 from diagnosis.residual.run import Run, merged, residual_with
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Columns, Dataset
+from diagnosis.selection.regression import at_joint
 from identification.selection import Split
 
 
@@ -43,15 +44,25 @@ def dataset_with(side: Dataset, terms: Sequence[EffectTerm]) -> Array:
 
 def columns_of(candidate: Candidate, side: Dataset) -> Columns:
     """The candidate's columns over all recordings of a set, over the std of each row."""
-    bare = all(run.own_directions is None for run in side.runs)
-    if bare and at_own_joint(candidate, side.runs[0].arm):
-        joint = candidate.joint
-        assert joint is not None
-        own = [run.whiten_at(own_columns(candidate, run), joint) for run in side.together]
-        return Columns(np.concatenate(own), side.of(joint))
+    if at_own_joint(candidate, side.runs[0].arm) and _joints_apart(side):
+        return columns_at_joint(candidate, side)
     x = np.concatenate([run.whiten(columns(candidate, run)) for run in side.together])  # (rows, n, k)
     flat = x.transpose(1, 0, 2).reshape(-1, x.shape[2])
     return Columns(flat, slice(0, len(flat)))
+
+
+def columns_at_joint(candidate: Candidate, side: Dataset) -> Columns:
+    """``columns_of`` at the rows of the candidate's own joint; at all rows for an effect of the whole arm."""
+    joint = candidate.joint
+    if joint is None or not _joints_apart(side):
+        return at_joint(columns_of(candidate, side), joint, side)
+    own = [run.whiten_at(own_columns(candidate, run), joint) for run in side.together]
+    return Columns(np.concatenate(own), side.of(joint))
+
+
+def _joints_apart(side: Dataset) -> bool:
+    """Whether the whitened rows of a joint depend on no other joint."""
+    return all(run.own_directions is None for run in side.runs)
 
 
 SHARPEST, IMPOSSIBLE = 0.5, 2.0

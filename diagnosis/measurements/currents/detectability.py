@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence, Set
+from collections.abc import Iterable, Sequence, Set
 
 import numpy as np
 
@@ -10,10 +10,11 @@ from arm_model import Arm
 from arm_model.effects import CATALOGUE, Excitation, Instrument
 from arm_model.rigid_body import drive_rigid_torque
 from diagnosis.cause import EffectKey, Undetectable
+from diagnosis.measurements.currents.library import Library
 from diagnosis.residual.warmth import depends, not_warmed
 from diagnosis.screening.plausibility import STANDSTILL
 from diagnosis.selection.candidate import Candidate
-from diagnosis.selection.design import Columns, Dataset, Pair
+from diagnosis.selection.design import Columns, Dataset
 from diagnosis.units import rounded, unit_at
 from identification.selection import Split
 
@@ -37,7 +38,7 @@ INSTEAD = {
 
 
 def not_visible(
-    library: Mapping[Candidate, Pair], lines: Iterable[Candidate], held_out: Dataset, known: Set[EffectKey], arm: Arm
+    library: Library, lines: Iterable[Candidate], held_out: Dataset, known: Set[EffectKey], arm: Arm
 ) -> list[Undetectable]:
     """Effects whose largest typical magnitude changes the held-out currents by less than a third of the noise.
 
@@ -45,9 +46,11 @@ def not_visible(
     shows none. known: effects that are not reported.
     """
     strongest: dict[EffectKey, float] = {c.key: 0.0 for c in lines if c.joint and _turns(held_out, arm, c.joint) < 1.0}
-    for candidate, pair in library.items():
-        strength = felt(candidate, pair.held_out, held_out.rows)
-        strongest[candidate.key] = max(strongest.get(candidate.key, 0.0), strength)
+    for candidate in library:
+        before = strongest.setdefault(candidate.key, 0.0)
+        # most are beyond the typical sizes, or of an effect that another place of its grid has shown already
+        if before < SHOWS_FROM and candidate.key not in known and is_typical(candidate):
+            strongest[candidate.key] = max(before, felt(candidate, library.in_held_out(candidate), held_out.rows))
     undetectable = []
     for (effect, joint), strength in strongest.items():
         if strength < SHOWS_FROM and (effect, joint) not in known:
@@ -87,6 +90,11 @@ def felt(candidate: Candidate, columns: Columns, rows: int) -> float:
     """
     size = _typical(candidate)
     return float(np.sqrt(np.max(np.sum((columns.x * size) ** 2, axis=0)) / rows))
+
+
+def is_typical(candidate: Candidate) -> bool:
+    """Whether an effect of its shape may be of typical size: otherwise ``felt`` is 0."""
+    return _typical(candidate) > 0.0
 
 
 def times_noise(strength: float) -> str:

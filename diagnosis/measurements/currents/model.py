@@ -21,6 +21,7 @@ from arm_model import Arm, EffectTerm
 from arm_model.effects import same_columns
 from diagnosis.cause import EffectKey
 from diagnosis.measurements.currents.design_matrix import columns_of, dataset_with
+from diagnosis.measurements.currents.library import Library
 from diagnosis.measurements.currents.limits import LIMITS, CurrentLimits, leakage, matters
 from diagnosis.measurements.currents.model_errors import ModelUncertainty, Significance
 from diagnosis.measurements.currents.pairs import pair_of
@@ -104,7 +105,7 @@ class Currents(MeasurementModel[Candidate, State]):
 
     arm: Arm
     data: Split[Dataset]
-    library: dict[Candidate, Pair]
+    library: Library
     free: Sequence[Pair]
     ripples: tuple[Candidate, ...] = ()
     excluded: Set[EffectKey] = frozenset()
@@ -123,7 +124,7 @@ class Currents(MeasurementModel[Candidate, State]):
     def scores(self, state: State) -> list[Score[Candidate]]:
         """Every effect at every joint, at the nonlinear parameters that fit best; the largest gain first."""
         self._add_ripples(state.fitted.fit)
-        best = best_of_each(self.library, state.fitted, self.data.fit, self._taken(state))
+        best = best_of_each(self.library, self.library.at_own_joint, state.fitted, self._taken(state))
         scores = [score(c, self.library[c], state.fitted, state.data.held_out) for c in best]
         scores += [
             score(body, self._of_inertia(body), state.fitted, state.data.held_out)
@@ -231,10 +232,12 @@ class Currents(MeasurementModel[Candidate, State]):
         """Columns of a candidate, each computed once."""
         if candidate.body:
             return self.columns(link_of(candidate, self.arm))
-        known = self.extended if candidate.terms else self.library
-        if candidate not in known:
-            known[candidate] = self.data.map(lambda data: columns_of(candidate, data))
-        return known[candidate]
+        if not candidate.terms:
+            self.library.add(candidate)
+            return self.library[candidate]
+        if candidate not in self.extended:
+            self.extended[candidate] = self.data.map(lambda data: columns_of(candidate, data))
+        return self.extended[candidate]
 
     def refitted(self, chosen: Sequence[Candidate], rivals: Rivals) -> State:
         """Other candidates, the data corrected from the start."""
@@ -313,7 +316,7 @@ class Currents(MeasurementModel[Candidate, State]):
 
         for strongest in in_parallel(of_joint, sorted({c.joint for c in self.ripples if c.joint})):
             for c in strongest:
-                self.columns(c)
+                self.library.add(c)
 
 
 def _harm(explained: Array, left: Array) -> float:

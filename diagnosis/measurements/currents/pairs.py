@@ -8,7 +8,7 @@ the noise, all pairs of effects at that joint are scored.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Mapping, Sequence, Set
+from collections.abc import Callable, Sequence, Set
 
 import numpy as np
 from scipy import stats
@@ -16,6 +16,7 @@ from scipy import stats
 from arm_io.types import Array
 from arm_model.effects import same_columns
 from diagnosis.cause import EffectKey
+from diagnosis.measurements.currents.library import Library
 from diagnosis.measurements.currents.limits import LIMITS, leakage, matters
 from diagnosis.measurements.currents.refinement import is_physical
 from diagnosis.selection.candidate import Candidate
@@ -25,7 +26,7 @@ from identification.selection import Split
 
 
 def pair_of(
-    library: Mapping[Candidate, Pair],
+    library: Library,
     fitted: Fitted,
     data: Split[Dataset],
     joints: Sequence[int],
@@ -40,10 +41,10 @@ def pair_of(
     held_out = data.held_out
     allowance = leakage(held_out, fitted)
     for joint in joints:
-        of_joint = {c: pair for c, pair in library.items() if c.joint == joint and not c.unit_amplitude}
+        of_joint = [c for c in library if c.joint == joint and not c.unit_amplitude]
         pairs = [
             (one, other)
-            for one, other in itertools.combinations(best_of_each(of_joint, fitted, data.fit, taken), 2)
+            for one, other in itertools.combinations(best_of_each(of_joint, library.at_own_joint, fitted, taken), 2)
             if other.effect not in same_columns(one.definition)
         ]
         both = [_both(one, other, library, data) for one, other in pairs]
@@ -64,7 +65,7 @@ def pair_of(
     return []
 
 
-def _both(one: Candidate, other: Candidate, library: Mapping[Candidate, Pair], data: Split[Dataset]) -> Pair:
+def _both(one: Candidate, other: Candidate, library: Library, data: Split[Dataset]) -> Pair:
     """Columns of both at their joint, side by side."""
 
     def stacked(columns: Sequence[Columns], part: Dataset) -> Columns:

@@ -10,7 +10,7 @@ import numpy as np
 
 from arm_io.types import Array
 from arm_model.effects import CATALOGUE, Effect, Scale, friction_near_rest
-from diagnosis.measurements.currents.columns import columns
+from diagnosis.measurements.currents.columns import own_columns
 from diagnosis.measurements.near_rest.passages import NearRest, position_noise
 from diagnosis.residual.run import Run
 from diagnosis.selection.candidate import Candidate
@@ -166,7 +166,7 @@ def confused(every: Sequence[NearRest], joint: int, library: Sequence[Candidate]
     own = {effect.name for effect in friction_near_rest()}
     chosen = [c for c in library if c.joint == joint and c.effect in names - own]
     column = [
-        one.apart(np.hstack([_at_joint(c, one, joint) for c in chosen]) / one.std[:, None]).T
+        one.apart(np.hstack([_at_joint(c, one) for c in chosen]) / one.std[:, None]).T
         if chosen
         else np.zeros((1, len(one.residual)))
         for one in every
@@ -174,9 +174,9 @@ def confused(every: Sequence[NearRest], joint: int, library: Sequence[Candidate]
     return Law(None, [dict(c.shape) for c in chosen], [np.zeros_like(part) for part in column], column)
 
 
-def _at_joint(candidate: Candidate, one: NearRest, joint: int) -> Array:
+def _at_joint(candidate: Candidate, one: NearRest) -> Array:
     """(r, c) A: columns of a candidate at its joint."""
-    return columns(candidate, one.run)[one.rows, joint - 1].reshape(len(one.std), -1)
+    return own_columns(candidate, one.run)[one.rows].reshape(len(one.std), -1)
 
 
 def fitted_to_all(every: Sequence[NearRest], law: Law) -> dict[str, float]:
