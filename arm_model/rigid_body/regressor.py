@@ -93,12 +93,18 @@ def regressor(
     q, qd, qdd = samples(arm, q, qd, qdd)
     links = [arm.link_angles(each) for each in (q, qd, qdd)]
     blocks = [
-        _felt_by_drives(arm, in_blocks(partial(_link_columns, arm), *links)),
+        link_regressor(arm, q, qd, qdd),
         *(_drive_columns(arm, j, qd[:, j], qdd[:, j], friction) for j in range(len(arm))),
         _felt_by_drives(arm, np.concatenate([_water_columns(arm, *links), unit_link_friction(arm, links[1])], axis=2)),
         *(curve_columns(arm, j, qd[:, j], friction) for j in range(len(arm))),
     ]
     return np.concatenate(blocks, axis=2), parameter_names(arm, friction=friction)
+
+
+def link_regressor(arm: Arm, q: Array, qd: Array, qdd: Array) -> Array:
+    """(N, n, 10 n): the columns of ``regressor`` of the inertial parameters of the links alone, which come first."""
+    links = [arm.link_angles(each) for each in samples(arm, q, qd, qdd)]
+    return _felt_by_drives(arm, in_blocks(partial(_link_columns, arm), *links))
 
 
 def _felt_by_drives(arm: Arm, columns: Array) -> Array:

@@ -74,7 +74,11 @@ def coulomb_at(joint: Joint, v: Array, sign: Array) -> Array:
 
 def motion_of(q: Array, band: float, rate: float) -> Motion:
     """Angle, speed and acceleration (m, n) of recorded angles q (m, n), as far as they lie in the band."""
-    angle = low_pass(q, band, rate)
+    return with_rates(low_pass(q, band, rate), rate)
+
+
+def with_rates(angle: Array, rate: float) -> Motion:
+    """Angles (m, n) with their differences, speed and acceleration, for ``rate`` rows per second."""
     speed = np.gradient(angle, 1.0 / rate, axis=0)
     return angle, speed, np.gradient(speed, 1.0 / rate, axis=0)
 

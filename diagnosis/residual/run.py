@@ -22,8 +22,9 @@ from arm_io.types import Array
 from arm_model import Arm, EffectTerm
 from arm_model.effects import Signals, described
 from arm_model.rigid_body import drive_mass_matrix
-from arm_model.rigid_body.regressor import regressor
+from arm_model.rigid_body.regressor import link_regressor
 from arm_model.system import inverse_dynamics, mass_matrix_along, rigid_torque_along
+from diagnosis.residual.evaluations import Evaluations
 from diagnosis.residual.expected_current import (
     COLUMN_BAND,
     COMPARE_BAND,
@@ -138,12 +139,17 @@ class Run:
     @cached_property
     def by_link(self) -> Array:
         """(m, n, 10 n) N m per inertial parameter of each link."""
-        return regressor(described(self.arm), self.q, self.v, self.a)[0][..., : 10 * len(self.arm)]
+        return link_regressor(described(self.arm), self.q, self.v, self.a)
 
     @cached_property
     def residuals(self) -> deque[tuple[tuple[EffectTerm, ...], Array]]:
         """The last residuals (m, n) A under other effects than those of ``arm``: several steps ask for the same."""
         return deque(maxlen=KEPT)
+
+    @cached_property
+    def evaluations(self) -> Evaluations:
+        """Of the raw rows, under the arm with other effects."""
+        return Evaluations(*self.raw, self.powered)
 
     def _slopes(self, angle: float, speed: float) -> Array:
         """(m, n, n) A: slopes of the rigid torque by each angle or speed, by central differences of these steps."""
@@ -331,10 +337,7 @@ def residual_under(run: Run, effects: Sequence[EffectTerm]) -> Array:
     for known, residual in run.residuals:
         if known == tuple(effects):
             return residual
-    t, q = run.raw
-    rate = rate_of(t)
-    arm = replace(run.arm, effects=(*effects, *run.own))
-    residual = run.current - low_pass(reading(arm, t, q, powered=run.powered), COMPARE_BAND, rate)[kept(rate)]
+    residual = run.current - _expected(run, (*effects, *run.own))
     residual.flags.writeable = False
     run.residuals.append((tuple(effects), residual))
     return residual
@@ -344,11 +347,12 @@ def with_own(run: Run, terms: Sequence[EffectTerm]) -> Run:
     """The run with these effects of its recording alone, in the place of those that it had."""
     if tuple(terms) == run.own:
         return run
-    t, q = run.raw
-    rate = rate_of(t)
-    arm = replace(run.arm, effects=(*run.arm.effects, *terms))
-    expected = low_pass(reading(arm, t, q, powered=run.powered), COMPARE_BAND, rate)[kept(rate)]
-    return replace(run, own=tuple(terms), expected=expected)
+    return replace(run, own=tuple(terms), expected=_expected(run, (*run.arm.effects, *terms)))
+
+
+def _expected(run: Run, effects: Sequence[EffectTerm]) -> Array:
+    """(m, n) A: the current that the arm of a run predicts with these effects instead of its own."""
+    return run.evaluations.expected(replace(run.arm, effects=tuple(effects)), kept(rate_of(run.raw[0])))
 
 
 def signals_of(run: Run, arm: Arm, joint: int, *, link_side: bool = False) -> Signals:

@@ -19,8 +19,9 @@ from diagnosis.experiments.motions import Stage, Trial, room
 from diagnosis.experiments.revealing import shown_by
 from diagnosis.experiments.t_optimality import predicted_run
 from diagnosis.measurements.currents.columns import candidates
-from diagnosis.measurements.currents.design_matrix import columns_of, dataset_of
+from diagnosis.measurements.currents.design_matrix import dataset_of
 from diagnosis.measurements.currents.detectability import not_visible
+from diagnosis.measurements.currents.library import Library
 from diagnosis.residual.run import Run
 from diagnosis.selection.ripple_orders import order_of
 from identification.selection.split import Split
@@ -52,7 +53,7 @@ def one_joint(root: Path, arm: Arm) -> Run:
 def _unseen(run: Run, arm: Arm) -> dict[tuple[str, int | None], Undetectable]:
     side = dataset_of([run])
     every = [c for c in candidates(arm) if c.joint in (1, 2, None)]
-    library = {c: Split(x, x) for c in every if order_of(c) is None for x in [columns_of(c, side)]}
+    library = Library((c for c in every if order_of(c) is None), Split(side, side))
     lines = [c for c in every if order_of(c) is not None]
     return {(one.effect, one.joint): one for one in not_visible(library, lines, side, set(), arm)}
 

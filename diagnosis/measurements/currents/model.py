@@ -58,7 +58,7 @@ class State:
         What they fit is then no smoothing of friction: correlated noise of a few fast moves, say, which at a tenth of
         their speed is a hundred times as large.
         """
-        allowed, every = self.model.limits.min_gain * self.data.held_out.rows, self._with(self.model.free)
+        allowed, every = self.model.limits.min_gain * self.data.held_out.rows, self._with_every_free
         return [
             pair
             for pair, c in zip(self.model.free, every.coefficients)
@@ -68,7 +68,11 @@ class State:
     @cached_property
     def fitted(self) -> Fitted:
         """All chosen candidates with the free columns; the coefficients of these come first."""
-        return self._with(self.free)
+        return self._with_every_free if len(self.free) == len(self.model.free) else self._with(self.free)
+
+    @cached_property
+    def _with_every_free(self) -> Fitted:
+        return self._with(self.model.free)
 
     def _with(self, free: Sequence[Pair]) -> Fitted:
         return fit_together(self.data, [*free, *(self.model.columns(c) for c in self.chosen)])

@@ -1,0 +1,75 @@
+"""Columns that are computed when they are asked for, and models that are evaluated one after the other."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from arm_model import Arm, EffectTerm, read_model
+from diagnosis.measurements.currents.columns import candidates, columns, own_columns
+from diagnosis.measurements.currents.design_matrix import columns_of, dataset_of
+from diagnosis.measurements.currents.library import Library
+from diagnosis.residual.expected_current import COMPARE_BAND, low_pass, rate_of, reading
+from diagnosis.residual.run import Run, kept, residual_run, residual_with
+from diagnosis.selection.regression import at_joint
+from identification.selection import Split
+
+RATE = 200.0
+
+
+@pytest.fixture(scope="module")
+def run(root: Path) -> Run:
+    return _run(read_model(root / "config/models/puma560.toml"), 1)
+
+
+def _run(arm: Arm, seed: int) -> Run:
+    """All joints in motion for 12 s, and currents of noise."""
+    random = np.random.default_rng(seed)
+    t = np.arange(0.0, 12.0, 1.0 / RATE)
+    q = np.sin(np.outer(t, random.uniform(0.5, 2.0, len(arm)))) * random.uniform(0.1, 0.5, len(arm))
+    return residual_run(f"{seed}", arm, t, q, random.normal(size=q.shape))
+
+
+def test_columns_at_the_own_joint_are_those_of_all_joints(run: Run) -> None:
+    for c in candidates(run.arm):
+        if c.joint is not None:
+            assert np.array_equal(own_columns(c, run), columns(c, run)[:, c.joint - 1]), c
+
+
+def test_a_library_has_the_columns_of_every_candidate(run: Run) -> None:
+    data = Split(dataset_of([run]), dataset_of([_run(run.arm, 2)]))
+    every = [c for c in candidates(run.arm) if c.joint in (2, None)]
+    library = Library(every, data)
+    assert list(library) == every
+    more = replace(every[0], joint=3)
+    assert more not in library
+    library.add(more)
+    assert more in library
+    for c in library:
+        assert np.array_equal(library.at_own_joint(c).x, at_joint(columns_of(c, data.fit), c.joint, data.fit).x)
+        before = library.in_held_out(c)
+        assert np.array_equal(before.x, library[c].held_out.x)
+        assert np.array_equal(library[c].fit.x, columns_of(c, data.fit).x)
+
+
+def test_a_model_is_evaluated_the_same_whatever_was_evaluated_before(run: Run) -> None:
+    """Angles and currents that are as in the evaluation before are not filtered again."""
+    friction, more = (EffectTerm("coulomb_friction", 2, {"coulomb": size}) for size in (3.0, 4.0))
+    ripple = EffectTerm("encoder_ripple", 1, {"order": 2.0, "amplitude": 1e-3, "phase": 0.4})
+    spring = EffectTerm("joint_compliance", 3, {"stiffness": 4e3, "damping": 20.0})
+    t, q = run.raw
+    for terms in (
+        [friction],
+        [more],
+        [more, ripple],
+        [friction, ripple],
+        [spring],
+        [friction],
+        [replace(more, joint=5)],
+    ):
+        arm = replace(run.arm, effects=(*run.arm.effects, *terms))
+        expected = low_pass(reading(arm, t, q), COMPARE_BAND, rate_of(t))[kept(rate_of(t))]
+        assert np.array_equal(residual_with(run, terms), run.current - expected)
