@@ -1,12 +1,14 @@
 """Independent work on all cores, with the results of one: forked processes know what their parent knows.
 
-A fork shares the parent's memory until either writes, so that arguments cost nothing; only results are sent back. Which
-process does what depends on who is free; what comes back is in the order of the items, and equal to the last bit.
+A fork shares the parent's memory until either writes, so that arguments cost nothing; only results are sent back, on
+Linux their arrays through memory that the parent maps instead of copying. Which process does what depends on who is
+free; what comes back is in the order of the items, and equal to the last bit.
 """
 
 from __future__ import annotations
 
 import ctypes
+import mmap
 import os
 import pickle
 import signal
@@ -14,6 +16,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Any, NoReturn, TypeVar
 
 T = TypeVar("T")
@@ -23,11 +26,26 @@ CORES = "ARMSCOPE_CORES"
 """Environment: the most cores that a command uses; by default all that it may use."""
 _NUMBER, _MOST = 4, 1024
 """Bytes of the number of an item in the queue, and items of one queue: what the smallest pipe holds."""
+_ALIGNED = 64
+"""Bytes at whose multiples arrays begin in the memory that they are sent through."""
 _DEATH_SIGNAL = 1
 """PR_SET_PDEATHSIG of prctl(2)."""
 
 _sharing = False
 """Whether this process is one of several that share the cores."""
+
+
+@dataclass(frozen=True)
+class _Way:
+    """How results come from another process: the end of a pipe, and the memory of their arrays where there is any."""
+
+    pipe: int
+    memory: int | None
+
+    def close(self) -> None:
+        for end in (self.pipe, self.memory):
+            if end is not None:
+                os.close(end)
 
 
 def cores() -> int:
@@ -49,14 +67,14 @@ def in_parallel(work: Callable[[T], R], items: Sequence[T]) -> list[R]:
     if count < 2 or len(items) > _MOST or not _forks_safely():
         return [work(item) for item in items]
     queue = _queue(len(items))
-    others: dict[int, int] = {}
+    others: dict[int, _Way] = {}
     try:
         with _shared():
             for _ in range(count - 1):
                 _fork(work, items, queue, others)
             done = _done(work, items, queue)
-        for here in others.values():
-            done |= _received(here)
+        for way in others.values():
+            done |= _received(way)
     finally:
         os.close(queue)
         _end(others)
@@ -104,47 +122,68 @@ def _done(work: Callable[[T], R], items: Sequence[T], queue: int) -> dict[int, R
     return done
 
 
-def _fork(work: Callable[[T], R], items: Sequence[T], queue: int, others: dict[int, int]) -> None:
-    """One more process that takes from the queue; adds its number and the pipe that its results come from."""
+def _fork(work: Callable[[T], R], items: Sequence[T], queue: int, others: dict[int, _Way]) -> None:
+    """One more process that takes from the queue; adds its number and the way that its results come."""
     here, there = os.pipe()
+    way = _Way(here, os.memfd_create("results") if hasattr(os, "memfd_create") else None)
     # an interrupt is the parent's to answer, which ends the other process
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         process = os.fork()
         if process == 0:
-            _work_and_exit(work, items, queue, there)
-        others[process] = here
+            _work_and_exit(work, items, queue, there, way.memory)
+        others[process] = way
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
         os.close(there)
 
 
-def _work_and_exit(work: Callable[[T], R], items: Sequence[T], queue: int, there: int) -> NoReturn:
+def _work_and_exit(work: Callable[[T], R], items: Sequence[T], queue: int, there: int, memory: int | None) -> NoReturn:
     """The forked process: nothing of its parent's is flushed or closed, whatever happens."""
     try:
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
         if sys.platform == "linux":
             # with its parent; elsewhere at the latest when it writes what nobody reads
             ctypes.CDLL(None).prctl(_DEATH_SIGNAL, signal.SIGKILL)
+        done, arrays = _done(work, items, queue), list[pickle.PickleBuffer]()
+        text = pickle.dumps(done, pickle.HIGHEST_PROTOCOL, buffer_callback=None if memory is None else arrays.append)
         with os.fdopen(there, "wb") as pipe:
-            pickle.dump(_done(work, items, queue), pipe, pickle.HIGHEST_PROTOCOL)
+            pickle.dump((text, [] if memory is None else _shared_arrays(arrays, memory)), pipe)
     finally:
         os._exit(0)
 
 
-def _received(here: int) -> dict[int, Any]:
+def _shared_arrays(arrays: Sequence[pickle.PickleBuffer], memory: int) -> list[tuple[int, int]]:
+    """Writes arrays one after the other; the bytes from which and up to which each of them lies there."""
+    places, first = list[tuple[int, int]](), 0
+    with os.fdopen(memory, "wb", closefd=False) as file:
+        for array in arrays:
+            raw = array.raw()
+            file.seek(first)
+            file.write(raw)
+            places.append((first, first + raw.nbytes))
+            first += -(-raw.nbytes // _ALIGNED) * _ALIGNED
+        file.truncate(first)
+    return places
+
+
+def _received(way: _Way) -> dict[int, Any]:
     """What a process sends; nothing of one that was killed."""
-    with os.fdopen(here, "rb", closefd=False) as pipe:
+    with os.fdopen(way.pipe, "rb", closefd=False) as pipe:
         try:
-            received: dict[int, Any] = pickle.load(pipe)
+            text, places = pickle.load(pipe)
         except (EOFError, pickle.UnpicklingError):
             return {}
+    size = max((last for _, last in places), default=0)
+    # private: what a later fork writes there is its own
+    arrays = memoryview(mmap.mmap(way.memory, size, mmap.MAP_PRIVATE) if way.memory and size else bytearray())
+    received: dict[int, Any] = pickle.loads(text, buffers=[arrays[first:last] for first, last in places])
     return received
 
 
-def _end(others: dict[int, int]) -> None:
+def _end(others: dict[int, _Way]) -> None:
     """Every process has ended, and none is left to be waited for, when this returns."""
-    for process, here in others.items():
-        os.close(here)
+    for process, way in others.items():
+        way.close()
         os.kill(process, signal.SIGKILL)
         os.waitpid(process, 0)

@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from arm_io import InputError
-from arm_io.progress import Step
+from arm_io.parallel import in_parallel
 from arm_io.types import Array
 from arm_model import Arm, EffectTerm
 from daq.recording import Recording
@@ -140,12 +140,18 @@ def _counter_gaps(
 
 def residuals_of(arm: Arm, screened: Screened, progress: Callable[[str], None] = lambda sentence: None) -> Residuals:
     """The residuals of recordings under an arm."""
-    runs: list[Run] = []
-    for recording, samples, known in zip(screened.recordings, screened.samples, screened.known):
-        progress(Step("computing residuals", len(runs), len(screened.recordings), detail=recording.path.name))
-        setup = setup_of(recording)
-        of_run = set_up(arm, recording)
-        runs.append(residual_run(recording.path.name, of_run, *samples, powered=not setup.drives_off, known=known))
+    progress("computing residuals")
+    arms, nothing = [set_up(arm, recording) for recording in screened.recordings], np.zeros(0)
+
+    def residual(k: int) -> Run:
+        name, powered = screened.recordings[k].path.name, not setup_of(screened.recordings[k]).drives_off
+        run = residual_run(name, arms[k], *screened.samples[k], powered=powered, known=screened.known[k])
+        # raw rows are here already
+        return replace(run, raw=(nothing, nothing))
+
+    found = in_parallel(residual, range(len(arms)))
+    # the arm itself, of which recordings of one setup have the same
+    runs = [replace(run, raw=(t, q), arm=own) for run, (t, q, _), own in zip(found, screened.samples, arms)]
     for k, gaps in enumerate(screened.counter_gaps):
         runs[k] = without_weight(runs[k], gaps, screened.recordings[k].dt) if gaps else runs[k]
     runs = [without_skipped(run, holes) for run, holes in zip(runs, screened.holes)]

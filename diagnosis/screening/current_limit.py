@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from arm_io.parallel import in_parallel
 from arm_io.types import Array
 from arm_model import Arm
 from arm_model.effects.description_errors import CURRENT_LIMIT
@@ -86,25 +87,25 @@ def current_limits(recordings: Sequence[Recording], arm: Arm | None = None) -> l
     smooth = [_averaged(r) for r in recordings]
     # noise that averaging does not remove
     still = still_noise([r for r in recordings if not setup_of(r).drives_off])
-    events = []
-    for j in range(recordings[0].joints):
+
+    def limit(j: int) -> Event | None:
         of_joint = [values[:, j] for values in smooth]
         noise = _noise(recordings, of_joint, j, float(still[j]))
         driven = [_driven(r, j) for r in recordings]
         pile = _pile([v[rows] for v, rows in zip(of_joint, driven)], noise, recordings)
         clipped = _clipped(recordings, [np.where(d, v, 0.0) for v, d in zip(of_joint, driven)], j, pile, arm)
-        if clipped:
-            events.append(
-                Event(
-                    effect=CURRENT_LIMIT.name,
-                    joint=j + 1,
-                    parameters=[Estimate("limit", pile.level, noise, "A")],
-                    evidence=f"the current of joint {j + 1} is clipped at {pile.level:.3g} A in {len(clipped)} of "
-                    f"{len(recordings)} recordings",
-                    recordings=clipped,
-                )
-            )
-    return events
+        if not clipped:
+            return None
+        return Event(
+            effect=CURRENT_LIMIT.name,
+            joint=j + 1,
+            parameters=[Estimate("limit", pile.level, noise, "A")],
+            evidence=f"the current of joint {j + 1} is clipped at {pile.level:.3g} A in {len(clipped)} of "
+            f"{len(recordings)} recordings",
+            recordings=clipped,
+        )
+
+    return [event for event in in_parallel(limit, range(recordings[0].joints)) if event is not None]
 
 
 def _noise(recordings: Sequence[Recording], smooth: Sequence[Array], j: int, still: float) -> float:

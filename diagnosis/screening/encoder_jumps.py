@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
+from arm_io.parallel import in_parallel
 from arm_io.types import Array
 from arm_model import Arm, Joint
 from arm_model.effects.sensing import MISSED_COUNTS
@@ -44,12 +45,12 @@ def jumps(recordings: Sequence[Recording], arm: Arm) -> list[Event]:
 
     Its parameters are those of the largest jump; ``encoder_jumps`` has all of them, recording by recording.
     """
-    events = []
-    for j in range(recordings[0].joints):
-        found = [(index, jump) for index, r in enumerate(recordings) for jump in _all_jumps(r, j)]
-        if found:
-            events.append(_event(recordings, arm.joints[j], j + 1, found))
-    return events
+
+    def of_joint(j: int) -> list[tuple[int, Jump]]:
+        return [(index, jump) for index, r in enumerate(recordings) for jump in _all_jumps(r, j)]
+
+    found = in_parallel(of_joint, range(recordings[0].joints))
+    return [_event(recordings, arm.joints[j], j + 1, own) for j, own in enumerate(found) if own]
 
 
 def _event(recordings: Sequence[Recording], drive: Joint, joint: int, found: Sequence[tuple[int, Jump]]) -> Event:

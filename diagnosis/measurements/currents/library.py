@@ -10,6 +10,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from functools import partial
 
+from arm_io.parallel import in_parallel
+from diagnosis.cause import EffectKey
 from diagnosis.measurements.currents.design_matrix import columns_at_joint, columns_of
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Columns, Dataset, Pair
@@ -45,6 +47,28 @@ class Library(Mapping[Candidate, Pair]):
         if candidate not in self._own:
             self._own[candidate] = columns_at_joint(candidate, self._data.fit)
         return self._own[candidate]
+
+    def compute_at_own_joints(self) -> None:
+        """``at_own_joint`` of every place of a search grid, on all cores."""
+        of_key: dict[EffectKey, list[Candidate]] = {}
+        for candidate in self._known:
+            of_key.setdefault(candidate.key, []).append(candidate)
+        grids = [grid for grid in of_key.values() if len(grid) > 1 and not all(c in self._own for c in grid)]
+        found = in_parallel(lambda grid: [columns_at_joint(c, self._data.fit) for c in grid], grids)
+        for grid, own in zip(grids, found):
+            self._own |= zip(grid, own)
+
+    def compute(self, candidates: Iterable[Candidate]) -> None:
+        """Columns of several candidates at all rows, on all cores."""
+        of_effect: dict[str, list[Candidate]] = {}
+        for candidate in candidates:
+            if self._known[candidate] is None:
+                of_effect.setdefault(candidate.effect, []).append(candidate)
+        items = [(several, side) for side in self._data for several in of_effect.values()]
+        found = in_parallel(lambda item: [columns_of(c, item[1]) for c in item[0]], items)
+        for k, several in enumerate(of_effect.values()):
+            pairs = zip(found[k], found[len(of_effect) + k])
+            self._known |= {c: Split(fit, held_out, self._data.two_fold) for c, (fit, held_out) in zip(several, pairs)}
 
     def in_held_out(self, candidate: Candidate) -> Columns:
         """Columns of the held-out recordings alone; those of a place of the search grid are not kept."""

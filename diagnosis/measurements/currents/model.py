@@ -128,7 +128,9 @@ class Currents(MeasurementModel[Candidate, State]):
     def scores(self, state: State) -> list[Score[Candidate]]:
         """Every effect at every joint, at the nonlinear parameters that fit best; the largest gain first."""
         self._add_ripples(state.fitted.fit)
+        self.library.compute_at_own_joints()
         best = best_of_each(self.library, self.library.at_own_joint, state.fitted, self._taken(state))
+        self.library.compute(best)
         scores = [score(c, self.library[c], state.fitted, state.data.held_out) for c in best]
         scores += [
             score(body, self._of_inertia(body), state.fitted, state.data.held_out)
