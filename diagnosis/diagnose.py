@@ -280,9 +280,11 @@ def verify(
     """The model and the extended one in closed loop on the recorded setpoints, and along the measured motion."""
     runs = named.found.state.data.map(lambda part: part.runs)
     halves = {"fit": (recordings.fit, runs.fit), "held_out": (recordings.held_out, runs.held_out)}
+    pairs = before_and_after([*recordings.fit, *recordings.held_out], [*runs.fit, *runs.held_out], arm, extended)
+    first = len(runs.fit)
     compared = {
-        half: [pair for r, run in zip(*both) if (pair := before_and_after(r, run, arm, extended)) is not None]
-        for half, both in halves.items()
+        half: [pair for pair in several if pair is not None]
+        for half, several in (("fit", pairs[:first]), ("held_out", pairs[first:]))
     }
     simulated = [after for _, after in compared["held_out"]]
     return Verified(

@@ -14,12 +14,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property, partial
 from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
 from arm_io import InputError
+from arm_io.parallel import in_parallel
 from arm_io.types import Array
 from arm_model import Arm
 from arm_model.sensing import recorded
@@ -58,8 +60,18 @@ class Compared:
     known: NDArray[np.bool_]
     less_folded: Callable[[Array], Array] = as_it_is
 
+    @cached_property
+    def _errors(self) -> dict[str, Array]:
+        return {}
+
     def error(self, signal: str) -> Array:
         """(r, n) measured less simulated ``current`` (A) or ``angle`` (rad), at the rows of the run."""
+        # five steps ask for each
+        if signal not in self._errors:
+            self._errors[signal] = self._error(signal)
+        return self._errors[signal]
+
+    def _error(self, signal: str) -> Array:
         rate = rate_of(self.t)
         difference = getattr(self, signal) - getattr(self, f"simulated_{signal}")
         error = low_pass(difference, COMPARE_BAND, rate)[kept(rate)]
@@ -70,8 +82,26 @@ class Compared:
         return rms_where(self.error(signal), self.known)
 
 
+Case = tuple[Recording, Arm, Run]
+"""A recording, the model of its closed loop, and its residual along the measured motion."""
+
+
 def compare(recording: Recording, arm: Arm, run: Run) -> Compared | None:
     """A recording and the closed loop of the model on its demands; None without demand, controller or stable loop."""
+    return compare_all([(recording, arm, run)])[0]
+
+
+def compare_all(cases: Sequence[Case]) -> list[Compared | None]:
+    """``compare`` of several, their loops simulated on all cores."""
+    return [
+        None if shown is None else _compared(recording, run, *shown)
+        for (recording, _, run), shown in zip(cases, in_parallel(_simulated, cases))
+    ]
+
+
+def _simulated(case: Case) -> tuple[Array, Array] | None:
+    """Currents (m, n) A and angles (m, n) rad that instruments show of the closed loop."""
+    recording, arm, run = case
     if arm.controller is None or not has_demand(recording):
         return None
     arm = set_up(replace(arm, effects=(*arm.effects, *run.own)), recording)
@@ -81,17 +111,26 @@ def compare(recording: Recording, arm: Arm, run: Run) -> Compared | None:
     except InputError:  # the loop is unstable
         return None
     shown = recorded(arm, motion)
-    signals = recording.i, shown.current, recording.q, shown.q
-    return Compared(recording.path.name, knots, *signals, comparable_rows(run), run.less_folded)
+    return shown.current, shown.q
 
 
-def before_and_after(recording: Recording, run: Run, arm: Arm, extended: Arm) -> tuple[Compared, Compared] | None:
-    """A recording in closed loop by the model, and by the extended one with what is of this recording alone."""
-    before = compare(recording, arm, replace(run, own=()))
-    if before is None:
-        return None
-    after = compare(recording, extended, run) if extended is not arm or run.own else before
-    return (before, after) if after is not None else None
+def _compared(recording: Recording, run: Run, current: Array, angle: Array) -> Compared:
+    signals = recording.i, current, recording.q, angle
+    return Compared(recording.path.name, recording.t, *signals, comparable_rows(run), run.less_folded)
+
+
+def before_and_after(
+    recordings: Sequence[Recording], runs: Sequence[Run], arm: Arm, extended: Arm
+) -> list[tuple[Compared, Compared] | None]:
+    """Recordings in closed loop by the model, and by the extended one with what is of each recording alone."""
+    bare: list[Case] = [(r, arm, replace(run, own=())) for r, run in zip(recordings, runs)]
+    more: list[Case] = [(r, extended, run) for r, run in zip(recordings, runs) if extended is not arm or run.own]
+    compared = compare_all([*bare, *more])
+    of_extended = iter(compared[len(bare) :])
+    pairs = [
+        (before, next(of_extended) if extended is not arm or run.own else before) for before, run in zip(compared, runs)
+    ]
+    return [None if before is None or after is None else (before, after) for before, after in pairs]
 
 
 def has_demand(recording: Recording) -> bool:
@@ -128,7 +167,7 @@ def with_smoothing_velocities(arm: Arm, recordings: Sequence[Recording]) -> Arm:
     if arm.controller is None or not usable or not moving:
         return arm
     try:
-        errors = np.sum([_smoothing_errors(arm, recording, moving) for recording in usable], axis=0)
+        errors = np.sum(_smoothing_errors(arm, usable, moving), axis=0)
     except InputError:  # a spring that the model has no rotor for: a loop that cannot judge
         return arm
     joints = list(arm.joints)
@@ -145,20 +184,23 @@ _errors_found: WeakKeyDictionary[Recording, tuple[Arm, Array]] = WeakKeyDictiona
 """By recording, the last arm whose loops were simulated, and their errors: two steps ask for the same arm."""
 
 
-def _smoothing_errors(arm: Arm, recording: Recording, moving: Sequence[int]) -> Array:
-    """(lanes, n) A2: squared errors of the closed loop with ``SMOOTHING`` of the ``moving`` joints (from 0)."""
-    known = _errors_found.get(recording)
-    if known is not None and known[0] == arm:
-        return known[1]
+def _smoothing_errors(arm: Arm, recordings: Sequence[Recording], moving: Sequence[int]) -> list[Array]:
+    """(lanes, n) A2 per recording: squared errors of loops with ``SMOOTHING`` of the ``moving`` joints (from 0)."""
+    known = [_errors_found.get(recording, (None, None)) for recording in recordings]
+    missing = [recording for recording, (of_arm, _) in zip(recordings, known) if of_arm != arm]
+    for recording, errors in zip(missing, in_parallel(partial(_smoothing_error, arm, moving), missing)):
+        _errors_found[recording] = arm, errors
+    return [_errors_found[recording][1] for recording in recordings]
+
+
+def _smoothing_error(arm: Arm, moving: Sequence[int], recording: Recording) -> Array:
     carrying = set_up(arm, recording)
     lanes = {f"joint{j + 1}.sign_velocity": arm.joints[j].sign_velocity * SMOOTHING for j in moving}
     demand = demand_of_run(recording, carrying)
     motion = simulate_batch(carrying, demand, recording.t - recording.t[0], parameters=lanes)
     rate = 1.0 / recording.dt
     apart = recording.i - recorded(carrying, motion).current
-    errors = np.stack([np.sum(low_pass(one, COMPARE_BAND, rate)[kept(rate)] ** 2, axis=0) for one in apart])
-    _errors_found[recording] = arm, errors
-    return errors
+    return np.stack([np.sum(low_pass(one, COMPARE_BAND, rate)[kept(rate)] ** 2, axis=0) for one in apart])
 
 
 def refuted(
@@ -172,14 +214,18 @@ def refuted(
     effect. A cause must hold in both comparisons: the residual along the measured motion, by which it was found, and
     the closed loop on held-out recordings.
     """
-    compared = [(r, run, pair) for r, run in zip(recordings, runs) if (pair := compare(r, full, run)) is not None]
-    with_all = [pair for _, _, pair in compared]
-    motion = [(run_rms, run_rms) for _, run, _ in compared for run_rms in [along_motion(run, run.arm, full)[1]]]
+    arms = [full, *less]
+    every = compare_all([(r, one, run) for one in arms for r, run in zip(recordings, runs)])
+    by_arm = [every[k * len(recordings) : (k + 1) * len(recordings)] for k in range(len(arms))]
+    usable = [k for k, pair in enumerate(by_arm[0]) if pair is not None]
+    compared = [(runs[k], pair) for k in usable if (pair := by_arm[0][k]) is not None]
+    with_all = [pair for _, pair in compared]
+    motion = [(run_rms, run_rms) for run, _ in compared for run_rms in [along_motion(run, run.arm, full)[1]]]
     if not faithful([(pair, pair) for pair in with_all], motion):
         return None
     worst: tuple[float, int] | None = None
-    for index, (arm, joint) in enumerate(zip(less, felt_at)):
-        pairs = [compare(r, arm, run) for r, run, _ in compared]
+    for index, (of_arm, joint) in enumerate(zip(by_arm[1:], felt_at)):
+        pairs = [of_arm[k] for k in usable]
         without, complete = (
             sum(float(pair.error_rms("current")[joint - 1] ** 2) for pair in several if pair is not None)
             for several in (pairs, with_all)

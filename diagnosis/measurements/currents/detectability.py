@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence, Set
 
 import numpy as np
 
+from arm_io.parallel import in_parallel
 from arm_model import Arm
 from arm_model.effects import CATALOGUE, Excitation, Instrument
 from arm_model.rigid_body import drive_rigid_torque
@@ -45,15 +46,24 @@ def not_visible(
     lines: ripples, whose columns are in the library only where they exceed the noise; a motor that made no whole turn
     shows none. known: effects that are not reported.
     """
-    strongest: dict[EffectKey, float] = {c.key: 0.0 for c in lines if c.joint and _turns(held_out, arm, c.joint) < 1.0}
+    several: dict[EffectKey, list[Candidate]] = {
+        c.key: [] for c in lines if c.joint and _turns(held_out, arm, c.joint) < 1.0
+    }
     for candidate in library:
-        before = strongest.setdefault(candidate.key, 0.0)
-        # most are beyond the typical sizes, or of an effect that another place of its grid has shown already
-        if before < SHOWS_FROM and candidate.key not in known and is_typical(candidate):
-            strongest[candidate.key] = max(before, felt(candidate, library.in_held_out(candidate), held_out.rows))
+        several.setdefault(candidate.key, []).append(candidate)
+
+    def strongest(key: EffectKey) -> float:
+        most = 0.0
+        for candidate in several[key]:
+            # one that shows is enough
+            if most < SHOWS_FROM and is_typical(candidate):
+                most = max(most, felt(candidate, library.in_held_out(candidate), held_out.rows))
+        return most
+
+    keys = [key for key in several if key not in known]
     undetectable = []
-    for (effect, joint), strength in strongest.items():
-        if strength < SHOWS_FROM and (effect, joint) not in known:
+    for (effect, joint), strength in zip(keys, in_parallel(strongest, keys)):
+        if strength < SHOWS_FROM:
             reasons = (
                 _did(CATALOGUE[effect].excited_by, joint, held_out, arm),
                 f"even {_size(effect, arm, joint)} changes the currents by {times_noise(strength)}",
