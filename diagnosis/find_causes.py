@@ -20,8 +20,7 @@ from diagnosis.closed_loop.friction import friction_in_loop, has_state, with_est
 from diagnosis.measurements.currents.basis_functions import TWO_FACED
 from diagnosis.measurements.currents.causes import from_axis
 from diagnosis.measurements.currents.columns import candidates
-from diagnosis.measurements.currents.design_matrix import bounded, dataset_of, dataset_with, free_columns
-from diagnosis.measurements.currents.library import Library
+from diagnosis.measurements.currents.design_matrix import Library, bounded, dataset_of, dataset_with, free_columns
 from diagnosis.measurements.currents.model import Currents
 from diagnosis.measurements.currents.model_errors import model_uncertainty
 from diagnosis.measurements.currents.search import Found

@@ -19,9 +19,8 @@ from diagnosis.experiments.motions import Stage, Trial, room
 from diagnosis.experiments.revealing import shown_by
 from diagnosis.experiments.t_optimality import predicted_run
 from diagnosis.measurements.currents.columns import candidates
-from diagnosis.measurements.currents.design_matrix import dataset_of
+from diagnosis.measurements.currents.design_matrix import Library, dataset_of
 from diagnosis.measurements.currents.detectability import not_visible
-from diagnosis.measurements.currents.library import Library
 from diagnosis.residual.run import Run
 from diagnosis.selection.ripple_orders import order_of
 from identification.selection.split import Split

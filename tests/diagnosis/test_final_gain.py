@@ -16,8 +16,7 @@ from daq.recording.parts import Attachments
 from daq.recording.tables.table import write_table
 from diagnosis.cause import Cause, Estimate
 from diagnosis.measurements.currents.columns import candidates
-from diagnosis.measurements.currents.design_matrix import dataset_of
-from diagnosis.measurements.currents.library import Library
+from diagnosis.measurements.currents.design_matrix import Library, dataset_of
 from diagnosis.measurements.currents.model import Currents
 from diagnosis.measurements.currents.refinement import is_physical
 from diagnosis.measurements.currents.unexplained import noise_ratio

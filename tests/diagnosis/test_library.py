@@ -10,8 +10,7 @@ import pytest
 
 from arm_model import Arm, EffectTerm, read_model
 from diagnosis.measurements.currents.columns import candidates, columns, own_columns
-from diagnosis.measurements.currents.design_matrix import columns_of, dataset_of
-from diagnosis.measurements.currents.library import Library
+from diagnosis.measurements.currents.design_matrix import Library, columns_of, dataset_of
 from diagnosis.residual.expected_current import COMPARE_BAND, low_pass, rate_of, reading
 from diagnosis.residual.run import Run, kept, residual_run, residual_with
 from diagnosis.selection.regression import at_joint

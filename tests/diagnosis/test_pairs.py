@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from diagnosis.measurements.currents.design_matrix import Library
 from diagnosis.measurements.currents.pairs import pair_of
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Columns, Dataset, Pair
@@ -15,7 +16,14 @@ HIDING = Candidate("load_friction", 1), Candidate("current_nonlinearity", 1)
 OTHERS = Candidate("viscous_friction", 1), Candidate("current_offset", 1)
 
 
-def _sides(seed: int, strength: float) -> tuple[Split[Dataset], dict[Candidate, Pair]]:
+class Given(dict[Candidate, Pair]):
+    """A library of columns of one joint that are given."""
+
+    def at_own_joint(self, candidate: Candidate) -> Columns:
+        return self[candidate].fit
+
+
+def _sides(seed: int, strength: float) -> tuple[Split[Dataset], Library]:
     """One joint; an odd function of the current less another one, over different ranges of it, in white noise of 1."""
     rng = np.random.default_rng(seed)
     sides, columns = [], []
@@ -25,8 +33,8 @@ def _sides(seed: int, strength: float) -> tuple[Split[Dataset], dict[Candidate, 
         y = strength * (load - 1.25 * load**3) + rng.normal(size=ROWS)
         sides.append(Dataset((), (), y, np.arange(ROWS) // BLOCK, ROWS))
         columns.append(x)
-    library = {c: Split(*(Columns(x[c][:, None], slice(0, ROWS)) for x in columns)) for c in (*HIDING, *OTHERS)}
-    return Split(sides[0], sides[1]), library
+    library = Given({c: Split(*(Columns(x[c][:, None], slice(0, ROWS)) for x in columns)) for c in (*HIDING, *OTHERS)})
+    return Split(sides[0], sides[1]), library  # type: ignore[return-value]
 
 
 def test_two_that_hide_each_other_are_found_together() -> None:

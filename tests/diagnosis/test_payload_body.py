@@ -14,9 +14,8 @@ from arm_model.rigid_body.inertia import about_com, barycentric
 from arm_model.system import inverse_dynamics
 from diagnosis.cause import Estimate
 from diagnosis.measurements.currents.columns import candidates
-from diagnosis.measurements.currents.design_matrix import dataset_of
+from diagnosis.measurements.currents.design_matrix import Library, dataset_of
 from diagnosis.measurements.currents.estimates import estimates_of
-from diagnosis.measurements.currents.library import Library
 from diagnosis.measurements.currents.model import Currents
 from diagnosis.measurements.currents.search import named_by_body, simplified
 from diagnosis.residual.noise import KnownNoise

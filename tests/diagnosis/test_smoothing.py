@@ -10,8 +10,7 @@ from arm_model import Arm
 from arm_model.rigid_body.numeric import rigid_torque
 from daq.recording import Attachments, Recording, open_recording, write_table
 from diagnosis.diagnose import diagnose
-from diagnosis.measurements.currents.design_matrix import bounded, dataset_of, free_columns
-from diagnosis.measurements.currents.library import Library
+from diagnosis.measurements.currents.design_matrix import Library, bounded, dataset_of, free_columns
 from diagnosis.measurements.currents.model import Currents
 from diagnosis.residual.run import Run, residual_run
 from identification.selection import Split

@@ -13,8 +13,7 @@ from daq.recording import Recording, open_recording
 from daq.recording.parts import Attachments
 from daq.recording.tables.table import write_table
 from diagnosis.closed_loop.comparison import SMOOTHING
-from diagnosis.measurements.currents.design_matrix import dataset_of
-from diagnosis.measurements.currents.library import Library
+from diagnosis.measurements.currents.design_matrix import Library, dataset_of
 from diagnosis.measurements.currents.model import Currents
 from diagnosis.measurements.currents.search import Found
 from diagnosis.measurements.currents.unexplained import Unexplained

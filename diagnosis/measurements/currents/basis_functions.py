@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -87,13 +87,18 @@ def shapes_of(fit: Dataset, held_out: Dataset, residual: Array, arm: Arm, joint:
             if len(kinds) > 1 and name not in TWO_FACED:
                 continue
             in_fit, in_held_out = (
-                Columns(np.hstack([values * factor[kind][:, None] for kind in kinds]), side.of(joint))
+                Columns(_side_by_side([values * factor[kind][:, None] for kind in kinds]), side.of(joint))
                 for values, factor, side in zip(splines, factors, (fit, held_out))
             )
             yield Shape(name, Split(in_fit, in_held_out), in_range)
     yield from _places(fit, held_out, joint)
     yield from _waves(fit, held_out, residual, arm, joint)
     yield from _past(fit, held_out, arm, joint)
+
+
+def _side_by_side(several: Sequence[Array]) -> Array:
+    """The columns of all, without a copy of a single one."""
+    return several[0] if len(several) == 1 else np.hstack(several)
 
 
 def _places(fit: Dataset, held_out: Dataset, joint: int) -> Iterator[Shape]:

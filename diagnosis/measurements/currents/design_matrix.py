@@ -1,20 +1,23 @@
-"""Datasets, and candidates as whitened columns over all rows that they affect."""
+"""Datasets, and candidates as whitened columns over all rows that they affect; a library of those of a search."""
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
+from arm_io.parallel import in_parallel
 from arm_io.types import Array
 from arm_model import Arm, EffectTerm
+from diagnosis.cause import EffectKey
 from diagnosis.measurements.currents.columns import at_own_joint, columns, own_columns
 from diagnosis.residual.free_values import with_free
 from diagnosis.residual.run import Run, merged, residual_with
 from diagnosis.selection.candidate import Candidate
-from diagnosis.selection.design import Columns, Dataset
+from diagnosis.selection.design import Columns, Dataset, Pair
 from diagnosis.selection.regression import at_joint
 from identification.selection import Split
 
@@ -102,3 +105,69 @@ def free_columns(side: Dataset, arm: Arm) -> list[Columns]:
     slopes = [with_free(run, None).whiten(force * run.v * width**2 / np.hypot(run.v, width) ** 3) for run in side.runs]
     x = np.concatenate(slopes)
     return [Columns(x[:, [j]], side.of(j + 1)) for j in np.flatnonzero(force > 0.0).tolist()]
+
+
+class Library(Mapping[Candidate, Pair]):
+    """Candidates in their order, and their columns in both sets of ``data``, each computed when it is first asked for.
+
+    Most candidates are places of a search grid (half of all are springs), of which only the best is ever asked for more
+    than what it explains of the fitted recordings at its own joint: a tenth of the work and of the memory.
+    """
+
+    def __init__(self, candidates: Iterable[Candidate], data: Split[Dataset]) -> None:
+        self._data = data
+        self._known: dict[Candidate, Pair | None] = dict.fromkeys(candidates)
+        self._own: dict[Candidate, Columns] = {}
+
+    def __iter__(self) -> Iterator[Candidate]:
+        return iter(self._known)
+
+    def __len__(self) -> int:
+        return len(self._known)
+
+    def __contains__(self, candidate: object) -> bool:
+        return candidate in self._known
+
+    def __getitem__(self, candidate: Candidate) -> Pair:
+        """Columns at all rows that the candidate affects; KeyError where it is none of these."""
+        known = self._known[candidate]
+        if known is None:
+            known = self._known[candidate] = self._data.map(partial(columns_of, candidate))
+        return known
+
+    def at_own_joint(self, candidate: Candidate) -> Columns:
+        """Columns of the fitted recordings at the candidate's joint; at all, for an effect of the whole arm."""
+        if candidate not in self._own:
+            self._own[candidate] = columns_at_joint(candidate, self._data.fit)
+        return self._own[candidate]
+
+    def compute_at_own_joints(self) -> None:
+        """``at_own_joint`` of every place of a search grid, on all cores."""
+        of_key: dict[EffectKey, list[Candidate]] = {}
+        for candidate in self._known:
+            of_key.setdefault(candidate.key, []).append(candidate)
+        grids = [grid for grid in of_key.values() if len(grid) > 1 and not all(c in self._own for c in grid)]
+        found = in_parallel(lambda grid: [columns_at_joint(c, self._data.fit) for c in grid], grids)
+        for grid, own in zip(grids, found):
+            self._own |= zip(grid, own)
+
+    def compute(self, candidates: Iterable[Candidate]) -> None:
+        """Columns of several candidates at all rows, on all cores."""
+        of_effect: dict[str, list[Candidate]] = {}
+        for candidate in candidates:
+            if self._known[candidate] is None:
+                of_effect.setdefault(candidate.effect, []).append(candidate)
+        items = [(several, side) for side in self._data for several in of_effect.values()]
+        found = in_parallel(lambda item: [columns_of(c, item[1]) for c in item[0]], items)
+        for k, several in enumerate(of_effect.values()):
+            pairs = zip(found[k], found[len(of_effect) + k])
+            self._known |= {c: Split(fit, held_out, self._data.two_fold) for c, (fit, held_out) in zip(several, pairs)}
+
+    def in_held_out(self, candidate: Candidate) -> Columns:
+        """Columns of the held-out recordings alone; those of a place of the search grid are not kept."""
+        known = self._known[candidate]
+        return columns_of(candidate, self._data.held_out) if known is None else known.held_out
+
+    def add(self, candidate: Candidate) -> None:
+        """One more candidate, behind all others."""
+        self._known.setdefault(candidate, None)

@@ -20,8 +20,7 @@ from arm_io.types import Array
 from arm_model import Arm, EffectTerm
 from arm_model.effects import same_columns
 from diagnosis.cause import EffectKey
-from diagnosis.measurements.currents.design_matrix import columns_of, dataset_with
-from diagnosis.measurements.currents.library import Library
+from diagnosis.measurements.currents.design_matrix import Library, columns_of, dataset_with
 from diagnosis.measurements.currents.limits import LIMITS, CurrentLimits, leakage, matters
 from diagnosis.measurements.currents.model_errors import ModelUncertainty, Significance
 from diagnosis.measurements.currents.pairs import pair_of

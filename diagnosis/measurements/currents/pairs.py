@@ -16,7 +16,7 @@ from scipy import stats
 from arm_io.types import Array
 from arm_model.effects import same_columns
 from diagnosis.cause import EffectKey
-from diagnosis.measurements.currents.library import Library
+from diagnosis.measurements.currents.design_matrix import Library
 from diagnosis.measurements.currents.limits import LIMITS, leakage, matters
 from diagnosis.measurements.currents.refinement import is_physical
 from diagnosis.selection.candidate import Candidate
