@@ -12,6 +12,7 @@ from typing import Any
 from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
+from arm_io.parallel import in_parallel
 from arm_report.chart import Chart
 from arm_report.motion import Motion
 from arm_report.plain import page_data, thinned
@@ -50,8 +51,11 @@ class Report:
         if not charts:
             return self._filled(collect, Markup()), charts
         # how much of each chart there is room for depends on all of them
-        data, points = page_data(charts, self.motion, list(self.joints))
-        pictures = stills(charts)
+        drawn: list[Callable[[], Any]] = [
+            lambda: page_data(charts, self.motion, list(self.joints)),
+            lambda: stills(charts),
+        ]
+        (data, points), pictures = in_parallel(lambda draw: draw(), drawn)
         places = iter(range(len(charts)))
 
         def draw(chart: Chart) -> Markup:

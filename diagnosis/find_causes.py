@@ -201,7 +201,7 @@ def _searched(
     data, free = bounded(data, free)
     searched, ripples = (library, ripples) if axis is None else (Library((), data), ())
     model = Currents(arm, data, searched, free, ripples, excluded, model_uncertainty(arm, data))
-    found, causes = tenable_causes(model, recordings.held_out, runs[first:], progress)
+    found, causes = tenable_causes(model, recordings, runs[first:], progress)
     return Named(
         arm=arm,
         sight=sight,

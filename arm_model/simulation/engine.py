@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import ctypes
-import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -78,16 +76,6 @@ def aligned(*shape: int, dtype: type[np.floating[Any]] = np.float64) -> Array:
     return raw[offset : offset + size].reshape(shape)
 
 
-@cache
-def _workers() -> ThreadPoolExecutor:
-    return ThreadPoolExecutor(max_workers=cores(), thread_name_prefix="arm")
-
-
-if hasattr(os, "register_at_fork"):
-    # threads do not follow into a fork
-    os.register_at_fork(after_in_child=_workers.cache_clear)
-
-
 def run_blocks(
     program: Program,
     timing: Array,
@@ -118,4 +106,6 @@ def run_blocks(
         part(0, blocks)
         return
     edges = np.linspace(0, blocks, pieces + 1).astype(int)
-    list(_workers().map(part, edges[:-1].tolist(), edges[1:].tolist()))
+    # threads that end here: beside those of a pool that stays, ``arm_io.parallel`` could not fork any more
+    with ThreadPoolExecutor(cores(), thread_name_prefix="arm") as pool:
+        list(pool.map(part, edges[:-1].tolist(), edges[1:].tolist()))

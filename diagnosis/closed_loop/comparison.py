@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_io import InputError
-from arm_io.parallel import in_parallel
+from arm_io.parallel import cores, in_parallel
 from arm_io.types import Array
 from arm_model import Arm
 from arm_model.sensing import recorded
@@ -156,8 +156,10 @@ def faithful(pairs: Sequence[tuple[Compared, Compared]], along: Sequence[tuple[A
     return bool(np.all(loop < FAITHFUL * motion))
 
 
-def with_smoothing_velocities(arm: Arm, recordings: Sequence[Recording]) -> Arm:
+def with_smoothing_velocities(arm: Arm, recordings: Sequence[Recording], ahead: Sequence[Recording] = ()) -> Arm:
     """The arm with the Coulomb smoothing velocities (``sign_velocity``) that these recordings show in closed loop.
+
+    ahead: recordings for which the same will be asked next; their loops are simulated meanwhile where a core is free.
 
     No data sheet states them, and simulations differ in them. A joint keeps its own where no other reduces its squared
     error by a tenth.
@@ -166,10 +168,11 @@ def with_smoothing_velocities(arm: Arm, recordings: Sequence[Recording]) -> Arm:
     moving = [j for j, joint in enumerate(arm.joints) if max(joint.rest_friction) > 0.0]
     if arm.controller is None or not usable or not moving:
         return arm
-    try:
-        errors = np.sum(_smoothing_errors(arm, usable, moving), axis=0)
-    except InputError:  # a spring that the model has no rotor for: a loop that cannot judge
+    of_next = [r for r in ahead if has_demand(r)] if cores() > 1 else []
+    known = [one for one in _smoothing_errors(arm, [*usable, *of_next], moving)[: len(usable)] if one is not None]
+    if len(known) < len(usable):
         return arm
+    errors = np.sum(known, axis=0)
     joints = list(arm.joints)
     unchanged = int(np.flatnonzero(SMOOTHING == 1.0)[0])
     for j in moving:
@@ -180,12 +183,15 @@ def with_smoothing_velocities(arm: Arm, recordings: Sequence[Recording]) -> Arm:
     return replace(arm, joints=tuple(joints))
 
 
-_errors_found: WeakKeyDictionary[Recording, tuple[Arm, Array]] = WeakKeyDictionary()
+_errors_found: WeakKeyDictionary[Recording, tuple[Arm, Array | None]] = WeakKeyDictionary()
 """By recording, the last arm whose loops were simulated, and their errors: two steps ask for the same arm."""
 
 
-def _smoothing_errors(arm: Arm, recordings: Sequence[Recording], moving: Sequence[int]) -> list[Array]:
-    """(lanes, n) A2 per recording: squared errors of loops with ``SMOOTHING`` of the ``moving`` joints (from 0)."""
+def _smoothing_errors(arm: Arm, recordings: Sequence[Recording], moving: Sequence[int]) -> list[Array | None]:
+    """(lanes, n) A2 per recording: squared errors of loops with ``SMOOTHING`` of the ``moving`` joints (from 0).
+
+    None for a loop that cannot judge.
+    """
     known = [_errors_found.get(recording, (None, None)) for recording in recordings]
     missing = [recording for recording, (of_arm, _) in zip(recordings, known) if of_arm != arm]
     for recording, errors in zip(missing, in_parallel(partial(_smoothing_error, arm, moving), missing)):
@@ -193,11 +199,14 @@ def _smoothing_errors(arm: Arm, recordings: Sequence[Recording], moving: Sequenc
     return [_errors_found[recording][1] for recording in recordings]
 
 
-def _smoothing_error(arm: Arm, moving: Sequence[int], recording: Recording) -> Array:
+def _smoothing_error(arm: Arm, moving: Sequence[int], recording: Recording) -> Array | None:
     carrying = set_up(arm, recording)
     lanes = {f"joint{j + 1}.sign_velocity": arm.joints[j].sign_velocity * SMOOTHING for j in moving}
     demand = demand_of_run(recording, carrying)
-    motion = simulate_batch(carrying, demand, recording.t - recording.t[0], parameters=lanes)
+    try:
+        motion = simulate_batch(carrying, demand, recording.t - recording.t[0], parameters=lanes)
+    except InputError:  # a spring that the model has no rotor for
+        return None
     rate = 1.0 / recording.dt
     apart = recording.i - recorded(carrying, motion).current
     return np.stack([np.sum(low_pass(one, COMPARE_BAND, rate)[kept(rate)] ** 2, axis=0) for one in apart])
@@ -214,18 +223,16 @@ def refuted(
     effect. A cause must hold in both comparisons: the residual along the measured motion, by which it was found, and
     the closed loop on held-out recordings.
     """
-    arms = [full, *less]
-    every = compare_all([(r, one, run) for one in arms for r, run in zip(recordings, runs)])
-    by_arm = [every[k * len(recordings) : (k + 1) * len(recordings)] for k in range(len(arms))]
-    usable = [k for k, pair in enumerate(by_arm[0]) if pair is not None]
-    compared = [(runs[k], pair) for k in usable if (pair := by_arm[0][k]) is not None]
-    with_all = [pair for _, pair in compared]
-    motion = [(run_rms, run_rms) for run, _ in compared for run_rms in [along_motion(run, run.arm, full)[1]]]
+    of_full = zip(recordings, runs, compare_all([(r, full, run) for r, run in zip(recordings, runs)]))
+    compared = [(r, run, pair) for r, run, pair in of_full if pair is not None]
+    with_all = [pair for _, _, pair in compared]
+    motion = [(run_rms, run_rms) for _, run, _ in compared for run_rms in [along_motion(run, run.arm, full)[1]]]
     if not faithful([(pair, pair) for pair in with_all], motion):
         return None
     worst: tuple[float, int] | None = None
-    for index, (of_arm, joint) in enumerate(zip(by_arm[1:], felt_at)):
-        pairs = [of_arm[k] for k in usable]
+    of_less = iter(compare_all([(r, arm, run) for arm in less for r, run, _ in compared]))
+    for index, joint in enumerate(felt_at):
+        pairs = [next(of_less) for _ in compared]
         without, complete = (
             sum(float(pair.error_rms("current")[joint - 1] ** 2) for pair in several if pair is not None)
             for several in (pairs, with_all)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from arm_io import make_folder
+from arm_io.parallel import in_parallel
 from arm_model import write_model
 from arm_model.effects import CATALOGUE
 from arm_report import write_report
@@ -100,11 +101,8 @@ def _signals(result: Diagnosis) -> list[dict[str, Any]]:
     """
     rows, in_loop = [], result.in_closed_loop
     fit, held_out = dataset_of(result.fit), dataset_of(result.held_out)
-    shares = [
-        predictable(fit, held_out, residual.fit, residual.held_out, result.arm).round(4)
-        for residual in (Split(fit.y, held_out.y), result.left)
-        if result.judged
-    ]
+    residuals = [Split(fit.y, held_out.y), result.left] if result.judged else []
+    shares = in_parallel(lambda of: predictable(fit, held_out, of.fit, of.held_out, result.arm).round(4), residuals)
     noise = np.mean([run.noise for run in result.held_out], axis=0)
     over_noise = [
         {one.joint: one.ratio for one in ratios(result.held_out, y)} for y in (held_out.y, result.left.held_out)

@@ -28,12 +28,15 @@ from diagnosis.residual.run import Run
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.next_order import is_of_ripple
 from diagnosis.verification.final_gain import negligible, with_significance, within_model
+from identification.selection import Split
 
 
 def tenable_causes(
-    model: Currents, recordings: Sequence[Recording], runs: Sequence[Run], progress: Progress
+    model: Currents, recordings: Split[Sequence[Recording]], runs: Sequence[Run], progress: Progress
 ) -> tuple[Found, list[Cause]]:
     """Causes that the search finds and closed loops on held-out ``recordings`` do not refute.
+
+    runs: residuals of the held-out ones.
 
     In the place of a refuted one it searches again.
     """
@@ -96,18 +99,21 @@ def indistinct(arm: Arm, causes: Sequence[Cause]) -> int | None:
     return None
 
 
-def _untenable(arm: Arm, causes: list[Cause], recordings: Sequence[Recording], runs: Sequence[Run]) -> int | None:
+def _untenable(
+    arm: Arm, causes: list[Cause], recordings: Split[Sequence[Recording]], runs: Sequence[Run]
+) -> int | None:
     """The first cause that no body has, none of whose parameters is significant, or that the closed loop refutes."""
     if not causes:
         return None
     for untenable in (impossible(arm, causes), indistinct(arm, causes)):
         if untenable is not None:
             return untenable
-    full = with_smoothing_velocities(extend(arm, causes), recordings)
+    # of causes that are not refuted, loops of the fitted recordings are compared next
+    full = with_smoothing_velocities(extend(arm, causes), recordings.held_out, ahead=recordings.fit)
     widths = [joint.sign_velocity for joint in full.joints]
     less = [extend(arm, [one for one in causes if one is not cause]) for cause in causes]
     turned = [
         replace(one, joints=tuple(replace(joint, sign_velocity=w) for joint, w in zip(one.joints, widths)))
         for one in less
     ]
-    return refuted(full, turned, [cause.felt_at or 1 for cause in causes], recordings, runs)
+    return refuted(full, turned, [cause.felt_at or 1 for cause in causes], recordings.held_out, runs)

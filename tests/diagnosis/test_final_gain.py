@@ -58,7 +58,7 @@ def test_a_cause_of_which_no_arm_is_left_is_refused_before_its_gain_is_judged(ar
     link = Candidate("link_inertia", 2)
     model = Currents(arm, data, Library((link,), data), [])
     assert model.refitted([link], {link.key: []}).terms[0].parameters["mass"] < -arm.joints[1].mass
-    found, causes = tenable_causes(model, [], data.held_out.runs, lambda sentence: None)
+    found, causes = tenable_causes(model, Split([], []), data.held_out.runs, lambda sentence: None)
     assert causes == [] and found.state.chosen == ()
 
 
