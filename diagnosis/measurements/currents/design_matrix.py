@@ -146,7 +146,8 @@ class Library(Mapping[Candidate, Pair]):
         of_key: dict[EffectKey, list[Candidate]] = {}
         for candidate in self._known:
             of_key.setdefault(candidate.key, []).append(candidate)
-        grids = [grid for grid in of_key.values() if len(grid) > 1 and not all(c in self._own for c in grid)]
+        new = ([c for c in several if c not in self._own] for several in of_key.values() if len(several) > 1)
+        grids = [grid for grid in new if grid]
         found = in_parallel(lambda grid: [columns_at_joint(c, self._data.fit) for c in grid], grids)
         for grid, own in zip(grids, found):
             self._own |= zip(grid, own)
