@@ -67,7 +67,7 @@ def compare_recordings(
         after=tuple(str(recording.path) for recording in after),
         changes=[*decided, *added, *limit_changes(before, after, arm)],
         circumstances=circumstances(recordings, motions, side, arm),
-        summaries=summaries(structure, fits, side, _as_decided(alone, decided), found),
+        summaries=summaries(structure, fits, side, _as_decided(alone, decided), found, added),
         warnings=[warning for run in runs for warning in run.warnings],
     )
 

@@ -42,9 +42,11 @@ DEPENDENT = 1e-6
 class Summary:
     """One cause of several changes.
 
-    effect     payload, or torque_constant (which a current gain is indistinguishable from)
+    effect     payload, torque_constant (which a current gain is indistinguishable from), link_inertia, or an effect
+               beyond the model
     joint      from 1; None: of the whole arm
-    parameters name -> value, std, unit; of a torque constant its relative error, of a payload mass and centre
+    parameters name -> value, std, unit; of a torque constant its relative error, of a payload mass and centre; of the
+               others the table has them
     explains   names of the significant changes that it makes
     """
 
@@ -90,15 +92,17 @@ def summaries(
     side: NDArray[np.bool_],
     changes: Sequence[Change],
     found: Sequence[Found] = (),
+    added: Sequence[Change] = (),
 ) -> list[Summary]:
-    """The causes that sum up changes: of the regressions of single recordings, or the scales that the joint fit found.
+    """The causes that sum up changes: of the regressions of single recordings, or those that the joint fit found.
 
     side     True of the fits before
     changes  of all quantities; the last of them are those of the values
-    found    by the joint fit
+    found    by the joint fit; added: changes of effects beyond the model
     """
     significant = [one for one in changes if one.significant]
     seen = _seen(fits, side, changes[len(changes) - structure.size :])
+    of_all = [*significant, *(one for one in added if one.significant)]
     if not len(seen.change) or not significant:
         return []
     candidates = 1 + len(structure.arm)
@@ -110,7 +114,7 @@ def summaries(
     # of two joints whose scales explain as much, nothing says which
     single += scales if sum(one is not None for one in scales) == 1 else []
     stated = [one for one in single if one is not None]
-    return [max(stated, key=lambda one: len(one.explains))] if stated else list(_by_joint_fit(found, significant))
+    return [max(stated, key=lambda one: len(one.explains))] if stated else list(_by_joint_fit(found, of_all))
 
 
 def _seen(fits: Sequence[Fitted], side: NDArray[np.bool_], changes: Sequence[Change]) -> _Changes:
@@ -209,16 +213,34 @@ def _current_scale(
 
 
 def _by_joint_fit(found: Sequence[Found], significant: Sequence[Change]) -> Iterator[Summary]:
-    """The scales of currents among what the joint fit found; each explains what it makes, and what its joint shows."""
+    """The causes among what the joint fit found that make several changes: scales, bodies, effects beyond the model."""
     of = [each.quantity for each in significant]
     for one in found:
-        what, joint, tested = one.tested.hypothesis.what, one.tested.hypothesis.joint, one.tested
-        if what == "scale" and joint is not None:
+        tested, joint = one.tested, one.tested.hypothesis.joint
+        what, added = tested.hypothesis.what, tested.hypothesis.added
+        if joint is None:
+            continue
+        if what == "scale":
             axis = float(np.sign(np.sum(tested.hypothesis.directions * tested.directions)))
             names = [each.name for each in of if each.name in one.makes or each.joint == joint]
             c, std = axis * float(tested.coefficients[0]), float(np.sqrt(tested.covariance[0, 0]))
             if (summary := _scale(joint, c, std, names, len(of) - len(names))) is not None:
                 yield summary
+        elif added is not None:
+            own = [each for each in of if each.name.startswith(f"joint{joint}.{added.effect}.")]
+            names = [each.name for each in of if each in own or each.name in one.makes]
+            if own and len(names) > len(own):
+                yield _cause(added.effect, joint, own[0].words, names, len(of))
+        elif what == "inertia" and len(tested.coefficients) > 1:
+            names = [each.name for each in of if each.name in one.makes]
+            if len(names) > 1:
+                yield _cause("link_inertia", joint, f"body of link {joint}, or what it carries", names, len(of))
+
+
+def _cause(effect: str, joint: int, words: str, explains: Sequence[str], of: int) -> Summary:
+    """A cause whose value the table has."""
+    sentence = f"{words[:1].upper()}{words[1:]}: explains {_all(len(explains), of)}"
+    return Summary(effect=effect, joint=joint, parameters={}, explains=tuple(explains), sentence=sentence)
 
 
 def _scale(joint: int, c: float, std: float, explains: Sequence[str], others: int) -> Summary | None:

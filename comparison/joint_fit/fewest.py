@@ -95,10 +95,11 @@ def with_fewest(recorded: Recorded, changes: Sequence[Change]) -> tuple[list[Cha
             decided[k] = _conditional(decided[k], before, after, one, joint.every)
             own[k] = True
     beside = tested(joint.both, joint.every, [one.hypothesis for one in found])
-    causes = [
-        Found(one, frozenset(each.quantity.name for each, by in zip(decided, own) if by))
-        for own, one in zip(made, found)
-    ]
+    causes = []
+    for own, one in zip(made, found):
+        # without what the others change less beside it
+        touched = own & np.any(maps @ one.hypothesis.directions != 0.0, axis=1)
+        causes.append(Found(one, frozenset(each.quantity.name for each, by in zip(decided, touched) if by)))
     return decided, added_changes(structure, joint.every, found, beside, values, covariance), causes
 
 

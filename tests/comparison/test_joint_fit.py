@@ -59,10 +59,14 @@ def test_a_ripple_that_both_have_is_no_change(arm: Arm, tmp_path: Path) -> None:
 @pytest.mark.parametrize("again", [{}, ANOTHER], ids=["same motion", "another motion"])
 def test_a_spring_that_came_is_named(arm: Arm, before: Recording, tmp_path: Path, again: dict[str, Any]) -> None:
     after = record(tmp_path / "after.mcap", arm, 2, **SHORT, **again, spring=20.0)
-    found = significant(compare_recordings([before], [after], arm))
+    result = compare_recordings([before], [after], arm)
+    found = significant(result)
     one = found["joint2.gravity_spring.stiffness"]
     assert one.std is not None and one.change == pytest.approx(20.0, abs=max(4 * one.std, 1.0))
     assert {each.quantity.joint for each in found.values()} == {2}
+    # it has a constant torque, which friction has as well: one cause
+    summed = {name: each.effect for each in result.summaries for name in each.explains}
+    assert summed == (dict.fromkeys(found, "gravity_spring") if len(found) > 1 else {})
 
 
 def test_a_limit_that_came_is_named(arm: Arm, before: Recording, tmp_path: Path) -> None:

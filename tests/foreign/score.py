@@ -213,11 +213,9 @@ def is_of(change: Mapping[str, Any], hidden: Hidden) -> bool:
 
 def right_sum(summary: Mapping[str, Any], hidden: Hidden) -> bool:
     """Whether the one cause by which ``compare`` sums up its changes is the hidden effect."""
-    same = {summary["effect"], hidden.effect} <= SCALES or {summary["effect"], hidden.effect} <= {
-        "payload",
-        "link_inertia",
-    }
-    return same and summary["joint"] in (None, hidden.joint)
+    both = {summary["effect"], hidden.effect}
+    same = any(both <= alike for alike in (SCALES, {"payload", "link_inertia"}, {hidden.effect}))
+    return same and (None in (summary["joint"], hidden.joint) or summary["joint"] == hidden.joint)
 
 
 def figures(outcomes: Sequence[Outcome]) -> dict[str, float]:
