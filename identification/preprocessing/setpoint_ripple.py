@@ -53,13 +53,20 @@ def whole_rows(setpoints: Setpoints, rate: float) -> int:
 def folding_line(setpoints: Setpoints, rate: float) -> int:
     """The lowest line of setpoints that rows at ``rate`` Hz put within BEAT of 0 Hz; 0: none.
 
-    As many as rows per setpoint where these are a whole number. Of one row per setpoint, recorder and controller run as
-    one: that line is not counted.
+    As many as rows per setpoint where these are a whole number. Of one row per setpoint or less, no line is counted.
     """
     rows = whole_rows(setpoints, rate)
-    if rows or setpoints.period * rate < 1.5:
+    if rows or _as_one(setpoints, rate):
         return rows
     return next((k for k in range(2, LINES + 1) if _seen_at(np.array([k]), setpoints.period, rate)[0] <= BEAT), 0)
+
+
+def _as_one(setpoints: Setpoints, rate: float) -> bool:
+    """Whether rows at ``rate`` Hz come no more often than setpoints, as where recorder and controller run as one.
+
+    Also where no setpoints are known.
+    """
+    return setpoints.period * rate < 1.0 + BEAT * setpoints.period
 
 
 def unbounded(setpoints: Setpoints, rate: float) -> bool:
@@ -133,7 +140,7 @@ def lines_beside_zero(t: Array, q: Array, torque: Array, setpoints: Setpoints) -
 def _near_zero(setpoints: Setpoints, rate: float) -> dict[float, list[int]]:
     """Hz beside 0 at which lines of the setpoints are seen -> these lines; only lines that others bound."""
     period = setpoints.period
-    if period * rate < 1.5:
+    if _as_one(setpoints, rate):
         return {}
     lines = np.arange(1, LINES + 1)
     seen_at = _seen_at(lines, period, rate)

@@ -84,16 +84,24 @@ def test_a_clock_that_is_millionths_off_changes_no_bound(arm: Arm, rate: float) 
 
 @pytest.fixture
 def recordings(arm: Arm, tmp_path: Path) -> Callable[..., list[Recording]]:
-    def record(*effects: EffectTerm) -> list[Recording]:
+    def record(*effects: EffectTerm, rate: float = 250.0) -> list[Recording]:
         worn, found = replace(arm, effects=effects), []
         for number in range(2):
-            t, q, i, qref = _sampled(worn, 250.0, number)
+            t, q, i, qref = _sampled(worn, rate, number)
             path = tmp_path / f"{number}.mcap"
             write_table(path, t, {"q": q, "i": i, "qref": qref}, Attachments())
             found.append(open_recording(path))
         return found
 
     return record
+
+
+def test_of_setpoints_every_one_and_a_quarter_rows_no_body_is_named(
+    arm: Arm, recordings: Callable[..., list[Recording]]
+) -> None:
+    """At 125 rows/s the fifth line falls onto 0 Hz: a payload of 0.2 kg was named."""
+    fit, held_out = recordings(rate=125.0)
+    assert armscope.diagnose(fit, arm, held_out=held_out).verdict == "consistent"
 
 
 def test_small_viscous_friction_is_no_current_gain(arm: Arm, recordings: Callable[..., list[Recording]]) -> None:
