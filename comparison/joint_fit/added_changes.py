@@ -26,21 +26,20 @@ def added_changes(
     structure: Structure,
     every: Sequence[Hypothesis],
     found: Sequence[Tested],
-    others: Sequence[Tested],
     values: Array,
     covariance: Array,
 ) -> list[Change]:
-    """One or two per effect and joint, by the alternative that explains most; of ripples, of those that changed.
+    """One or two per effect and joint, by the alternative that explains most.
 
-    found   the hypotheses that entered; others: those that did not, beside which nothing of them is significant
+    Of an effect beyond the model that did not enter, the size on either side is no quantity: its column takes what
+    the model lacks otherwise.
+
+    found   the hypotheses that entered
     values, covariance  (c,), (c, c) of the side before
     """
-    entered = _best(found)
-    rest = {key: one for key, one in _best(others).items() if key not in entered and not _added(one).wave}
-    parts = [
-        *(_changes(structure.arm, one, chance(one.log_p, every), values, covariance) for one in entered.values()),
-        *(_changes(structure.arm, one, 0.0, values, covariance) for one in rest.values()),
-    ]
+    parts = (
+        _changes(structure.arm, one, chance(one.log_p, every), values, covariance) for one in _best(found).values()
+    )
     return [change for part in parts for change in part]
 
 

@@ -94,13 +94,12 @@ def with_fewest(recorded: Recorded, changes: Sequence[Change]) -> tuple[list[Cha
             before, after = (float(maps[k] @ values), float(std[k])), (float(sizes[k]), float(errors[k]))
             decided[k] = _conditional(decided[k], before, after, one, joint.every)
             own[k] = True
-    beside = tested(joint.both, joint.every, [one.hypothesis for one in found])
     causes = []
     for own, one in zip(made, found):
         # without what the others change less beside it
         touched = own & np.any(maps @ one.hypothesis.directions != 0.0, axis=1)
         causes.append(Found(one, frozenset(each.quantity.name for each, by in zip(decided, touched) if by)))
-    return decided, added_changes(structure, joint.every, found, beside, values, covariance), causes
+    return decided, added_changes(structure, joint.every, found, values, covariance), causes
 
 
 def _searched(recorded: Recorded) -> _Joint:
