@@ -26,6 +26,9 @@ CORES = "ARMSCOPE_CORES"
 """Environment: the most cores that a command uses; by default all that it may use."""
 _NUMBER, _MOST = 4, 1024
 """Bytes of the number of an item in the queue, and items of one queue: what the smallest pipe holds."""
+_PROCESSES = 16
+"""At most, with the parent: arrays of another process hold a file descriptor while they are used, and most systems
+allow 1024."""
 _ALIGNED = 64
 """Bytes at whose multiples arrays begin in the memory that they are sent through."""
 _DEATH_SIGNAL = 1
@@ -63,7 +66,7 @@ def in_parallel(work: Callable[[T], R], items: Sequence[T]) -> list[R]:
     Results must be such as pickle takes; what ``work`` keeps elsewhere (caches) may be lost. The first exception, in
     the order of the items, is raised. No process outlives the call, whatever ends it.
     """
-    count = min(cores(), len(items))
+    count = min(cores(), _PROCESSES, len(items))
     if count < 2 or len(items) > _MOST or not _forks_safely():
         return [work(item) for item in items]
     queue = _queue(len(items))
@@ -176,7 +179,9 @@ def _received(way: _Way) -> dict[int, Any]:
             return {}
     size = max((last for _, last in places), default=0)
     # private: what a later fork writes there is its own
-    arrays = memoryview(mmap.mmap(way.memory, size, mmap.MAP_PRIVATE) if way.memory and size else bytearray())
+    arrays = memoryview(
+        mmap.mmap(way.memory, size, mmap.MAP_PRIVATE) if way.memory is not None and size else bytearray()
+    )
     received: dict[int, Any] = pickle.loads(text, buffers=[arrays[first:last] for first, last in places])
     return received
 

@@ -177,3 +177,14 @@ def _runs(process: int) -> bool:
 def _children() -> set[int]:
     """Of this process, zombies too."""
     return set(map(int, Path(f"/proc/self/task/{os.getpid()}/children").read_text().split()))
+
+
+def test_of_many_cores_no_more_processes_are_used_than_descriptors_allow(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each of them holds one while its arrays are used."""
+    monkeypatch.setattr(parallel, "cores", lambda: 50)
+
+    def work(number: int) -> int:
+        time.sleep(0.01)
+        return os.getpid()
+
+    assert 1 < len(set(in_parallel(work, range(100)))) <= 16

@@ -34,3 +34,15 @@ def currents(arm: Arm, q: Array, qd: Array, qdd: Array) -> Array:
         wet = np.where(qd[:, j] > 0, joint.viscous[0], joint.viscous[1])
         torque[:, j] += joint.ratio**2 * (joint.rotor_inertia * qdd[:, j] + wet * qd[:, j]) + joint.ratio * dry * smooth
     return np.asarray(torque / arm.joint_array("drive_constant"))
+
+
+def built_up(v: Array, coulomb: float, stiffness: float, rate: float) -> Array:
+    """(k,) N m: friction by Dahl's law without damping at speeds v (k,) rad/s, ``rate`` rows/s, exactly row by row.
+
+    coulomb N m, stiffness N m/rad: torque over the way since a reversal.
+    """
+    torque, now = np.empty_like(v), 0.0
+    for k, way in enumerate(((v + np.roll(v, 1)) / 2 / rate).tolist()):
+        level = coulomb if way > 0.0 else -coulomb
+        torque[k] = now = level + (now - level) * np.exp(-stiffness * abs(way) / coulomb)
+    return torque

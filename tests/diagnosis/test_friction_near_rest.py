@@ -22,7 +22,7 @@ from diagnosis.report.wording import rise_at_rest as words
 from diagnosis.residual.expected_current import reading
 from diagnosis.residual.run import Run, residual_run
 from identification.selection import Split
-from tests.diagnosis.one_axis import vertical_joint
+from tests.diagnosis.one_axis import built_up, vertical_joint
 
 RATE, ROTOR, COULOMB, VISCOUS, WIDTH, NOISE, COUNT = 500.0, 2.0, 10.0, 5.0, 0.01, 0.1, 2e-5
 Friction = Callable[[np.ndarray, np.ndarray], np.ndarray]
@@ -101,16 +101,7 @@ def test_friction_that_builds_up_gradually_is_named_with_its_stiffness() -> None
 
 
 def _dry(stiffness: float) -> Friction:
-    """Dahl's law without damping: torque over the way since a reversal, exactly."""
-
-    def friction(v: np.ndarray, t: np.ndarray) -> np.ndarray:
-        torque, now = np.empty_like(v), 0.0
-        for k, way in enumerate(((v + np.roll(v, 1)) / 2 / RATE).tolist()):
-            level = COULOMB if way > 0.0 else -COULOMB
-            torque[k] = now = level + (now - level) * np.exp(-stiffness * abs(way) / COULOMB)
-        return torque
-
-    return friction
+    return lambda v, t: built_up(v, COULOMB, stiffness, RATE)
 
 
 @pytest.mark.parametrize("stiffness", [80.0, 8_000.0, 80_000.0])

@@ -22,7 +22,7 @@ from diagnosis.selection.candidate import Candidate
 from diagnosis.verification.smoothing_velocity import OtherSmoothing, other_smoothing
 from diagnosis.verification.tenable import causes_of
 from identification.selection import Split
-from tests.diagnosis.one_axis import vertical_joint
+from tests.diagnosis.one_axis import built_up, vertical_joint
 
 RATE, ROTOR, COULOMB, VISCOUS, NOISE, COUNT = 500.0, 0.5, 1.4, 0.5, 0.005, 8e-5
 MODEL = 0.01
@@ -32,19 +32,6 @@ Friction = Callable[[np.ndarray], np.ndarray]
 
 def _smooth(width: float) -> Friction:
     return lambda v: COULOMB * np.tanh(v / width)
-
-
-def _builds_up(stiffness: float) -> Friction:
-    """Dahl's law, exactly, from row to row."""
-
-    def friction(v: np.ndarray) -> np.ndarray:
-        torque, now = np.empty_like(v), 0.0
-        for k, way in enumerate(((v + np.roll(v, 1)) / 2 / RATE).tolist()):
-            level = COULOMB if way > 0.0 else -COULOMB
-            torque[k] = now = level + (now - level) * np.exp(-stiffness * abs(way) / COULOMB)
-        return torque
-
-    return friction
 
 
 def _recorded(path: Path, friction: Friction, seed: int) -> Recording:
@@ -93,5 +80,5 @@ def test_friction_of_a_smaller_smoothing_velocity_has_no_bristles(width: float, 
 
 @pytest.mark.parametrize("stiffness", [200.0, 400.0])
 def test_friction_that_builds_up_is_explained_by_no_smoothing_velocity(stiffness: float, tmp_path: Path) -> None:
-    left, other = _judged(_builds_up(stiffness), stiffness, tmp_path)
+    left, other = _judged(lambda v: built_up(v, COULOMB, stiffness, RATE), stiffness, tmp_path)
     assert left < 0.7 and other is None
