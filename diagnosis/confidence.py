@@ -10,6 +10,7 @@ what stays unexplained are counted for themselves.
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cache
@@ -35,10 +36,9 @@ LARGEST = 1e3
 
 def features(support: Support) -> tuple[float, ...]:
     """Of the regression, in the order of the table's weights."""
-    gain, left, sureness = (
-        float(np.log(np.clip(ratio, 1.0, LARGEST))) for ratio in (support.gain, support.left, support.sureness)
-    )
-    return gain, left, sureness, float(np.log(support.names)), float(min(support.unexplained, 3))
+    ratios = support.gain, support.left, support.sureness
+    gain, left, sureness = (math.log(min(max(ratio, 1.0), LARGEST)) for ratio in ratios)
+    return gain, left, sureness, math.log(support.names), float(min(support.unexplained, 3))
 
 
 def support_of(cause: Cause, left: Mapping[int, float], names: int, unexplained: int) -> Support:

@@ -3,7 +3,7 @@
 run   adds the names of new cases to the bank: foreign arms by both protocols, and the Puma; a case that is in it is
       replaced
 add   adds those of files that ``tests.foreign.proving_ground --out`` wrote
-fit   fits ``diagnosis/confidence.json`` on one half of the bank, judges it on the other, and draws the diagram
+fit   fits ``diagnosis/confidence.json`` to the bank, judges it by cross-validation, and draws the diagram
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ import numpy as np
 from diagnosis.confidence import TABLE
 from tests.confidence import bank, diagram
 from tests.confidence.bank import Name
-from tests.confidence.fit import fitted, halves, reliability, stated
+from tests.confidence.cross_validation import PRINTED_AS_98, cross_validated, reliability
+from tests.confidence.fit import fitted, levels
 from tests.executors import executor
 
 ROOT = Path(__file__).resolve().parents[2]
 DIAGRAM = ROOT / "docs" / "images" / "reliability.svg"
-EDGES = (0.0, 0.5, 0.8, 0.9, 0.95, 0.975, 1.0001)
 
 
 def main() -> None:
@@ -39,48 +39,49 @@ def main() -> None:
     if options.do == "run":
         _run(options)
     names = bank.read()
-    table = fitted(halves(names)[0])
-    figures = judged(table, names)
+    confidence, most = cross_validated(names)
+    table = fitted(names, most) | {"provenance": {"bank": "tests/confidence/bank.json", "names": len(names)}}
+    figures = judged(names, confidence, levels(table))
     if options.do == "fit":
-        table["provenance"] = {"bank": "tests/confidence/bank.json", **{k: figures[k] for k in ("fitted", "judged")}}
         TABLE.write_text(json.dumps(table, indent=1) + "\n", encoding="utf-8")
-        _draw(table, names)
+        _draw(names, confidence, levels(table))
     print(json.dumps(figures) if options.json else "\n".join(f"{key}: {value}" for key, value in figures.items()))
 
 
-def judged(table: dict, names: Sequence[Name]) -> dict[str, float]:
-    """Figures of a table on the half that it was not fitted to, flat."""
-    fit, other = halves(names)
-    figures: dict[str, float] = {"fitted": len(fit), "judged": len(other)}
+def judged(names: Sequence[Name], confidence: np.ndarray, each: Sequence[float]) -> dict[str, float]:
+    """Flat figures of what was stated of names, by the levels of the table, beside those of 1 - p alone.
+
+    confidence: (n,), by tables of other cases; each: level, rising
+    """
+    figures: dict[str, float] = {"names": len(names), "cases": len({name.key for name in names})}
     figures |= {f"names_{suite}": count for suite, count in sorted(Counter(name.suite for name in names).items())}
-    confidence, right, before = _columns(table, other)
+    right, before = _right(names), _one_minus_p(names)
     for label, values in (("", confidence), ("before_", before)):
-        top = values >= 0.975
-        figures[f"{label}said_98"], figures[f"{label}right_of_these"] = int(top.sum()), int(right[top].sum())
+        said = values >= PRINTED_AS_98
+        figures[f"{label}said_98"], figures[f"{label}right_of_these"] = int(said.sum()), int(right[said].sum())
         figures[f"{label}brier"] = round(float(np.mean((values - right) ** 2)), 4)
-    for at, share, count in reliability(confidence, right, EDGES):
-        figures[f"stated_{at:.3f}"] = round(share, 3)
-        figures[f"stated_{at:.3f}_names"] = count
+    for at, count, hits in reliability(confidence, right, each):
+        figures[f"stated_{at:.3f}_names"], figures[f"stated_{at:.3f}_right"] = count, hits
     return figures
 
 
-def _columns(table: dict, names: Sequence[Name]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(n,) each: stated confidence, whether the name was right, and 1 - p alone."""
-    confidence = np.array([stated(table, name) for name in names])
-    return (
-        confidence,
-        np.array([name.right for name in names], float),
-        np.array([n.support.significance for n in names]),
-    )
-
-
-def _draw(table: dict, names: Sequence[Name]) -> None:
-    confidence, right, before = _columns(table, halves(names)[1])
+def _draw(names: Sequence[Name], confidence: np.ndarray, each: Sequence[float]) -> None:
+    right, before = _right(names), _one_minus_p(names)
     rows = [
-        ("1 - p of the gain", "0.6", reliability(before, right, EDGES)),
-        ("stated", "tab:blue", reliability(confidence, right, EDGES)),
+        ("1 - p of the gain", "0.6", reliability(before, right, each)),
+        ("stated", "tab:blue", reliability(confidence, right, each)),
     ]
     diagram.draw(DIAGRAM, rows)
+
+
+def _right(names: Sequence[Name]) -> np.ndarray:
+    """(n,) 1.0 where the name was right."""
+    return np.array([name.right for name in names], float)
+
+
+def _one_minus_p(names: Sequence[Name]) -> np.ndarray:
+    """(n,) what the gain alone states."""
+    return np.array([name.support.significance for name in names])
 
 
 def _add(files: Sequence[Path], commit: str) -> None:

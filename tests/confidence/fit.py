@@ -1,14 +1,12 @@
-"""The table of confidence, fitted to one half of the bank's cases and judged on the other."""
+"""The table of confidence, fitted to names of the bank: a score of the evidence, and what ranges of it state."""
 
 from __future__ import annotations
 
-import itertools
-import zlib
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from scipy.optimize import isotonic_regression, minimize
+from scipy.optimize import minimize
 
 from diagnosis.confidence import beside_unexplained, counted, features
 from tests.confidence.bank import Name
@@ -20,8 +18,8 @@ SIGNS = (1, -1, 1, -1, -1)
 
 A small bank must not turn that round.
 """
-LEAST = 8
-"""Names per step of the table."""
+LEAST = 25
+"""Names of which a share is counted: the standard deviation of a share of fewer may be above 0.1."""
 FEW = 0.5
 """Stated of names beside what is unexplained while there are fewer than ``LEAST`` of them: too few to count."""
 SUREST, COUNTED = 0.97, 100
@@ -29,16 +27,11 @@ SUREST, COUNTED = 0.97, 100
 Array = np.ndarray
 
 
-def halves(names: Sequence[Name]) -> tuple[list[Name], list[Name]]:
-    """Names of one half of the cases, and of the other: by case, whatever the order of the file."""
-    sides: tuple[list[Name], list[Name]] = ([], [])
-    for name in names:
-        sides[zlib.crc32(f"{name.suite} {name.seed} {name.case}".encode()) % 2].append(name)
-    return sides
+def fitted(names: Sequence[Name], most: float = 1.0) -> dict[str, Any]:
+    """Weights, constant, steps and the count of names beside what is unexplained of ``diagnosis/confidence.json``.
 
-
-def fitted(names: Sequence[Name]) -> dict[str, Any]:
-    """Weights, constant, steps and the count of names beside what is unexplained of ``diagnosis/confidence.json``."""
+    most: the largest confidence that a step may state
+    """
     x = np.array([features(name.support) for name in names])
     right = np.array([name.right for name in names], float)
     constant, weights = _logistic(x, right)
@@ -49,8 +42,8 @@ def fitted(names: Sequence[Name]) -> dict[str, Any]:
     return {
         "constant": round(constant, 4),
         "weights": [round(float(weight), 4) for weight in weights],
-        "steps": _steps(score[order], right[order]),
-        "beside": {"confidence": level(count, hits) if count >= LEAST else FEW, "names": count, "right": hits},
+        "steps": steps(score[order], right[order], most),
+        "beside": {"confidence": level(count, hits, most) if count >= LEAST else FEW, "names": count, "right": hits},
     }
 
 
@@ -71,40 +64,39 @@ def _logistic(x: Array, right: Array) -> tuple[float, Array]:
     return float(at[0]), at[1:] / spread
 
 
-def _steps(score: Array, right: Array) -> list[dict[str, float]]:
-    """Ranges of the score, lowest first, each with one share of right names; it rises from step to step."""
-    groups = np.array_split(np.arange(len(score)), max(len(score) // LEAST, 1))
-    counts = np.array([len(group) for group in groups], float)
-    shares = np.array([right[group].mean() for group in groups])
-    rising = isotonic_regression(shares, weights=counts).x
-    steps = []
-    for value in np.unique(rising):
-        inside = np.concatenate([group for group, one in zip(groups, rising) if one == value])
-        names, hits = len(inside), float(right[inside].sum())
-        start = float(score[inside[0]])
-        steps.append({"from": round(start, 4), "confidence": level(names, hits), "names": names, "right": int(hits)})
-    return steps
+def steps(score: Array, right: Array, most: float = 1.0) -> list[dict[str, float]]:
+    """Ranges of the score, lowest first, each with its names, how many were right, and what it states.
+
+    score, right: (n,), the score rising. Neighbours are pooled until what is stated rises from step to step, which a
+    share of right names alone does not do: 35 of 36 state more than 8 of 8.
+    """
+    pooled: list[tuple[float, int, int]] = []
+    for group in np.array_split(np.arange(len(score)), max(len(score) // LEAST, 1)):
+        start, names, hits = float(score[group[0]]), len(group), int(right[group].sum())
+        while pooled and level(*pooled[-1][1:], most) >= level(names, hits, most):
+            start, below, hits_below = pooled.pop()
+            names, hits = names + below, hits + hits_below
+        pooled.append((start, names, hits))
+    return [
+        {"from": round(start, 4), "confidence": level(names, hits, most), "names": names, "right": hits}
+        for start, names, hits in pooled
+    ]
 
 
-def level(names: int, right: float) -> float:
-    """The confidence that a count states: (right + 1) / (names + 2), Laplace's rule of succession.
+def level(names: int, right: float, most: float = 1.0) -> float:
+    """The confidence that a count states: (right + 1) / (names + 2), Laplace's rule of succession, at most ``most``.
 
     Of fewer than ``COUNTED`` names, or less than 98 of 100 right, ``SUREST`` at most.
     """
     stated = round((right + 1) / (names + 2), 3)
-    return stated if names >= COUNTED and right >= 0.98 * names else min(stated, SUREST)
+    return min(stated, most if names >= COUNTED and right >= 0.98 * names else min(most, SUREST))
+
+
+def levels(table: dict[str, Any]) -> list[float]:
+    """All that a table states, lowest first."""
+    return sorted({table["beside"]["confidence"], *(step["confidence"] for step in table["steps"])})
 
 
 def stated(table: dict[str, Any], name: Name) -> float:
     """The confidence that a table states for a name."""
     return min(name.support.significance, counted(table, name.support))
-
-
-def reliability(confidence: Array, right: Array, edges: Sequence[float]) -> list[tuple[float, float, int]]:
-    """(mean stated confidence, share of right names, names) per range of the confidence that has any."""
-    rows = []
-    for low, high in itertools.pairwise(edges):
-        inside = (confidence >= low) & (confidence < high)
-        if inside.any():
-            rows.append((float(confidence[inside].mean()), float(right[inside].mean()), int(inside.sum())))
-    return rows

@@ -2,27 +2,41 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.stats import binom
 
 from diagnosis.cause import MAX_CONFIDENCE, Signal, Support
 from diagnosis.confidence import TABLE, deserved
 from diagnosis.confidence import stated as stated_of
-from tests.confidence.__main__ import judged
 from tests.confidence.bank import Key, Name, puma_chosen, read, replaced, write
-from tests.confidence.fit import fitted, halves, level, stated
+from tests.confidence.cross_validation import by_other_cases, confirmed, cross_validated, reliability
+from tests.confidence.fit import COUNTED, FEW, LEAST, SUREST, fitted, level, levels, stated, steps
 from tests.diagnosis.runs import group_of
 
+CHANCE = 0.025
+"""Of a count that is further than this from what was stated, on one side: about two standard deviations."""
 
-def test_the_shipped_table_is_fitted_to_half_of_the_bank() -> None:
+
+@pytest.fixture(scope="module")
+def judged() -> tuple[np.ndarray, np.ndarray, float]:
+    """(n,) stated of each name by the table of the other cases, whether it was right, and the most that is stated."""
+    names = read()
+    confidence, most = cross_validated(names)
+    return confidence, np.array([name.right for name in names]), most
+
+
+def test_the_shipped_table_is_fitted_to_the_bank(judged: tuple[np.ndarray, np.ndarray, float]) -> None:
     shipped = json.loads(TABLE.read_text())
-    again = fitted(halves(read())[0])
+    again = fitted(read(), judged[2])
     np.testing.assert_allclose(shipped["weights"], again["weights"], atol=1e-3)
     assert (shipped["steps"], shipped["beside"]) == (again["steps"], again["beside"])
+    assert shipped["provenance"]["names"] == len(read())
 
 
 def test_names_state_the_confidence_of_the_table() -> None:
@@ -32,12 +46,28 @@ def test_names_state_the_confidence_of_the_table() -> None:
 
 
 def test_steps_rise_and_count_what_was_right() -> None:
-    steps = json.loads(TABLE.read_text())["steps"]
-    assert [step["from"] for step in steps] == sorted(step["from"] for step in steps)
-    confidences = [step["confidence"] for step in steps]
-    assert confidences == sorted(confidences)
-    for step in steps:
+    table = json.loads(TABLE.read_text())
+    counted = table["steps"]
+    assert all(low["from"] < high["from"] for low, high in itertools.pairwise(counted))
+    assert all(low["confidence"] < high["confidence"] for low, high in itertools.pairwise(counted))
+    for step in counted:
+        assert step["names"] >= LEAST
         assert step["confidence"] <= (step["right"] + 1) / (step["names"] + 2) + 1e-3
+    assert sum(step["names"] for step in counted) + table["beside"]["names"] == len(read())
+
+
+def test_what_steps_state_rises_whatever_the_counts() -> None:
+    """A small step whose names were all right states less than a large one with a wrong name: they are pooled."""
+    rng = np.random.default_rng(2)
+    for count, share in itertools.product((26, 80, 240), (0.3, 0.9, 0.97, 1.0)):
+        score = np.sort(rng.normal(size=count))
+        right = (rng.uniform(size=count) < share).astype(float)
+        made = steps(score, right)
+        assert all(low["confidence"] < high["confidence"] for low, high in itertools.pairwise(made))
+        assert sum(one["names"] for one in made) == count and sum(one["right"] for one in made) == right.sum()
+        for one, after in itertools.zip_longest(made, made[1:]):
+            inside = (score >= one["from"] - 1e-4) & (score < (after["from"] - 1e-4 if after else np.inf))
+            assert one["confidence"] == level(int(inside.sum()), right[inside].sum())
 
 
 def test_more_evidence_never_lowers_the_confidence() -> None:
@@ -49,19 +79,33 @@ def test_more_evidence_never_lowers_the_confidence() -> None:
         assert deserved(less) <= deserved(more) <= MAX_CONFIDENCE
 
 
-def test_the_other_half_is_predicted_better_than_by_p_values() -> None:
-    figures = judged(json.loads(TABLE.read_text()), read())
-    assert figures["brier"] < figures["before_brier"]
+def test_a_case_is_judged_by_a_table_that_does_not_know_it() -> None:
+    names = read()[:60]
+    case = names[0].key
+    turned = [replace(name, right=not name.right) if name.key == case else name for name in names]
+    before, after = (by_other_cases(bank, 1.0) for bank in (names, turned))
+    own = np.array([name.key == case for name in names])
+    np.testing.assert_array_equal(before[own], after[own])
+    assert (before[~own] != after[~own]).any()
 
 
-def test_what_is_stated_of_the_other_half_is_right_as_often() -> None:
-    """High confidence within two standard deviations of a count of that many names; low confidence is mostly wrong."""
-    table, names = json.loads(TABLE.read_text()), halves(read())[1]
-    confidence, right = np.array([(stated(table, name), name.right) for name in names]).T
-    high, low = confidence >= 0.9, confidence < 0.5
-    mean, count = confidence[high].mean(), high.sum()
-    assert right[high].mean() >= mean - 2 * np.sqrt(mean * (1 - mean) / count)
-    assert right[low].mean() < 0.5
+def test_names_are_predicted_better_than_by_p_values(judged: tuple[np.ndarray, np.ndarray, float]) -> None:
+    confidence, right, _ = judged
+    before = np.array([name.support.significance for name in read()])
+    assert np.mean((confidence - right) ** 2) < np.mean((before - right) ** 2)
+
+
+def test_every_level_is_right_as_often_as_it_states(judged: tuple[np.ndarray, np.ndarray, float]) -> None:
+    """Neither seldomer nor, but beside what is unexplained, oftener than by chance; 1 - p alone is not."""
+    confidence, right, _ = judged
+    each = levels(json.loads(TABLE.read_text()))
+    counts = reliability(confidence, right, each)
+    assert len(counts) == len(each)
+    for at, (stated_in_mean, names, hits) in zip(each, counts):
+        most = max(at, stated_in_mean)
+        assert binom.cdf(hits, names, most) > CHANCE
+        assert at == FEW or binom.sf(hits - 1, names, min(at, stated_in_mean)) > CHANCE
+    assert binom.cdf(right.sum(), len(right), MAX_CONFIDENCE) < CHANCE
 
 
 @pytest.mark.parametrize("signal", [Signal.TRACKER, Signal.LINK_ANGLE])
@@ -76,6 +120,33 @@ def test_98_percent_is_stated_only_where_98_of_100_were_right() -> None:
     for right, names, most in ((99, 99, 0.97), (98, 100, 0.981), (97, 100, 0.97), (500, 500, 1.0), (40, 60, 0.67)):
         assert level(names, right) <= most
     assert level(500, 500) >= 0.98 > level(99, 99)
+    assert level(500, 500, SUREST) == SUREST
+
+
+@pytest.mark.parametrize(
+    ("names", "right", "may"), [(100, 98, True), (99, 99, False), (200, 195, False), (0, 0, False)]
+)
+def test_98_percent_takes_98_of_100_names_of_other_cases(names: int, right: int, may: bool) -> None:
+    rest = 10
+    confidence = np.repeat([0.98, 0.5], (names, rest))
+    assert confirmed(confidence, np.arange(names + rest) < right) == may
+
+
+def test_the_shipped_table_states_98_percent_only_if_both_counts_do(
+    judged: tuple[np.ndarray, np.ndarray, float],
+) -> None:
+    confidence, right, most = judged
+    said = [step for step in json.loads(TABLE.read_text())["steps"] if round(100 * step["confidence"]) >= 98]
+    assert all(step["names"] >= COUNTED and step["right"] >= 0.98 * step["names"] for step in said)
+    assert not said or (most == 1.0 and confirmed(confidence, right))
+
+
+@pytest.mark.parametrize("every", [0, 30])
+def test_a_bank_without_wrong_names_states_98_percent_and_one_with_some_does_not(every: int) -> None:
+    """``every``: of so many names, one is wrong, however good its evidence; 0: none."""
+    names = [replace(name, right=not every or at % every != 0) for at, name in enumerate(read())]
+    highest = fitted(names, cross_validated(names)[1])["steps"][-1]["confidence"]
+    assert (round(100 * highest) >= 98) == (every == 0)
 
 
 def test_a_case_is_replaced_with_all_its_names(tmp_path: Path) -> None:
