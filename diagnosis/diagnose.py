@@ -56,6 +56,7 @@ from diagnosis.screening.event import Event
 from diagnosis.screening.plausibility import check_motion, mixed_up
 from diagnosis.selection.design import Dataset
 from diagnosis.verification.idle_limits import idle_limits
+from diagnosis.verification.not_simulated import not_simulated
 from diagnosis.verification.replaced_values import friction_replaced, smoothing_replaced
 from identification.selection import Split
 
@@ -213,7 +214,12 @@ def diagnose(
         shortage=named.shortage if measured.judged else None,
         known_to=known.held_out if state.model.uncertain else None,
         remainders=remainders(state, unexplained) if measured.judged else [],
-        warnings=(*cleaned.remarks, *_warnings(given, measured, named, structures), *friction_replaced(said, extended)),
+        warnings=(
+            *cleaned.remarks,
+            *_warnings(given, measured, named, structures),
+            *friction_replaced(said, extended),
+            *not_simulated(extended),
+        ),
     )
 
 

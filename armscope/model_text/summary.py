@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from arm_io import InputError
 from arm_model import Arm
 from arm_model.rigid_body import drive_mass_matrix
 from arm_model.simulation import system_of
@@ -19,8 +20,11 @@ HEADS = ("joint", "name", "type", "mass", "inertia at q = 0", "viscous + / -", "
 
 
 def summary(arm: Arm) -> dict[str, Any]:
-    """Joints with friction and inertia, base, effects, and how much the equations cost: plain data, for JSON."""
-    system = system_of(arm)
+    """Joints with friction and inertia, base, effects, and how much the equations cost: plain data, for JSON.
+
+    ``not_simulated``: why the model cannot be simulated (the cost is None then), or None.
+    """
+    cost, not_simulated = _cost(arm)
     diagonal = drive_mass_matrix(arm, np.zeros(len(arm)))[0].diagonal()
     joints = [
         {
@@ -48,9 +52,18 @@ def summary(arm: Arm) -> dict[str, Any]:
         "controller": controller,
         "base": None if arm.floating is None else _base(arm.floating),
         "effects": effects,
-        "operations": operations(system.tape, system.rates),
-        "states": len(system.states),
+        **cost,
+        "not_simulated": not_simulated,
     }
+
+
+def _cost(arm: Arm) -> tuple[dict[str, int | None], str | None]:
+    """Operations of the rates and count of states; and why there are none."""
+    try:
+        system = system_of(arm)
+    except InputError as error:
+        return {"operations": None, "states": None}, error.what
+    return {"operations": operations(system.tape, system.rates), "states": len(system.states)}, None
 
 
 def summary_text(summary: dict[str, Any]) -> str:
@@ -58,7 +71,9 @@ def summary_text(summary: dict[str, Any]) -> str:
     count = len(summary["joints"])
     lines = [
         f"{summary['name']}: {count} joint{'s' * (count > 1)}, controller: {summary['controller'] or 'none'}",
-        f"{summary['operations']} operations for the rates of {summary['states']} states",
+        f"cannot be simulated: {summary['not_simulated']}"
+        if summary["not_simulated"]
+        else f"{summary['operations']} operations for the rates of {summary['states']} states",
         *([] if summary["base"] is None else [_base_text(summary["base"])]),
         "",
         *text_table([_row(joint) for joint in summary["joints"]], HEADS, numbers=(0, 3, 4, 5, 6), keep=(0, 1)),

@@ -193,6 +193,8 @@ def _searched(
     share, best = 0.0, trials[0]
     for turn in range(1 + ROUNDS):
         shares = _shares(arm, trials, recordings[: 1 + turn], noise)  # the first values in the worst recording
+        if np.isnan(shares).all():  # no loop with such a transmission is stable
+            return None
         place = int(np.nanargmax(shares))
         share, best = float(shares[place]), trials[place]
         if turn == 0 and not share > LIMITS.promising:

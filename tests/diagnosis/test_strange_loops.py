@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import armscope
@@ -12,8 +13,11 @@ from arm_io import InputError
 from arm_model import Arm
 from arm_model.description import Joint
 from arm_model.servo import fixed_gains
+from armscope.model_text.summary import summary, summary_text
 from daq.recording import Recording
+from diagnosis.closed_loop import resonance
 from diagnosis.closed_loop.comparison import with_smoothing_velocities
+from diagnosis.verification.not_simulated import not_simulated
 
 
 @pytest.fixture(scope="module")
@@ -66,3 +70,37 @@ def test_a_loop_that_leaves_all_bounds_leaves_the_friction_as_it_is(arm: Arm, re
     late = lost.with_effect("time_skew", delay=0.002)
     for one in (lost, late):
         assert with_smoothing_velocities(one, [recording]) == one
+
+
+def test_where_no_spring_leaves_the_loop_stable_none_is_named(
+    arm: Arm, root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # a servo for the whole inertia is stable on a rigid joint, and not on a rotor of a thousandth behind a soft spring
+    assert arm.controller is not None
+    held = fixed_gains(
+        replace(arm, controller=replace(arm.controller, velocity_bandwidth=None, current_lag=0.0, servo_period=0.002))
+    )
+    joints = tuple(replace(one, torque_limit=None, rotor_inertia=1e-3 * one.rotor_inertia) for one in held.joints)
+    light = replace(held, joints=joints)
+    motion = armscope.read_experiment(root / "config/starters/csv/fit.toml")
+    pause, series = motion.segment[:2]
+    short = motion.model_copy(update={"segment": [pause, series.model_copy(update={"duration": 3.0, "fade": 0.3})]})
+    run = armscope.simulate(light, short).write(tmp_path / "run.mcap")
+    wave = np.outer(2.0 * np.sin(2.0 * np.pi * 40.0 * run.t), [1.0] + [0.0] * (len(arm) - 1))
+    monkeypatch.setattr(resonance, "LIMITS", replace(resonance.LIMITS, fastest=10.0))
+    waving = replace(run, i=run.i + wave)
+    assert resonance.transmission_resonance(light, [waving], [waving], [1]) is None
+
+
+def test_an_extended_model_without_a_rotor_behind_its_spring_says_so(arm: Arm, root: Path) -> None:
+    first = replace(arm.joints[0], rotor_inertia=0.0)
+    sprung = replace(arm, joints=(first, *arm.joints[1:])).with_effect("joint_compliance", 1, stiffness=1e4)
+    assert [*not_simulated(sprung)] == [
+        "the extended model cannot be simulated: joint compliance of joint 1 needs a rotor_inertia of that joint; "
+        "give it one"
+    ]
+    assert not [*not_simulated(arm.with_effect("joint_compliance", 1, stiffness=1e4))]
+    described = summary(sprung)
+    assert "no rotor_inertia" in described["not_simulated"] and described["operations"] is None
+    assert "cannot be simulated: joint 1" in summary_text(described)
+    assert summary(arm)["not_simulated"] is None
