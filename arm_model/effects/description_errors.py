@@ -65,11 +65,24 @@ def _rotor_inertia(arm: Arm, joint: int | None, p: Values) -> Arm:
     return _with_joint(arm, joint, rotor_inertia=drive.rotor_inertia + p.inertia / drive.gear**2)
 
 
+_LEVEL = {0: (2, 1), 1: (0, 2), 2: (0, 1)}
+"""Axis of the base (x, y, z: 0, 1, 2) nearest to gravity -> the axes of roll and of pitch, the other two."""
+
+
 def _base_tilt(arm: Arm, joint: int | None, p: Values) -> Arm:
-    cr, sr, cp, sp = np.cos(p.roll), np.sin(p.roll), np.cos(p.pitch), np.sin(p.pitch)
-    tilt = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]]) @ np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
-    x, y, z = tilt.T @ np.array(arm.gravity)
+    gravity = np.array(arm.gravity)
+    roll, pitch = _LEVEL[int(np.argmax(np.abs(gravity)))]
+    x, y, z = (_turn(pitch, p.pitch) @ _turn(roll, p.roll)).T @ gravity
     return replace(arm, gravity=(float(x), float(y), float(z)))
+
+
+def _turn(axis: int, angle: float) -> np.ndarray:
+    """(3, 3) rotation about the base's x, y or z axis (0, 1, 2)."""
+    one, other = (axis + 1) % 3, (axis + 2) % 3
+    turn = np.eye(3)
+    turn[[one, other], [one, other]] = np.cos(angle)
+    turn[other, one], turn[one, other] = np.sin(angle), -np.sin(angle)
+    return turn
 
 
 def _torque_constant(arm: Arm, joint: int | None, p: Values) -> Arm:
@@ -183,13 +196,29 @@ BASE_TILT = Effect(
     name="base_tilt",
     place=Place.GEOMETRY,
     parameters=(
-        # half a turn is the most that a base can be turned
-        Parameter("roll", "rad", (0.002, 0.05), True, "rotation of the base about its x axis", signed=True, most=3.2),
-        Parameter("pitch", "rad", (0.002, 0.05), True, "rotation of the base about its y axis", signed=True, most=3.2),
+        # half a turn is the most that a base can be turned; about gravity it has no effect
+        Parameter(
+            "roll",
+            "rad",
+            (0.002, 0.05),
+            True,
+            "rotation of the base about its x axis (z: gravity along x)",
+            signed=True,
+            most=3.2,
+        ),
+        Parameter(
+            "pitch",
+            "rad",
+            (0.002, 0.05),
+            True,
+            "rotation of the base about its y axis (z: gravity along y)",
+            signed=True,
+            most=3.2,
+        ),
     ),
-    equation="g is not along the base's z",
+    equation="g is not as the model has it",
     shows="torque of joint 1 as sin(q1 + phi)",
-    confused_with={"link_inertia": "turn the base"},
+    confused_with={"link_inertia": "turn the base", "joint_zero_offset": "a level on the base"},
     per_joint=False,
     observed_by={Instrument.CURRENT: Observation()},
     change=_base_tilt,
@@ -238,7 +267,7 @@ JOINT_ZERO_OFFSET = Effect(
     ),
     equation="q_read = q + delta",
     shows="gravity out of phase",
-    confused_with={"link_inertia": "tracker, level"},
+    confused_with={"link_inertia": "tracker, level", "base_tilt": "a level on the base"},
     observed_by={
         Instrument.CURRENT: Observation(),
         # which of the two encoders is off they cannot say

@@ -44,6 +44,11 @@ class Score(Generic[C]):
     by_joint: Array = field(repr=False, default_factory=lambda: np.zeros(0))
     share: float = 0.0
 
+    @property
+    def determined(self) -> int:
+        """Number of coefficients that the data says something of: a column of zeros has the coefficient 0."""
+        return int(np.count_nonzero(self.coefficients))
+
 
 class MeasurementModel(Protocol[C, S]):
     """What ``select`` searches: candidates C, and states S, each a set of chosen candidates fitted together."""

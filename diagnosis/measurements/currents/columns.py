@@ -33,6 +33,9 @@ from diagnosis.residual.instrument_noise import passed
 from diagnosis.residual.run import Run, signals_of
 from diagnosis.selection.candidate import Candidate
 
+STEP, ROUNDING = 1e-4, 1e-10
+"""Of finite differences: in units of the parameter; and what rounding leaves of a current, relative to its largest."""
+
 
 def at_own_joint(candidate: Candidate, arm: Arm) -> bool:
     """Whether only the current of the candidate's own joint changes."""
@@ -176,13 +179,22 @@ def _moved(run: Run, j: int, at: slice, angle: Array, speed: Array, acceleration
 
 
 def _changed(run: Run, arm: Arm, effect: Effect, joint: int | None, unit: Values) -> Array:
-    """First-order change by finite difference of the description."""
-    assert effect.change is not None
-    step = 1e-4
-    small = Values({k: (v * step if any(p.name == k for p in effect.linear) else v) for k, v in unit.items()})
-    other = effect.change(arm, joint, small)
-    after = inverse_dynamics(other, run.q, run.v, run.a) / other.joint_array("drive_constant")
-    return (after - run.along) / step
+    """First-order change by finite differences of the description; 0 where it is what rounding leaves.
+
+    By three points, as sizes that may not be negative allow none on the other side. By two, half of a step times the
+    second order is in it: a roll of the base of an arm that moves in one vertical plane would have a column, and be
+    estimated at hundreds of rad.
+    """
+
+    def expected(step: float) -> Array:
+        assert effect.change is not None
+        small = Values({k: (v * step if any(p.name == k for p in effect.linear) else v) for k, v in unit.items()})
+        other = effect.change(arm, joint, small)
+        return inverse_dynamics(other, run.q, run.v, run.a) / other.joint_array("drive_constant")
+
+    change = 4 * expected(STEP) - expected(2 * STEP) - 3 * run.along
+    change[:, np.abs(change).max(axis=0) < ROUNDING * np.abs(run.along).max(axis=0)] = 0.0
+    return change / (2 * STEP)
 
 
 def _link_columns(run: Run, arm: Arm, joint: int) -> Array:

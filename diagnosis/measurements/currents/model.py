@@ -191,11 +191,11 @@ class Currents(MeasurementModel[Candidate, State]):
         Its rivals are those that gain as much, or that the blocks do not distinguish from it.
         """
         best = max(admissible, key=lambda one: one.gain)
-        fewest, limits = len(score.coefficients), self.limits
+        fewest, limits = score.determined, self.limits
         rivals = [
             one
             for one in admissible
-            if (one.gain >= best.gain - self.tolerance(one, best) and len(one.coefficients) == fewest)
+            if (one.gain >= best.gain - self.tolerance(one, best) and one.determined <= fewest)
             or (one.gain > limits.ambiguity * best.gain and p_value(score.blocks - one.blocks) > limits.ambiguity_p)
         ]
         if score.candidate.terms:
