@@ -120,13 +120,23 @@ def reading(arm: Arm, t: Array, q: Array, *, powered: bool = True, motion: Motio
     return as_read(arm, t, powered * torque / bent.joint_array("drive_constant"))
 
 
+def lateness(effect: Effect, values: Values, t: Array) -> Array:
+    """(m,) s by which an effect delays currents at times t (m,) s; 0 of one that delays none."""
+    late = 0.0 if effect.delay is None else effect.delay(values, Signals(t=t))
+    return np.broadcast_to(np.asarray(late, float), t.shape)
+
+
+def delayed(t: Array, signal: Array, late: Array) -> Array:
+    """(m, ...) the ``signal`` (m, ...) at times t (m,) s, uniform, ``late`` (m,) s later; held before it begins."""
+    return np.asarray(CubicSpline(t, signal)(np.clip(t - late, t[0], t[-1])), float)
+
+
 def as_read(arm: Arm, t: Array, current: Array) -> Array:
     """(m, n) A that transducers of ``arm`` show at times t (m,) s of motor currents (m, n) A: late, and not linear."""
     terms = terms_of(arm)
     for effect, _, values in terms:
         if effect.delay is not None:
-            late = np.broadcast_to(np.asarray(effect.delay(values, Signals(t=t)), float), t.shape)
-            current = CubicSpline(t, current)(np.clip(t - late, t[0], t[-1]))
+            current = delayed(t, current, lateness(effect, values, t))
     for effect, joint, values in terms:
         if effect.current is not None and joint is not None:
             own, current = current[:, joint - 1], current.copy()

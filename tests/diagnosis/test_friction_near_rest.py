@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from arm_model import Arm
+from arm_model import Arm, EffectTerm
 from arm_model.effects import CATALOGUE, Variable
 from diagnosis.cause import Cause, Estimate
 from diagnosis.measurements.near_rest.friction import _rises, friction_causes
@@ -56,20 +56,20 @@ def _nothing(q: np.ndarray, v: np.ndarray) -> np.ndarray:
     return np.zeros_like(q)
 
 
-def _runs(friction: Friction, other: Friction = _nothing) -> Split[Sequence[Run]]:
+def _runs(friction: Friction, other: Friction = _nothing, late: float = 0.0) -> Split[Sequence[Run]]:
     """Two recordings fitted and one held out, of an axis that reverses often and never creeps for long.
 
-    other: another torque (k,) at angles q (k,) rad and speeds.
+    other: another torque (k,) at angles q (k,) rad and speeds; late: s by which currents are recorded after angles.
     """
     runs: list[Run] = []
     for seed in range(3):
         rng, t = np.random.default_rng(seed), np.arange(0.0, 12.0, 1 / RATE)
         rates = 2 * np.pi * np.array([0.31, 0.53, 0.83]) * rng.uniform(0.9, 1.1, 3)
-        phases = np.outer(t, rates) + rng.uniform(0, 6, 3)
-        size = np.array([0.3, 0.15, 0.1])
+        start, size = rng.uniform(0, 6, 3), np.array([0.3, 0.15, 0.1])
+        phases = np.outer(t - late, rates) + start
         q, v, a = np.sin(phases) @ size, np.cos(phases) @ (size * rates), -np.sin(phases) @ (size * rates**2)
         i = ROTOR * a + VISCOUS * v + friction(v, t) + other(q, v) + NOISE * rng.normal(size=len(t))
-        q = np.round(q / COUNT) * COUNT
+        q = np.round(np.sin(np.outer(t, rates) + start) @ size / COUNT) * COUNT
         runs.append(residual_run(f"{seed}", _axis(), t, q[:, None], i[:, None]))
     return Split(runs[:2], runs[2:])
 
@@ -98,6 +98,17 @@ def test_friction_that_builds_up_gradually_is_named_with_its_stiffness() -> None
     assert cause.key == ("presliding_friction", 1)
     found = {p.name: p for p in cause.parameters}
     assert abs(found["stiffness"].value - 2000.0) < 2 * found["stiffness"].std < 1000.0
+
+
+def test_friction_of_late_currents_turns_as_late() -> None:
+    """Undelayed, friction sharper than the model's was bristles of 282 kN m/rad at 98 %, and a hump was nothing."""
+    skew = EffectTerm("time_skew", None, {"delay": 0.016})
+    sharper = _runs(_slides(lambda v: np.tanh(v / (WIDTH / 20))), late=0.016)
+    assert not friction_causes(sharper, [skew], (), ())
+    (cause,) = friction_causes(_runs(_hump(4.0, 0.05), late=0.016), [skew], (), ())
+    assert cause.key == ("stribeck_friction", 1)
+    (breakaway,) = (p for p in cause.parameters if p.name == "breakaway")
+    assert abs(breakaway.value - 4.0) < 2 * breakaway.std < 2.0
 
 
 def _dry(stiffness: float) -> Friction:

@@ -25,11 +25,14 @@ from diagnosis.residual.expected_current import (
     COMPARE_BAND,
     MOTION_BAND,
     coulomb_at,
+    delayed,
     integrated,
+    lateness,
     low_pass,
     motion_of,
     rate_of,
     reading,
+    terms_of,
     true_angle,
 )
 from diagnosis.residual.noise import angle_noise
@@ -60,6 +63,7 @@ class NearRest:
     rows (m,)   which of the run's rows these are; block (r,): number of the passage and its second
     residual    (r,) A over std, conditional on all causes; std (r,) A
     beside      (r, k) orthonormal: what is known to be of another law, and counts neither in ``residual`` nor in ``of``
+    late        (k,) s by which currents are recorded after the angles; empty: they are not
     """
 
     run: Run
@@ -71,10 +75,12 @@ class NearRest:
     residual: Array
     std: Array
     beside: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    late: Array = field(default_factory=lambda: np.zeros(0))
 
     def of(self, torque: Array) -> Array:
         """(r, ...) over std: what a friction torque (k, ...) N m at the rate of the recording adds to the current."""
-        rate = rate_of(self.run.raw[0])
+        t, rate = self.run.raw[0], rate_of(self.run.raw[0])
+        torque = delayed(t, torque, self.late) if self.late.any() else torque
         amperes = low_pass(torque, COMPARE_BAND, rate)[kept(rate)][self.rows] / self._drive.drive_constant
         return self.apart(np.asarray((amperes.T / self.std).T, float))
 
@@ -112,13 +118,15 @@ class NearRest:
 class Seen:
     """A recording by angles between the steps of its encoders: v (k, n) rad/s at its rate, residual (m, n) A.
 
-    stands: (k, n) where joints stand, by the readings themselves: a joint that creeps shows steps.
+    stands: (k, n) where joints stand, by the readings themselves: a joint that creeps shows steps. late: (k,) s by
+    which its currents are recorded after its angles.
     """
 
     run: Run
     v: Array
     residual: Array
     stands: NDArray[np.bool_]
+    late: Array
 
 
 def seen(runs: Sequence[Run], terms: Sequence[EffectTerm]) -> list[Seen]:
@@ -132,11 +140,12 @@ def _seen(run: Run, terms: Sequence[EffectTerm]) -> Seen:
     rate, angle = rate_of(t), between_steps(q)
     shown = motion_of(true_angle(arm, q), MOTION_BAND, rate)
     stands = np.stack([standing(v, rate) for v in shown[1].T], axis=1)
+    late = np.sum([lateness(effect, values, t) for effect, _, values in terms_of(arm)], axis=0) + np.zeros_like(t)
     if np.array_equal(angle, q):
-        return Seen(run, shown[1], residual_with(run, terms), stands)
+        return Seen(run, shown[1], residual_with(run, terms), stands, late)
     motion = motion_of(true_angle(arm, angle), MOTION_BAND, rate)
     expected = low_pass(reading(arm, t, angle, motion=motion), COMPARE_BAND, rate)[kept(rate)]
-    return Seen(run, motion[1], run.current - expected, stands)
+    return Seen(run, motion[1], run.current - expected, stands, late)
 
 
 def near_rest(recordings: Sequence[Seen], joint: int, given: Collection[Variable] = ()) -> list[NearRest]:
@@ -198,6 +207,7 @@ def _of_run(recording: Seen, joint: int) -> NearRest:
         block=(passage * len(rows) + np.arange(len(rows)) // ROWS_PER_SECOND)[rows],
         residual=np.zeros(0),
         std=np.ones(int(rows.sum())),
+        late=recording.late,
     )
     drive = run.arm.joints[j]
     lacking = max(drive.rest_friction) * (1.0 - np.abs(one.sign(drive.sign_velocity)))
