@@ -6,8 +6,8 @@ that the second order of a strong effect is not mistaken for another effect.
 
 from __future__ import annotations
 
-from dataclasses import replace
-from functools import cache
+from dataclasses import dataclass, replace
+from functools import cache, cached_property
 
 import numpy as np
 from scipy import signal
@@ -74,11 +74,7 @@ def coulomb_at(joint: Joint, v: Array, sign: Array) -> Array:
 
 def motion_of(q: Array, band: float, rate: float) -> Motion:
     """Angle, speed and acceleration (m, n) of recorded angles q (m, n), as far as they lie in the band."""
-    return with_rates(low_pass(q, band, rate), rate)
-
-
-def with_rates(angle: Array, rate: float) -> Motion:
-    """Angles (m, n) with their differences, speed and acceleration, for ``rate`` rows per second."""
+    angle = low_pass(q, band, rate)
     speed = np.gradient(angle, 1.0 / rate, axis=0)
     return angle, speed, np.gradient(speed, 1.0 / rate, axis=0)
 
@@ -104,11 +100,40 @@ def true_angle(arm: Arm, q: Array) -> Array:
     return angle
 
 
-def reading(arm: Arm, t: Array, q: Array, *, powered: bool = True, motion: Motion | None = None) -> Array:
+@dataclass(frozen=True)
+class Links:
+    """Rigid links of an arm in the band of comparison, while its motors stand at angles (m, n) rad, ``rate`` Hz apart.
+
+    Springs are wound up by them. Each is computed when it is first asked for.
+    """
+
+    arm: Arm
+    angle: Array
+    rate: float
+
+    @cached_property
+    def motion(self) -> Motion:
+        """Of the motors: that of the links, if nothing is elastic."""
+        return motion_of(self.angle, COMPARE_BAND, self.rate)
+
+    @cached_property
+    def load(self) -> Array:
+        """(m, n) N m at the drives."""
+        return rigid_torque_along(self.arm, *self.motion)
+
+    @cached_property
+    def inertia(self) -> Array:
+        """(m, n) kg m2 of the links alone at the drives."""
+        return mass_matrix_along(self.arm, self.motion[0], rotors=False).diagonal(axis1=1, axis2=2).copy()
+
+
+def reading(
+    arm: Arm, t: Array, q: Array, *, powered: bool = True, motion: Motion | None = None, links: Links | None = None
+) -> Array:
     """(m, n) A that the transducers show at times t (m,) s, uniform, while the encoders show q (m, n) rad.
 
     Not ``powered``: the drives are off, no current flows, and the transducers show what they add themselves.
-    motion: ``motion_of`` the ``true_angle``, where that is known already.
+    motion, links: ``motion_of`` the ``true_angle``, and the ``Links`` at it, where they are known already.
     """
     rate = rate_of(t)
     angle = true_angle(arm, q)
@@ -116,7 +141,7 @@ def reading(arm: Arm, t: Array, q: Array, *, powered: bool = True, motion: Motio
     bent, terms = described(arm), terms_of(arm)
     torque = inverse_dynamics(arm, *motion, time=t)
     if any(effect.spring or effect.rate for effect, _, _ in terms):
-        torque = torque + _with_states(arm, bent, terms, angle, motion, rate)
+        torque = torque + _with_states(arm, terms, motion, links or Links(bent, angle, rate))
     return as_read(arm, t, powered * torque / bent.joint_array("drive_constant"))
 
 
@@ -144,41 +169,31 @@ def as_read(arm: Arm, t: Array, current: Array) -> Array:
     return np.asarray(current, float)
 
 
-def _with_states(
-    arm: Arm, bent: Arm, terms: list[Term], angle: Array, motion: tuple[Array, Array, Array], rate: float
-) -> Array:
+def _with_states(arm: Arm, terms: list[Term], motion: Motion, links: Links) -> Array:
     """(m, n) N m that elastic transmissions, wound up as their load demands at every instant, and bristles add."""
-    added = np.zeros_like(angle)
+    added = np.zeros_like(links.angle)
     for effect, joint, values in terms:
         if effect.rate is not None and effect.torque is not None and joint is not None:
             j, drive = joint - 1, arm.joints[joint - 1]
             speed = motion[1][:, j]
             sign = speed / np.hypot(speed, drive.sign_velocity)
             s = Signals(q=motion[0][:, j], v=speed, sign=sign, coulomb=coulomb_at(drive, speed, sign))
-            added[:, j] += effect.torque(values, replace(s, state=integrated(effect, values, s, 1.0 / rate)))
-    stiff = motion_of(angle, COMPARE_BAND, rate)
-    link = tuple(part.copy() for part in stiff)
-    load = rigid_torque_along(bent, *stiff)
+            added[:, j] += effect.torque(values, replace(s, state=integrated(effect, values, s, 1.0 / links.rate)))
+    link = tuple(part.copy() for part in links.motion)
     for effect, joint, values in terms:
         if effect.spring is not None and effect.deflection is not None and joint is not None:
-            for part, twist in zip(link, _twist(bent, effect, joint - 1, values, stiff[0], load[:, joint - 1], rate)):
+            for part, twist in zip(link, _twist(effect, values, links, joint - 1)):
                 part[:, joint - 1] -= twist
-    return added + rigid_torque_along(bent, *link) - load
+    return added + rigid_torque_along(links.arm, *link) - links.load
 
 
-def _twist(
-    arm: Arm, effect: Effect, j: int, values: Values, q: Array, load: Array, rate: float
-) -> tuple[Array, Array, Array]:
-    spring = spring_of(effect, values)
-    if spring is not None:
-        return wound_up(load, mass_matrix_along(arm, q, rotors=False)[:, j, j], *spring, 1.0 / rate)
-    twist = low_pass(
-        through_gap(load, mass_matrix_along(arm, q, rotors=False)[:, j, j], gap_of(effect, values), 1.0 / rate),
-        MOTION_BAND,
-        rate,
-    )
-    speed: Array = np.gradient(twist, 1.0 / rate)
-    return twist, speed, np.asarray(np.gradient(speed, 1.0 / rate), float)
+def _twist(effect: Effect, values: Values, links: Links, j: int) -> Motion:
+    load, inertia, step = links.load[:, j], links.inertia[:, j], 1.0 / links.rate
+    if (spring := spring_of(effect, values)) is not None:
+        return wound_up(load, inertia, *spring, step)
+    twist = low_pass(through_gap(load, inertia, gap_of(effect, values), step), MOTION_BAND, links.rate)
+    speed: Array = np.gradient(twist, step)
+    return twist, speed, np.asarray(np.gradient(speed, step), float)
 
 
 def through_gap(load: Array, inertia: Array, half_gap: float, step: float) -> Array:

@@ -99,12 +99,18 @@ class Run:
     own: tuple[EffectTerm, ...] = ()
     own_directions: Array | None = None
 
-    @property
+    @cached_property
     def parts(self) -> tuple[slice, ...]:
         """Rows that follow one another in time: one part, or one for each recording of a ``merged`` run."""
         ends = np.flatnonzero(np.diff(self.t) <= 0.0) + 1
         edges = [0, *ends.tolist(), len(self.t)]
         return tuple(slice(a, b) for a, b in itertools.pairwise(edges))
+
+    @cached_property
+    def rates(self) -> tuple[float, ...]:
+        """Rows per second of each of the ``parts``."""
+        # every spring of a search grid asks for them
+        return tuple(rate_of(self.t[part]) for part in self.parts)
 
     @property
     def per_second(self) -> float:
@@ -113,7 +119,7 @@ class Run:
 
     def rate(self, values: Array) -> Array:
         """Derivative of values (m,) by time, within each recording."""
-        return np.concatenate([rate_along(values[part], 1.0 / rate_of(self.t[part])) for part in self.parts])
+        return np.concatenate([rate_along(values[part], 1.0 / rate) for part, rate in zip(self.parts, self.rates)])
 
     @cached_property
     def along(self) -> Array:

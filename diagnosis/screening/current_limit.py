@@ -112,7 +112,7 @@ def _noise(recordings: Sequence[Recording], smooth: Sequence[Array], j: int, sti
     """A: uncertainty, by noise and converter, of an averaged current of joint j (from 0)."""
     top = max(float(values.max()) for values in smooth)
     rows = max(1, round(AVERAGED / recordings[0].dt))
-    noise = float(np.hypot(max(float(scatter(r.i)[j]) for r in recordings) / np.sqrt(rows), still))
+    noise = float(np.hypot(max(float(scatter(r.i[:, [j]])[0]) for r in recordings) / np.sqrt(rows), still))
     return max(encoder_step(recordings[0].i[:, j]) / 2, 0.0006 * top, noise)
 
 

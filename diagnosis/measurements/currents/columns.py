@@ -24,7 +24,6 @@ from diagnosis.residual.expected_current import (
     gap_of,
     integrated,
     low_pass,
-    rate_of,
     spring_of,
     through_gap,
     wound_up,
@@ -108,8 +107,9 @@ def _law(run: Run, candidate: Candidate, p: Values, s: Signals, at: slice) -> Ar
         elastic = effect.spring is not None
         rates = _wound_up(run, j, effect, p) if elastic else _rates(effect.deflection, p, s, drive.ratio, run)
         change = _moved(run, j, at, *(-rate for rate in rates))
-        # virtual work: where the link turns less than the motor, the motor feels less of its load
-        change[:, own] -= _slope(effect.deflection, p, s) * drive.ratio * s.load / drive.drive_constant
+        if not elastic:
+            # virtual work: where the link turns less than the motor, the motor feels less of its load
+            change[:, own] -= _slope(effect.deflection, p, s) * drive.ratio * s.load / drive.drive_constant
     elif effect.angle is not None:
         # true angle = reading - error, of motor and link
         error, speed, acceleration = _rates(effect.angle, p, s, drive.ratio, run)
@@ -141,12 +141,11 @@ def _wound_up(run: Run, j: int, effect: Effect, p: Values) -> tuple[Array, Array
     """Twist (m,) of a joint with a spring or with play, and its rates; at rest at the start of every recording."""
     load, inertia = run.brisk_rigid[:, j], run.inertia[:, j]
     if (spring := spring_of(effect, p)) is not None:
-        each = [wound_up(load[part], inertia[part], *spring, 1.0 / rate_of(run.t[part])) for part in run.parts]
+        each = [wound_up(load[part], inertia[part], *spring, 1.0 / rate) for part, rate in zip(run.parts, run.rates)]
         twist, speed, acceleration = (np.concatenate(rates) for rates in zip(*each))
         return twist, speed, acceleration
     half_gap, gaps = gap_of(effect, p), []
-    for part in run.parts:
-        rate = rate_of(run.t[part])
+    for part, rate in zip(run.parts, run.rates):
         gaps.append(low_pass(through_gap(load[part], inertia[part], half_gap, 1.0 / rate), COMPARE_BAND, rate))
     twist = np.concatenate(gaps)
     speed = run.rate(twist)
@@ -156,9 +155,9 @@ def _wound_up(run: Run, j: int, effect: Effect, p: Values) -> tuple[Array, Array
 def _states(effect: Effect, p: Values, s: Signals, run: Run) -> Array:
     """State (m,) of an effect, from 0 at the start of every recording."""
     states = []
-    for part in run.parts:
+    for part, rate in zip(run.parts, run.rates):
         within = replace(s, v=s.v[part], sign=s.sign[part], coulomb=s.coulomb[part], q=s.q[part])
-        states.append(integrated(effect, p, within, 1.0 / rate_of(run.t[part])))
+        states.append(integrated(effect, p, within, 1.0 / rate))
     return np.concatenate(states)
 
 
