@@ -129,8 +129,9 @@ class Run:
     @cached_property
     def by_acceleration(self) -> Array:
         """(m, n, n) A s2/rad: derivative of the expected current of joint j by the acceleration of link k."""
-        links = mass_matrix_along(described(self.arm), self.q, rotors=False).transpose(2, 0, 1)
-        return (links / self.arm.joint_array("drive_constant")).transpose(1, 2, 0)
+        links = np.ascontiguousarray(mass_matrix_along(described(self.arm), self.q, rotors=False).transpose(2, 1, 0))
+        links /= self.arm.joint_array("drive_constant")[:, None]
+        return links.transpose(2, 1, 0)
 
     @cached_property
     def by_angle(self) -> Array:
@@ -160,8 +161,8 @@ class Run:
     def _slopes(self, angle: float, speed: float) -> Array:
         """(m, n, n) A: slopes of the rigid torque by each angle or speed, by central differences of these steps."""
         bent, joints = described(self.arm), np.eye(len(self.arm))
-        # the rows of one moved link follow one another in memory: columns take them link by link
-        slopes = np.empty((len(joints), len(self.t), len(joints))).transpose(1, 2, 0)
+        # rows follow one another in memory: columns take them by moved link and joint
+        slopes = np.empty((len(joints), len(joints), len(self.t))).transpose(2, 1, 0)
         for k, joint in enumerate(joints):
             moved = ((self.q + side * angle * joint, self.v + side * speed * joint) for side in (1.0, -1.0))
             up, down = (rigid_torque_along(bent, q, v, self.a) for q, v in moved)
@@ -247,12 +248,13 @@ def residual_run(
     if known.steps is None:
         known = replace(known, steps=encoder_steps(q))
 
-    def thin(values: Array) -> Array:
-        return low_pass(values, COMPARE_BAND, rate)[keep]
+    def thin(values: Array, band: float = COMPARE_BAND) -> Array:
+        # joint by joint in memory, as columns take them, and without all the rows between
+        return np.asfortranarray(low_pass(values, band, rate)[keep])
 
     # Columns are made from a motion smoothed further: what they have in common with the noise of the residual would
     # look like a cause.
-    low, slow_v, slow_a = (low_pass(values, COLUMN_BAND, rate)[keep] for values in (position, v, a))
+    low, slow_v, slow_a = (thin(values, COLUMN_BAND) for values in (position, v, a))
     links = mass_matrix_along(bent, low, rotors=False)
     # friction near standstill is indeterminate, as far as the filters smear it
     coulomb = np.array([max(joint.rest_friction) for joint in arm.joints]) / constant
@@ -291,11 +293,11 @@ def residual_run(
         current=current,
         current_rate=thin(np.gradient(i, 1.0 / rate, axis=0)),
         expected=expected,
-        rigid=rigid_torque_along(bent, low, slow_v, slow_a),
+        rigid=np.asfortranarray(rigid_torque_along(bent, low, slow_v, slow_a)),
         brisk_v=brisk[1],
-        brisk_rigid=rigid_torque_along(bent, *brisk),
-        inertia=links.diagonal(axis1=1, axis2=2),
-        deviation=np.hypot(instruments, friction_std),
+        brisk_rigid=np.asfortranarray(rigid_torque_along(bent, *brisk)),
+        inertia=np.asfortranarray(links.diagonal(axis1=1, axis2=2)),
+        deviation=np.asfortranarray(np.hypot(instruments, friction_std)),
         noise=noise,
         loop_noise=loop_noise,
         instruments=instruments,
