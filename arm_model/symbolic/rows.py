@@ -26,12 +26,15 @@ class Rows:
     run: Any
     engine: Any  # owns the machine code
 
-    def __call__(self, rows: Array, numbers: Array) -> Array:
-        """(N, outputs) for rows (N, columns) and the numbers that all rows share."""
-        count, groups = len(rows), -(-len(rows) // LANES)
-        padded = np.ones((groups * LANES, self.columns))
-        padded[:count] = rows
-        inside = np.ascontiguousarray(padded.reshape(groups, LANES, self.columns).transpose(0, 2, 1))
+    def __call__(self, numbers: Array, *rows: Array) -> Array:
+        """(N, outputs) for the numbers that all rows share, and rows (N, ...) with all columns side by side."""
+        count, groups = len(rows[0]), -(-len(rows[0]) // LANES)
+        inside, full, first = np.ones((groups, self.columns, LANES)), count // LANES, 0
+        for part in rows:
+            columns = inside[:, first : first + part.shape[1]]
+            columns[:full] = part[: full * LANES].reshape(full, LANES, part.shape[1]).transpose(0, 2, 1)
+            columns[full:, :, : count - full * LANES] = part[full * LANES :].T
+            first += part.shape[1]
         out = np.empty((groups, self.outputs, LANES))
         shared = np.ascontiguousarray(numbers, float)
         self.run(groups, shared.ctypes.data, inside.ctypes.data, out.ctypes.data)

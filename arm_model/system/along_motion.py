@@ -41,7 +41,7 @@ def links_torque(arm: Arm, bodies: Array, gravity: Array, motion: tuple[Array, A
     """
     structure, frames = _structure(arm)
     numbers, program = np.concatenate([frames, bodies.ravel(), gravity]), _torque(structure)
-    return numeric.in_blocks(lambda *rows: program(np.hstack(rows), numbers), *motion)
+    return numeric.in_blocks(lambda *rows: program(numbers, *rows), *motion)
 
 
 def mass_matrix_along(arm: Arm, q: Array, *, rotors: bool = True) -> Array:
@@ -52,7 +52,7 @@ def mass_matrix_along(arm: Arm, q: Array, *, rotors: bool = True) -> Array:
     structure, frames = _structure(arm)
     numbers = np.concatenate([frames, numeric.bodies(arm).ravel()])
     program = _mass(structure)
-    matrix = numeric.in_blocks(lambda rows: program(rows, numbers), arm.link_angles(q)).reshape(-1, len(arm), len(arm))
+    matrix = numeric.in_blocks(lambda rows: program(numbers, rows), arm.link_angles(q)).reshape(-1, len(arm), len(arm))
     if arm.coupling:
         matrix = arm.coupling_matrix.T @ matrix @ arm.coupling_matrix
     return matrix + np.diag(arm.joint_array("ratio") ** 2 * arm.joint_array("rotor_inertia")) if rotors else matrix

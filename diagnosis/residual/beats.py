@@ -13,7 +13,7 @@ import numpy as np
 from scipy import ndimage
 
 from arm_io.types import Array
-from diagnosis.residual.noise import encoder_steps, scatter
+from diagnosis.residual.noise import angle_scatter, encoder_steps
 
 HARMONICS = 6
 """Harmonics that are counted: the next has a fiftieth of the variance of the first."""
@@ -29,7 +29,7 @@ def steps_of(q: Array, steps: Array | None = None) -> Array:
     ``steps`` (n,) rad: of the encoders, where angles were interpolated.
     """
     steps = encoder_steps(q) if steps is None else steps
-    return np.where(scatter(q) > HIDDEN * steps, 0.0, steps)
+    return np.where(angle_scatter(q) > HIDDEN * steps, 0.0, steps)
 
 
 def beat_variance(v: Array, steps: Array, rate: float, response: Callable[[Array], Array]) -> Array:

@@ -8,12 +8,11 @@ converted to radians, kept in 32 bits, printed with some digits.
 
 from __future__ import annotations
 
-import hashlib
-
 import numpy as np
 from numpy.typing import NDArray
 
 from arm_io.types import Array
+from diagnosis.residual.found_once import found_once
 
 SAME = 1e-12
 """Of the largest value: values that differ by less are one."""
@@ -38,22 +37,8 @@ REPEATED = 4
 """Times on average that rows repeat every value, of which any number decides."""
 
 
+@found_once
 def encoder_step(values: Array) -> float:
-    """As ``step_of``, which a diagnosis asks for the same angles a dozen times: found once for the same bytes."""
-    same = hashlib.blake2b(np.asarray(values, float).tobytes(), digest_size=16).digest()
-    if same not in _found:
-        if len(_found) >= KEPT:
-            _found.pop(next(iter(_found)), None)
-        _found[same] = step_of(values)
-    return _found[same]
-
-
-KEPT = 1024
-"""Steps that are kept in memory."""
-_found: dict[bytes, float] = {}
-
-
-def step_of(values: Array) -> float:
     """Spacing of the lattice on which (m,) samples lie, in their unit; 0 where they lie on none, or never change.
 
     The coarsest one: of counts that were printed with some digits the count, unless the last digit is coarser. Noise

@@ -14,6 +14,7 @@ from arm_io.types import Array
 from daq.recording import Recording
 from diagnosis.residual.encoder_step import encoder_step
 from diagnosis.residual.expected_current import COMPARE_BAND, low_pass
+from diagnosis.residual.found_once import found_once
 from identification.preprocessing import UNKNOWN, Setpoints, zero_phase
 
 QUIET_ROWS, QUIET_BLOCKS = 60, 5
@@ -113,10 +114,20 @@ def angle_noise(q: Array, steps: Array | None = None) -> Array:
     """
     steps = encoder_steps(q) if steps is None else steps
     quantised = steps / np.sqrt(12)
-    white = scatter(q)
+    white = angle_scatter(q)
     # the scatter of quantised angles follows from their steps to within a third: only more than that is further noise
     noise: Array = np.where(white > 2.0 * quantised, white, quantised)
     return noise
+
+
+def angle_scatter(q: Array) -> Array:
+    """(n,) rad: ``scatter`` of recorded angles (m, n)."""
+    return np.array([_scatter_of(column) for column in q.T])
+
+
+@found_once
+def _scatter_of(angle: Array) -> float:
+    return float(scatter(angle))
 
 
 def encoder_steps(q: Array) -> Array:

@@ -96,6 +96,7 @@ def test_expressions_by_rows_are_those_of_the_tape() -> None:
     for count in (1, 7, 8, 17):
         rows = np.random.default_rng(count).normal(size=(count, 2))
         expected = evaluate(tape, outputs, {"x": rows[:, 0], "y": rows[:, 1], "shared": 0.7})
-        found = program(rows, np.array([0.7]))
+        found = program(np.array([0.7]), rows)
         assert found.shape == (count, 3)
+        np.testing.assert_array_equal(program(np.array([0.7]), rows[:, :1], rows[:, 1:]), found)
         np.testing.assert_allclose(found, np.column_stack(np.broadcast_arrays(*expected)), rtol=1e-14, atol=1e-15)
