@@ -8,11 +8,14 @@ converted to radians, kept in 32 bits, printed with some digits.
 
 from __future__ import annotations
 
+import hashlib
+from collections.abc import Callable
+from functools import wraps
+
 import numpy as np
 from numpy.typing import NDArray
 
 from arm_io.types import Array
-from diagnosis.residual.found_once import found_once
 
 SAME = 1e-12
 """Of the largest value: values that differ by less are one."""
@@ -35,6 +38,26 @@ FEWEST, MANY = 40, 200
 """Distances that decide alone, exact and rounded: fewer of a motion at nearly constant speed are nearly equal."""
 REPEATED = 4
 """Times on average that rows repeat every value, of which any number decides."""
+
+
+KEPT = 1024
+"""Answers that each function of ``found_once`` keeps in memory."""
+
+
+def found_once(find: Callable[[Array], float]) -> Callable[[Array], float]:
+    """``find`` of samples (m,), found once for the same bytes: a diagnosis asks for the same angles a dozen times."""
+    found: dict[bytes, float] = {}
+
+    @wraps(find)
+    def kept(values: Array) -> float:
+        same = hashlib.blake2b(np.asarray(values, float).tobytes(), digest_size=16).digest()
+        if same not in found:
+            if len(found) >= KEPT:
+                found.pop(next(iter(found)), None)
+            found[same] = find(values)
+        return found[same]
+
+    return kept
 
 
 @found_once
