@@ -7,11 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
 from arm_model import Arm, EffectTerm, read_model
 from diagnosis.measurements.currents.columns import candidates, columns, own_columns
 from diagnosis.measurements.currents.design_matrix import Library, columns_of, dataset_of
-from diagnosis.residual.expected_current import COMPARE_BAND, low_pass, rate_of, reading
+from diagnosis.residual.expected_current import COMPARE_BAND, low_pass, rate_along, rate_of, reading
 from diagnosis.residual.run import Run, kept, residual_run, residual_with
 from diagnosis.selection.regression import at_joint
 from identification.selection import Split
@@ -55,10 +56,11 @@ def test_a_library_has_the_columns_of_every_candidate(run: Run) -> None:
 
 
 def test_a_model_is_evaluated_the_same_whatever_was_evaluated_before(run: Run) -> None:
-    """Angles and currents that are as in the evaluation before are not filtered again."""
+    """Angles, links and currents that are as in the evaluation before are not computed again."""
     friction, more = (EffectTerm("coulomb_friction", 2, {"coulomb": size}) for size in (3.0, 4.0))
     ripple = EffectTerm("encoder_ripple", 1, {"order": 2.0, "amplitude": 1e-3, "phase": 0.4})
     spring = EffectTerm("joint_compliance", 3, {"stiffness": 4e3, "damping": 20.0})
+    tilted = EffectTerm("base_tilt", None, {"roll": 0.1})
     t, q = run.raw
     for terms in (
         [friction],
@@ -66,9 +68,25 @@ def test_a_model_is_evaluated_the_same_whatever_was_evaluated_before(run: Run) -
         [more, ripple],
         [friction, ripple],
         [spring],
+        [spring, friction],
+        [spring, ripple],
+        [spring, tilted],
+        [spring],
         [friction],
         [replace(more, joint=5)],
     ):
         arm = replace(run.arm, effects=(*run.arm.effects, *terms))
         expected = low_pass(reading(arm, t, q), COMPARE_BAND, rate_of(t))[kept(rate_of(t))]
         assert np.array_equal(residual_with(run, terms), run.current - expected)
+
+
+def test_a_run_holds_its_own_rows_alone_joint_by_joint(run: Run) -> None:
+    for name in ("q", "v", "a", "current", "current_rate", "expected", "rigid", "brisk_v", "brisk_rigid", "deviation"):
+        values = getattr(run, name)
+        assert values.flags.f_contiguous, name
+        assert values.base is None or values.base.size == values.size, name
+
+
+def test_the_slope_of_a_spline_is_that_of_scipy() -> None:
+    t, values = 0.01 * np.arange(50), np.random.default_rng(3).normal(size=(50, 2))
+    assert np.array_equal(rate_along(values, 0.01), CubicSpline(t, values)(t, 1))

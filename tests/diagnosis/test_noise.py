@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy import signal
 
 from diagnosis.residual.expected_current import COMPARE_BAND, low_pass
-from diagnosis.residual.noise import angle_noise, floor, scatter, still_noise
+from diagnosis.residual.noise import angle_noise, angle_scatter, floor, scatter, still_noise
 
 RATE, ROWS = 1000.0, 15000
 
@@ -35,6 +35,14 @@ def _angle() -> np.ndarray:
 def test_white_noise_is_told_from_what_moves() -> None:
     rng = np.random.default_rng(1)
     assert scatter(_angle() + rng.normal(0, [1e-3, 2e-2], (ROWS, 2))) == pytest.approx([1e-3, 2e-2], rel=0.05)
+
+
+def test_scatter_that_is_found_once_is_that_of_the_samples_now() -> None:
+    q = _angle() + np.random.default_rng(2).normal(0, 1e-3, (ROWS, 2))
+    for _ in range(2):
+        assert np.array_equal(angle_scatter(q), scatter(q))
+        q[:, 0] += np.random.default_rng(3).normal(0, 1e-2, ROWS)
+    assert angle_scatter(q)[0] > 5.0 * angle_scatter(q)[1]
 
 
 @settings(max_examples=25)
