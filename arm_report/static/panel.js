@@ -1,6 +1,22 @@
 // One pair of axes: series by uPlot; bands, bars, zones and levels drawn around them.
 
 const SNAP = 14; // pixels within which a dot is the one that is pointed at
+const LETTERS = "11px system-ui"; // of the numbers and names at an axis
+const RULER = document.createElement("canvas").getContext("2d");
+
+/** Pixels of a word at an axis. */
+function wide(word) {
+  RULER.font = LETTERS;
+  return RULER.measureText(word).width;
+}
+
+/** A word that fits into some pixels; of a longer one its beginning. */
+function fitted(word, room) {
+  if (wide(word) <= room) return word;
+  let kept = word.length;
+  while (kept > 1 && wide(`${word.slice(0, kept)}…`) > room) kept--;
+  return `${word.slice(0, kept).trimEnd()}…`;
+}
 
 /** Series of a panel on one x axis, as uPlot takes them: [x, y1, y2, ...], with the instant of every dot. */
 function aligned(panel) {
@@ -92,7 +108,7 @@ class PanelView {
 
   _options() {
     const { panel } = this;
-    const axis = { stroke: styleOf("quiet"), grid: { stroke: styleOf("grid"), width: 1 }, ticks: { show: false }, font: "11px system-ui", labelFont: "12px system-ui" };
+    const axis = { stroke: styleOf("quiet"), grid: { stroke: styleOf("grid"), width: 1 }, ticks: { show: false }, font: LETTERS, labelFont: "12px system-ui" };
     const write = (_, ticks) => ticks.map((v) => (v === null ? "" : digits(v)));
     // the ends of a logarithmic axis are no round numbers
     const decades = (_, ticks) => ticks.map((v) => (v === null || Math.abs(Number(v.toPrecision(1)) / v - 1) > 1e-6 ? "" : digits(v)));
@@ -102,6 +118,7 @@ class PanelView {
     const ticksY = panel.log_y ? { splits: (_, _axis, low, high) => decadeTicks(low, high) } : {};
     const instants = (_plot, ticks, _axis, _space, step) => ticks.map((v) => (v === null ? "" : instant(v, step)));
     const shown = this.last || !this.chart.shared;
+    const longest = Math.ceil(Math.max(0, ...panel.names.map(wide))), room = Math.min(longest, 0.6 * this.place.clientWidth);
     return {
       tzDate: (seconds) => uPlot.tzDate(new Date(1000 * seconds), "UTC"),
       width: Math.max(this.place.clientWidth, 120),
@@ -121,7 +138,7 @@ class PanelView {
       axes: [
         { ...axis, ...ticksX, show: true, size: shown ? 30 : 6, label: shown ? (panel.dates ? undefined : panel.x) : undefined, labelSize: 20, ...(panel.dates ? { space: 90 } : {}), values: shown ? (panel.dates ? instants : panel.log_x ? decades : write) : () => [] },
         panel.names.length
-          ? { ...axis, size: Math.min(260, this.place.clientWidth * 0.45), grid: { show: false }, splits: () => panel.names.map((_, k) => k), values: (_, ticks) => ticks.map((k) => panel.names[k]) }
+          ? { ...axis, size: room + 12, grid: { show: false }, splits: () => panel.names.map((_, k) => k), values: (_, ticks) => ticks.map((k) => fitted(panel.names[k], room)) }
           : { ...axis, ...ticksY, size: 58, label: panel.y, labelSize: 18, values: panel.log_y ? decades : write },
       ],
       series: [{}, ...panel.series.map((one) => this._style(one))],

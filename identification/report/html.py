@@ -90,7 +90,7 @@ def verdict(result: Identification) -> str:
         )
         return (
             f"{sentence} Not validated: while joints move, the error on {which} recordings exceeds the noise floor of "
-            f"the instruments, {joints}. `armscope diagnose` looks for what the model lacks."
+            f"the instruments, {joints}. armscope diagnose looks for what the model lacks."
         )
     if alone:
         return f"{sentence} Not validated: no other recording was held out.{_worst(result, which)}"

@@ -243,6 +243,27 @@ def test_an_axis_that_begins_shortly_before_a_power_of_ten_is_drawn(
         )
 
 
+def test_names_of_bars_have_the_room_that_they_need(browser: Any, tmp_path: Path) -> None:
+    names = ("mass times centre of mass y of link 4, as known", "friction of joint 1")
+    bars = Series(x=np.array([3.0, -2.0]), y=np.arange(2.0), kind="bars", colour=AFTER)
+    chart = Chart(name="names", title="names", panels=(Panel(series=(bars,), x="change", y="", names=names),))
+    made = replace(report("names"), template="tests.arm_report/charts.html", content={"words": "", "charts": [chart]})
+    path = tmp_path / "names.html"
+    path.write_text(made.html())
+    scripts = "".join(map(_text, ("data.js", "panel.js")))
+    with watched(browser) as page:
+        page.goto(path.as_uri())
+        page.wait_for_selector("#chart-names canvas")
+        left = page.evaluate("document.querySelector('.u-over').getBoundingClientRect().left")
+        room = left - page.evaluate("document.querySelector('.plot').getBoundingClientRect().left")
+        wide, kept = page.evaluate(f"(name) => {{ {scripts}; return [wide(name), fitted(name, 100)]; }}", names[0])
+        assert wide < room < wide + 30.0
+        assert (
+            names[0].startswith(kept.rstrip("…"))
+            and page.evaluate(f"() => {{ {scripts}; return wide('{kept}') }}") <= 100.0
+        )
+
+
 def test_print_and_pages_without_scripts_show_pictures(browser: Any, page: Any, written: Path) -> None:
     assert not page.is_visible("#chart-currents .still")
     page.emulate_media(media="print")
