@@ -22,7 +22,7 @@ from identification.preprocessing.attenuation import attenuation_warnings
 from identification.preprocessing.signals import parallel_filter, sliding_rows, with_reversals
 from identification.preprocessing.spectrum import Band
 from identification.regression.effect_columns import is_effect, shown_torque
-from identification.regression.equations import Equations, lifts, model_values, shown_rows
+from identification.regression.equations import Equations, lifted_masses, lifts, model_values, shown_rows
 from identification.regression.identifiability import named
 from identification.regression.least_squares import Fit, least_squares, relative_error
 from identification.regression.parameter_covariance import known_to
@@ -36,19 +36,36 @@ UNBIASED = ("iv", "didim")
 """Methods whose regressors have no noise of the encoders."""
 UNCONSTRAINED = "least squares alone, not an arm that could exist"
 """Name of the fit itself beside the arm that is written."""
+OF_WEIGHT = 0.1
+"""Of what a joint lifts: an offset of this share of its weight is as far from the model as a mass twice as large, and a
+rotor of this share is what the model has none of."""
 SPLIT = 0.7  # share of the time that is fitted where no recording is held out
 
 
 def physical_values(problem: Problem, fit: Fit, information: Array) -> Array:
-    """(p,) standard parameters of the physically consistent arm nearest to a fit."""
+    """(p,) standard parameters of the physically consistent arm nearest to a fit.
+
+    Of a joint that lifts, gravity's constant force is taken for mass and what else is accelerated for a rotor.
+    """
     names = problem.base.names
+    grouping = problem.base.grouping[problem.excited]
+    near, scale = model_values(problem.arm, problem.friction), np.zeros(len(names))
+    for j, lifted in enumerate(lifted_masses(problem.arm)):
+        if lifted == 0.0:
+            continue
+        rotor, offset = names.index(f"joint{j + 1}.rotor_inertia"), f"joint{j + 1}.offset"
+        if near[rotor] == 0.0 and np.any(grouping[:, rotor]):
+            near[rotor] = OF_WEIGHT * lifted
+        if offset in names:
+            scale[names.index(offset)] = OF_WEIGHT * lifted * float(np.linalg.norm(problem.arm.gravity))
     return consistent_parameters(
-        problem.base.grouping[problem.excited],
+        grouping,
         fit.values,
         information,
-        model_values(problem.arm, problem.friction),
+        near,
         names,
         friction=friction_rows(problem.arm, names, problem.top_speeds),
+        scale=scale,
     )
 
 

@@ -32,7 +32,7 @@ from identification.preprocessing.signals import (
     parallel_window,
     sliding_rows,
 )
-from identification.regression.base_parameters import BaseParameters, base_parameters
+from identification.regression.base_parameters import BaseParameters, base_parameters, reading_order
 from identification.regression.effect_columns import effect_columns, effect_parameters, shown_torque
 from identification.regression.generic_arm import generic_arms
 
@@ -135,6 +135,12 @@ def lifts(arm: Arm, j: int) -> bool:
     return bool(abs(axis @ arm.gravity) > LEVEL * np.linalg.norm(arm.gravity))
 
 
+def lifted_masses(arm: Arm) -> list[float]:
+    """(n,) kg that each joint lifts; 0 where it turns or slides on the level."""
+    masses = arm.joint_array("mass")
+    return [float(masses[j:].sum()) if lifts(arm, j) else 0.0 for j in range(len(arm))]
+
+
 def curve_names(j: int, count: int, direction: str) -> list[str]:
     """Names of the values of the friction curve of joint j (from 0), for "_positive", "_negative" or both, ""."""
     return [f"joint{j + 1}.curve{k}{direction}" for k in range(1, count + 1)]
@@ -169,15 +175,23 @@ def _left_out(arm: Arm, name: str, friction: Friction) -> bool:
         return follows(arm.joints[int(head.removeprefix("joint")) - 1], rest)
     if rest != "rotor_inertia":
         return False
-    # Without rotor and gear in the model, the rotor's inertia is part of what the joint moves: behind a gear it turns
-    # as fast as the motor, and no link's inertia is felt as it is.
-    joint = arm.joints[int(head.removeprefix("joint")) - 1]
-    return joint.rotor_inertia == 0.0 and joint.ratio == 1.0
+    return not _has_rotor(arm, int(head.removeprefix("joint")) - 1)
+
+
+def _has_rotor(arm: Arm, j: int) -> bool:
+    """Whether the rotor inertia of joint j (from 0) is a parameter of its own.
+
+    Without rotor and gear in the model it is part of what the joint moves: behind a gear it turns as fast as the motor,
+    and no link's inertia is felt as it is. A joint that lifts is driven by a screw or a belt whatever the model says,
+    and a rotor counted as mass would have a weight, which only an offset could take away.
+    """
+    joint = arm.joints[j]
+    return joint.rotor_inertia != 0.0 or joint.ratio != 1.0 or lifts(arm, j)
 
 
 def freed_rotors(arm: Arm) -> list[int]:
-    """Joints (from 1) whose model has a gear and no rotor inertia: a rotor is there, and it is identified."""
-    return [j for j, joint in enumerate(arm.joints, 1) if joint.rotor_inertia == 0.0 and joint.ratio != 1.0]
+    """Joints (from 1) whose model has no rotor inertia although they have a gear or lift: it is identified."""
+    return [j + 1 for j, joint in enumerate(arm.joints) if joint.rotor_inertia == 0.0 and _has_rotor(arm, j)]
 
 
 def structural_base(arm: Arm, friction: Friction = "symmetric", *, states: int = 0, seed: int = 1) -> BaseParameters:
@@ -200,7 +214,10 @@ def structural_base(arm: Arm, friction: Friction = "symmetric", *, states: int =
     t = random.uniform(0.0, 60.0, count)
     arm = replace(arm, temperatures=_any_temperatures(arm, random))
     columns = [model_columns(one, q, qd, qdd, friction, t) for one in generic_arms(arm, random)]
-    return base_parameters(np.concatenate(columns).reshape(-1, len(names)), names)
+    # what lifts has a weight, an offset only beside it: sums of masses and rotors read better than sums of offsets
+    last = {f"joint{j + 1}.offset" for j in range(len(arm)) if lifts(arm, j)}
+    order = sorted(reading_order(tuple(names)), key=lambda column: names[column] in last)
+    return base_parameters(np.concatenate(columns).reshape(-1, len(names)), names, order=order)
 
 
 def _any_temperatures(arm: Arm, random: np.random.Generator) -> Temperatures:

@@ -77,7 +77,7 @@ def consistent_parameters(
     names: Sequence[str],
     *,
     friction: Array | None = None,
-    regularisation: float = REGULARISATION,
+    scale: Array | None = None,
 ) -> Array:
     """(p,) physical standard parameters with grouping (b, p) @ them near base (b,).
 
@@ -86,16 +86,18 @@ def consistent_parameters(
     ``prior`` (p,): of ``names``; links without mass or inertia get a small one, or where the data contradict that,
     begin from a body. ``friction`` (k, p): ``friction_rows``,
     whose product with the parameters must not be negative. Parameters that are neither of a link nor friction are free,
-    held to the prior only where no base parameter speaks of them; so are signed parameters of effects, while those that
-    have no sign (an amplitude, a share) stay positive.
+    held to the prior only where no base parameter speaks of them, or within ``scale`` (p,) where that is not 0; so are
+    signed parameters of effects, while those that have no sign (an amplitude, a share) stay positive.
     """
+    scale = np.zeros(len(names)) if scale is None else scale
     friction = np.empty((0, len(names))) if friction is None else friction
     priors = [np.array(prior, float)]
     if (embodied := _with_bodies(priors[0], names)) is not None:
         priors.append(embodied)
     found = [
         _nearest(
-            _Problem(grouping, base, information, one.copy(), names, friction), np.array(prior, float), regularisation
+            _Problem(grouping, base, information, one.copy(), names, friction, scale),
+            np.array(prior, float),
         )
         for one in priors
     ]
@@ -103,12 +105,12 @@ def consistent_parameters(
     return found[0] if misfit[0] < misfit[-1] + CONTRADICTED else found[-1]
 
 
-def _nearest(problem: _Problem, prior: Array, regularisation: float) -> Array:
+def _nearest(problem: _Problem, prior: Array) -> Array:
     """(p,) the minimum of a problem; what no base parameter speaks of is the ``prior``'s (p,)."""
     delta = problem.centre
     # From a path well inside the cone of bodies towards its wall, where the data may lie beyond it.
     for factor in 10.0 ** np.arange(6, -1, -1):
-        delta = _newton(problem, delta, regularisation * factor, BARRIER * factor)
+        delta = _newton(problem, delta, REGULARISATION * factor, BARRIER * factor)
     # What acts in none of these sums is the prior's, to the last digit, though it were no friction at all.
     untold = np.setdiff1d(np.flatnonzero(~np.any(problem.grouping != 0, axis=0)), problem.inertial)
     delta[untold] = prior[untold]
@@ -119,7 +121,14 @@ class _Problem:
     """The convex function of the module's docstring, with its first and second derivatives."""
 
     def __init__(
-        self, grouping: Array, base: Array, information: Array, centre: Array, names: Sequence[str], friction: Array
+        self,
+        grouping: Array,
+        base: Array,
+        information: Array,
+        centre: Array,
+        names: Sequence[str],
+        friction: Array,
+        scale: Array,
     ) -> None:
         self.grouping = grouping
         of_effects = np.array([is_effect(name) for name in names], bool)
@@ -143,6 +152,7 @@ class _Problem:
         free = np.setdiff1d(np.arange(len(names)), np.concatenate([self.inertial, single, rubbing]))
         self.ridge = np.zeros(len(names))
         self.ridge[free] = 1e-6 / np.maximum(np.abs(centre[free]), 1.0) ** 2
+        self.ridge[scale > 0] = REGULARISATION / scale[scale > 0] ** 2
         for k in np.flatnonzero(of_effects).tolist():  # what repeats a drive's own friction must not run off against it
             self.ridge[k] = REGULARISATION / max(abs(centre[k]), definition(names[k]).typical[0]) ** 2
 
