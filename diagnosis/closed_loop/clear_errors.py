@@ -21,7 +21,7 @@ from diagnosis.closed_loop.comparison import Compared
 from diagnosis.closed_loop.setpoint_phase import lag_of
 from diagnosis.residual.expected_current import COMPARE_BAND, rate_of
 from diagnosis.residual.noise import scatter
-from diagnosis.residual.run import ROWS_PER_SECOND, Run
+from diagnosis.residual.run import Run, rate_kept
 from identification.preprocessing import zero_phase
 from identification.selection import Thresholds
 
@@ -135,7 +135,7 @@ def _medians(parts: Iterator[Array]) -> Array:
 def _below(one: Compared, noise: Array) -> Array:
     """(blocks, n) mean square of the error below COMPARE_BAND over the noise (n,), at the rows that are compared."""
     error = one.error("current") / noise
-    return _of_blocks(error, one.known[: len(error)], ROWS_PER_SECOND)
+    return _of_blocks(error, one.known[: len(error)], round(rate_kept(rate_of(one.t))))
 
 
 def _above(before: Compared, one: Compared, white: Array) -> tuple[Array, Array]:

@@ -15,6 +15,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from arm_io.types import Array
 from arm_model import Arm, EffectTerm
@@ -27,7 +28,7 @@ from diagnosis.closed_loop.comparison import SMOOTHING, has_demand
 from diagnosis.closed_loop.resonance import late
 from diagnosis.residual.expected_current import COMPARE_BAND, low_pass, rate_of
 from diagnosis.residual.noise import angle_noise
-from diagnosis.residual.run import ROWS_PER_SECOND, kept
+from diagnosis.residual.run import kept, rate_kept
 from diagnosis.residual.run_setup import set_up
 from diagnosis.units import unit_at
 from identification.preprocessing import demand_of_run
@@ -111,12 +112,14 @@ def _mean(one: Estimate, other: Estimate) -> Estimate:
 class _Lanes:
     """Errors of the closed loops of some lanes at one joint.
 
-    values: of each parameter, (lanes,); angle rad and current A: (lanes, m) per recording
+    values: of each parameter, (lanes,); angle rad and current A: (lanes, m) per recording; seconds: (m,) of each, which
+    second a row is in, from 0
     """
 
     values: dict[str, Array]
     angle: list[Array]
     current: list[Array]
+    seconds: list[NDArray[np.intp]]
 
     def of(self, lane: int) -> Array:
         """Angle errors of all recordings in one lane."""
@@ -130,7 +133,7 @@ class _Lanes:
 
 def _lanes(arm: Arm, recordings: Sequence[Recording], joint: int, values: dict[str, Array]) -> _Lanes:
     """Loops with ``values`` (lanes,) of parameters of the joint (``arm_model.parameters``)."""
-    angle, current, j = list[Array](), list[Array](), joint - 1
+    angle, current, seconds, j = list[Array](), list[Array](), list[NDArray[np.intp]](), joint - 1
     for r in recordings:
         own = set_up(arm, r)
         t, rate = r.t - r.t[0], rate_of(r.t)
@@ -139,7 +142,8 @@ def _lanes(arm: Arm, recordings: Sequence[Recording], joint: int, values: dict[s
         errors = [_errors(r, j, q[:, j], i[:, j], rate) for q, i in zip(shown.q, shown.current)]
         angle.append(np.stack([error for error, _ in errors]))
         current.append(np.stack([error for _, error in errors]))
-    return _Lanes(values, angle, current)
+        seconds.append((np.arange(angle[-1].shape[1]) // rate_kept(rate)).astype(np.intp))
+    return _Lanes(values, angle, current, seconds)
 
 
 def _errors(r: Recording, j: int, q: Array, i: Array, rate: float) -> tuple[Array, Array]:
@@ -149,7 +153,7 @@ def _errors(r: Recording, j: int, q: Array, i: Array, rate: float) -> tuple[Arra
     """
     if not (np.isfinite(q).all() and np.isfinite(i).all()):
         q, i = (np.full_like(one[:, j], one[:, j].mean()) for one in (r.q, r.i))
-    speed, rise, end = np.gradient(q, r.dt), np.gradient(i, r.dt), round(END_SECONDS * ROWS_PER_SECOND)
+    speed, rise, end = np.gradient(q, r.dt), np.gradient(i, r.dt), round(END_SECONDS * rate_kept(rate))
     delay = late((r.q[:, j] - q)[:, None], speed[:, None])
     angle, current = (
         low_pass(measured[:, j] - simulated + delay * slope, COMPARE_BAND, rate)[kept(rate)][end:-end]
@@ -172,7 +176,7 @@ def _judged(arm: Arm, recordings: Sequence[Recording], joint: int, effect: Effec
     tried = _lanes(_with(arm, effect, joint), recordings, joint, _grid(recordings, arm, joint, effect))
     held = _predicted(tried)
     before, after = ([float(sum(part @ part for part in signal)) for signal in side] for side in (turned, held))
-    chance = tests * p_value(_gains(turned[0], held[0]))
+    chance = tests * p_value(_gains(turned[0], held[0], tried.seconds))
     if after[0] > LIMITS.left * before[0] or after[1] > LIMITS.current * before[1] or chance > LIMITS.significant:
         return None
     stiffness, found = tried.values[_stiffness(effect)], _estimates(arm, recordings, joint, effect, tried)
@@ -255,9 +259,8 @@ def _estimates(arm: Arm, recordings: Sequence[Recording], joint: int, effect: Ef
         value *= float(np.exp(np.clip(step[0], -FARTHEST, FARTHEST)))
         damping = max(damping + float(step[1]), 0.0)
         inertia += float(step[2])
-    seconds = [np.arange(part.shape[1]) // ROWS_PER_SECOND for part in around.angle]
-    first = np.cumsum([0, *(int(own[-1]) + 1 for own in seconds[:-1])])
-    cluster = np.concatenate([own + k for own, k in zip(seconds, first)])
+    first = np.cumsum([0, *(int(own[-1]) + 1 for own in around.seconds[:-1])])
+    cluster = np.concatenate([own + k for own, k in zip(around.seconds, first)])
     std = np.sqrt(np.diag(cluster_covariance(slopes, [around.of(0)], cluster))) * [last[0], 1.0, 1.0]
     std[1] = np.hypot(std[1], RESOLVES * last[0])
     return [
@@ -271,8 +274,6 @@ def _estimates(arm: Arm, recordings: Sequence[Recording], joint: int, effect: Ef
     ]
 
 
-def _gains(before: Sequence[Array], after: Sequence[Array]) -> Array:
+def _gains(before: Sequence[Array], after: Sequence[Array], seconds: Sequence[NDArray[np.intp]]) -> Array:
     """(blocks,) fall of the squared error in every second of every recording."""
-    return np.concatenate(
-        [np.add.reduceat(a**2 - b**2, np.arange(0, len(a), ROWS_PER_SECOND)) for a, b in zip(before, after)]
-    )
+    return np.concatenate([np.bincount(k, weights=a**2 - b**2) for a, b, k in zip(before, after, seconds)])

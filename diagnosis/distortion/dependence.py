@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from arm_io.types import Array
 from diagnosis.distortion.random_walk import STEP
-from diagnosis.residual.run import ROWS_FOR_ONE
 
 BINS = 12
 DRAWS = 400
@@ -24,6 +23,7 @@ class Path:
     seen                (s,) whether the residual at that instant depends on it
     against             variables (s,) by name
     score, information  (s,) of the deviation from the model, by the residual at that instant alone
+    alike               rows that count as one (``Run.alike``)
     """
 
     name: str
@@ -34,6 +34,7 @@ class Path:
     against: dict[str, Array]
     score: Array
     information: Array
+    alike: float
 
 
 @dataclass(frozen=True)
@@ -63,7 +64,7 @@ def shares_of(paths: Sequence[Path], memory: float) -> tuple[Share, ...]:
     score, seen = (np.concatenate(parts) for parts in zip(*((p.score[p.seen], p.information[p.seen]) for p in paths)))
     length = max(1, round(max(1.0, 3 * memory) / STEP))
     blocks = np.array_split(np.arange(len(value)), max(1, len(value) // length))
-    names = set.intersection(*(set(p.against) for p in paths))
+    names, alike = set.intersection(*(set(p.against) for p in paths)), float(np.mean([p.alike for p in paths]))
     found = []
     for name in paths[0].against:
         if name not in names:
@@ -80,18 +81,16 @@ def shares_of(paths: Sequence[Path], memory: float) -> tuple[Share, ...]:
         )
         beyond = (share - chance.mean()) / max(1.0 - chance.mean(), 1e-9)
         p = (1 + int(np.sum(chance >= share))) / (DRAWS + 1)
-        found.append(Share(name, max(float(beyond), 0.0), float(chance.mean()), p, _binned(score, seen, bins)))
+        found.append(Share(name, max(float(beyond), 0.0), float(chance.mean()), p, _binned(score, seen, bins, alike)))
     return tuple(sorted(found, key=lambda one: -one.share))
 
 
-def _binned(score: Array, seen: Array, bins: NDArray[np.intp]) -> float:
+def _binned(score: Array, seen: Array, bins: NDArray[np.intp], alike: float) -> float:
     """Fall of the weighted squared residual by one value per bin, beyond that by one value and by chance."""
     total, information = np.bincount(bins, weights=score), np.bincount(bins, weights=seen)
     there = information > 0
     return float(
-        np.sum(total[there] ** 2 / information[there])
-        - total.sum() ** 2 / information.sum()
-        - there.sum() * ROWS_FOR_ONE
+        np.sum(total[there] ** 2 / information[there]) - total.sum() ** 2 / information.sum() - there.sum() * alike
     )
 
 

@@ -254,7 +254,7 @@ def _path(
         first = run.raw[0][0] + 0.2
         against["temperature"] = np.interp(mean(run.t) + first, recording.t[there], recording.temp[there, j])
     enough = seen > 0.1 * np.median(seen[seen > 0]) if (seen > 0).any() else seen > 0
-    return Path(run.name, mean(run.t), model + x, np.sqrt(scale * variance), enough, against, score, seen)
+    return Path(run.name, mean(run.t), model + x, np.sqrt(scale * variance), enough, against, score, seen, run.alike)
 
 
 def sentence(result: Distortion) -> str:

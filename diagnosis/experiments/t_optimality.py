@@ -22,7 +22,7 @@ from diagnosis.experiments.motions import Stage, Trial
 from diagnosis.measurements.currents.columns import columns
 from diagnosis.measurements.currents.design_matrix import columns_of, dataset_of, free_columns
 from diagnosis.residual.noise import KnownNoise
-from diagnosis.residual.run import ROWS_FOR_ONE, ROWS_PER_SECOND, Run, residual_run
+from diagnosis.residual.run import ROWS_PER_SECOND, Run, residual_run
 from diagnosis.residual.run_setup import loaded
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Dataset
@@ -92,7 +92,7 @@ class Question:
                     _residual(_Equations(t.gram + h.gram, t.toward + h.toward), self._squares + squares, k)
                     for t, h in zip(self._normal[other], here[other])
                 )
-                found[k, other] = np.sqrt(max(both - before, 0.0) / ROWS_FOR_ONE)
+                found[k, other] = np.sqrt(max(both - before, 0.0) / run.alike)
         return found
 
     def _under(self, k: int, run: Run) -> Run:
@@ -101,7 +101,7 @@ class Question:
         if rival.best is None:
             return run
         current = run.current + columns(rival.best, run) @ rival.coefficients
-        return replace(run, current=current, current_rate=np.gradient(current, 1.0 / ROWS_PER_SECOND, axis=0))
+        return replace(run, current=current, current_rate=run.rate(current))
 
     def _equations(self, side: Dataset) -> tuple[list[list[_Equations]], Array]:
         """Normal equations of each shape of every rival in a dataset, and the squares of their predictions."""
@@ -177,4 +177,4 @@ def predicted_run(trial: Trial, stage: Stage, noise: Array) -> Run | None:
     known = KnownNoise(steps=np.zeros(len(arm)), residual=noise)
     run = residual_run(experiment.name, arm, t, q, current, powered=not setup.drives_off, known=known)
     expected = run.along * run.powered  # another filter on the motion would discriminate equal effects
-    return replace(run, current=expected, current_rate=np.gradient(expected, 1.0 / ROWS_PER_SECOND, axis=0))
+    return replace(run, current=expected, current_rate=run.rate(expected))

@@ -44,8 +44,6 @@ from diagnosis.residual.setpoint_ripple import DIRECTIONS, folded_onto, ripple_b
 from identification.preprocessing import UNKNOWN, Setpoints, setpoints_of, unbounded
 
 ROWS_PER_SECOND = 100
-ROWS_FOR_ONE = ROWS_PER_SECOND / (2.0 * COMPARE_BAND)
-"""Rows that count as one: the filters leave 2 x COMPARE_BAND independent values per second."""
 KEPT = 8
 """Residuals of one recording under other effects that are kept."""
 CREEP = 0.02
@@ -116,6 +114,11 @@ class Run:
     def per_second(self) -> float:
         """Rows per second: of 250 rows/s every second one is kept, which makes 125, not ROWS_PER_SECOND."""
         return rate_of(self.t)
+
+    @property
+    def alike(self) -> float:
+        """Rows that count as one: the filters leave 2 x COMPARE_BAND independent values per second."""
+        return self.per_second / (2.0 * COMPARE_BAND)
 
     def rate(self, values: Array) -> Array:
         """Derivative of values (m,) by time, within each recording."""
@@ -331,6 +334,11 @@ def merged(runs: Sequence[Run]) -> Run:
 def kept(rate: float) -> slice:
     """Rows of a recording at ``rate`` Hz that are kept: about ROWS_PER_SECOND of them, without filter transients."""
     return slice(int(0.2 * rate), -int(0.2 * rate), max(1, round(rate / ROWS_PER_SECOND)))
+
+
+def rate_kept(rate: float) -> float:
+    """Rows per second of those that are ``kept`` of a recording at ``rate`` Hz: 125 of 250, 111 of 333."""
+    return rate / (kept(rate).step or 1)
 
 
 def residual_with(run: Run, terms: Sequence[EffectTerm]) -> Array:

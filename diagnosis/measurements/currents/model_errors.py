@@ -20,7 +20,7 @@ from arm_model import Arm, parameter, with_parameters
 from arm_model.effects import described
 from arm_model.rigid_body.regressor import regressor
 from arm_model.system import inverse_dynamics
-from diagnosis.residual.run import ROWS_FOR_ONE, Run
+from diagnosis.residual.run import Run
 from diagnosis.selection.beyond_model import Evidence
 from diagnosis.selection.design import Dataset, Pair
 from identification.selection import Split
@@ -122,7 +122,8 @@ class Significance:
             directions = np.concatenate(list(self._known.directions)) * self._weight[:, None]
         y = np.concatenate([side.y for side in self._data]) * self._weight
         block = np.concatenate([fit.block, held_out.block + int(fit.block.max()) + 1])
-        return Evidence(y, free, directions, block, ROWS_FOR_ONE)
+        alike = float(np.mean([run.alike for side in self._data for run in side.runs]))
+        return Evidence(y, free, directions, block, alike)
 
     def beyond_model(self, pair: Pair, level: float) -> bool:
         """Whether columns are significant at a level with the parameters of the model free; always with it exact."""

@@ -22,7 +22,7 @@ from arm_model.effects import Effect, Instrument, Parameter, Signals, observed_b
 from arm_model.system import rigid_torque_along
 from daq.recording import Recording
 from diagnosis.residual.encoder_step import encoder_step
-from diagnosis.residual.expected_current import low_pass
+from diagnosis.residual.expected_current import low_pass, rate_along
 from diagnosis.residual.load_errors import load_errors
 from diagnosis.residual.noise import MAD_TO_STD
 from diagnosis.selection.candidate import Candidate
@@ -132,9 +132,9 @@ def rows_of(recordings: Sequence[Recording], arm: Arm, joints: Index) -> Rows:
         rate = 1.0 / r.dt
         smooth = low_pass(r.q, VELOCITY_BAND, rate)
         slow = low_pass(r.q, LOAD_BAND, rate)
-        v = np.gradient(smooth, r.dt, axis=0)
-        slow_v = np.gradient(slow, r.dt, axis=0)
-        slow_a = np.gradient(slow_v, r.dt, axis=0)
+        v = rate_along(smooth, r.dt)
+        slow_v = rate_along(slow, r.dt)
+        slow_a = rate_along(slow_v, r.dt)
         if known_load:
             load = rigid_torque_along(arm, slow, slow_v, slow_a)
         else:

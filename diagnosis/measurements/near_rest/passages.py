@@ -36,7 +36,7 @@ from diagnosis.residual.expected_current import (
     true_angle,
 )
 from diagnosis.residual.noise import angle_noise
-from diagnosis.residual.run import CREEP, ROWS_PER_SECOND, Run, kept, residual_with
+from diagnosis.residual.run import CREEP, Run, kept, residual_with
 
 TURN = 0.3
 """Share of what friction lacks to its value while sliding that may be otherwise: laws of the turn, as tanh(v / w) and
@@ -204,7 +204,7 @@ def _of_run(recording: Seen, joint: int) -> NearRest:
         v=v,
         stands=stands,
         rows=rows,
-        block=(passage * len(rows) + np.arange(len(rows)) // ROWS_PER_SECOND)[rows],
+        block=(passage.astype(np.intp) * len(rows) + (np.arange(len(rows)) // run.per_second).astype(np.intp))[rows],
         residual=np.zeros(0),
         std=np.ones(int(rows.sum())),
         late=recording.late,

@@ -25,6 +25,7 @@ from diagnosis.residual.expected_current import (
     integrated,
     low_pass,
     motion_of,
+    rate_along,
     rate_of,
     true_angle,
 )
@@ -118,7 +119,7 @@ def rows_of(arm: Arm, recordings: Sequence[AxisSamples], block_seconds: float) -
         block = ((stamps - stamps[0]) // block_seconds).astype(np.intp) + first
         first = int(block[-1]) + 1
         residual = low_pass(i[:, 0] - expected, _bands(rate)[1], rate)[keep]
-        slope = low_pass(np.gradient(s.current, 1.0 / rate), _bands(rate)[1], rate)[keep]
+        slope = low_pass(rate_along(s.current, 1.0 / rate), _bands(rate)[1], rate)[keep]
         kept.append((residual, slope, angle[keep, 0], v[keep, 0], block))
         noises.append(_noise(arm, q[:, 0], rate))
     residual, slope, q, v, block = (np.concatenate(column) for column in zip(*kept))
@@ -207,7 +208,7 @@ def columns(candidate: Candidate, rows: Rows) -> Array:
     made = []
     for s, rate in rows.parts:
         if effect.delay is not None:
-            full = [-np.gradient(s.current, 1.0 / rate)]
+            full = [-rate_along(s.current, 1.0 / rate)]
         else:
             full = [_full(effect, unit, s, rate, rows.arm) for unit in units(effect, values)]
         made.append(np.column_stack([low_pass(column, _bands(rate)[1], rate)[_kept(rate)] for column in full]))

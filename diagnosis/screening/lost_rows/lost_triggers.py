@@ -16,7 +16,7 @@ import numpy as np
 from arm_io.types import Array
 from arm_model.effects.sensing import DROPPED_TRIGGER
 from diagnosis.cause import Estimate, LostRows
-from diagnosis.residual.run import ROWS_PER_SECOND, Run
+from diagnosis.residual.run import Run
 from diagnosis.screening.event import Event
 from diagnosis.screening.lost_rows.lag_change import Change, change_at, change_of_lag, instant_of, mean_lag, part_of
 from diagnosis.screening.lost_rows.lag_path import Step, instant, lag_steps, put_back
@@ -121,8 +121,9 @@ def _long(
     """
     run, aligned = runs
     steps, k = which
-    known = change is not None and change.std < 0.5 / ROWS_PER_SECOND
-    rest, std = (change.step, change.std) if change is not None and known else (0.0, 0.5 / ROWS_PER_SECOND)
+    half = 0.5 / run.per_second
+    known = change is not None and change.std < half
+    rest, std = (change.step, change.std) if change is not None and known else (0.0, half)
     count = round((steps[k].step - rest) / period)
     if count == 0:
         return []
