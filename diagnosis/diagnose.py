@@ -55,6 +55,7 @@ from diagnosis.screening.even_rows import even, even_samples, grid_of, known_noi
 from diagnosis.screening.event import Event
 from diagnosis.screening.plausibility import check_motion, mixed_up
 from diagnosis.selection.design import Dataset
+from diagnosis.units import recorded_signals
 from diagnosis.verification.idle_limits import idle_limits
 from diagnosis.verification.not_simulated import not_simulated
 from diagnosis.verification.replaced_values import friction_replaced, smoothing_replaced
@@ -351,7 +352,7 @@ def _warnings(arm: Arm, measured: Measured, named: Named, structures: Sequence[S
         yield from folding_warnings([*state.data.fit.runs, *state.data.held_out.runs])
         yield from not_held_out(state.fitted.fit, state.data.fit, structures, known_to(state).fit)
     else:
-        yield f"{arm.name} has neither masses nor friction: its currents were not judged"
+        yield f"{arm.name} has neither masses nor friction: its {recorded_signals(arm)} were not judged"
     for known, what in ((arm.uncertainty, "parameters are"), (arm.kinematic_uncertainty, "geometry is")):
         if known is not None and not known.parameters:
             yield f"the model names {known.file}, which is not beside it: its {what} taken for exact"

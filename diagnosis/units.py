@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from arm_model import Joint
+from arm_model import Arm, Joint
 
 SLIDING = {
     "rad": "m",
@@ -27,6 +27,9 @@ SLIDING = {
 MILLI = ("A", "rad", "m")
 """Units whose small values are written in thousandths."""
 
+QUANTITY = {"A": "current", "V": "voltage", "N m": "torque", "N": "force"}
+"""What a drive's recorded signal is, by its unit."""
+
 LONGEST = 1e5
 """Values from here on are written with an exponent."""
 
@@ -42,6 +45,29 @@ def unit_at(joint: Joint, unit: str, name: str = "") -> str:
     if unit == "N m/A":
         return f"{'N m' if joint.revolute else 'N'}/{joint.command_unit}"
     return unit if joint.revolute or name == "phase" else SLIDING.get(unit, unit)
+
+
+def recorded_quantity(joint: Joint) -> str:
+    """What a recording has of a drive, by its unit: ``current``, ``torque`` or ``force``."""
+    return QUANTITY.get(joint.command_unit, "drive signal")
+
+
+def recorded_quantities(arm: Arm) -> str:
+    """The same of all drives: ``current``; ``torque or force`` of an arm that has both."""
+    return " or ".join(dict.fromkeys(map(recorded_quantity, arm.joints)))
+
+
+def recorded_signals(arm: Arm) -> str:
+    """The same in the plural: ``currents``, ``torques or forces``."""
+    return " or ".join(f"{one}s" for one in dict.fromkeys(map(recorded_quantity, arm.joints)))
+
+
+def variable_in_words(name: str, arm: Arm, joint: int | None) -> str:
+    """A variable that a residual of joint ``joint`` (from 1) depends on: ``torque of joint 3`` for its current."""
+    if joint is None or not name.startswith("current"):
+        return name
+    other = name.partition(" of joint ")[2].partition(" ")[0]
+    return recorded_quantity(arm.joints[int(other or joint) - 1]) + name.removeprefix("current")
 
 
 def readable(unit: str, values: Sequence[float]) -> tuple[float, str]:

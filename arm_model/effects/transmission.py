@@ -73,7 +73,7 @@ BACKLASH = Effect(
         ),
     ),
     equation="q_motor - q = +b where the load pushes, -b where it pulls",
-    shows="lost motion at reversal and where the load changes sign: a current jump, also at resting neighbours",
+    shows="lost motion at reversal and where the load changes sign: a jump, also at resting neighbours",
     confused_with={
         "joint_compliance": "a load bias closes the gap; compliance stays",
         "joint_zero_offset": "the joint slowly through the position where its load changes sign: backlash jumps "

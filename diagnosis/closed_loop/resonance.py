@@ -29,7 +29,7 @@ from diagnosis.closed_loop.comparison import has_demand
 from diagnosis.closed_loop.model_errors import drawn
 from diagnosis.residual.noise import scatter
 from diagnosis.residual.run_setup import set_up
-from diagnosis.units import unit_at
+from diagnosis.units import recorded_quantity, unit_at
 from identification.preprocessing import demand_of_run, zero_phase
 from identification.selection import BLOCK_SECONDS, Thresholds, p_value
 from identification.selection.cluster_covariance import cluster_covariance
@@ -297,9 +297,9 @@ def _judged(
     unit = arm.joints[j].command_unit
     shows = CATALOGUE[trial.effect].shown(Instrument.CLOSED_LOOP, trial.values, {})
     sentence = (
-        f"{shows}: with it, the held-out closed-loop error of the current of joint {trial.joint} between "
-        f"{BAND[0]:.0f} and {BAND[1]:.0f} Hz falls from {before[j]:.3g} to {after[j]:.3g} {unit} rms, in "
-        f"{int(np.sum(gains > 0))} of {len(gains)} one-second blocks"
+        f"{shows}: with it, the held-out closed-loop error of the {recorded_quantity(arm.joints[j])} of joint "
+        f"{trial.joint} between {BAND[0]:.0f} and {BAND[1]:.0f} Hz falls from {before[j]:.3g} to {after[j]:.3g} "
+        f"{unit} rms, in {int(np.sum(gains > 0))} of {len(gains)} one-second blocks"
     )
     return Cause(
         effect=trial.effect,

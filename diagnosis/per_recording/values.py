@@ -30,6 +30,7 @@ from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.contradiction import CHANCE, SAME, Alone, chance_of
 from diagnosis.selection.design import Pair
 from diagnosis.selection.estimates import estimates
+from diagnosis.units import recorded_quantity
 from identification.selection import p_value, scaled_lstsq
 from identification.selection.cluster_covariance import cluster_covariance
 
@@ -227,8 +228,9 @@ def cause_of(own: OwnValues, every: Sequence[OwnValues], state: State, others: S
         before=before,
         after=after,
         group=(c.key, *dict.fromkeys((name, c.joint) for name in aliases if name != c.effect)),
-        evidence=f"{c.definition.shows}, differently in each recording: with values of their own, the held-out current "
-        f"error of joint {joint} falls from {before:.3g} to {after:.3g} {unit} rms; no one value serves them all",
+        evidence=f"{c.definition.shows}, differently in each recording: with values of their own, the held-out "
+        f"{recorded_quantity(state.model.arm.joints[joint - 1])} error of joint {joint} falls from {before:.3g} "
+        f"to {after:.3g} {unit} rms; no one value serves them all",
         felt_at=joint,
         unit=unit,
         of_arm=False,

@@ -13,6 +13,7 @@ from diagnosis.measurements.currents.model import State
 from diagnosis.measurements.currents.unexplained import noise_ratio
 from diagnosis.selection.design import Dataset
 from diagnosis.selection.waves import wave_of
+from diagnosis.units import recorded_quantity
 from identification.selection import Split
 
 
@@ -43,8 +44,9 @@ def structures_of_fit(left: Array, fit: Dataset, structures: Sequence[Structure]
 def not_held_out(left: Array, fit: Dataset, structures: Sequence[Structure], allowed: Array) -> tuple[str, ...]:
     """Warns of joints whose residual exceeds the noise in the fitted recordings alone, where no cause is named."""
     return tuple(
-        f"the residual current of joint {joint} is {ratio:.1f} times the noise in the fitted recordings, but not in "
-        "the held-out ones: hold out a recording with a similar motion of this joint"
+        f"the residual {recorded_quantity(fit.runs[0].arm.joints[joint - 1])} of joint {joint} is {ratio:.1f} "
+        "times the noise in the fitted recordings, but not in the held-out ones: hold out a recording with a similar "
+        "motion of this joint"
         for joint, ratio in _above_in_fit(left, fit, structures, allowed).items()
     )
 

@@ -24,7 +24,7 @@ from diagnosis.report.plots.residuals import against_all, left_against, side_by_
 from diagnosis.report.plots.single_axis import wave_chart
 from diagnosis.report.tables import errors, left, rough, summary, unseen
 from diagnosis.report.wording import remainder, remains, rise_at_rest, sentence, title, uncertain, value, values_of
-from diagnosis.units import readable, rounded
+from diagnosis.units import readable, recorded_quantities, recorded_signals, rounded
 
 MOST_CHARTS = {"held_out": 2, "fit": 1}
 """Recordings of either set that are drawn; the tables have all."""
@@ -44,6 +44,8 @@ def report(result: Diagnosis, table: dict[str, Any], held_out: Sequence[Recordin
         motion=motion_of(result) if result.held_out else None,
         content={
             "asked": _asked(result, table),
+            "measured": recorded_quantities(result.arm),
+            "all_measured": recorded_signals(result.arm),
             "says": sentence(result),
             "warnings": result.warnings,
             "summary": summary(result),
@@ -55,10 +57,10 @@ def report(result: Diagnosis, table: dict[str, Any], held_out: Sequence[Recordin
             "link_overview": link_overview(result.link, result.arm) if result.link and not judged else None,
             "causes": [_section(result, cause, row, number) for number, (cause, row) in causes],
             "unseen": unseen(table),
-            "left": left(table),
+            "left": left(result, table),
             "left_charts": _left_charts(result),
             "simulated": list(_simulated(result)),
-            "errors": errors(table, bool(result.causes)),
+            "errors": errors(result, table, bool(result.causes)),
             "along": {s.get("along") for s in table["signals"] if s["signal"] == "current"},
             "rough": rough(result, table) if judged else None,
             "joints_drawn": list(_joints(result, held_out)) if judged else [],
@@ -90,11 +92,10 @@ def _counted(recordings: int) -> str:
 
 def _simulated(result: Diagnosis) -> Iterator[tuple[str, Chart]]:
     """Closed-loop simulation next to the measurement, for some recordings of either set."""
-    units = tuple(dict.fromkeys(joint.command_unit for joint in result.arm.joints))
     for side, words in (("held_out", "held out"), ("fit", "fitted")):
         pairs = result.compared.get(side) or []
         for number, (before, after) in enumerate(pairs[: MOST_CHARTS[side]], 1):
-            chart = side_by_side(before, after, bool(result.causes), units, f"simulated_{side}_{number}")
+            chart = side_by_side(before, after, bool(result.causes), result.arm, f"simulated_{side}_{number}")
             yield f"{before.name} ({words})", chart
 
 

@@ -15,7 +15,7 @@ from diagnosis.measurements.currents.design_matrix import dataset_of
 from diagnosis.remainder.predictable import FROM
 from diagnosis.report.wording import gain, place, title, values_of
 from diagnosis.residual.comparable_rows import comparable_rows
-from diagnosis.units import readable, rounded
+from diagnosis.units import readable, rounded, variable_in_words
 
 
 def summary(result: Diagnosis) -> Markup:
@@ -29,7 +29,7 @@ def summary(result: Diagnosis) -> Markup:
     return arm_report.table(rows, ("cause", "parameters", "held-out error without → with it", "confidence"), (2, 3))
 
 
-def errors(table: dict[str, Any], extended: bool) -> Markup | None:
+def errors(result: Diagnosis, table: dict[str, Any], extended: bool) -> Markup | None:
     """Errors of simulated currents and positions on the held-out recordings; None without a simulation."""
     if not table["signals"]:
         return None
@@ -39,7 +39,8 @@ def errors(table: dict[str, Any], extended: bool) -> Markup | None:
         values = [held.get("before", nan), held.get("after", nan), s["noise_rms"]]
         factor, unit = readable(s["unit"], values)
         texts = [rounded(factor * v) for v in (values if extended else values[1:])]
-        rows.append([s["signal"] if s["joint"] else "tracked points", str(s["joint"] or ""), *texts, unit])
+        named = variable_in_words(s["signal"], result.arm, s["joint"]) if s["joint"] else "tracked points"
+        rows.append([named, str(s["joint"] or ""), *texts, unit])
     head = ["signal", "joint", *(["before", "after"] if extended else ["error"]), "noise", "unit"]
     return arm_report.table(rows, head, range(1, len(head) - 1))
 
@@ -106,12 +107,17 @@ def unseen(table: dict[str, Any]) -> Markup | None:
     return arm_report.table(rows, ("effect", "joint", "reason", "detection experiment"), (1,))
 
 
-def left(table: dict[str, Any]) -> Markup | None:
+def left(result: Diagnosis, table: dict[str, Any]) -> Markup | None:
     """Unexplained structure, and its share of the residual variance; None: there is none."""
     if not table["unexplained"]:
         return None
     rows = [
-        (place(one["signal"], one["joint"]), one["against"], f"{one['share']:.0%}", one["size"] or "")
+        (
+            place(result.arm, one["signal"], one["joint"]),
+            variable_in_words(one["against"], result.arm, one["joint"]),
+            f"{one['share']:.0%}",
+            one["size"] or "",
+        )
         for one in table["unexplained"]
     ]
     return arm_report.table(rows, ("signal", "against", "share of the residual variance", "size"), (2,))

@@ -8,13 +8,13 @@ from diagnosis.cause import in_words
 from diagnosis.diagnose import Diagnosis
 from diagnosis.report.origins import origin_lines
 from diagnosis.report.wording import gain, remainder, remains, rise_at_rest, sentence, title, values_of
-from diagnosis.units import rounded
+from diagnosis.units import recorded_quantities, rounded
 
 
 def diagnosis_text(result: Diagnosis, table: dict[str, Any]) -> str:
     """Verdict, warnings, every cause with its parameters and gain, origins; ``table`` is what diagnosis.json holds."""
     lines = [sentence(result), *(f"warning: {warning}" for warning in result.warnings)]
-    lines += _over_noise(table)
+    lines += _over_noise(result, table)
     for number, (cause, row) in enumerate(zip(result.causes, table["causes"]), 1):
         where = "the tracked points" if cause.by_tracker else f"joint {cause.felt_at}"
         lines += ["", f"{number}. {title(cause)}", *(f"   {line}" for line in values_of(cause))]
@@ -31,7 +31,7 @@ def diagnosis_text(result: Diagnosis, table: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def _over_noise(table: dict[str, Any]) -> list[str]:
+def _over_noise(result: Diagnosis, table: dict[str, Any]) -> list[str]:
     """One line: held-out residual currents over their noise floor, per joint, by the model and by the extended one."""
     rows = [row for row in table["signals"] if (row.get("noise_ratio") or {}).get("before") is not None]
     if not rows:
@@ -40,4 +40,5 @@ def _over_noise(table: dict[str, Any]) -> list[str]:
     for row in rows:
         before, after = (rounded(row["noise_ratio"][when], 2) for when in ("before", "after"))
         sizes.append(f"joint {row['joint']}: {before if before == after else f'{before} -> {after}'}")
-    return [f"held-out residual current over the noise floor of the instruments: {'; '.join(sizes)}"]
+    what = recorded_quantities(result.arm)
+    return [f"held-out residual {what} over the noise floor of the instruments: {'; '.join(sizes)}"]

@@ -7,11 +7,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from arm_model import Arm
 from arm_model.effects import CATALOGUE
 from diagnosis.cause import NO_VARIABLE, Cause, EncoderJump, Estimate, LostRows, Signal, in_words
 from diagnosis.diagnose import Diagnosis
 from diagnosis.report.joint_verdicts import remaining
-from diagnosis.units import readable, rounded
+from diagnosis.units import readable, recorded_quantity, rounded, variable_in_words
 
 
 def title(cause: Cause) -> str:
@@ -71,20 +72,24 @@ def _judged(result: Diagnosis) -> str:
     causes = ("; " if grouped else ", ").join(map(either, result.causes))
     if result.verdict == "explained":
         return f"Explained{known}: {causes}."
-    places = ", ".join(against(one.signal, one.joint, one.words()) for one in result.unexplained)
+    places = ", ".join(against(result.arm, one.signal, one.joint, one.words()) for one in result.unexplained)
     structure = f"structure in {places} that no effect of the catalogue explains."
     return f"Explained in part: {causes}. There remains {structure}" if causes else f"Unexplained: {structure}"
 
 
-def place(signal: str, joint: int | None) -> str:
-    """``the current of joint 2``."""
-    what = "current in closed loop" if signal == Signal.CLOSED_LOOP else signal
-    return f"the {what} of joint {joint}" if joint else f"the {signal}'s points"
+def place(arm: Arm, signal: str, joint: int | None) -> str:
+    """``the current of joint 2``, or its torque or force, where recordings have that."""
+    if not joint:
+        return f"the {signal}'s points"
+    what = recorded_quantity(arm.joints[joint - 1])
+    what = {Signal.CLOSED_LOOP: f"{what} in closed loop", Signal.CURRENT: what}.get(Signal(signal), signal)
+    return f"the {what} of joint {joint}"
 
 
-def against(signal: str, joint: int | None, variable: str) -> str:
+def against(arm: Arm, signal: str, joint: int | None, variable: str) -> str:
     """``the current of joint 2 against position``; or that no single variable predicts it."""
-    return f"{place(signal, joint)}{', ' if variable.startswith('no ') else ' against '}{variable}"
+    words = variable_in_words(variable, arm, joint)
+    return f"{place(arm, signal, joint)}{', ' if variable.startswith('no ') else ' against '}{words}"
 
 
 def estimate(one: Estimate) -> str:
@@ -143,7 +148,7 @@ def values_of(cause: Cause) -> list[str]:
 
 def _lost(one: LostRows) -> str:
     """``counter of joint 2: 12 rows before row 2500 (2.500 s) of a.mcap``; a row with two std where it has some."""
-    channels = "currents" if one.count > 0 else f"counter of joint {one.joint}" if one.joint else "all counters"
+    channels = "drive signals" if one.count > 0 else f"counter of joint {one.joint}" if one.joint else "all counters"
     row = f"{one.row} ± {rounded(2 * one.row_std, 2)}" if one.row_std > 0.0 else f"{one.row}"
     return f"{channels}: {abs(one.count)} rows before row {row} ({one.time:.3f} s) of {one.file}"
 

@@ -9,6 +9,7 @@ import numpy as np
 from diagnosis.residual.expected_current import rate_of
 from diagnosis.residual.run import Run
 from diagnosis.residual.setpoint_ripple import FOLDED
+from diagnosis.units import recorded_signals
 from identification.preprocessing import folding_line, rate_beside, unbounded
 
 
@@ -33,6 +34,6 @@ def folding_warnings(runs: Sequence[Run]) -> Iterator[str]:
             f"{', '.join(dict.fromkeys(run.name for run in alike))}: {rate:.5g} Hz is {rate * period:.3g} times the "
             f"rate of the controller's setpoints (every {period * 1e3:.3g} ms{setpoints.as_shown}): "
             f"the servos' ripple is folded onto the acceleration; {far}, and errors of inertias up to there are "
-            f"not named; at {rate_beside(period, rate):.5g} Hz, or with currents averaged over each row, they would "
-            "be named"
+            f"not named; at {rate_beside(period, rate):.5g} Hz, or with {recorded_signals(alike[0].arm)} averaged "
+            "over each row, they would be named"
         )

@@ -35,6 +35,7 @@ from diagnosis.screening.lost_rows.skipped_rows import Hole, filled, holes_of, r
 from diagnosis.screening.lost_rows.skipped_rows import without_weight as without_skipped
 from diagnosis.screening.mains_hum import lines_near_mains, mains_hum, other_lines, without_hum
 from diagnosis.screening.standstill import Oscillation, oscillations
+from diagnosis.units import recorded_quantity, recorded_signals, variable_in_words
 from identification.preprocessing import check_joints
 
 Samples = tuple[Array, Array, Array]
@@ -109,7 +110,7 @@ def screened(
     recordings = [replace(r, q=put_back(r.q, own)) if own else r for r, own in zip(recordings, gaps)]
     lines = lines_near_mains(recordings, arm)
     events = [
-        *mains_hum(recordings, lines),
+        *mains_hum(recordings, lines, arm),
         *united([*of_all, *of_counters, *jumps(recordings, arm)]),
         *(event for event in current_limits(recordings, arm) if not _its_own(arm, event)),
     ]
@@ -242,15 +243,18 @@ def check(arm: Arm, recordings: Sequence[Recording]) -> None:
         if r.dt > 1.0 / LEAST_RATE:
             raise InputError(
                 r.path,
-                f"has {1 / r.dt:.3g} rows per second; at least {LEAST_RATE:g} are needed to compare currents "
-                "(100 and more show all that the comparison can)",
+                f"has {1 / r.dt:.3g} rows per second; at least {LEAST_RATE:g} are needed to compare "
+                f"{recorded_signals(arm)} (100 and more show all that the comparison can)",
             )
         if len(r) < 3 / r.dt:
             raise InputError(r.path, f"is {len(r) * r.dt:.1f} s long; at least 3 s are needed")
         for name, values in (("position", r.q), ("current", r.i)):
             missing = np.isnan(values).any(axis=0)
             if missing.any():
-                raise InputError(r.path, f"{name} of joint {int(np.argmax(missing)) + 1} has missing samples")
+                j = int(np.argmax(missing))
+                raise InputError(r.path, f"{variable_in_words(name, arm, j + 1)} of joint {j + 1} has missing samples")
         constant = np.ptp(r.i, axis=0) == 0.0
         if constant.any() and not setup_of(r).drives_off:
-            raise InputError(r.path, f"current of joint {int(np.argmax(constant)) + 1} never changes; is it connected?")
+            j = int(np.argmax(constant))
+            what = recorded_quantity(arm.joints[j])
+            raise InputError(r.path, f"{what} of joint {j + 1} never changes; is it connected?")

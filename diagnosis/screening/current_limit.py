@@ -20,6 +20,7 @@ from diagnosis.residual.encoder_step import encoder_step
 from diagnosis.residual.noise import angle_noise, scatter, still_noise
 from diagnosis.residual.run_setup import setup_of
 from diagnosis.screening.event import Event
+from diagnosis.units import recorded_quantity
 
 RUNS_AWAY = 1.5
 """Tracking error of a joint with a clipped current, over the largest one before and in other recordings."""
@@ -96,11 +97,13 @@ def current_limits(recordings: Sequence[Recording], arm: Arm | None = None) -> l
         clipped = _clipped(recordings, [np.where(d, v, 0.0) for v, d in zip(of_joint, driven)], j, pile, arm)
         if not clipped:
             return None
+        what = "current" if arm is None else recorded_quantity(arm.joints[j])
+        unit = "A" if arm is None else arm.joints[j].command_unit
         return Event(
             effect=CURRENT_LIMIT.name,
             joint=j + 1,
             parameters=[Estimate("limit", pile.level, noise, "A")],
-            evidence=f"the current of joint {j + 1} is clipped at {pile.level:.3g} A in {len(clipped)} of "
+            evidence=f"the {what} of joint {j + 1} is clipped at {pile.level:.3g} {unit} in {len(clipped)} of "
             f"{len(recordings)} recordings",
             recordings=clipped,
         )

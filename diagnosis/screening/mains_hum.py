@@ -16,6 +16,7 @@ from diagnosis.cause import Estimate
 from diagnosis.residual.noise import standstill
 from diagnosis.screening.event import Event, Gain
 from diagnosis.screening.spectral_line import MAINS, OVER_FLOOR, Line, above, line_near_mains, waves
+from diagnosis.units import recorded_quantities, recorded_quantity, recorded_signals
 
 ONE_LINE = 1.0
 """Hz: largest difference of the frequencies of one line between recordings and joints: the mains drifts."""
@@ -29,7 +30,7 @@ MODULATED, SURE = 0.25, 3.0
 """Variance of the power of a line over its square that is none of the mains, and std by which it must be so."""
 
 
-def mains_hum(recordings: Sequence[Recording], lines_of: Mapping[int, Sequence[Line]]) -> list[Event]:
+def mains_hum(recordings: Sequence[Recording], lines_of: Mapping[int, Sequence[Line]], arm: Arm) -> list[Event]:
     """Mains hum among the lines near the mains of each joint in all recordings (``lines_near_mains``).
 
     Lines that do not behave as the mains does are none (``_no_mains``).
@@ -39,8 +40,8 @@ def mains_hum(recordings: Sequence[Recording], lines_of: Mapping[int, Sequence[L
     found = {joint: lines for joint, lines in lines_of.items() if _no_mains(lines) is None}
     frequencies = [_frequency(lines) for lines in found.values()]
     if len(found) > max(1, recordings[0].joints / 2) and np.ptp(frequencies) <= ONE_LINE:
-        return [_of_rig(found, recordings)]
-    return [_of_joint(joint, lines) for joint, lines in found.items()]
+        return [_of_rig(found, recordings, arm)]
+    return [_of_joint(joint, lines, arm) for joint, lines in found.items()]
 
 
 def other_lines(lines_of: Mapping[int, Sequence[Line]], arm: Arm) -> Iterator[str]:
@@ -52,7 +53,7 @@ def other_lines(lines_of: Mapping[int, Sequence[Line]], arm: Arm) -> Iterator[st
             size = f"{amplitude:.2g} {arm.joints[joint - 1].command_unit}"
             of_reason.setdefault(why, []).append(f"{_frequency(lines):.2f} Hz at joint {joint} ({size})")
     for why, places in of_reason.items():
-        yield f"unexplained: a line of the current, {', '.join(places)}; no mains hum, as {why}"
+        yield f"unexplained: a line of the {recorded_quantities(arm)}, {', '.join(places)}; no mains hum, as {why}"
 
 
 def lines_near_mains(recordings: Sequence[Recording], arm: Arm) -> dict[int, list[Line]]:
@@ -129,23 +130,24 @@ def without_hum(recording: Recording, events: Sequence[Event]) -> Array:
     return current
 
 
-def _of_joint(joint: int, lines: Sequence[Line]) -> Event:
+def _of_joint(joint: int, lines: Sequence[Line], arm: Arm) -> Event:
     return Event(
         effect=MAINS_HUM.name,
         joint=joint,
         parameters=_parameters(lines),
-        evidence=f"the current of joint {joint} has a spectral line at {_frequency(lines):.2f} Hz in all "
-        f"{len(lines)} recordings",
+        evidence=f"the {recorded_quantity(arm.joints[joint - 1])} of joint {joint} has a spectral line at "
+        f"{_frequency(lines):.2f} Hz in all {len(lines)} recordings",
         recordings=tuple(range(len(lines))),
         gain=_gain(joint, lines),
     )
 
 
-def _of_rig(found: Mapping[int, Sequence[Line]], recordings: Sequence[Recording]) -> Event:
+def _of_rig(found: Mapping[int, Sequence[Line]], recordings: Sequence[Recording], arm: Arm) -> Event:
     """Its parameters are those of the joint with the largest line."""
     largest = max(found, key=lambda joint: float(np.mean([line.amplitude for line in found[joint]])))
     f = float(np.median([_frequency(lines) for lines in found.values()]))
-    which = "all currents have" if len(found) == recordings[0].joints else f"currents of {len(found)} joints have"
+    what = recorded_signals(arm)
+    which = f"all {what} have" if len(found) == recordings[0].joints else f"{what} of {len(found)} joints have"
     return Event(
         effect=MAINS_HUM.name,
         joint=None,

@@ -10,6 +10,7 @@ from arm_io import InputError
 from arm_model import Arm
 from daq.recording import Recording
 from diagnosis.residual.run import Run
+from diagnosis.units import recorded_signals
 
 STANDSTILL = 0.005
 """rad (m): smaller motion of a joint is standstill."""
@@ -37,9 +38,10 @@ def check_motion(arm: Arm, recordings: Sequence[Recording], words: str) -> None:
 
 
 def mixed_up(runs: Sequence[Run]) -> tuple[str, ...]:
-    """Warnings of currents that are the expected ones with the other sign, or many times as large or small."""
+    """Warnings of drive signals that are the expected ones with the other sign, or many times as large or small."""
     warnings = []
     for run in runs:
+        what = recorded_signals(run.arm)
         excited = np.flatnonzero(
             (np.std(run.current, axis=0) > ABOVE_NOISE * run.noise) & (np.ptp(run.expected, axis=0) > 0.0)
         )
@@ -51,10 +53,10 @@ def mixed_up(runs: Sequence[Run]) -> tuple[str, ...]:
         times = np.array([np.std(measured) / np.std(expected) for measured, expected in pairs])
         if len(excited) and np.mean(correlation < OPPOSITE) > 0.5:
             warnings.append(
-                f"currents of {run.name} have the opposite sign of the expected ones; have they the sign of the angles?"
+                f"{what} of {run.name} have the opposite sign of the expected ones; have they the sign of the angles?"
             )
         elif len(excited) and np.mean((correlation > ALIKE) & (np.abs(np.log(times)) > np.log(OTHER_UNIT))) > 0.5:
             warnings.append(
-                f"currents of {run.name} are {np.median(times):.2g} times the expected ones; are they in its unit?"
+                f"{what} of {run.name} are {np.median(times):.2g} times the expected ones; are they in its unit?"
             )
     return tuple(warnings)

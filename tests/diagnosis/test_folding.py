@@ -120,6 +120,6 @@ def test_a_line_of_the_setpoints_that_sampling_puts_at_60_hz_is_no_hum(
     # of unknown setpoints, it is told by its amplitude, which follows the motion
     unknown = replace(arm, controller=None)
     lines = lines_near_mains(recordings, unknown)
-    assert not mains_hum(recordings, lines)
+    assert not mains_hum(recordings, lines, unknown)
     remarks = other_lines(lines, unknown)
     assert any("Hz at joint 1" in remark and "its amplitude varies" in remark for remark in remarks)

@@ -87,13 +87,13 @@ def test_hum_of_few_currents_is_of_their_joints(arm: Arm, tmp_path: Path, joints
 
 
 def _hum(recordings: list[Recording], arm: Arm) -> list[Event]:
-    return mains_hum(recordings, lines_near_mains(recordings, arm))
+    return mains_hum(recordings, lines_near_mains(recordings, arm), arm)
 
 
 def _told(arm: Arm, recording: Recording) -> tuple[list[int | None], list[str]]:
     """Joints of hum, and what is said of other lines."""
     lines = lines_near_mains([recording], arm)
-    return [event.joint for event in mains_hum([recording], lines)], list(other_lines(lines, arm))
+    return [event.joint for event in mains_hum([recording], lines, arm)], list(other_lines(lines, arm))
 
 
 @pytest.mark.parametrize("frequency", [49.48, 49.1, 60.7])

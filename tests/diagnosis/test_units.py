@@ -6,9 +6,11 @@ from dataclasses import replace
 
 import pytest
 
-from arm_model import Joint
+from arm_model import Arm, Joint
 from arm_model.effects import CATALOGUE
-from diagnosis.units import unit_at
+from diagnosis.cause import Signal
+from diagnosis.report.wording import against
+from diagnosis.units import recorded_quantities, recorded_quantity, recorded_signals, unit_at, variable_in_words
 
 EVERY = sorted({(p.unit, p.name) for effect in CATALOGUE.values() if effect.per_joint for p in effect.parameters})
 
@@ -25,3 +27,17 @@ def test_a_joint_that_slides_has_no_radians_and_no_torques(unit: str, name: str)
 def test_a_drive_commanded_in_newton_metres_has_no_amperes(unit: str) -> None:
     joint = replace(Joint(), current_unit="N m")
     assert unit_at(joint, unit) == unit.replace("A", "N m" if unit == "A" else "(N m)")
+
+
+def test_a_signal_is_called_by_its_unit() -> None:
+    turning, sliding = replace(Joint(), current_unit="N m"), replace(Joint(type="prismatic"), current_unit="N")
+    arm = Arm(name="three", joints=(turning, sliding, Joint(torque_constant=2.0)))
+    assert [*map(recorded_quantity, arm.joints)] == ["torque", "force", "current"]
+    assert recorded_quantities(arm) == "torque or force or current"
+    assert recorded_signals(replace(arm, joints=(turning, turning))) == "torques"
+    assert variable_in_words("current and its past", arm, 1) == "torque and its past"
+    assert variable_in_words("current of joint 2", arm, 3) == "force of joint 2"
+    assert against(arm, Signal.CURRENT, 2, "position") == "the force of joint 2 against position"
+    loop = "the torque in closed loop of joint 1, no single variable"
+    assert against(arm, Signal.CLOSED_LOOP, 1, "no single variable") == loop
+    assert against(arm, Signal.TRACKER, None, "time") == "the tracker's points against time"

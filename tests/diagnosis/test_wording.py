@@ -13,6 +13,7 @@ from typing import cast
 import numpy as np
 import pytest
 
+from arm_model import Arm, Joint
 from arm_model.model_file import read_model
 from diagnosis.cause import NO_VARIABLE, Estimate, Signal, Structure
 from diagnosis.diagnose import Diagnosis
@@ -26,6 +27,9 @@ from diagnosis.units import rounded
 from tests.diagnosis.runs import group_of, seen
 
 
+SIX = Arm(name="six", joints=(Joint(torque_constant=0.2),) * 6)
+
+
 @dataclass
 class Verdict:
     """The part of a Diagnosis that its sentence is made of."""
@@ -36,6 +40,7 @@ class Verdict:
     warnings: tuple[str, ...] = ()
     shortage: Shortage | None = None
     judged: bool = False
+    arm: Arm = SIX
 
 
 @pytest.mark.parametrize(

@@ -21,7 +21,7 @@ from diagnosis.selection.design import Dataset
 from diagnosis.selection.friction_shares import with_shares
 from diagnosis.selection.regression import Fitted, score
 from diagnosis.selection.ripple_orders import in_words
-from diagnosis.units import unit_at
+from diagnosis.units import recorded_quantity, unit_at
 from identification.selection import Split
 
 BY_DIRECTION = {"positive", "negative", "viscous_positive", "viscous_negative"}
@@ -47,10 +47,11 @@ def of_candidate(candidate: Candidate, values: list[Estimate], state: State) -> 
     )
     turn = in_words(candidate, model.arm.joints[joint - 1])
     of_wheel = f" ({turn})" if turn else ""
+    what = recorded_quantity(model.arm.joints[joint - 1])
     falls = f"falls from {before:.3g} to {after:.3g} {unit} rms"
     better, compared = (int(np.sum(blocks)) for blocks in (conditional.blocks > 0, conditional.blocks != 0))
     sentence = (
-        f"{definition.shows}{of_wheel}: with it, the held-out current error of joint {joint} {falls}, in {better} of "
+        f"{definition.shows}{of_wheel}: with it, the held-out {what} error of joint {joint} {falls}, in {better} of "
         f"{compared} one-second blocks {where}"
     )
     separate = None

@@ -16,7 +16,7 @@ from diagnosis.residual.warmth import depends, not_warmed
 from diagnosis.screening.plausibility import STANDSTILL
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Columns, Dataset
-from diagnosis.units import rounded, unit_at
+from diagnosis.units import recorded_quantity, recorded_signals, rounded, unit_at
 from identification.selection import Split
 
 SHOWS_FROM = 1 / 3
@@ -30,7 +30,7 @@ INSTEAD = {
     Excitation.GRAVITY: "a tracker, or a level at the link of {}",
     Excitation.LOAD_REVERSAL: "{} slowly through a position where its load changes sign (the vertical, for a "
     "hanging link), or an encoder at the link",
-    Excitation.CURRENT: "larger currents of {}: a known payload, faster starts and stops",
+    Excitation.CURRENT: "larger loads on {}: a known payload, faster starts and stops",
     Excitation.SPEED: "{} back and forth at full speed, and at a tenth of it",
     Excitation.TEMPERATURE: "{} from a cold start until its motor is warm, with its temperature recorded",
     Excitation.ACCELERATION: "{} back and forth as fast as it starts and stops",
@@ -66,7 +66,7 @@ def not_visible(
         if strength < SHOWS_FROM:
             reasons = (
                 _did(CATALOGUE[effect].excited_by, joint, held_out, arm),
-                f"even {_size(effect, arm, joint)} changes the currents by {times_noise(strength)}",
+                f"even {_size(effect, arm, joint)} changes the {recorded_signals(arm)} by {times_noise(strength)}",
             )
             where = f"joint {joint}" if joint else "all joints"
             undetectable.append(
@@ -133,7 +133,8 @@ def _did(need: Excitation, joint: int | None, side: Dataset, arm: Arm) -> str:
         change = f"changed by at most {rounded(np.ptp(gravity), 2)} {unit_at(drive, 'N m')}"
         return f"the gravity torque of joint {joint} {change if np.abs(gravity).max() > 1e-6 else 'is zero'}"
     if need is Excitation.CURRENT:
-        return f"the current of joint {joint} was at most {rounded(np.abs(current).max(), 2)} {drive.command_unit}"
+        most = f"{rounded(np.abs(current).max(), 2)} {drive.command_unit}"
+        return f"the {recorded_quantity(drive)} of joint {joint} was at most {most}"
     if need is Excitation.ACCELERATION:
         return f"the acceleration of joint {joint} was at most {rounded(np.abs(a).max(), 2)} {unit_at(drive, 'rad/s2')}"
     return (
@@ -148,7 +149,7 @@ def not_judged(arm: Arm, of_links: Sequence[int]) -> list[Undetectable]:
     Without those that the two encoders of the joints ``of_links`` show.
     """
     why, instead = (
-        "the model has neither masses nor friction, so it predicts no currents",
+        f"the model has neither masses nor friction, so it predicts no {recorded_signals(arm)}",
         "armscope identify, then diagnose with its model",
     )
     undetectable = []

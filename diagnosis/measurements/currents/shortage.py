@@ -40,7 +40,7 @@ class Shortage:
         where = "recording" if self.split else "held-out recordings"
         return (
             f"{self.seconds:.0f} s more are needed in the {where}: {in_words(self.effect)} would explain the residual "
-            f"current of {joints} in every one-second block, but so few blocks may agree by chance"
+            f"of {joints} in every one-second block, but so few blocks may agree by chance"
         )
 
 

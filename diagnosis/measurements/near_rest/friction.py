@@ -35,7 +35,7 @@ from diagnosis.residual.expected_current import coulomb_at, rate_of
 from diagnosis.residual.run import Run
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.friction_shares import with_shares
-from diagnosis.units import unit_at
+from diagnosis.units import recorded_quantity, unit_at
 from identification.selection import Split, Thresholds, p_value
 from identification.selection.cluster_covariance import cluster_covariance
 
@@ -155,9 +155,9 @@ def _cause(
     gains = _gains(every, smooth, best)
     group = [best.law.effect, *(one.law.effect for one in as_well if one.law.effect)]
     sentence = (
-        f"{effect.shows}: near rest, where every recording is predicted from the others, the current error of joint "
-        f"{joint} falls from {before:.3g} to {after:.3g} {drive.command_unit} rms, in {int(np.sum(gains > 0))} of "
-        f"{len(gains)} passages and one-second blocks"
+        f"{effect.shows}: near rest, where every recording is predicted from the others, the "
+        f"{recorded_quantity(drive)} error of joint {joint} falls from {before:.3g} to {after:.3g} "
+        f"{drive.command_unit} rms, in {int(np.sum(gains > 0))} of {len(gains)} passages and one-second blocks"
     )
     return Cause(
         effect=effect.name,

@@ -8,22 +8,24 @@ import numpy as np
 from scipy import signal
 
 from arm_io.types import Array
+from arm_model import Joint
 from arm_report import Chart, Panel, Series, Zone
 from arm_report.palette import AFTER, BEFORE, SHADE
 from diagnosis.closed_loop.comparison import Compared
 from diagnosis.closed_loop.resonance import BAND
 from diagnosis.residual.expected_current import rate_of
+from diagnosis.units import recorded_quantity
 
 SEGMENT = 1.0
 """s: length of the segments over which the spectrum is averaged."""
 
 
-def loop_chart(name: str, pairs: Sequence[tuple[Compared, Compared]], joint: int, unit: str) -> Chart:
-    """Amplitude density of measured minus simulated current of a joint, in ``unit`` per root hertz.
+def loop_chart(name: str, pairs: Sequence[tuple[Compared, Compared]], joint: int, drive: Joint) -> Chart:
+    """Amplitude density of measured minus simulated current of a joint (from 1), in its unit per root hertz.
 
-    pairs: held-out loops (before, after).
+    pairs: held-out loops (before, after); drive: that joint.
     """
-    lines = []
+    lines, quantity = [], recorded_quantity(drive)
     for several, colour, label in zip(zip(*pairs), (BEFORE, AFTER), ("without any cause", "with all causes")):
         frequency, density = _spectrum(several, joint)
         shown = frequency <= 1.2 * BAND[1]
@@ -32,11 +34,11 @@ def loop_chart(name: str, pairs: Sequence[tuple[Compared, Compared]], joint: int
         series=tuple(lines),
         zones=(Zone(low=BAND[0], high=BAND[1], axis="x", colour=SHADE, label="band compared"),),
         x="frequency, Hz",
-        y=f"current error, {unit}/sqrt(Hz)",
+        y=f"{quantity} error, {drive.command_unit}/sqrt(Hz)",
         log_y=True,
         joint=joint,
     )
-    title = f"spectrum of the current error of joint {joint} in closed loop, without and with the causes"
+    title = f"spectrum of the {quantity} error of joint {joint} in closed loop, without and with the causes"
     return Chart(name=name, title=title, panels=(panel,), height=2.9)
 
 

@@ -18,7 +18,7 @@ from diagnosis.report.plots.motion import HELD_OUT, held_out_time
 from diagnosis.report.plots.residuals import unit_of
 from diagnosis.report.plots.single_axis import axis_chart
 from diagnosis.report.plots.tracker import tracker_chart
-from diagnosis.units import readable
+from diagnosis.units import readable, recorded_quantities, recorded_quantity, variable_in_words
 
 
 def overview(result: Diagnosis) -> Chart:
@@ -63,7 +63,7 @@ def overview(result: Diagnosis) -> Chart:
         )
     return Chart(
         name="residuals",
-        title="measured minus predicted current of every joint, in units of the noise std",
+        title=f"measured minus predicted {recorded_quantities(result.arm)} of every joint, in units of the noise std",
         panels=tuple(panels),
         shared=True,
         height=1.45,
@@ -86,7 +86,7 @@ def cause_chart(result: Diagnosis, cause: Cause, number: int) -> Chart:
     if result.link is not None and cause.signal is Signal.LINK_ANGLE:
         return link_chart(picture, result.link, result.arm, cause.effect, joint)
     if cause.signal is Signal.CLOSED_LOOP:
-        return loop_chart(picture, result.compared["held_out"], joint, cause.unit)
+        return loop_chart(picture, result.compared["held_out"], joint, result.arm.joints[joint - 1])
     if result.axis is not None and any(one.effect == cause.effect for one in result.axis.causes):
         return axis_chart(picture, result.axis, cause.effect, result.arm.joints[0])
     return _current_chart(picture, result, cause, joint)
@@ -104,18 +104,19 @@ def _current_chart(picture: str, result: Diagnosis, cause: Cause, joint: int) ->
     factor, unit = readable(result.arm.joints[joint - 1].command_unit, [largest])
     at = held_out_time(result)[known]
     room = 1.05 * factor * largest or 1.0
+    quantity, against = recorded_quantity(result.arm.joints[joint - 1]), variable_in_words(name, result.arm, joint)
     panels = tuple(
         Panel(
             series=(Series(x=x[known], y=factor * values, kind="dots", colour=colour, label=title, at=at),),
             zones=(Zone(low=-2 * factor * noise, high=2 * factor * noise, label="noise, two std"),),
             title=title,
-            x=f"{name} of joint {joint}, {unit_of(result, joint, name)}",
-            y=f"residual current, {unit}",
+            x=f"{against} of joint {joint}, {unit_of(result, joint, name)}",
+            y=f"residual {quantity}, {unit}",
             y_range=(-room, room),
             joint=joint,
             motion=HELD_OUT,
         )
         for values, colour, title in zip(residuals, (BEFORE, AFTER), ("without any cause", "with all causes"))
     )
-    title = f"measured minus predicted current of joint {joint} against {name}"
+    title = f"measured minus predicted {quantity} of joint {joint} against {against}"
     return Chart(name=picture, title=title, panels=panels, columns=2, height=2.9)

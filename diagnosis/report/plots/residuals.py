@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_io.types import Array
+from arm_model import Arm
 from arm_report import Chart, Panel, Series, Zone
 from arm_report.chart import robust_range
 from arm_report.palette import AFTER, BEFORE, MEASURED, PALE_AFTER, PALE_BEFORE
@@ -20,7 +21,7 @@ from diagnosis.measurements.currents.design_matrix import dataset_of
 from diagnosis.report.plots.motion import HELD_OUT, held_out_time
 from diagnosis.residual.expected_current import COMPARE_BAND, low_pass, rate_of
 from diagnosis.selection.design import Dataset
-from diagnosis.units import unit_at
+from diagnosis.units import recorded_quantity, recorded_signals, unit_at, variable_in_words
 
 SHOWN = ("time", "position", "motor angle", "velocity", "load torque")
 UNITS = {
@@ -72,9 +73,10 @@ def against_all(result: Diagnosis, joint: int, held_out: Sequence[Recording]) ->
                 motion=HELD_OUT,
             )
         )
+    what = recorded_quantity(result.arm.joints[joint - 1])
     return Chart(
         name=f"joint_{joint}",
-        title=f"joint {joint}: measured minus predicted current, in units of the noise std",
+        title=f"joint {joint}: measured minus predicted {what}, in units of the noise std",
         panels=tuple(panels),
         columns=3,
         height=2.35,
@@ -100,7 +102,8 @@ def left_against(result: Diagnosis, joint: int, name: str) -> Chart | None:
         joint=joint,
         motion=HELD_OUT,
     )
-    title = f"remaining residual of joint {joint} against {name}, in units of the noise std"
+    against = variable_in_words(name, result.arm, joint)
+    title = f"remaining residual of joint {joint} against {against}, in units of the noise std"
     picture = "".join(letter if letter.isalnum() else "_" for letter in f"unexplained_{joint}_{name}")
     return Chart(name=picture, title=title, panels=(panel,), height=2.9)
 
@@ -149,12 +152,12 @@ def unit_of(result: Diagnosis, joint: int, name: str) -> str:
 
 
 def _with_unit(result: Diagnosis, joint: int, name: str) -> str:
-    unit = unit_of(result, joint, name)
-    return f"{name}, {unit}" if unit else name
+    unit, words = unit_of(result, joint, name), variable_in_words(name, result.arm, joint)
+    return f"{words}, {unit}" if unit else words
 
 
-def side_by_side(before: Compared, after: Compared, extended: bool, units: Sequence[str], picture: str) -> Chart:
-    """One recording: measured and simulated current of every joint, and the error of the simulated angle."""
+def side_by_side(before: Compared, after: Compared, extended: bool, arm: Arm, picture: str) -> Chart:
+    """One recording: measured and simulated current of every joint, and the error of the simulated position."""
     rate = rate_of(before.t)
     sides = [(before, BEFORE, "simulated, before" if extended else "simulated")]
     sides += [(after, AFTER, "simulated, after")] if extended else []
@@ -167,20 +170,22 @@ def side_by_side(before: Compared, after: Compared, extended: bool, units: Seque
         for one, _, _ in sides
     ]
     panels: list[Panel] = []
-    for j in range(before.current.shape[1]):
+    for j, joint in enumerate(arm.joints):
+        small = "mrad" if joint.revolute else "mm"
         currents = [Series(x=before.t, y=measured[:, j], colour=MEASURED, label="measured", width=2.4)]
         errors = []
         for (current, error), (_, colour, label) in zip(shown, sides):
             currents.append(Series(x=before.t, y=current[:, j], colour=colour, label=label))
             errors.append(Series(x=before.t, y=error[:, j], colour=colour, label=label))
         for series, title, label in (
-            (currents, f"joint {j + 1}", f"motor current, {' or '.join(units)}"),
-            (errors, f"joint {j + 1}, error of the angle", "error, mrad (mm)"),
+            (currents, f"joint {j + 1}", f"{recorded_quantity(joint)}, {joint.command_unit}"),
+            (errors, f"joint {j + 1}, error of the position", f"error, {small}"),
         ):
             panels.append(
                 Panel(series=tuple(series), title=title, x="time, s", y=label, joint=j + 1, motion=before.name)
             )
-    title = f"measured and simulated currents of {before.name}, and measured minus simulated angles"
+    measured_of = recorded_signals(arm)
+    title = f"measured and simulated {measured_of} of {before.name}, and measured minus simulated positions"
     return Chart(
         name=picture,
         title=f"{title}, below {COMPARE_BAND:g} Hz",

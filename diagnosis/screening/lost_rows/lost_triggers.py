@@ -20,6 +20,7 @@ from diagnosis.residual.run import Run
 from diagnosis.screening.event import Event
 from diagnosis.screening.lost_rows.lag_change import Change, change_at, change_of_lag, instant_of, mean_lag, part_of
 from diagnosis.screening.lost_rows.lag_path import Step, instant, lag_steps, put_back
+from diagnosis.units import recorded_signals
 
 SURE = 7.0
 """Std of a short change that it must exceed: it is the largest of all instants, in data with other errors."""
@@ -172,9 +173,10 @@ def _sure(run: Run, change: Change) -> bool:
 def event_of(losses: Sequence[DroppedTriggers], runs: Sequence[Run]) -> Event:
     """All dropped triggers as one event, with the parameters of the recording whose row is most certain."""
     best = min(losses, key=lambda loss: loss.row_std)
+    what = recorded_signals(runs[best.recording].arm)
     places = [
         f"{runs[loss.recording].name} from row {loss.row:.0f} ({loss.row * loss.period:.2f} s) on: "
-        f"the {'currents' if loss.count > 0 else 'angles'} belong to rows {abs(loss.count)} later"
+        f"the {what if loss.count > 0 else 'positions'} belong to rows {abs(loss.count)} later"
         for loss in losses
     ]
     parameters = [
@@ -182,7 +184,7 @@ def event_of(losses: Sequence[DroppedTriggers], runs: Sequence[Run]) -> Event:
         Estimate("count", float(best.count), best.count_std, "1"),
         Estimate("period", best.period, 1e-3 * best.period, "s"),
     ]
-    sentence = "the lag of the currents changes by a whole number of rows at one instant: in " + "; ".join(places)
+    sentence = f"the lag of the {what} changes by a whole number of rows at one instant: in {'; '.join(places)}"
     return Event(
         effect=DROPPED_TRIGGER.name,
         joint=None,
