@@ -26,7 +26,6 @@ from diagnosis.report.wording import either, estimate, gain, sentence
 from diagnosis.units import rounded
 from tests.diagnosis.runs import group_of, seen
 
-
 SIX = Arm(name="six", joints=(Joint(torque_constant=0.2),) * 6)
 
 
