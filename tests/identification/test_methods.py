@@ -126,7 +126,8 @@ def test_scara_link_after_link(root: Path, tmp_path: Path) -> None:
     runs += [scara_run(truth, 0, elbow, tmp_path) for elbow in (-0.5, 1.9)]
     result = identify_by("sequence", runs, start)
     found = {value.name: value for value in result.base}
-    assert abs(found["link3.mass"].value - 3.0) < 0.01
+    # the third joint lifts: beside its weight a constant force cannot be distinguished
+    assert abs(found["link3.mass + 0.101972 joint3.offset"].value - 3.0) < 0.01
     assert abs(found["joint2.viscous"].value - 2.0) < 0.02
     assert result.relative_error(False) < 0.005
     q, qd, qdd = np.random.default_rng(9).uniform(-1, 1, (3, 40, 3))
