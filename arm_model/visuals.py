@@ -13,12 +13,12 @@ from pathlib import Path
 
 import numpy as np
 
-from arm_io import InputError, read_file
+from arm_io import read_file
 from arm_io.types import Array
 from arm_model import meshes
 from arm_model.meshes import mesh_file
 from arm_model.urdf.reading import numbers_of, origin_of
-from arm_model.urdf.tree import Tree, attribute
+from arm_model.urdf.tree import Tree, attribute, robot_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,10 +39,7 @@ def read_visuals(path: str | Path) -> tuple[Visual, ...]:
     path = Path(path)
     if path.suffix != ".urdf":
         return ()
-    try:
-        robot = xml.fromstring(read_file(path))
-    except (ValueError, LookupError, xml.ParseError) as error:
-        raise InputError(path, f"cannot be read as URDF: {error}") from None
+    robot = robot_of(path, read_file(path))
     tree = Tree.of(path, robot)
     chain = tree.chain(None)
     found: list[Visual] = []

@@ -11,7 +11,7 @@ from arm_io import read_file
 from arm_model.branches import are, counted_as_fixed, listed
 from arm_model.meshes import FORMATS, mesh_file
 from arm_model.urdf.reading import numbers_of
-from arm_model.urdf.tree import Tree, attribute
+from arm_model.urdf.tree import Tree, attribute, robot_of
 
 
 class Use(StrEnum):
@@ -47,14 +47,14 @@ def urdf_gaps(path: str | Path, uses: Collection[Use], *, tip: str | None = None
 
 def missing_meshes(path: str | Path, tag: str) -> list[str]:
     """Names of mesh files of <collision> or <visual> (``tag``) that are not there, as a URDF file names them."""
-    robot = xml.fromstring(read_file(path))
+    robot = robot_of(path, read_file(path))
     named = [mesh.get("filename", "") for mesh in robot.iterfind(f"link/{tag}/geometry/mesh")]
     return [name for name in dict.fromkeys(named) if mesh_file(Path(path), name) is None]
 
 
 def _massless(path: Path, tip: str | None) -> list[str]:
     """Names of moving links of which no <inertial> speaks: neither their own nor one of what is fixed to them."""
-    tree = Tree.of(path, xml.fromstring(read_file(path)))
+    tree = Tree.of(path, robot_of(path, read_file(path)))
     stated: dict[str, bool] = {}
     moving = ""
     chain = tree.chain(tip)
@@ -73,7 +73,7 @@ def _has_inertial(tree: Tree, link: str, chain: Sequence[xml.Element]) -> bool:
 
 def _beside(path: Path, tip: str | None) -> list[str]:
     """What the chain to the tip passes by: other links at its end, and branches that move."""
-    tree = Tree.of(path, xml.fromstring(read_file(path)))
+    tree = Tree.of(path, robot_of(path, read_file(path)))
     chain = tree.chain(tip)
     found = []
     if tip is None and (others := [name for name in tree.ends(chain) if name != tree.names(chain)[-1]]):

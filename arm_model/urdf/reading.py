@@ -26,7 +26,7 @@ from arm_model.rigid_body.friction_curve import nearest_line
 from arm_model.rigid_body.inertia import about_com, barycentric, transform, unphysical
 from arm_model.rigid_body.kinematics import placement, roll_pitch_yaw, rpy_of
 from arm_model.tables.fields import Pose
-from arm_model.urdf.tree import Tree, attribute
+from arm_model.urdf.tree import Tree, attribute, robot_of
 
 _MOVING = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic"}
 _LIMITS = ("lower", "upper")
@@ -52,12 +52,7 @@ def read_urdf(path: str | Path, *, tip: str | None = None) -> Arm:
 
 def urdf_of(text: str | bytes, path: str | Path, *, tip: str | None = None) -> Arm:
     """``read_urdf`` of a text; ``path`` names it in errors, and is where meshes are looked for."""
-    try:
-        robot = xml.fromstring(text)
-    except (ValueError, LookupError, xml.ParseError) as error:  # LookupError: an encoding that nobody knows
-        raise InputError(path, f"cannot be read as URDF: {error}") from None
-    if robot.tag != "robot":
-        raise InputError(path, f"is <{robot.tag}>, not a URDF <robot>")
+    robot = robot_of(path, text)
     tree = Tree.of(path, robot)
     chain = tree.chain(tip)
     joints: list[Joint] = []

@@ -6,12 +6,31 @@ import xml.etree.ElementTree as xml  # noqa: N813
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from xml.parsers import expat
 
 from arm_io import InputError
 from arm_model.branches import ends_that_move, joints_of_arm
 
 TOOL_FRAME = "tool0"
 """Link at the end of an arm, without anything mounted on it, in the files of ROS-Industrial."""
+
+
+def robot_of(path: str | Path, text: str | bytes) -> xml.Element:
+    """The <robot> of a URDF file; InputError where it is none.
+
+    Prefixes such as ``drake:`` are part of the names and need no declaration, as readers of URDF elsewhere have it.
+    """
+    builder, parser = xml.TreeBuilder(), expat.ParserCreate()
+    parser.StartElementHandler, parser.EndElementHandler = builder.start, builder.end
+    parser.CharacterDataHandler = builder.data
+    try:
+        parser.Parse(text, True)
+    except (ValueError, LookupError, expat.ExpatError) as error:  # LookupError: an encoding that nobody knows
+        raise InputError(path, f"cannot be read as URDF: {error}") from None
+    robot = builder.close()
+    if robot.tag != "robot":
+        raise InputError(path, f"is <{robot.tag}>, not a URDF <robot>")
+    return robot
 
 
 @dataclass(frozen=True)

@@ -141,6 +141,20 @@ def test_fixed_links_are_merged(tmp_path: Path) -> None:
     assert arm.tool[0][3] == 0.5
 
 
+def test_prefixes_of_other_tools_need_no_declaration(tmp_path: Path) -> None:
+    """As in files that were made for Drake: XML calls them unbound, other readers of URDF take no notice."""
+    joint = (
+        '<joint name="j" type="revolute"><parent link="a"/><child link="b"/><limit {} effort="5" velocity="2"/></joint>'
+    )
+    body = '<inertial><mass value="2"/><inertia ixx="1" iyy="1" izz="1"/></inertial>'
+    text = f'<robot name="r"><link name="a"/><link name="b">{body}</link>{joint}</robot>'
+    (tmp_path / "plain.urdf").write_text(text.format(""))
+    (tmp_path / "drake.urdf").write_text(
+        text.format('drake:acceleration="2.5"').replace("</robot>", "<drake:x/></robot>")
+    )
+    assert read_urdf(tmp_path / "drake.urdf") == read_urdf(tmp_path / "plain.urdf")
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [
