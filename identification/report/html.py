@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from markupsafe import Markup
 
+from arm_model import Arm
 from arm_model.collision import chain_of
 from arm_report import Report, table
 from arm_report.motion import Motion
@@ -90,7 +91,7 @@ def verdict(result: Identification) -> str:
         )
         return (
             f"{sentence} Not validated: while joints move, the error on {which} recordings exceeds the noise floor of "
-            f"the instruments, {joints}. armscope diagnose looks for what the model lacks."
+            f"the instruments, {joints}. {_no_rotors(result.arm)}armscope diagnose looks for what the model lacks."
         )
     if alone:
         return f"{sentence} Not validated: no other recording was held out.{_worst(result, which)}"
@@ -103,6 +104,16 @@ def verdict(result: Identification) -> str:
     if not result.noise:
         return f"{sentence} Not compared with the noise of the instruments."
     return f"{sentence} Validated on motions that were not fitted.{_worst(result, which)}"
+
+
+def _no_rotors(arm: Arm) -> str:
+    """That a model has no rotors, which may be what it lacks; nothing where it has some, or gears, which free them."""
+    if any(joint.rotor_inertia or joint.ratio != 1.0 for joint in arm.joints[1:]) or len(arm) == 1:
+        return ""
+    return (
+        "The model has no rotors, and counts theirs as inertia of the links: with a gear in it (gear = 100 and "
+        "torque_constant = 0.01, where torques at the joints are recorded) rotors are identified. "
+    )
 
 
 def _worst(result: Identification, which: str) -> str:

@@ -7,6 +7,7 @@ from typing import Any, cast
 
 import numpy as np
 
+from arm_model import Arm, Joint
 from diagnosis.cause import NO_VARIABLE, Signal, Structure
 from diagnosis.remainder.fitted_only import not_held_out, structures_of_fit
 from diagnosis.selection.design import Dataset
@@ -18,7 +19,11 @@ EXACT = np.ones(6)
 
 def _side() -> Dataset:
     one = SimpleNamespace(
-        deviation=np.ones((ROWS, 6)), instruments=np.ones((ROWS, 6)), noise=np.ones(6), t=np.arange(ROWS) / 100.0
+        arm=Arm(name="six", joints=(Joint(torque_constant=0.2),) * 6),
+        deviation=np.ones((ROWS, 6)),
+        instruments=np.ones((ROWS, 6)),
+        noise=np.ones(6),
+        t=np.arange(ROWS) / 100.0,
     )
     block = np.tile((one.t // 1.0).astype(np.intp), 6)
     return Dataset(cast(Any, (one,)), cast(Any, (one,)), np.zeros(6 * ROWS), block, ROWS)

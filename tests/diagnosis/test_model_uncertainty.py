@@ -26,7 +26,7 @@ ROWS, JOINTS = 1500, 2
 
 
 def _side(y: np.ndarray) -> Dataset:
-    run = SimpleNamespace(t=np.arange(ROWS) / 100.0)
+    run = SimpleNamespace(t=np.arange(ROWS) / 100.0, alike=2.5)
     block = np.tile((run.t // 1.0).astype(np.intp), JOINTS)
     return Dataset(cast(Any, (run,)), cast(Any, (run,)), y, block, ROWS)
 

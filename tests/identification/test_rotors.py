@@ -17,6 +17,7 @@ from daq.recording import Recording, open_recording
 from daq.recording.parts import Attachments
 from daq.recording.tables.table import write_table
 from identification.regression.equations import freed_rotors, structural_base
+from identification.report.html import _no_rotors
 
 GEARS = (32.0, -48.0, 40.0, 36.0, 44.0, 48.0)
 ROTORS = (6e-4, 5e-4, 4e-4, 1e-4, 8e-5, 6e-5)
@@ -86,6 +87,7 @@ def test_gears_of_a_urdf_leave_torques_and_friction_at_the_joint(urdf: Path, tmp
     bare = read_urdf(tmp_path / "bare.urdf")
     assert {joint.gear for joint in bare.joints} == {1.0}
     np.testing.assert_allclose(geared.joint_array("drive_constant"), 1.0)
+    assert "with a gear in it" in _no_rotors(bare) and not _no_rotors(geared)
     for one, other in zip(geared.joints, bare.joints):
         assert one.ratio * one.coulomb[0] == pytest.approx(other.coulomb[0])
         assert one.ratio**2 * one.viscous[0] == pytest.approx(other.viscous[0])
