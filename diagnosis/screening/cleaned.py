@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -24,6 +25,7 @@ from diagnosis.screening.lost_rows.counter_gaps import CounterGap, counter_gaps,
 from diagnosis.screening.lost_rows.counter_gaps import event_of as event_of_gaps
 from diagnosis.screening.lost_rows.lost_triggers import (
     MOST_ROWS,
+    DroppedTriggers,
     dropped_triggers,
     event_of,
     realigned_rows,
@@ -54,7 +56,8 @@ class Residuals:
     periods        s between rows
     known          of the noise of the instruments of each recording
     holes          rows of each that its stamps leave out
-    as_recorded    the same before dropped triggers were corrected; None: none were
+    losses         dropped triggers that were corrected
+    as_recorded    the same before; None: none were
     """
 
     events: list[Event]
@@ -63,6 +66,7 @@ class Residuals:
     periods: list[float]
     known: list[KnownNoise]
     holes: Sequence[Sequence[Hole]]
+    losses: Sequence[DroppedTriggers] = ()
     as_recorded: Residuals | None = None
 
 
@@ -161,20 +165,22 @@ def residuals_of(arm: Arm, screened: Screened, progress: Callable[[str], None] =
 
 
 def realigned(sight: Residuals, terms: Sequence[EffectTerm]) -> Residuals:
-    """The recordings with dropped triggers corrected; the same object where there are none.
+    """The recordings with dropped triggers corrected; the same object where there are none, or no others.
 
     terms: effects conditional on which the lags are estimated. Strong effects that are not in the model mask a change
-    of lag, so that it is searched for again once they are known.
+    of lag, so that it is searched for again once they are known, in all recordings as they were recorded: what one
+    shows is judged beside the others.
     """
-    runs = list(sight.runs)
+    recorded = sight.as_recorded or sight
+    runs = list(recorded.runs)
     if terms:
         runs = [replace(run, expected=run.current - residual_with(run, terms)) for run in runs]
-    losses = dropped_triggers(runs, sight.periods)
-    if not losses:
+    found = dropped_triggers(runs, recorded.periods)
+    if _rows_of(found) <= _rows_of(sight.losses):
         return sight
-    before, runs, samples = list(sight.runs), list(sight.runs), list(sight.samples)
-    for k in sorted({loss.recording for loss in losses}):
-        here = [loss for loss in losses if loss.recording == k]
+    before, runs, samples, losses = recorded.runs, list(recorded.runs), list(recorded.samples), list(found)
+    for k in sorted({loss.recording for loss in found}):
+        here = [loss for loss in found if loss.recording == k]
         t, q, i = samples[k]
         for loss in here:
             i = realigned_rows(i, loss)
@@ -185,14 +191,20 @@ def realigned(sight: Residuals, terms: Sequence[EffectTerm]) -> Residuals:
             samples[k], runs[k] = (t, q, i), again
         else:  # another error, which follows a change of lag at some joints and contradicts it at others
             losses = [loss for loss in losses if loss.recording != k]
-    if not losses:
+    if _rows_of(losses) <= _rows_of(sight.losses):
         return sight
     most = losses[0].recording
     gain = _gain_of_realignment(before[most], runs[most], terms)
     if any(abs(loss.count) > MOST_ROWS for loss in losses) and gain.after > MATTERS * gain.before:
         return sight
     event = replace(event_of(losses, runs), gain=gain)
-    return replace(sight, events=united([*sight.events, event]), runs=runs, samples=samples, as_recorded=sight)
+    events = united([*recorded.events, event])
+    return replace(recorded, events=events, runs=runs, samples=samples, losses=losses, as_recorded=recorded)
+
+
+def _rows_of(losses: Sequence[DroppedTriggers]) -> Counter[tuple[int, int]]:
+    """How many losses there are of each recording and count."""
+    return Counter((loss.recording, loss.count) for loss in losses)
 
 
 def confirmed(sight: Residuals, terms: Sequence[EffectTerm]) -> Residuals:

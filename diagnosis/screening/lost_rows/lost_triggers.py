@@ -18,6 +18,7 @@ from arm_model.effects.sensing import DROPPED_TRIGGER
 from diagnosis.cause import Estimate, LostRows
 from diagnosis.residual.run import Run
 from diagnosis.screening.event import Event
+from diagnosis.screening.lost_rows.common_count import common_count
 from diagnosis.screening.lost_rows.lag_change import Change, change_at, change_of_lag, instant_of, mean_lag, part_of
 from diagnosis.screening.lost_rows.lag_path import Step, instant, lag_steps, put_back
 from diagnosis.units import recorded_signals
@@ -59,8 +60,19 @@ class DroppedTriggers:
 
 
 def dropped_triggers(runs: Sequence[Run], periods: Sequence[float]) -> list[DroppedTriggers]:
-    """Triggers that recordings dropped, in time; ``periods`` s between the rows of each recording."""
-    return [loss for k, (run, period) in enumerate(zip(runs, periods)) for loss in _of_recording(k, run, period)]
+    """Triggers that recordings dropped, in time; ``periods`` s between the rows of each recording.
+
+    What one recording does not determine alone is judged by all that lost at most a few rows (``common_count``).
+    """
+    of_each = [_of_recording(k, run, period) for k, (run, period) in enumerate(zip(runs, periods))]
+    few = [k for k, own in enumerate(of_each) if len(own) < 2 and all(abs(loss.count) <= MOST_ROWS for loss in own)]
+    common = common_count([runs[k] for k in few], [periods[k] for k in few])
+    for place, (time, time_std) in common.instants.items() if common else ():
+        k, period = few[place], periods[few[place]]
+        if not of_each[k] and common:
+            row, row_std = round(time / period), time_std / period
+            of_each[k] = [DroppedTriggers(k, row, row_std, common.count, common.count_std, period)]
+    return [loss for own in of_each for loss in own]
 
 
 def _of_recording(index: int, run: Run, period: float) -> list[DroppedTriggers]:

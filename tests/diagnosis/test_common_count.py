@@ -1,0 +1,71 @@
+"""Rows lost alike in several recordings, of which no single one determines how many: found by all of them together."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from arm_model.model_file import read_model
+from diagnosis.residual.expected_current import reading
+from diagnosis.residual.run import Run, residual_run
+from diagnosis.screening.lost_rows.common_count import common_count
+from diagnosis.screening.lost_rows.lost_triggers import dropped_triggers
+
+RATE, ROW = 500.0, 2000
+"""Rows per s, and the row after which triggers are lost."""
+
+
+def _run(root: Path, seed: int, lost: tuple[int, int], *, noise: float = 0.01, slowly: bool = False) -> Run:
+    """10 s of two joints of which mostly one moves, with so many rows of currents lost at each."""
+    arm, rng = read_model(root / "config/starters/csv/model.toml"), np.random.default_rng(seed)
+    t = np.arange(5000) / RATE
+    turn = np.stack([np.exp(-(((t - centre) / 1.3) ** 2)) + 0.15 for centre in rng.permutation([2.7, 5.6])], axis=1)
+    waves = sum(rng.normal(size=2) / k * np.sin(2.0 * k * t[:, None] + rng.uniform(0.0, 6.0, 2)) for k in range(1, 5))
+    q = np.asarray(0.25 * turn * waves)
+    i = np.asarray(reading(arm, t, q))
+    gone = np.clip((np.arange(len(t)) - 500) / 4000, 0.0, 1.0) if slowly else np.arange(len(t)) >= ROW
+    rows = np.arange(len(t))[:, None] + gone[:, None] * np.array(lost)
+    i = np.stack([np.interp(at, np.arange(len(t)), column) for at, column in zip(rows.T, i.T)], axis=1)
+    other = np.cumsum(rng.normal(size=i.shape), axis=0)
+    other -= np.stack([np.convolve(column, np.ones(60) / 60, "same") for column in other.T], axis=1)
+    i += noise * i.std(axis=0) * (rng.normal(size=i.shape) + other / other.std())
+    return residual_run(f"run {seed}", arm, t, q, i)
+
+
+def _common(runs: list[Run]) -> int | None:
+    found = common_count(runs, [1.0 / RATE] * len(runs))
+    return None if found is None else found.count
+
+
+@pytest.mark.parametrize("count", [2, 3, -3])
+def test_rows_that_every_recording_lost_are_found_by_all_together(root: Path, count: int) -> None:
+    runs = [_run(root, seed, (count, count)) for seed in range(6)]
+    alone = [dropped_triggers([run], [1.0 / RATE]) for run in runs]
+    together = dropped_triggers(runs, [1.0 / RATE] * len(runs))
+    assert len(together) > sum(map(len, alone))
+    assert {loss.count for loss in together} == {count}
+    for loss in together:
+        assert abs(loss.row - ROW) < 3 * loss.row_std
+
+
+def test_recordings_that_lost_nothing_are_left_as_they_are(root: Path) -> None:
+    runs = [_run(root, seed, (2, 2) if seed < 4 else (0, 0), noise=0.006) for seed in range(6)]
+    found = common_count(runs, [1.0 / RATE] * 6)
+    assert found is not None and found.count == 2
+    assert set(found.instants) <= {0, 1, 2, 3}
+
+
+@pytest.mark.parametrize("lost", [(0, 0), (2, 0), (2, -2)])
+def test_joints_that_show_no_common_change_lost_no_rows(root: Path, lost: tuple[int, int]) -> None:
+    assert _common([_run(root, seed, lost, noise=0.003) for seed in range(6)]) is None
+
+
+def test_a_lag_that_grows_slowly_is_no_loss(root: Path) -> None:
+    assert _common([_run(root, seed, (2, 2), noise=0.003, slowly=True) for seed in range(6)]) is None
+
+
+def test_a_lag_that_changes_by_no_whole_number_of_rows_is_no_loss(root: Path) -> None:
+    runs = [_run(root, seed, (3, 3), noise=0.003) for seed in range(6)]
+    assert common_count(runs, [2.0 / RATE] * 6) is None
