@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
+from scipy.special import bdtr
 
 from arm_io.parallel import in_parallel
 from arm_io.types import Array
@@ -25,7 +26,7 @@ from diagnosis.units import recorded_quantity
 RUNS_AWAY = 1.5
 """Tracking error of a joint with a clipped current, over the largest one before and in other recordings."""
 AVERAGED, FLAT_SECONDS, AT_SECONDS = 0.01, 0.03, 1.0
-"""s over which a current is averaged, for which a clipped current is constant once, and in all."""
+"""s over which a current is averaged, for which a clipped one is constant once, and in all where few visits tell."""
 # of all: a single crest of a smooth current may be flat
 PILED, BEYOND = 4.0, 0.03
 """Rows at a limit over those in an equally wide range below, at least, and share of them that noise may lift above:
@@ -34,6 +35,9 @@ slow current rise beyond their commonest value."""
 AGAIN, GAP = 0.25, 0.1
 """Share of the rows at a limit that lie outside its longest visit, at least, and s between two visits: a smooth crest
 comes once, or again at another value."""
+CHANCE, UNLIKELY = 0.25, 0.01
+"""Share of the visits of a healthy current to the level of its largest pile that are flat there (3 of some 50 other
+than the longest, in slow motions), and probability below which so many are no chance."""
 LEAST, PLAIN = 15.0, 100.0
 """Noises of a current that a limit must exceed at all, and to show by its rows alone: at less, the current of a joint
 that goes slowly against its Coulomb friction piles up at its largest value as well."""
@@ -64,9 +68,20 @@ class _Pile:
     beyond: float
 
     @property
+    def flat(self) -> bool:
+        """As a clipped current is: near a smooth maximum (a parabola) 2.3 times as many rows are at it as below."""
+        return self.at > max(PILED * self.below, FLAT_SECONDS) and self.beyond < BEYOND * self.at
+
+    @property
     def high(self) -> bool:
-        """As a clipped current has it: near a smooth maximum (a parabola) 2.3 times as many rows are at it as below."""
-        return self.at > max(PILED * self.below, AT_SECONDS) and self.beyond < BEYOND * self.at
+        """... and for so long that a crest is not."""
+        return self.flat and self.at > AT_SECONDS
+
+    def of(self, values: Array, period: float) -> _Pile:
+        """The pile at the same level of other currents (m,), ``period`` s between them."""
+        away = (values - self.level) / self.noise
+        counts = [np.sum(np.abs(away) < 2.0), np.sum((away > -8.0) & (away < -4.0)), np.sum(away > 3.0)]
+        return _Pile(self.level, self.noise, *(float(count) * period for count in counts))
 
     def at_level(self, values: Array) -> NDArray[np.bool_]:
         """(m,) rows that count as ``at``."""
@@ -82,8 +97,8 @@ def current_limits(recordings: Sequence[Recording], arm: Arm | None = None) -> l
 
     So do those of a joint that meets nothing but its friction, or always accelerates alike, and those of a slow motion
     at a smooth crest: the pile is a limit where the joint departs from its setpoint meanwhile; or where it is reached
-    in several visits and either does not follow the friction of the joint (of ``arm``), which changes with speed and
-    direction, or is flat to a hundredth.
+    in several visits, for long or with a flat top each time, and either does not follow the friction of the joint (of
+    ``arm``), which changes with speed and direction, or is flat to a hundredth.
     """
     smooth = [_averaged(r) for r in recordings]
     # noise that averaging does not remove
@@ -130,10 +145,7 @@ def _pile(values: Sequence[Array], noise: float, recordings: Sequence[Recording]
     level = float(levels[np.argmax([np.sum(np.abs(y - one) < 2.0 * noise) for one in levels])])
     at = np.abs(y - level) < 2.0 * noise
     level = float(np.median(y[at])) if at.any() else level
-    away = (y - level) / noise
-    counts = [np.sum(np.abs(away) < 2.0), np.sum((away > -8.0) & (away < -4.0)), np.sum(away > 3.0)]
-    at_level, below, beyond = (float(count) * period for count in counts)
-    return _Pile(level, noise, at_level, below, beyond)
+    return _Pile(level, noise, 0.0, 0.0, 0.0).of(y, period)
 
 
 def _clipped(
@@ -154,7 +166,8 @@ def _clipped(
     alone = [_pile([values[k][values[k] > 0.0]], pile.noise, recordings[k : k + 1]).high for k in away]
     if any(alone):
         return moving
-    if not pile.high or not _again(recordings, values, j, pile):
+    visits = _visits(recordings, values, j, pile)
+    if not (pile.high and _again(visits)) and not _returns(visits):
         return ()
     slope, std = (np.nan, np.inf) if arm is None else _over_friction(recordings, values, j, pile, arm)
     if slope + 2.0 * std < FOLLOWS:
@@ -162,17 +175,33 @@ def _clipped(
     return moving if not slope - 2.0 * std > FOLLOWS and pile.level > PLAIN * pile.noise else ()
 
 
-def _again(recordings: Sequence[Recording], values: Sequence[Array], j: int, pile: _Pile) -> bool:
-    """Whether enough of the rows at a pile lie outside its longest visit, in one direction of joint j's current."""
-    visits = [0.0]
+def _visits(recordings: Sequence[Recording], values: Sequence[Array], j: int, pile: _Pile) -> list[_Pile]:
+    """What each visit of joint j's current to the level of a pile, in one direction, adds to it."""
+    visits = []
     for r, value in zip(recordings, values):
-        rows, at = max(1, round(GAP / r.dt)), pile.at_level(value)
+        rows = max(1, round(GAP / r.dt))
         sign = np.sign(ndimage.uniform_filter1d(r.i[:, j], max(1, round(AVERAGED / r.dt))))
         for direction in (1.0, -1.0):
-            there = np.pad(pile.holds(value) & (sign == direction), rows)
-            starts, ends = _stretches(ndimage.binary_closing(there, np.ones(rows, bool))[rows:-rows])
-            visits += [float(at[start:end].sum()) * r.dt for start, end in zip(starts, ends)]
-    return sum(visits) - max(visits) >= AGAIN * sum(visits) > 0.0
+            near = np.pad((value > pile.level - 8.0 * pile.noise) & (sign == direction), rows)
+            starts, ends = _stretches(ndimage.binary_closing(near, np.ones(rows, bool))[rows:-rows])
+            visits += [pile.of(value[start:end], r.dt) for start, end in zip(starts, ends)]
+    return visits
+
+
+def _again(visits: Sequence[_Pile]) -> bool:
+    """Whether enough of the rows at a pile lie outside its longest visit."""
+    at = [visit.at for visit in visits]
+    return sum(at) - max(at, default=0.0) >= AGAIN * sum(at) > 0.0
+
+
+def _returns(visits: Sequence[_Pile]) -> bool:
+    """Whether more visits are flat than those of a healthy current by chance (binomial test).
+
+    The longest, which may have made the level, has no say.
+    """
+    longest = max((visit.at for visit in visits), default=0.0)
+    flat = [visit.flat for visit in visits if FLAT_SECONDS <= visit.at < longest]
+    return any(flat) and 1.0 - float(bdtr(sum(flat) - 1, len(flat), CHANCE)) < UNLIKELY
 
 
 def _over_friction(

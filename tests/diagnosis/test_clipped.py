@@ -93,7 +93,13 @@ RATE, NOISE = 125.0, 0.012
 
 
 def _of_joint(
-    path: Path, arm: Arm, acceleration: np.ndarray, inertia: float, limit: float | None, seed: int
+    path: Path,
+    arm: Arm,
+    acceleration: np.ndarray,
+    inertia: float,
+    limit: float | None,
+    seed: int,
+    noise: float = NOISE,
 ) -> Recording:
     """A log without demands of joint 1 at this acceleration (m,), with the friction that the arm has there."""
     t = np.arange(len(acceleration)) / RATE
@@ -102,10 +108,10 @@ def _of_joint(
     up, down = total_at(arm.joints[0], np.abs(v))
     i = (inertia * acceleration + np.where(v > 0.0, up, -down)) / arm.joints[0].drive_constant
     i = i if limit is None else np.clip(i, -limit * np.abs(i).max(), limit * np.abs(i).max())
-    i = i + NOISE * np.abs(i).max() * np.random.default_rng(seed).normal(size=len(t))
+    i = i + noise * np.abs(i).max() * np.random.default_rng(seed).normal(size=len(t))
     q = np.cumsum(v) / RATE
     still = np.zeros_like(q)
-    signals = {"q": np.column_stack([q, still]), "i": np.column_stack([i, NOISE * np.sin(t)])}
+    signals = {"q": np.column_stack([q, still]), "i": np.column_stack([i, noise * np.sin(t)])}
     write_table(path, t, signals, Attachments())
     return open_recording(path)
 
@@ -147,6 +153,23 @@ def test_a_single_crest_that_is_flat_is_no_limit(arm: Arm, tmp_path: Path) -> No
     i, crest = recording.i.copy(), (t > 10.1) & (t < 10.6)
     i[crest, 0] += 1.3 * np.abs(i[:, 0]).max() - ndimage.uniform_filter1d(i[:, 0], 9)[crest]
     assert current_limits([replace(recording, i=i)], arm) == []
+
+
+def _brief(path: Path, arm: Arm, limit: float | None, seed: int) -> Recording:
+    """10 s of quick waves, whose crests last for tenths of a second."""
+    t = np.arange(0.0, 10.0, 1.0 / RATE)
+    waves = np.sum([np.sin(2 * np.pi * f * t + seed + 2.0 * f) for f in (1.1, 1.7, 0.6)], axis=0)
+    return _of_joint(path, arm, waves, 0.5, limit, seed, 0.3 * NOISE)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_limit_that_is_met_often_and_briefly_is_found(arm: Arm, tmp_path: Path, seed: int) -> None:
+    """For some tenths of a second each time, in one of these for less than a second in all."""
+    free, clipped = (_brief(tmp_path / f"{limit}.mcap", arm, limit, seed) for limit in (None, 0.85))
+    (found,) = current_limits([clipped], arm)
+    assert found.joint == 1
+    assert found.parameters[0].value == pytest.approx(0.85 * np.abs(free.i[:, 0]).max(), rel=0.02)
+    assert current_limits([free], arm) == []
 
 
 def _slow(root: Path, path: Path, share: float) -> list[int | None]:
