@@ -36,8 +36,8 @@ AGAIN, GAP = 0.25, 0.1
 """Share of the rows at a limit that lie outside its longest visit, at least, and s between two visits: a smooth crest
 comes once, or again at another value."""
 CHANCE, UNLIKELY = 0.25, 0.01
-"""Share of the visits of a healthy current to the level of its largest pile that are flat there (3 of some 50 other
-than the longest, in slow motions), and probability below which so many are no chance."""
+"""Share of the visits of a healthy current to the level of its largest pile that are flat there (4 of 60 other than
+the longest, in slow motions), and probability below which so many are no chance."""
 LEAST, PLAIN = 15.0, 100.0
 """Noises of a current that a limit must exceed at all, and to show by its rows alone: at less, the current of a joint
 that goes slowly against its Coulomb friction piles up at its largest value as well."""
