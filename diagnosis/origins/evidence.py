@@ -30,7 +30,7 @@ TOOTHED = 3
 class Finding:
     """One cause as seen from a place.
 
-    effects    of its ambiguity group that are at this place, the named one first
+    effects    of its ambiguity group that are at this place, the named one first if it is
     elsewhere  members of the group at another place
     holds, fails  qualifiers of the named effect that are true and untrue; others are not known
     """
@@ -43,7 +43,7 @@ class Finding:
 
     @property
     def effect(self) -> str:
-        """The named effect."""
+        """The named effect, or the first of its group that is here."""
         return self.effects[0]
 
 
@@ -88,6 +88,7 @@ def _at(
         named = {cause.effect for cause in causes if cause.joint is not None}
         alike = [name for name, yes in several.items() if yes and name in named and CATALOGUE[name].per_joint]
         findings += [_shared(name, causes, arm) for name in alike]
+        findings += [of_arm for cause in causes if (of_arm := _of_arm(cause)) is not None]
     here = {effect for one in findings for effect in one.effects}
     here |= {effect for cause in causes for effect, joint in cause.group if joint == place}
     return Evidence(joint=place, findings=tuple(findings), absent=searched - here)
@@ -105,6 +106,17 @@ def _finding(cause: Cause, arm: Arm, several: Mapping[str, bool]) -> Finding:
         holds=frozenset(name for name, yes in known.items() if yes),
         fails=frozenset(name for name, yes in known.items() if not yes),
     )
+
+
+def _of_arm(cause: Cause) -> Finding | None:
+    """A cause of a joint that may as well be an effect of the whole arm, as a finding of that; None where it may not.
+
+    What is known of its sizes is of the joint's effect.
+    """
+    effects = tuple(effect for effect, joint in cause.group if joint is None)
+    if cause.joint is None or not effects:
+        return None
+    return Finding(effects=effects, elsewhere=len(cause.group) - len(effects), confidence=cause.confidence)
 
 
 def _shared(effect: str, causes: Sequence[Cause], arm: Arm) -> Finding:

@@ -210,9 +210,20 @@ def test_a_member_at_another_joint_weakens_the_evidence() -> None:
     own = _cause("link_inertia")
     elsewhere = replace(own, group=(*own.group, ("payload", None)))
     values = [
-        likelihood(NAMES["part_on_link"], evidence_of([one], ARM, SEARCHED)[0], TABLE) for one in (own, elsewhere)
+        likelihood(NAMES["part_on_link"], evidence_of([one], ARM, SEARCHED)[-1], TABLE) for one in (own, elsewhere)
     ]
     assert values[1] < values[0]
+
+
+def test_what_may_as_well_be_of_the_whole_arm_has_origins_there() -> None:
+    """The zero offset of a planar arm's first joint may be a base that is not level: a level decides."""
+    offset = _cause("joint_zero_offset", 1, offset=0.1)
+    either = replace(offset, group=(*offset.group, ("base_tilt", None)))
+    assert not [one for one in suspects(evidence_of([offset], ARM, SEARCHED), TABLE) if one.joint is None]
+    (base,) = (one for one in suspects(evidence_of([either], ARM, SEARCHED), TABLE) if one.joint is None)
+    assert base.origin.name == "tilted_base" and base.supported_by == ("base_tilt",)
+    (alone,) = suspects(evidence_of([_cause("base_tilt", None, pitch=0.1)], ARM, SEARCHED), TABLE)
+    assert base.likelihood < alone.likelihood
 
 
 JOINTED = sorted(name for name, effect in CATALOGUE.items() if effect.per_joint)
