@@ -37,7 +37,7 @@ def overview(result: Comparison) -> Chart:
         y="",
         zones=(Zone(low=-2.0, high=2.0, axis="x"),),
         levels=(Level(value=0.0, axis="x"),),
-        names=tuple(text if len(text) < 48 else f"{text[:45]}..." for text in words),
+        names=tuple(text if len(text) < 72 else f"{text[:69]}..." for text in words),
         linear=LINEAR if any(abs(one.z or 0.0) > 20 for one in shown) else None,
     )
     return Chart(

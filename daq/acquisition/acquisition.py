@@ -325,8 +325,9 @@ class Acquisition:
         for stream in self._intake.streams:
             if stream.indexer.extra:
                 self.notes.append(f"{stream.name}: {stream.indexer.extra} edges on its trigger input were interference")
-            if stream.indexer.regular is False and not stream.by_time:
-                self.notes.append(f"{stream.name}: its time stamps are too uneven to detect a missed edge")
+            if stream.indexer.unguarded and not stream.by_time:
+                until = "" if stream.indexer.regular is False else f" before row {stream.indexer.unguarded}"
+                self.notes.append(f"{stream.name}: its time stamps are too uneven to detect a missed edge{until}")
         if self._clock.newest > 20 and abs(self._pace_ns * self.plan.rate * 1e-9 - 1) > RATE_TOLERANCE:
             self.notes.append(f"triggers came at {1e9 / self._pace_ns:.4g}/s where {self.plan.rate:g}/s were expected")
 

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 Ints = NDArray[np.int64]
 
 SETTLE = 8  # rows before the period of a device's clock is known
+LATER = 64  # rows by which stamps that were uneven at first are judged again
 LASTING = 3  # rows for which a shift must last
 REGULAR = 0.25  # of a period: intervals that scatter more cannot show a missed edge
 TAIL = 0.3  # of a period: rows at the end of a batch that are further off wait for their successors
@@ -35,6 +36,7 @@ class Indexer:
     period_ns  expected interval of triggers, ns of the host
     numbered   False: the device does not number its rows, they are counted in the order of their arrival
     regular    True once the stamps have shown to be even enough to find missed edges; None before that is known
+    unguarded  rows that came while they were not: of these nobody knows whether an edge was missed
     missed     indices of edges that the device's input did not see; ``extra`` counts edges that were none
     period     interval of triggers by the clock that is used: the device's ticks where it has them, else host ns
     """
@@ -42,6 +44,7 @@ class Indexer:
     period_ns: float
     numbered: bool = True
     regular: bool | None = None
+    unguarded: int = 0
     missed: set[int] = field(default_factory=set)
     extra: int = 0
     period: float = 0.0
@@ -50,6 +53,7 @@ class Indexer:
     _count: int = 0  # rows counted, where the device does not number them
     _first: tuple[float, int] | None = None  # clock and index of the first row
     _last: tuple[float, int] = (0.0, 0)  # clock and number of the newest row, on the grid
+    _uneven: list[tuple[Ints, Ints, Ints]] = field(default_factory=list)  # number, host, tick of the newest rows
 
     def index(self, number: Ints, host: Ints, tick: Ints, final: bool = False) -> tuple[Ints, NDArray[np.bool_]]:
         """Trigger indices of the first m rows of a batch, and which of these m to keep (extra edges are not kept).
@@ -100,6 +104,7 @@ class Indexer:
             self._last = float(clock[0]), int(number[0])
         if not self.regular:
             self._count += n
+            self._settle_later(number, host, tick)
             return number + self._shift, np.ones(n, bool)
         x = np.asarray((clock - self._last[0]) / self.period - (number - self._last[1]), np.float64)
         m, step = (n, np.zeros(n, np.int64)) if np.abs(x).max() < TAIL else _lasting_steps(x, final)
@@ -133,6 +138,19 @@ class Indexer:
         nominal = self.period_ns * float(clock[-1] - clock[0]) / max(float(host[-1] - host[0]), 1.0)
         if abs(self.period / nominal - 1) < UNSURE * scatter / len(steps):
             self.period = nominal
+
+    def _settle_later(self, number: Ints, host: Ints, tick: Ints) -> None:
+        """Judges stamps again that were uneven so far: at the start of a run a computer is busy."""
+        self.unguarded = self._count
+        self._uneven.append((number, host, tick))
+        rows = tuple(np.concatenate(column) for column in zip(*self._uneven))
+        if len(rows[0]) < LATER:
+            return
+        self._uneven.clear()
+        self._settle(*(column[-LATER:] for column in rows))
+        if self.regular:
+            newest = float(rows[2 if self._ticks else 1][-1])
+            self._first, self._last = (newest, int(rows[0][-1]) + self._shift), (newest, int(rows[0][-1]))
 
     def _note_steps(self, index: Ints, step: Ints, off_grid: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Notes missed and extra edges; of two rows on one index keeps the one that lies on the grid."""

@@ -8,7 +8,7 @@ from typing import Any
 from markupsafe import Markup
 
 import arm_report
-from diagnosis.cause import Cause
+from diagnosis.cause import Cause, in_words
 from diagnosis.origins import Suspect
 
 IN_TEXT = 2
@@ -75,5 +75,5 @@ def _speaking(row: dict[str, Any]) -> str:
     """``backlash, gear ripple; against it: cogging; not found: load friction``."""
     parts = (("", "supported_by"), ("against it: ", "contradicted_by"), ("not found: ", "missing"))
     return "; ".join(
-        f"{word}{', '.join(name.replace('_', ' ') for name in row[key])}" for word, key in parts if row[key]
+        f"{word}{', '.join(in_words((name, None)) for name in row[key])}" for word, key in parts if row[key]
     )

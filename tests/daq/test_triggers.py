@@ -104,6 +104,17 @@ def test_stamps_of_the_arrival_cannot_show_a_missed_edge_and_are_not_taken_for_o
     assert indexer.regular is False
 
 
+def test_stamps_that_are_uneven_at_first_show_missed_edges_later() -> None:
+    """A SYNC of CANopen bears no number: of a busy start nobody knows, from the first even rows on a gap is an edge."""
+    true, number, host, tick = _card(5, 400, [250, 251, 330], 0.02, 0.0, True)
+    host = host.copy()
+    host[:8] += np.array([0, 9, 3, 8, 0, 7, 2, 6]) * 100_000
+    indexer = Indexer(1e6, numbered=False)
+    index, _ = _run(indexer, (np.full(len(number), -1), host, np.zeros_like(tick)), [10])
+    assert indexer.regular and 64 <= indexer.unguarded < 90
+    assert np.array_equal(index, true) and indexer.missed == {250, 251, 330}
+
+
 def test_rows_without_numbers_are_counted_and_their_gaps_found() -> None:
     true, number, host, tick = _card(3, 200, [60, 61, 150], 0.05, 5e-4, True)
     indexer = Indexer(1e6, numbered=False)
