@@ -11,9 +11,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from tests.confidence.bank import Name
-from tests.confidence.fit import COUNTED, SUREST, fitted, stated
+from tests.confidence.fit import COUNTED, LEAST, SUREST, fitted, stated
 
 PRINTED_AS_98 = 0.975
+APART = 2.0 / LEAST
+"""Of levels that are judged one by one. Left out, a right name lowers the level of its step by up to 1 / LEAST, and a
+wrong one raises it: of nearer levels, the lower would get the right names, and the higher the wrong ones."""
 Array = np.ndarray
 
 
@@ -50,9 +53,10 @@ def by_other_cases(names: Sequence[Name], most: float) -> Array:
 def reliability(confidence: Array, right: Array, levels: Sequence[float]) -> list[tuple[float, int, int]]:
     """(mean stated confidence, names, right names) of the names nearest to each level of a table that has any.
 
-    confidence, right: (n,); levels: rising. Without one case the tables' own levels differ a little from these.
+    confidence, right: (n,); levels: rising. Levels nearer than ``APART`` to each other are counted together.
     """
-    nearest = np.abs(np.subtract.outer(confidence, levels)).argmin(axis=1)
+    begins = np.append(True, np.diff(levels) >= APART)
+    nearest = np.cumsum(begins)[np.abs(np.subtract.outer(confidence, levels)).argmin(axis=1)]
     rows = []
     for at in np.unique(nearest):
         inside = nearest == at
