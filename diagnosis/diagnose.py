@@ -44,7 +44,7 @@ from diagnosis.measurements.single_axis.remarks import remarks
 from diagnosis.measurements.tracker.causes import Tracked, tracked_causes
 from diagnosis.origins import Suspect, evidence_of, suspects
 from diagnosis.remainder.against_noise import ratios
-from diagnosis.remainder.fitted_only import known_to, not_held_out, structures_of_fit
+from diagnosis.remainder.fitted_only import in_fit_alone, known_to, not_held_out
 from diagnosis.remainder.of_identification import Remainder, remainders
 from diagnosis.residual.folding_warnings import folding_warnings
 from diagnosis.residual.noise import angle_noise
@@ -188,7 +188,7 @@ def diagnose(
     known = known_to(state)
     unexplained = [
         *_judged(structures, named.shortage),
-        *(structures_of_fit(state.fitted.fit, state.data.fit, structures, known.fit) if measured.judged else []),
+        *(in_fit_alone(state, structures, known.fit) if measured.judged else []),
         *(measured.link.unexplained if measured.link else []),
         *measured.tracked.unexplained,
         *(one.structure(arm.joints[one.joint - 1].command_unit) for one in cleaned.oscillating),

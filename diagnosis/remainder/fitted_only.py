@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from arm_io.types import Array
 from diagnosis.cause import NO_VARIABLE, Signal, Structure
 from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.measurements.currents.model import State
-from diagnosis.measurements.currents.unexplained import noise_ratio
+from diagnosis.measurements.currents.unexplained import likely_variable, noise_ratio
 from diagnosis.selection.design import Dataset
 from diagnosis.selection.waves import wave_of
 from diagnosis.units import recorded_quantity
@@ -23,17 +23,35 @@ def known_to(state: State) -> Split[Array]:
     return state.data.map(lambda side: np.array([state.significance.allowed(side, joint) for joint in joints]))
 
 
-def structures_of_fit(left: Array, fit: Dataset, structures: Sequence[Structure], allowed: Array) -> list[Structure]:
+def in_fit_alone(state: State, structures: Sequence[Structure], allowed: Array) -> list[Structure]:
+    """``structures_of_fit`` of what a search leaves; allowed (n,): ``known_to`` of the fitted recordings."""
+    residuals = Split(state.fitted.fit, state.fitted.held_out)
+
+    def variable_of(joint: int) -> str | None:
+        likely = likely_variable(state.data, residuals, state.model.arm, joint)
+        return None if likely is None else likely[0]
+
+    return structures_of_fit(state.fitted.fit, state.data.fit, structures, allowed, variable_of)
+
+
+def structures_of_fit(
+    left: Array,
+    fit: Dataset,
+    structures: Sequence[Structure],
+    allowed: Array,
+    variable_of: Callable[[int], str | None],
+) -> list[Structure]:
     """Joints whose residual exceeds the noise in the fitted recordings alone, as unexplained structure.
 
     left (n * rows,): residual of the fitted recordings, whitened; structures: those that are reported already; allowed
-    (n,): times the noise that a residual may be (``known_to``).
+    (n,): times the noise that a residual may be (``known_to``); variable_of: a joint's residual in all recordings
+    (``likely_variable``), if it depends on one.
     """
     return [
         Structure(
             Signal.CURRENT,
             joint,
-            wave_of(left, fit, joint) or NO_VARIABLE,
+            variable_of(joint) or wave_of(left, fit, joint) or NO_VARIABLE,
             0.0,
             f"{ratio:.1f} times the noise, in fitted recordings",
         )

@@ -29,6 +29,8 @@ COLUMN_BAND = 10.0
 """Hz: pass-band of the motion from which the columns of effects, and the wind-up of elastic joints, are computed."""
 COMPARE_BAND = 20.0
 """Hz: pass-band in which measured and expected currents are compared."""
+ORDER = 4
+"""Of the low-pass filter."""
 NO_INERTIA = 1e-12
 """kg m2 (kg): rounding errors of a link without inertia about its axis; a gram on a millimetre has a thousand times."""
 
@@ -42,9 +44,14 @@ def low_pass(values: Array, band: float, rate: float) -> Array:
     return zero_phase(_sections(band, rate), values, pad=min(len(values) - 1, int(3 * rate / band)))
 
 
+def passed(frequency: Array, band: float) -> Array:
+    """Share of the amplitude that ``low_pass`` lets through at frequencies (m,) Hz: a Butterworth filter, both ways."""
+    return np.asarray(1.0 / (1.0 + (frequency / band) ** (2 * ORDER)))
+
+
 @cache
 def _sections(band: float, rate: float) -> Array:
-    sections: Array = signal.butter(4, min(band / (rate / 2), 0.98), output="sos")
+    sections: Array = signal.butter(ORDER, min(band / (rate / 2), 0.98), output="sos")
     return sections
 
 

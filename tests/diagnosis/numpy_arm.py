@@ -23,6 +23,8 @@ GEAR, CONSTANT, ROTOR = np.array([100.0, 80.0]), np.array([0.11, 0.09]), np.arra
 MASS, CENTRE, INERTIA, LENGTH, GRAVITY = (7.0, 4.0), (0.22, 0.15), (0.3, 0.08), 0.45, 9.81
 REST = 0.004
 """rad/s: width over which friction changes its sign."""
+CENTRE_OF_MOTION = (-0.6, 0.5)
+"""rad."""
 
 Friction = Callable[[np.ndarray], np.ndarray]
 """(k,) N m against the motion at speeds (k,) >= 0 rad/s."""
@@ -52,11 +54,14 @@ class NumpyArm:
     current: Callable[[np.ndarray], np.ndarray] = field(default=lambda i: i)
     temperature: Callable[[np.ndarray], np.ndarray] | None = None
 
-    def record(self, path: Path, seed: int, seconds: float = 20.0) -> Recording:
-        """A recording of the motion ``seed``, through a table and ``armscope import``."""
+    def record(
+        self, path: Path, seed: int, seconds: float = 20.0, centre: Sequence[float] = CENTRE_OF_MOTION
+    ) -> Recording:
+        """A recording of the motion ``seed`` about a centre (2,) rad, through a table and ``armscope import``."""
         rng = np.random.default_rng(seed)
         t = np.arange(int(seconds * RATE)) / RATE
         q, v, a = _motion(rng, t)
+        q = q + centre
         load = _links(q, v, a)
         rub = np.column_stack([_rubbing(both, v[:, j]) for j, both in enumerate(self.friction)])
         torque = load + ROTOR * a + rub
@@ -89,7 +94,7 @@ def _motion(rng: np.random.Generator, t: np.ndarray) -> tuple[np.ndarray, np.nda
         s, s1, s2 = np.sin(phase) @ amplitude, np.cos(phase) @ (amplitude * w), -np.sin(phase) @ (amplitude * w**2)
         sums.append((b * s, b1 * s + b * s1, b2 * s + 2 * b1 * s1 + b * s2))
     q, v, a = (np.column_stack(parts) for parts in zip(*sums))
-    return q + [-0.6, 0.5], v, a
+    return q, v, a
 
 
 def _links(q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:

@@ -33,10 +33,12 @@ def test_a_joint_that_only_the_fitted_recordings_find_loud_is_told() -> None:
     left = np.random.default_rng(1).normal(size=(6, ROWS))
     left[1, : ROWS // 3] += 12.0 * np.sin(np.arange(ROWS // 3) / 20.0)
 
-    (structure,) = structures_of_fit(left.ravel(), _side(), [], EXACT)
-    assert not structures_of_fit(left.ravel(), _side(), [], 10 * EXACT)
+    (structure,) = structures_of_fit(left.ravel(), _side(), [], EXACT, lambda joint: None)
+    assert not structures_of_fit(left.ravel(), _side(), [], 10 * EXACT, lambda joint: None)
     assert (structure.joint, structure.share) == (2, 0.0)
     assert structure.against == NO_VARIABLE and "in fitted recordings" in structure.size
+    (on,) = structures_of_fit(left.ravel(), _side(), [], EXACT, lambda joint: f"velocity of joint {joint}")
+    assert on.against == "velocity of joint 2"
     (said,) = not_held_out(left.ravel(), _side(), [], EXACT)
 
     assert "joint 2" in said and "hold out" in said

@@ -15,7 +15,7 @@ import pytest
 import armscope
 from arm_model.description import FrictionCurve
 from diagnosis.selection.friction_shares import straight_part
-from tests.diagnosis.numpy_arm import REST, Friction, NumpyArm, humped, model, straight
+from tests.diagnosis.numpy_arm import GEAR, REST, Friction, NumpyArm, humped, model, straight
 
 COULOMB, VISCOUS = ((10.0, 7.0), (6.0, 4.0)), (8.0, 5.0)
 """N m by direction, and N m s/rad, of the joints of the model."""
@@ -30,14 +30,22 @@ HEALTHY = _rubbing(straight(6.0, 5.0), straight(4.0, 5.0))
 
 
 def _diagnosed(
-    arm: NumpyArm, folder: Path, curve: Friction | None = None, coulomb: Sequence[tuple[float, float]] = COULOMB
+    arm: NumpyArm,
+    folder: Path,
+    curve: Friction | None = None,
+    coulomb: Sequence[tuple[float, float]] = COULOMB,
+    seconds: float = 20.0,
 ) -> armscope.Diagnosis:
-    fit, held_out = (arm.record(folder / f"{seed}.mcap", seed) for seed in (1, 2))
+    fit, held_out = (arm.record(folder / f"{seed}.mcap", seed, seconds) for seed in (1, 2))
     return armscope.diagnose(fit, model(coulomb, VISCOUS, curve), held_out=held_out)
 
 
 def _named(result: armscope.Diagnosis) -> list[tuple[str, int | None]]:
     return [(cause.effect, cause.joint) for cause in result.causes]
+
+
+def _unexplained(result: armscope.Diagnosis) -> list[tuple[int | None, str]]:
+    return [(one.joint, one.against) for one in result.unexplained]
 
 
 def _sizes(result: armscope.Diagnosis, number: int = 0) -> dict[str, float]:
@@ -176,6 +184,24 @@ def test_a_cable_is_no_spring(tmp_path: Path) -> None:
     """A spring follows the cube of an angle to 84 to 91 %: neither is that dominant, nor the cube its next order."""
     result = _diagnosed(NumpyArm(HEALTHY, torque=_spring(0.0, 2.0, 0.2)), tmp_path)
     assert _named(result) == [] and result.verdict == "unexplained"
+
+
+def test_a_cable_is_no_spring_either_where_the_recordings_share_no_range(tmp_path: Path) -> None:
+    """The joint turns from 0 to 1.4 rad in the fitted recording, and from -1.4 to -0.4 rad in the held-out one."""
+    cable = NumpyArm(HEALTHY, torque=_spring(0.0, 0.4, 0.1))
+    fit, held_out = (
+        cable.record(tmp_path / f"{seed}.mcap", seed, 8.0, (-0.6, side * 0.6)) for seed, side in ((1, 1.0), (2, -1.0))
+    )
+    assert fit.q[:, 1].min() > 0.0 > held_out.q[:, 1].max()
+    result = armscope.diagnose(fit, model(COULOMB, VISCOUS), held_out=held_out)
+    assert _named(result) == [] and _unexplained(result) == [(2, "position")]
+
+
+def test_friction_that_waves_over_the_motors_angle_depends_on_it(tmp_path: Path) -> None:
+    """Hysteresis of magnets: no ripple, whose sign is that of the angle alone."""
+    waving = _at_joint_2(lambda q, v, t, load: 0.5 * np.sin(3 * GEAR[1] * q) * np.tanh(v / REST))
+    result = _diagnosed(NumpyArm(HEALTHY, torque=waving), tmp_path, seconds=8.0)
+    assert _named(result) == [] and _unexplained(result) == [(2, "motor angle")]
 
 
 @pytest.mark.parametrize("share", [pytest.param(0.1, marks=pytest.mark.slow), 0.3])

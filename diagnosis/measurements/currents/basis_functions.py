@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -13,6 +13,7 @@ from scipy.interpolate import CubicSpline
 from arm_io.types import Array
 from arm_model import Arm
 from arm_model.effects import Variable
+from diagnosis.residual.expected_current import COMPARE_BAND, passed
 from diagnosis.residual.run import Run, signals_of
 from diagnosis.selection.design import Columns, Dataset, Pair
 from identification.selection import Split
@@ -126,29 +127,47 @@ def _splines(x: Array, knots: Array) -> Array:
 
 
 def _waves(fit: Dataset, held_out: Dataset, residual: Array, arm: Arm, joint: int) -> Iterator[Shape]:
-    """The strongest ripple over the motor's angle, and over the angles of this joint and each other one together."""
-    over = 1.0 / fit.at_joint("deviation", joint)
-    weighted, ratio = residual[fit.of(joint)] * over, arm.joints[joint - 1].ratio
-    own = fit.at_joint("q", joint)
-    ripple = _ripple(weighted, own * ratio)
-    if ripple is not None:
-        yield _wave("motor angle", fit, held_out, joint, lambda side: ripple * ratio * side.at_joint("q", joint))
+    """The strongest ripples over the motor's angle, alone and times direction, and over the angles of two joints."""
+    over, ratio = 1.0 / fit.at_joint("deviation", joint), arm.joints[joint - 1].ratio
+    weighted, own = residual[fit.of(joint)] * over, fit.at_joint("q", joint)
+    for direction in (_everywhere, partial(_direction, joint=joint, width=arm.joints[joint - 1].sign_velocity)):
+        ripple = _ripple(weighted * direction(fit), own * ratio)
+        if ripple is not None:
+            yield _wave("motor angle", fit, held_out, joint, {joint: ripple * ratio}, direction)
     for other in range(1, len(arm) + 1):
         if other != joint and np.ptp(fit.at_joint("q", other)) > 0.0:
             c, d = _plane_wave(weighted, own, fit.at_joint("q", other))
             name = f"position and position of joint {other}"
-            yield _wave(name, fit, held_out, joint, partial(_mixed, joint=joint, other=other, c=c, d=d))
+            yield _wave(name, fit, held_out, joint, {joint: c, other: d}, _everywhere)
 
 
-def _mixed(side: Dataset, joint: int, other: int, c: float, d: float) -> Array:
-    return c * side.at_joint("q", joint) + d * side.at_joint("q", other)
+def _everywhere(side: Dataset) -> Array:
+    return np.ones(side.rows)
 
 
-def _wave(name: str, fit: Dataset, held_out: Dataset, joint: int, angle: Callable[[Dataset], Array]) -> Shape:
+def _direction(side: Dataset, joint: int, width: float) -> Array:
+    """(rows,) direction of motion of a joint, as Coulomb friction follows it."""
+    v = side.at_joint("v", joint)
+    return np.asarray(v / np.hypot(v, width))
+
+
+def _wave(
+    name: str,
+    fit: Dataset,
+    held_out: Dataset,
+    joint: int,
+    along: Mapping[int, float],
+    factor: Callable[[Dataset], Array],
+) -> Shape:
+    """A wave times a factor. along: joint (from 1) -> rad of the wave per rad (m) of its angle.
+
+    It is as large as the filter of the residual lets a wave through, whose frequency is that of these angles' speed.
+    """
     columns = []
     for side in (fit, held_out):
-        over, phase = 1.0 / side.at_joint("deviation", joint), angle(side)
-        columns.append(Columns(np.stack([np.sin(phase), np.cos(phase)], axis=1) * over[:, None], side.of(joint)))
+        phase, speed = (sum(k * side.at_joint(of, j) for j, k in along.items()) for of in ("q", "v"))
+        size = factor(side) * passed(np.abs(speed) / (2 * np.pi), COMPARE_BAND) / side.at_joint("deviation", joint)
+        columns.append(Columns(np.stack([np.sin(phase), np.cos(phase)], axis=1) * size[:, None], side.of(joint)))
     return Shape(name, Split(columns[0], columns[1]), np.ones(held_out.rows, bool))
 
 

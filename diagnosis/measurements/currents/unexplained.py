@@ -5,6 +5,11 @@ direction, or times the velocity, of the joint) is fitted together with the caus
 like a cause. What enters is structure that the catalogue does not contain. A cause that such a function makes
 superfluous approximates something else, and is removed: a spring that fits part of a wavy torque over position is no
 spring.
+
+A function that is fitted to some recordings says nothing of values that these do not reach: of a joint that turns from
+0 to 1.2 rad in the fitted recordings and from -1.2 to 1 rad in the held-out one. Where a residual is above the noise,
+that there is something to explain needs no proof: every function is then fitted to all recordings, fitted and held out,
+less some seconds of each, and predicts these.
 """
 
 from __future__ import annotations
@@ -13,6 +18,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import stats
 
 from arm_io.parallel import in_parallel
@@ -23,10 +29,17 @@ from diagnosis.measurements.currents.basis_functions import Shape, shapes_of
 from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.measurements.currents.model_errors import Significance
 from diagnosis.residual.noise import quiet_noise
-from diagnosis.selection.design import Dataset, Pair
+from diagnosis.selection.design import Columns, Dataset, Pair, joined
 from diagnosis.selection.regression import Fitted, fit_gain, gain_of, residual_with
 from diagnosis.selection.waves import wave_of
 from identification.selection import Split, p_value
+
+FOLDS = 4
+"""Parts of the rows, each predicted from all others."""
+FOLD_BLOCKS = 3
+"""Consecutive blocks (s) of a fold: longer than what a slow residual keeps of its past, short against a motion."""
+RIDGE = 1e-3
+"""Ridge penalty relative to the mean Gram diagonal; shrinks knots that only the predicted rows pass to zero."""
 
 
 @dataclass(frozen=True)
@@ -55,31 +68,61 @@ def structures_at(
     structures: list[Structure] = []
     pairs: list[Pair] = []
     fit, held_out = data
+    known = np.ones(held_out.rows, bool)
     shapes = list(shapes_of(fit, held_out, fitted.fit, arm, joint))
     for _ in range(LIMITS.structures):
-        best = _strongest(shapes, with_columns(fitted, pairs), data, joint, significance)
+        best = _strongest(shapes, with_columns(fitted, pairs), data, joint, significance, known)
         if best is None:
             break
-        name, pair, share = best
-        structures.append(Structure(Signal.CURRENT, joint, name, share))
-        pairs.append(pair)
-        shapes = [shape for shape in shapes if shape.name != name]
+        shape, share = best
+        structures.append(Structure(Signal.CURRENT, joint, shape.name, share))
+        pairs.append(shape.pair)
+        known &= shape.known
+        shapes = [one for one in shapes if one.name != shape.name]
     ratio = noise_ratio(fitted.held_out, held_out, joint)
     if not pairs and ratio > LIMITS.above_noise * significance.allowed(held_out, joint):
-        structures.append(_most_likely(shapes, fitted, held_out, joint, ratio))
+        likely = likely_variable(data, Split(fitted.fit, fitted.held_out), arm, joint)
+        if likely is not None:
+            name, pair, share = likely
+            return [Structure(Signal.CURRENT, joint, name, share)], [pair]
+        against = wave_of(fitted.held_out, held_out, joint) or NO_VARIABLE
+        structures.append(Structure(Signal.CURRENT, joint, against, 0.0, f"{ratio:.1f} times the noise"))
     return structures, pairs
 
 
-def _most_likely(shapes: Sequence[Shape], fitted: Fitted, held_out: Dataset, joint: int, ratio: float) -> Structure:
-    """Most likely explanatory variable of a residual already known to exceed the noise."""
-    before = float(np.sum(fitted.held_out[held_out.of(joint)] ** 2))
-    gains = [held_out.by_block(gain_of(shape.pair, fitted, held_out)[1]) for shape in shapes]
-    significant = [(p_value(gain), k) for k, gain in enumerate(gains) if gain.sum() > LIMITS.likely_share * before]
-    p, best = min(significant, default=(1.0, 0))
-    if p > LIMITS.likely_p:
-        against = wave_of(fitted.held_out, held_out, joint) or NO_VARIABLE
-        return Structure(Signal.CURRENT, joint, against, 0.0, f"{ratio:.1f} times the noise")
-    return Structure(Signal.CURRENT, joint, shapes[best].name, float(gains[best].sum()) / before)
+def likely_variable(data: Split[Dataset], left: Split[Array], arm: Arm, joint: int) -> tuple[str, Pair, float] | None:
+    """The variable whose function explains most of what is left at a joint (from 1), its columns, and the share of it.
+
+    left: whitened residuals (n * rows,) of both sides. None where no function explains half of it
+    (``LIMITS.likely_share``).
+    """
+    every = joined(data, left)
+    own = every.of(joint)
+    y, block = every.y[own], every.block[own]
+    fold = block // FOLD_BLOCKS % FOLDS
+    best, most = None, LIMITS.likely_share * float(np.sum(y**2))
+    for shape in shapes_of(every, every, every.y, arm, joint):
+        fall = y**2 - (y - _predicted(shape.pair.fit.x, y, fold)) ** 2
+        gain = float(fall.sum())
+        if gain > most and p_value(np.bincount(block, weights=fall)) < LIMITS.likely_p:
+            best, most = shape, gain
+    if best is None:
+        return None
+    ends = data.fit.rows
+    parts = best.pair.fit.x[:ends], best.pair.fit.x[ends:]
+    pair = Split(*(Columns(x, side.of(joint)) for x, side in zip(parts, data)))
+    return best.name, pair, most / float(np.sum(y**2))
+
+
+def _predicted(x: Array, y: Array, fold: NDArray[np.intp]) -> Array:
+    """(rows,) of each fold from the coefficients of columns x (rows, k) in the others."""
+    predicted, here = np.zeros_like(y), [fold == k for k in range(FOLDS)]
+    grams, toward = [x[k].T @ x[k] for k in here], [x[k].T @ y[k] for k in here]
+    ridge = RIDGE * float(np.mean(np.diag(sum(grams)))) * np.eye(x.shape[1])
+    for k, rows in enumerate(here):
+        others = sum(grams) - grams[k] + ridge
+        predicted[rows] = x[rows] @ np.linalg.lstsq(others, sum(toward) - toward[k], rcond=None)[0]
+    return predicted
 
 
 def joints_above_noise(residual: Array, side: Dataset, arm: Arm) -> list[int]:
@@ -133,25 +176,35 @@ def better_than_causes(
 
 
 def _strongest(
-    shapes: Sequence[Shape], fitted: Fitted, data: Split[Dataset], joint: int, significance: Significance
-) -> tuple[str, Pair, float] | None:
-    """The variable whose function explains most of a joint's held-out residual.
+    shapes: Sequence[Shape],
+    fitted: Fitted,
+    data: Split[Dataset],
+    joint: int,
+    significance: Significance,
+    known: NDArray[np.bool_],
+) -> tuple[Shape, float] | None:
+    """The function that explains most of a joint's held-out residual, and the share of its variance.
 
-    Name, columns, share of the residual's variance.
+    Judged where the variable is in the range that was fitted: beyond it, a function says nothing, and neither do
+    coefficients of causes that were fitted beside it. known (rows,): where functions that are fitted already do.
     """
     held_out = data.held_out
-    gains = [held_out.by_block(gain_of(shape.pair, fitted, held_out)[1]) for shape in shapes]
-    q = stats.false_discovery_control(np.array([p_value(gain) for gain in gains]))
     rows = held_out.of(joint)
-    before = float(np.sum(fitted.held_out[rows] ** 2))
-    explained = float(np.sum(held_out.y[rows] ** 2)) - before
+    gains = []
+    for shape in shapes:
+        fall = gain_of(shape.pair, fitted, held_out)[1]
+        fall[rows] *= shape.known & known
+        gains.append(held_out.by_block(fall))
+    q = stats.false_discovery_control(np.array([p_value(gain) for gain in gains]))
+    before = float(np.sum(fitted.held_out[rows] ** 2 * known))
+    explained = float(np.sum(held_out.y[rows] ** 2 * known)) - before
     enough = max(LIMITS.structure_gain * held_out.rows, LIMITS.structure_share * explained)
     significant = [k for k, gain in enumerate(gains) if q[k] < LIMITS.structure_p and gain.sum() > enough]
     significant = [k for k in significant if significance.beyond_model(shapes[k].pair, LIMITS.beyond_model)]
     if not significant:
         return None
     best = max(significant, key=lambda k: float(gains[k].sum()))
-    return shapes[best].name, shapes[best].pair, float(gains[best].sum()) / before
+    return shapes[best], float(gains[best].sum()) / before
 
 
 def with_columns(fitted: Fitted, more: Sequence[Pair]) -> Fitted:
