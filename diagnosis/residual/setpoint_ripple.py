@@ -37,8 +37,8 @@ def folded_onto(arm: Arm, samples: Samples, a: Array, noise: Array, kept: slice,
     """(m, n) A: one std of what sampling may have put into currents unseen, of joints where that matters.
 
     samples: t (k,) s, q (k, n) rad, i (k, n) A; a: (m, n) the acceleration in the band of comparison; kept: the rows m
-    of the k. Of two rows per known setpoint, it is all of the acceleration times 1 kg m2 (kg). From many rows on, the
-    line that folds is far below what those that are seen allow.
+    of the k. Of one row or two per known setpoint, it is all of the acceleration times 1 kg m2 (kg). From many rows on,
+    the line that folds is far below what those that are seen allow.
     """
     (t, q, i), constant = samples, arm.joint_array("drive_constant")
     rate = rate_of(t)

@@ -55,7 +55,7 @@ def _folded(runs: Sequence[RunReadiness], motions: Sequence[Motion]) -> list[tup
 
 def _consequence(motions: Sequence[Motion]) -> str:
     motion = motions[0]
-    rate = 1 / motion.dt
+    rate, period = 1 / motion.dt, motion.setpoints.period
     if unbounded(motion.setpoints, rate):
         known = "how far cannot be seen at so few rows per setpoint"
     else:
@@ -66,7 +66,7 @@ def _consequence(motions: Sequence[Motion]) -> str:
         )
     return (
         f"the servos' ripple is folded onto the acceleration, and a joint's own inertia may be off; {known}; at "
-        f"{rate_beside(motion.setpoints.period, rate):.5g} Hz, or with currents averaged over each row, it would not "
+        f"{rate_beside(period, max(rate, 2.0 / period)):.5g} Hz, or with currents averaged over each row, it would not "
         "be off"
     )
 

@@ -53,11 +53,14 @@ def whole_rows(setpoints: Setpoints, rate: float) -> int:
 def folding_line(setpoints: Setpoints, rate: float) -> int:
     """The lowest line of setpoints that rows at ``rate`` Hz put within BEAT of 0 Hz; 0: none.
 
-    As many as rows per setpoint where these are a whole number. Of one row per setpoint or less, no line is counted.
+    As many as rows per setpoint where these are a whole number. Of one row per setpoint or less, no line is counted but
+    the first, of servos that work several times per setpoint.
     """
     rows = whole_rows(setpoints, rate)
-    if rows or _as_one(setpoints, rate):
+    if rows:
         return rows
+    if _as_one(setpoints, rate):
+        return int(setpoints.within and _seen_at(np.array([1]), setpoints.period, rate)[0] <= BEAT)
     return next((k for k in range(2, LINES + 1) if _seen_at(np.array([k]), setpoints.period, rate)[0] <= BEAT), 0)
 
 
@@ -70,17 +73,19 @@ def _as_one(setpoints: Setpoints, rate: float) -> bool:
 
 
 def unbounded(setpoints: Setpoints, rate: float) -> bool:
-    """Whether a line falls onto 0 Hz that no other bounds: the second of known setpoints, of two rows each.
+    """Whether a line falls onto 0 Hz that no other bounds: the first; the second of known setpoints of two rows each.
 
     Such currents do not determine an inertia. Setpoints that the currents show are seen in their first line.
     """
-    return folding_line(setpoints, rate) == 2 and setpoints.source != "currents"
+    line = folding_line(setpoints, rate)
+    return line == 1 or (line == 2 and setpoints.source != "currents")
 
 
 def rate_beside(period: float, rate: float) -> float:
     """``rate`` Hz, or the next lower one at which the ripple of setpoints every ``period`` s is far from the motion.
 
-    0.4 of the setpoints' own rate beside a multiple. A period of 0: of an arm without a controller.
+    0.4 of the setpoints' own rate beside a multiple. A period of 0: of an arm without a controller. Below two rows per
+    setpoint there is no lower one.
     """
     rows = round(rate * period)
     return rate if rows < 2 or abs(rate * period - rows) > AWAY / 2 else round((rows - AWAY) / period, 2)

@@ -11,17 +11,22 @@ from arm_model import Arm
 from identification.preprocessing.setpoints_in_currents import rows_between_setpoints
 from identification.preprocessing.setpoints_in_demands import setpoint_period
 
+OFTEN = 1.5
+"""Servo periods per setpoint above which servos work several times between two of these."""
+
 
 @dataclass(frozen=True)
 class Setpoints:
     """Setpoints every ``period`` s, and what says so; 0: nothing does, or there are none.
 
     Currents show whole numbers of rows per setpoint alone, and may show a multiple of the period: its lines are among
-    those of the multiple.
+    those of the multiple. within: whether the model says that its servos work several times per setpoint, so that every
+    one has a transient; elsewhere recorder and controller may run as one, and hold the currents between setpoints.
     """
 
     period: float = 0.0
     source: Literal["model", "demands", "currents"] = "model"
+    within: bool = False
 
     @property
     def as_shown(self) -> str:
@@ -49,8 +54,9 @@ def setpoints_of(
     The controller of the model; the recorded ``demands`` (m, J) rad (m); the ``currents``, which are asked last:
     ripple (m, J) and acceleration (m, J) as of ``rows_between_setpoints``.
     """
-    if arm.controller is not None:
-        return Setpoints(arm.controller.setpoint_period)
+    if (controller := arm.controller) is not None:
+        within = controller.setpoint_period > OFTEN * controller.servo_period
+        return Setpoints(controller.setpoint_period, within=within)
     if demands is not None and (period := setpoint_period(demands, dt)):
         return Setpoints(period, "demands")
     if currents is not None and (rows := rows_between_setpoints(*currents(), 1.0 / dt)):

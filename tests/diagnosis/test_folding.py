@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,9 +16,11 @@ from daq.recording import Recording, open_recording
 from daq.recording.parts import Attachments
 from daq.recording.tables.table import write_table
 from diagnosis.measurements.currents.limits import LIMITS
+from diagnosis.residual.noise import NOTHING_KNOWN, KnownNoise
 from diagnosis.residual.run import residual_run
 from diagnosis.screening.mains_hum import lines_near_mains, mains_hum, other_lines
-from experiment import demand_of, read_experiment
+from experiment import Demand, demand_of, read_experiment
+from identification.preprocessing import folding_line, setpoints_of
 
 COUNTS = 400_000
 """Of an encoder, per joint revolution."""
@@ -68,27 +70,48 @@ def test_what_sampling_folds_onto_the_acceleration_is_no_inertia(
     assert "460 Hz" in warning
 
 
-def test_of_many_rows_a_setpoint_what_folds_is_no_inertia_either(root: Path) -> None:
-    """Gain of a rotor inertia, over the noise energy; one of a tenth is named. The Puma at 14 rows per setpoint."""
-    arm, rate = armscope.read_model(root / "config/models/puma560.toml"), 500.0
-    demand = demand_of(read_experiment(root / "config/experiments/excitation.toml"))
+def _gains_of_inertia(arm: Arm, demand: Demand, rate: float, known: KnownNoise) -> Iterator[tuple[float, float]]:
+    """Gain of a rotor inertia of each joint of the healthy arm, over the noise energy: as if nothing folded, and as is.
+
+    One of a tenth is named.
+    """
     t = np.arange(int(demand.duration * rate)) / rate
     motion = simulate(arm, demand, duration=demand.duration, rate=rate, times=t)
     rng, step, drive = np.random.default_rng(5), 2 * np.pi / COUNTS, arm.joint_array("drive_constant")
     current = motion.torque / drive + 1e-3 * rng.standard_normal(motion.torque.shape)
-    run = residual_run("run", arm, t, np.round(motion.qm / step) * step, current)
-    for j in range(6):
+    run = residual_run("run", arm, t, np.round(motion.qm / step) * step, current, known=known)
+    for j in range(len(arm)):
         own = np.zeros_like(run.a)
         own[:, j] = run.a[:, j] / drive[j]
-        (before, after) = (
+        before, after = (
             float((x @ y) ** 2 / (x @ x) / len(y))
             for x, y in (
                 (own[:, j] / run.deviation[:, j], run.residual[:, j] / run.deviation[:, j]),
                 (run.whiten(own)[:, j], run.whitened[:, j]),
             )
         )
+        yield before, after
+
+
+def test_of_many_rows_a_setpoint_what_folds_is_no_inertia_either(root: Path) -> None:
+    """The Puma at 14 rows per setpoint."""
+    arm = armscope.read_model(root / "config/models/puma560.toml")
+    demand = demand_of(read_experiment(root / "config/experiments/excitation.toml"))
+    for before, after in _gains_of_inertia(arm, demand, 500.0, NOTHING_KNOWN):
         assert before > LIMITS.min_gain
         assert after < LIMITS.min_gain / 4
+
+
+def test_of_one_row_a_setpoint_what_folds_is_no_inertia_where_servos_work_within(arm: Arm, root: Path) -> None:
+    """Where they do not, recorder and controller may run as one: then nothing is taken away."""
+    demand = demand_of(read_experiment(root / "config/starters/csv/fit.toml"))
+    known = KnownNoise(setpoints=setpoints_of(arm, 0.01))
+    for before, after in _gains_of_inertia(arm, demand, 100.0, known):
+        assert before > LIMITS.min_gain
+        assert after < LIMITS.min_gain
+    assert arm.controller is not None
+    as_one = replace(arm, controller=replace(arm.controller, servo_period=0.01))
+    assert folding_line(setpoints_of(arm, 0.01), 100.0) == 1 and folding_line(setpoints_of(as_one, 0.01), 100.0) == 0
 
 
 @pytest.mark.slow
