@@ -84,16 +84,13 @@ Pair = Split[Columns]
 
 def joined(data: Split[Dataset], y: Split[Array]) -> Dataset:
     """Both sides as one, the fitted recordings first, with residuals ``y`` (n * rows,) of each."""
-
-    def behind(parts: Split[Array], first: int = 0) -> Array:
-        by_joint = [part.reshape(-1, side.rows) for part, side in zip(parts, data)]
-        return np.hstack([by_joint[0], by_joint[1] + first]).ravel()
-
     fit, held_out = data
+    by_joint = np.hstack([part.reshape(-1, side.rows) for part, side in zip(y, data)])
+    behind = held_out.block[: held_out.rows] + fit.block.max() + 1
     return Dataset(
         (*fit.runs, *held_out.runs),
         (*fit.together, *held_out.together),
-        behind(y),
-        behind(data.map(lambda side: side.block), int(fit.block.max()) + 1),
+        by_joint.ravel(),
+        np.tile(np.concatenate([fit.block[: fit.rows], behind]), len(by_joint)),
         fit.rows + held_out.rows,
     )

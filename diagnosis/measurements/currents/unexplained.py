@@ -104,13 +104,12 @@ def likely_variable(data: Split[Dataset], left: Split[Array], arm: Arm, joint: i
     for shape in shapes_of(every, every, every.y, arm, joint):
         fall = y**2 - (y - _predicted(shape.pair.fit.x, y, fold)) ** 2
         gain = float(fall.sum())
-        if gain > most and p_value(np.bincount(block, weights=fall)) < LIMITS.likely_p:
+        if gain > most and p_value(np.bincount(block, weights=fall).astype(float)) < LIMITS.likely_p:
             best, most = shape, gain
     if best is None:
         return None
-    ends = data.fit.rows
-    parts = best.pair.fit.x[:ends], best.pair.fit.x[ends:]
-    pair = Split(*(Columns(x, side.of(joint)) for x, side in zip(parts, data)))
+    (fit, held_out), x = data, best.pair.fit.x
+    pair = Split(Columns(x[: fit.rows], fit.of(joint)), Columns(x[fit.rows :], held_out.of(joint)))
     return best.name, pair, most / float(np.sum(y**2))
 
 
