@@ -11,12 +11,12 @@ from dataclasses import dataclass, replace
 
 from arm_io.types import Progress
 from arm_model import Arm
-from arm_model.effects import Variable
+from arm_model.effects import CATALOGUE, Variable
 from daq.recording import Recording
 from diagnosis.cause import Cause, EffectKey, extend
-from diagnosis.closed_loop import resonance
 from diagnosis.closed_loop.comparison import with_smoothing_velocities
 from diagnosis.closed_loop.friction import friction_in_loop, has_state, with_estimates_of
+from diagnosis.closed_loop.resonance import transmission_resonance, transmissions
 from diagnosis.measurements.currents.basis_functions import TWO_FACED
 from diagnosis.measurements.currents.causes import from_axis
 from diagnosis.measurements.currents.columns import candidates
@@ -53,8 +53,8 @@ class Named:
                 residual
     found       what the search chose; axis: what a single axis with a fine encoder shows
     causes      of the search or of the axis
-    near_rest   friction found where joints turn or creep; resonance: a spring or a gap found in closed loop. ``arm``
-                has both
+    near_rest   friction found where joints turn or creep; transmissions: a spring or a gap found in closed loop, or the
+                gaps of the search. ``arm`` has both
     shortage    what the held-out recordings are too short for
     own         causes whose values differ between recordings; the runs have them, ``base`` has not
     """
@@ -69,13 +69,13 @@ class Named:
     causes: list[Cause]
     shortage: Shortage | None = None
     near_rest: tuple[Cause, ...] = ()
-    resonance: Cause | None = None
+    transmissions: tuple[Cause, ...] = ()
     own: tuple[Cause, ...] = ()
 
     @property
     def beside(self) -> list[Cause]:
         """Causes that were found beside the search, and that ``arm`` has."""
-        return [*self.near_rest, *([self.resonance] if self.resonance else [])]
+        return [*self.near_rest, *self.transmissions]
 
 
 Recordings = Split[Sequence[Recording]]
@@ -121,15 +121,17 @@ def _named(model: Arm, known: Sequence[Cause], recordings: Recordings, screened:
         # the closed loops of a search for resonances are of one arm for all recordings
         return of_recordings
     progress("searching for transmission resonances in closed loop")
-    found = _resonance(named, recordings) if has_dynamics(model) else None
-    if found is None:
+    resonance = _resonance(named, recordings) if has_dynamics(model) else None
+    # of a gap that the arm has, residuals know how uncertain they are while teeth meet
+    found = (resonance,) if resonance else _gaps(named)
+    if not found:
         return named
-    # ... and with the resonance
-    arm = extend(model, [*known, found])
-    terms = named.found.state.terms
+    # ... and with what was found
+    arm = extend(model, [*known, *found])
+    terms = [term for term in named.found.state.terms if (term.name, term.joint) not in {one.key for one in found}]
     sight = confirmed(realigned(residuals_of(arm, screened, progress), terms), terms)
-    excluded |= {(effect, found.joint) for effect in resonance.transmissions()}
-    return replace(_searched(arm, sight, recordings, excluded, progress), near_rest=near_rest, resonance=found)
+    excluded |= {(effect, one.joint) for effect in transmissions() for one in found}
+    return replace(_searched(arm, sight, recordings, excluded, progress), near_rest=near_rest, transmissions=found)
 
 
 def _settled(arm: Arm, sight: Residuals, recordings: Recordings, excluded: Set[EffectKey], progress: Progress) -> Named:
@@ -237,17 +239,20 @@ def _datasets(runs: Sequence[Run], first: int, two_fold: bool) -> Split[Dataset]
 
 def _resonance(named: Named, recordings: Recordings) -> Cause | None:
     """A spring or a gap that closed loops show: in the place of one that the search named, or in addition."""
-    springs: list[Cause | None] = [one for one in named.causes if one.effect in resonance.transmissions()]
+    springs: list[Cause | None] = [one for one in named.causes if one.effect in transmissions()]
     for spring in springs or [None]:
         arm = with_smoothing_velocities(
             extend(named.base, [one for one in named.causes if one is not spring]), recordings.fit
         )
         joints = [spring.joint] if spring and spring.joint else range(1, len(arm) + 1)
-        if (
-            cause := resonance.transmission_resonance(arm, recordings.fit, recordings.held_out, joints, spring)
-        ) is not None:
+        if (cause := transmission_resonance(arm, recordings.fit, recordings.held_out, joints, spring)) is not None:
             return cause
     return None
+
+
+def _gaps(named: Named) -> tuple[Cause, ...]:
+    """The gaps that the search named."""
+    return () if named.axis else tuple(one for one in named.causes if CATALOGUE[one.effect].gap is not None)
 
 
 def has_dynamics(arm: Arm) -> bool:

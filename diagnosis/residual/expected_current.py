@@ -19,6 +19,7 @@ from arm_model import Arm, Joint
 from arm_model.effects import CATALOGUE, Effect, Signals, Values, described, values_of
 from arm_model.rigid_body import curve_level
 from arm_model.system import inverse_dynamics, mass_matrix_along, rigid_torque_along
+from diagnosis.residual.gap import AS_FOUND, AS_MAY_BE, NO_INERTIA, Teeth, gap_of, through_gap
 from identification.preprocessing import zero_phase
 
 Term = tuple[Effect, int | None, Values]
@@ -26,14 +27,11 @@ Term = tuple[Effect, int | None, Values]
 MOTION_BAND = 60.0
 """Hz: pass-band of the motion from which the model's currents are computed."""
 COLUMN_BAND = 10.0
-"""Hz: pass-band of the motion from which the columns of effects, and the wind-up of elastic joints, are computed."""
+"""Hz: pass-band of the motion from which the columns of effects are computed."""
 COMPARE_BAND = 20.0
 """Hz: pass-band in which measured and expected currents are compared."""
 ORDER = 4
 """Of the low-pass filter."""
-NO_INERTIA = 1e-12
-"""kg m2 (kg): rounding errors of a link without inertia about its axis; a gram on a millimetre has a thousand times."""
-
 
 Motion = tuple[Array, Array, Array]
 """Angle, speed and acceleration (m, n)."""
@@ -135,14 +133,32 @@ class Links:
         """(m, n) kg m2 of the links alone at the drives."""
         return mass_matrix_along(self.arm, self.motion[0], rotors=False).diagonal(axis1=1, axis2=2).copy()
 
+    @cached_property
+    def flights(self) -> tuple[Array, Array]:
+        """Load and inertia (m, n) in the whole ``MOTION_BAND``, as a link flies through a gap.
+
+        A load that is smeared over the meeting of teeth would part them before and after it.
+        """
+        motion = motion_of(self.angle, MOTION_BAND, self.rate)
+        inertia = mass_matrix_along(self.arm, motion[0], rotors=False).diagonal(axis1=1, axis2=2)
+        return rigid_torque_along(self.arm, *motion), inertia.copy()
+
 
 def reading(
-    arm: Arm, t: Array, q: Array, *, powered: bool = True, motion: Motion | None = None, links: Links | None = None
+    arm: Arm,
+    t: Array,
+    q: Array,
+    *,
+    powered: bool = True,
+    motion: Motion | None = None,
+    links: Links | None = None,
+    teeth: Teeth = AS_FOUND,
 ) -> Array:
     """(m, n) A that the transducers show at times t (m,) s, uniform, while the encoders show q (m, n) rad.
 
     Not ``powered``: the drives are off, no current flows, and the transducers show what they add themselves.
-    motion, links: ``motion_of`` the ``true_angle``, and the ``Links`` at it, where they are known already.
+    motion, links: ``motion_of`` the ``true_angle``, and the ``Links`` at it, where they are known already. teeth: of
+    joints with play.
     """
     rate = rate_of(t)
     angle = true_angle(arm, q)
@@ -150,7 +166,7 @@ def reading(
     bent, terms = described(arm), terms_of(arm)
     torque = inverse_dynamics(arm, *motion, time=t)
     if any(effect.spring or effect.rate for effect, _, _ in terms):
-        torque = torque + _with_states(arm, terms, motion, links or Links(bent, angle, rate))
+        torque = torque + _with_states(arm, terms, motion, links or Links(bent, angle, rate), teeth)
     return as_read(arm, t, powered * torque / bent.joint_array("drive_constant"))
 
 
@@ -178,7 +194,7 @@ def as_read(arm: Arm, t: Array, current: Array) -> Array:
     return np.asarray(current, float)
 
 
-def _with_states(arm: Arm, terms: list[Term], motion: Motion, links: Links) -> Array:
+def _with_states(arm: Arm, terms: list[Term], motion: Motion, links: Links, teeth: Teeth) -> Array:
     """(m, n) N m that elastic transmissions, wound up as their load demands at every instant, and bristles add."""
     added = np.zeros_like(links.angle)
     for effect, joint, values in terms:
@@ -191,55 +207,22 @@ def _with_states(arm: Arm, terms: list[Term], motion: Motion, links: Links) -> A
     link = tuple(part.copy() for part in links.motion)
     for effect, joint, values in terms:
         if effect.spring is not None and effect.deflection is not None and joint is not None:
-            for part, twist in zip(link, _twist(effect, values, links, joint - 1)):
+            for part, twist in zip(link, _twist(effect, values, links, joint - 1, teeth)):
                 part[:, joint - 1] -= twist
     return added + rigid_torque_along(links.arm, *link) - links.load
 
 
-def _twist(effect: Effect, values: Values, links: Links, j: int) -> Motion:
-    load, inertia, step = links.load[:, j], links.inertia[:, j], 1.0 / links.rate
+def _twist(effect: Effect, values: Values, links: Links, j: int, teeth: Teeth) -> Motion:
     if (spring := spring_of(effect, values)) is not None:
-        return wound_up(load, inertia, *spring, step)
-    twist = low_pass(through_gap(load, inertia, gap_of(effect, values), step), MOTION_BAND, links.rate)
-    speed: Array = np.gradient(twist, step)
-    return twist, speed, np.asarray(np.gradient(speed, step), float)
+        return wound_up(links.load[:, j], links.inertia[:, j], *spring, 1.0 / links.rate)
+    load, inertia = links.flights
+    gap = through_gap(load[:, j], inertia[:, j], gap_of(effect, values), 1.0 / links.rate, teeth)
+    return with_rates(low_pass(gap, MOTION_BAND, links.rate), links.rate)
 
 
-def through_gap(load: Array, inertia: Array, half_gap: float, step: float) -> Array:
-    """Twist (m,) of a joint with play, for rows ``step`` s apart.
-
-    +half_gap where the motor pushes the link, -half_gap where it holds it back.
-
-    Where the ``load`` (m,) N m that the link of ``inertia`` (m,) kg m2 needs changes its sign, the teeth part: the link
-    flies, inertia d'' = load, until it meets the other flank, and stays there. That takes a tenth of a second where
-    gravity turns it over, and ends with a jump of the current. A link without inertia is there at once. Between two
-    rows the load is a straight line: a flight that began at a row would be late by half a row, which looks like a time
-    skew.
-    """
-    twist, k, side = np.empty_like(load), 0, 1.0 if load[0] >= 0.0 else -1.0
-    to_flight = {one: np.flatnonzero(one * load < 0.0) for one in (1.0, -1.0)}
-    torques, masses = load.tolist(), np.maximum(inertia, NO_INERTIA).tolist()
-    while True:
-        # on a flank up to the row before which the load pulls it off
-        ahead = to_flight[side]
-        place = int(np.searchsorted(ahead, k))
-        start = int(ahead[place]) if half_gap and place < len(ahead) else len(load)
-        twist[k:start], k = side * half_gap, start
-        if k == len(load):
-            return twist
-        before = max(side * torques[k - 1], 0.0) if k else 0.0
-        fall = -side * torques[k]
-        since = step * fall / (fall + before)
-        d, v = half_gap - since * since * fall / masses[k] / 6, -since * fall / masses[k] / 2
-        while abs(d) < half_gap:
-            twist[k], k = side * d, k + 1
-            if k == len(load):
-                return twist
-            torque, after, mass = side * torques[k - 1], side * torques[k], masses[k]
-            d += step * (v + step * (2 * torque + after) / mass / 6)
-            v += step * (torque + after) / mass / 2
-        side = side if d > 0.0 else -side
-        twist[k], k = side * half_gap, k + 1
+def may_be(arm: Arm) -> tuple[Teeth, ...]:
+    """What teeth of an arm may do instead of what the law says; nothing where no joint has play."""
+    return AS_MAY_BE if any(effect.gap is not None for effect, _, _ in terms_of(arm)) else ()
 
 
 def wound_up(load: Array, inertia: Array, stiffness: float, damping: float, step: float) -> tuple[Array, Array, Array]:
@@ -286,12 +269,6 @@ def spring_of(effect: Effect, values: Values) -> tuple[float, float] | None:
     if effect.spring is None or effect.gap is not None:
         return None
     return float(effect.spring(values, Signals(twist=1.0))), float(effect.spring(values, Signals(twist_rate=1.0)))
-
-
-def gap_of(effect: Effect, values: Values) -> float:
-    """rad (m): half of the play of a transmission that has some."""
-    assert effect.gap is not None
-    return float(values[effect.gap.name])
 
 
 def integrated(effect: Effect, p: Values, s: Signals, step: float) -> Array:

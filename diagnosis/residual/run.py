@@ -29,8 +29,10 @@ from diagnosis.residual.expected_current import (
     COLUMN_BAND,
     COMPARE_BAND,
     MOTION_BAND,
+    Links,
     coulomb_at,
     low_pass,
+    may_be,
     motion_of,
     rate_along,
     rate_of,
@@ -65,6 +67,7 @@ class Run:
     setpoints, which a simulated closed loop does at other instants; instruments (m, n) A: the same row by row, larger
     where steps of an encoder beat with the rows (``beats``); deviation (m, n) A: std that the residual has with nothing
     wrong: of the instruments, and of friction near standstill; block (m,): block of one second, from 0;
+    recordings: those of a ``merged`` run;
     arm: as it was set up for this run (with a known payload, say); powered: False where the drives were off: the brakes
     hold the arm, and the currents show what their own instruments add; own: effects that only this recording has, which
     ``expected`` contains (``with_own``); own_directions (m n, r), orthonormal: what values of this recording alone
@@ -96,6 +99,7 @@ class Run:
     powered: bool = True
     own: tuple[EffectTerm, ...] = ()
     own_directions: Array | None = None
+    recordings: tuple[Run, ...] = ()
 
     @cached_property
     def parts(self) -> tuple[slice, ...]:
@@ -150,6 +154,13 @@ class Run:
     def by_link(self) -> Array:
         """(m, n, 10 n) N m per inertial parameter of each link."""
         return link_regressor(described(self.arm), self.q, self.v, self.a)
+
+    @cached_property
+    def flights(self) -> tuple[Array, Array, float]:
+        """Loads (k, n) N m and inertias (k, n) kg m2 of the links in the raw rows, and their rate, Hz."""
+        t, q = self.raw
+        rate = rate_of(t)
+        return *Links(described(self.arm), true_angle(self.arm, q), rate).flights, rate
 
     @cached_property
     def residuals(self) -> deque[tuple[tuple[EffectTerm, ...], Array]]:
@@ -266,6 +277,9 @@ def residual_run(
     uncertain = np.maximum(np.exp(-((slowest / CREEP) ** 2)), 1.0 - slowest / np.hypot(slowest, width))
     friction_std = coulomb * uncertain * powered
     rows, current, expected = t[keep], thin(i), thin(reading(arm, t, q, powered=powered, motion=(position, v, a)))
+    # of a gap, what teeth do as they meet is uncertain
+    other = (reading(arm, t, q, powered=powered, motion=(position, v, a), teeth=teeth) for teeth in may_be(arm))
+    of_teeth = sum(((thin(one) - expected) ** 2 for one in other), np.zeros_like(expected))
     block = ((rows - rows[0]) // 1.0).astype(np.intp)
     brisk = [thin(values) for values in (position, v, a)]
     setpoints, period = UNKNOWN, 0.0
@@ -300,7 +314,7 @@ def residual_run(
         brisk_v=brisk[1],
         brisk_rigid=np.asfortranarray(rigid_torque_along(bent, *brisk)),
         inertia=np.asfortranarray(links.diagonal(axis1=1, axis2=2)),
-        deviation=np.asfortranarray(np.hypot(instruments, friction_std)),
+        deviation=np.asfortranarray(np.sqrt(instruments**2 + friction_std**2 + of_teeth)),
         noise=noise,
         loop_noise=loop_noise,
         instruments=instruments,
@@ -328,7 +342,7 @@ def merged(runs: Sequence[Run]) -> Run:
         for field in fields(Run)
         if isinstance(getattr(runs[0], field.name), np.ndarray) and field.name not in ("block", "noise")
     }
-    return replace(runs[0], **rows)
+    return replace(runs[0], **rows, recordings=tuple(runs))
 
 
 def kept(rate: float) -> slice:

@@ -21,15 +21,14 @@ from arm_model.effects.definition import Law
 from arm_model.system import inverse_dynamics
 from diagnosis.residual.expected_current import (
     COMPARE_BAND,
-    gap_of,
     integrated,
     low_pass,
     spring_of,
-    through_gap,
     wound_up,
 )
+from diagnosis.residual.gap import gap_of, through_gap
 from diagnosis.residual.instrument_noise import passed
-from diagnosis.residual.run import Run, signals_of
+from diagnosis.residual.run import Run, kept, signals_of
 from diagnosis.selection.candidate import Candidate
 
 STEP, ROUNDING = 1e-4, 1e-10
@@ -144,9 +143,12 @@ def _wound_up(run: Run, j: int, effect: Effect, p: Values) -> tuple[Array, Array
         each = [wound_up(load[part], inertia[part], *spring, 1.0 / rate) for part, rate in zip(run.parts, run.rates)]
         twist, speed, acceleration = (np.concatenate(rates) for rates in zip(*each))
         return twist, speed, acceleration
-    half_gap, gaps = gap_of(effect, p), []
-    for part, rate in zip(run.parts, run.rates):
-        gaps.append(low_pass(through_gap(load[part], inertia[part], half_gap, 1.0 / rate), COMPARE_BAND, rate))
+    # from raw rows: thinned ones are too few for a flight, and smeared
+    gaps = []
+    for flying in run.recordings or (run,):
+        loads, inertias, rate = flying.flights
+        gap = through_gap(loads[:, j], inertias[:, j], gap_of(effect, p), 1.0 / rate)
+        gaps.append(low_pass(gap, COMPARE_BAND, rate)[kept(rate)])
     twist = np.concatenate(gaps)
     speed = run.rate(twist)
     return twist, speed, run.rate(speed)
