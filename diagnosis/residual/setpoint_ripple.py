@@ -18,15 +18,15 @@ from identification.preprocessing import (
     Setpoints,
     drifting,
     folded_along,
+    folding_line,
     lines_beside_zero,
     unbounded,
-    whole_rows,
 )
 
 Samples = tuple[Array, Array, Array]
 
-FEW_ROWS, FOLDED = 10, 0.5
-"""Rows per setpoint, and share of the noise: of more rows, what sampling folds counts from that share on."""
+LOW_LINE, FOLDED = 10, 0.5
+"""Line of the setpoints, and share of the noise: of higher lines, what sampling folds counts from that share on."""
 AHEAD = 0.02
 """s by which setpoints are ahead of the motion: the delay of a servo with a bandwidth of 8 Hz."""
 DIRECTIONS = 6
@@ -37,8 +37,8 @@ def folded_onto(arm: Arm, samples: Samples, a: Array, noise: Array, kept: slice,
     """(m, n) A: one std of what sampling may have put into currents unseen, of joints where that matters.
 
     samples: t (k,) s, q (k, n) rad, i (k, n) A; a: (m, n) the acceleration in the band of comparison; kept: the rows m
-    of the k. Of one row or two per known setpoint, it is all of the acceleration times 1 kg m2 (kg). From many rows on,
-    the line that folds is far below what those that are seen allow.
+    of the k. Of one row or two per known setpoint, it is all of the acceleration times 1 kg m2 (kg). A high line is far
+    below what those that are seen allow.
     """
     (t, q, i), constant = samples, arm.joint_array("drive_constant")
     rate = rate_of(t)
@@ -48,8 +48,8 @@ def folded_onto(arm: Arm, samples: Samples, a: Array, noise: Array, kept: slice,
     if torque is None:
         return np.zeros_like(a)
     folded = torque[kept] / constant
-    few = 0 < whole_rows(setpoints, rate) <= FEW_ROWS
-    return np.asarray(folded * (few | (np.sqrt(np.mean(folded**2, axis=0)) > FOLDED * noise)))
+    low = folding_line(setpoints, rate) <= LOW_LINE
+    return np.asarray(folded * (low | (np.sqrt(np.mean(folded**2, axis=0)) > FOLDED * noise)))
 
 
 def ripple_beside(arm: Arm, samples: Samples, noise: Array, kept: slice, setpoints: Setpoints) -> Array:
