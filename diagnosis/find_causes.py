@@ -17,6 +17,7 @@ from diagnosis.cause import Cause, EffectKey, extend
 from diagnosis.closed_loop.comparison import with_smoothing_velocities
 from diagnosis.closed_loop.friction import friction_in_loop, has_state, with_estimates_of
 from diagnosis.closed_loop.resonance import transmission_resonance, transmissions
+from diagnosis.measurements.chatter import chattering_gaps
 from diagnosis.measurements.currents.basis_functions import TWO_FACED
 from diagnosis.measurements.currents.causes import from_axis
 from diagnosis.measurements.currents.columns import candidates
@@ -123,7 +124,7 @@ def _named(model: Arm, known: Sequence[Cause], recordings: Recordings, screened:
     progress("searching for transmission resonances in closed loop")
     resonance = _resonance(named, recordings) if has_dynamics(model) else None
     # of a gap that the arm has, residuals know how uncertain they are while teeth meet
-    found = (resonance,) if resonance else _gaps(named)
+    found = (resonance,) if resonance else _gaps(named, excluded)
     if not found:
         return named
     # ... and with what was found
@@ -250,9 +251,18 @@ def _resonance(named: Named, recordings: Recordings) -> Cause | None:
     return None
 
 
-def _gaps(named: Named) -> tuple[Cause, ...]:
-    """The gaps that the search named."""
-    return () if named.axis else tuple(one for one in named.causes if CATALOGUE[one.effect].gap is not None)
+def _gaps(named: Named, excluded: Set[EffectKey]) -> tuple[Cause, ...]:
+    """The gaps that the search named, and those whose teeth chatter.
+
+    Of an arm whose model is exact: an error of its load moves the instant at which teeth part.
+    """
+    if named.axis:
+        return ()
+    found = tuple(one for one in named.causes if CATALOGUE[one.effect].gap is not None)
+    if named.arm.uncertainty is not None or not named.library:
+        return found
+    state, taken = named.found.state, {*excluded, *(cause.key for cause in named.causes)}
+    return (*found, *chattering_gaps(state.data.map(lambda part: part.runs), state.terms, taken))
 
 
 def has_dynamics(arm: Arm) -> bool:

@@ -26,7 +26,7 @@ from diagnosis.residual.expected_current import (
     spring_of,
     wound_up,
 )
-from diagnosis.residual.gap import gap_of, through_gap
+from diagnosis.residual.gap import AS_FOUND, Teeth, gap_of, through_gap
 from diagnosis.residual.instrument_noise import passed
 from diagnosis.residual.run import Run, kept, signals_of
 from diagnosis.selection.candidate import Candidate
@@ -143,15 +143,25 @@ def _wound_up(run: Run, j: int, effect: Effect, p: Values) -> tuple[Array, Array
         each = [wound_up(load[part], inertia[part], *spring, 1.0 / rate) for part, rate in zip(run.parts, run.rates)]
         twist, speed, acceleration = (np.concatenate(rates) for rates in zip(*each))
         return twist, speed, acceleration
-    # from raw rows: thinned ones are too few for a flight, and smeared
+    return _lost_motion(run, j, gap_of(effect, p), AS_FOUND)
+
+
+def _lost_motion(run: Run, j: int, half_gap: float, teeth: Teeth) -> tuple[Array, Array, Array]:
+    """Twist (m,) of a joint with play, and its rates. From raw rows: thinned ones are too few for a flight."""
     gaps = []
     for flying in run.recordings or (run,):
         loads, inertias, rate = flying.flights
-        gap = through_gap(loads[:, j], inertias[:, j], gap_of(effect, p), 1.0 / rate)
+        gap = through_gap(loads[:, j], inertias[:, j], half_gap, 1.0 / rate, teeth)
         gaps.append(low_pass(gap, COMPARE_BAND, rate)[kept(rate)])
     twist = np.concatenate(gaps)
     speed = run.rate(twist)
     return twist, speed, run.rate(speed)
+
+
+def column_of_gap(run: Run, joint: int, half_gap: float, teeth: Teeth) -> Array:
+    """(m, 1) A: change of the current of a joint (from 1) by play of ``half_gap`` rad (m), as its ``teeth`` meet."""
+    motion = (-rate for rate in _lost_motion(run, joint - 1, half_gap, teeth))
+    return _moved(run, joint - 1, slice(joint - 1, joint), *motion)
 
 
 def _states(effect: Effect, p: Values, s: Signals, run: Run) -> Array:

@@ -20,7 +20,7 @@ from scipy import ndimage
 from arm_io.types import Array
 from arm_model import EffectTerm, Joint
 from arm_model.effects import Effect, Signals, Values, Variable
-from diagnosis.residual.between_steps import between_steps
+from diagnosis.measurements.near_rest.between_steps import between_steps
 from diagnosis.residual.expected_current import (
     COMPARE_BAND,
     MOTION_BAND,
