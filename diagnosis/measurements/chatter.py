@@ -1,6 +1,6 @@
 """Gaps whose teeth chatter: where the load is near zero for long, no law says when they meet.
 
-Setpoints then throw the link to and fro between its flanks. An angle that is off by a tenth of an encoder step, or
+Setpoints then throw the link from flank to flank. An angle that is off by a tenth of an encoder step, or
 teeth that rebound a little more, make it meet at other instants, and along the measured motion the right gap predicts
 the current no better than none. What is predicted is where the current is uncertain, and by how much. A gap is named if
 the residual under it is as large as that, in the sense of the likelihood: with normal errors, squared residual over

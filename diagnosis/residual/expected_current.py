@@ -217,7 +217,9 @@ def _twist(effect: Effect, values: Values, links: Links, j: int, teeth: Teeth) -
         return wound_up(links.load[:, j], links.inertia[:, j], *spring, 1.0 / links.rate)
     load, inertia = links.flights
     gap = through_gap(load[:, j], inertia[:, j], gap_of(effect, values), 1.0 / links.rate, teeth)
-    return with_rates(low_pass(gap, MOTION_BAND, links.rate), links.rate)
+    twist = low_pass(gap, MOTION_BAND, links.rate)
+    speed: Array = np.gradient(twist, 1.0 / links.rate)
+    return twist, speed, np.asarray(np.gradient(speed, 1.0 / links.rate), float)
 
 
 def may_be(arm: Arm) -> tuple[Teeth, ...]:

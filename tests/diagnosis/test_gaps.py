@@ -74,7 +74,7 @@ def test_the_law_of_a_gap_leaves_the_noise_where_it_is_certain(arm: Arm) -> None
 
 @pytest.mark.parametrize("half_gap", [0.0, 1e-3])
 def test_teeth_that_chatter_are_a_gap(arm: Arm, half_gap: float) -> None:
-    """A gentle motion: its load is near zero for so long that setpoints throw the link to and fro."""
+    """A gentle motion: its load is near zero for so long that setpoints throw the link from flank to flank."""
     true = _with_gap(arm, half_gap) if half_gap else arm
     runs = [_swung(arm, true, 0.6, 0.3, number, 500.0) for number in (1, 2)]
     found = chattering_gaps(Split(runs[:1], runs[1:]), [], set())
