@@ -1,7 +1,8 @@
 """A joint's friction curve as the departure from a straight line, which is its Coulomb and viscous friction.
 
 The same friction can be split into line and curve in many ways. Here the line is that nearest to all friction over the
-speeds of the curve, so that ``coulomb`` and ``viscous`` keep the meaning that they have without one: level and slope.
+speeds of the curve in the power lost, so that ``coulomb`` and ``viscous`` keep the meaning that they have without one:
+level and slope.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 from arm_io.types import Array
 from arm_model.description import Arm, FrictionCurve, Joint
 from arm_model.parameters import curve_place, friction_and_direction, unchecked
-from arm_model.rigid_body.friction_curve import line_through, ranges, total_at
+from arm_model.rigid_body.friction_curve import line_through, total_at, weights
 
 
 @lru_cache(maxsize=256)
@@ -26,7 +27,7 @@ def departures(speed: tuple[float, ...]) -> tuple[Array, NDArray[np.intp]]:
     joint's Coulomb and viscous friction, and a curve is by how much friction departs from it.
     """
     v = np.asarray(speed, float)
-    moments = np.stack([np.ones_like(v), v]) * ranges(v)
+    moments = np.stack([np.ones_like(v), v]) * weights(v)
     sizes = np.abs(moments[0][:, None] * moments[1] - moments[1][:, None] * moments[0])
     follow = np.array(np.unravel_index(int(np.argmax(sizes)), sizes.shape))
     kept = np.setdiff1d(np.arange(len(v)), follow)

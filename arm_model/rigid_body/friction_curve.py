@@ -94,14 +94,16 @@ def total_at(joint: Joint, speed: Array) -> tuple[Array, Array]:
 def line_through(speed: Sequence[float] | Array) -> Array:
     """(2, K) that maps values at K speeds to level and slope of the line nearest to the curve through them.
 
-    Least squares; a speed counts by the range that it stands for (the trapezoid rule).
+    Least squares of the power lost, torque times speed: a speed counts by its square, and by the range that it stands
+    for (the trapezoid rule). What friction does near rest, where a curve makes up for how abruptly the model's friction
+    turns, does not tilt the line, along which friction continues beyond the last speed.
     """
     v = np.asarray(speed, float)
-    root = np.sqrt(ranges(v))
+    root = np.sqrt(weights(v))
     return np.asarray(np.linalg.pinv(np.stack([np.ones_like(v), v], axis=1) * root[:, None]) * root)
 
 
-def ranges(v: Array) -> Array:
-    """(K,) the range of speed that each of K increasing speeds stands for."""
+def weights(v: Array) -> Array:
+    """(K,) of K increasing speeds in the power lost: the square of each, times the range that it stands for."""
     step = np.diff(v)
-    return (np.append(step, 0.0) + np.append(0.0, step)) / 2
+    return np.asarray(v**2 * (np.append(step, 0.0) + np.append(0.0, step)) / 2)

@@ -12,7 +12,9 @@ from scipy.integrate import solve_ivp
 from arm_io import InputError
 from arm_model import Arm, FrictionCurve, Joint, parameter, read_model, with_parameters, write_model
 from arm_model.effects import dissipation
+from arm_model.friction_split import split
 from arm_model.rigid_body import numeric
+from arm_model.rigid_body.friction_curve import total_at
 from arm_model.rigid_body.regressor import parameter_vector, regressor
 from arm_model.simulation import simulate, simulate_batch, system_of
 from arm_model.symbolic.printing import PYTHON_FUNCTIONS, assignments, shown
@@ -184,6 +186,22 @@ def test_published_laws_are_within_two_percent_of_a_curve_through_fourteen_speed
     v = np.concatenate([-np.geomspace(0.002, 2.0, 400), np.geomspace(0.002, 2.0, 400)])[:, None]
     torque = dynamics.inverse_dynamics(Arm("arm", (joint_with,)), 0 * v, v, 0 * v)
     assert np.abs(torque - law(v)).max() < 0.02 * np.abs(law(v)).max()
+
+
+def test_beyond_its_last_speed_friction_continues_as_it_rose_before() -> None:
+    # an arm whose friction turns abruptly, by a model in which it turns within 10 mm/s: the curve makes up for that
+    speed, smoothing = np.geomspace(0.001, 0.145, 18), 0.01
+
+    def law(v: np.ndarray) -> np.ndarray:
+        return 17.0 + 30.0 * v**0.6
+
+    values = tuple((law(speed) / np.tanh(speed / smoothing)).tolist())
+    whole = Joint(friction_curve=FrictionCurve(tuple(speed.tolist()), values, values), sign_velocity=smoothing)
+    divided = split(whole)
+    inside, outside = np.geomspace(0.002, 0.145, 50), np.linspace(0.15, 0.2, 10)
+    assert np.allclose(total_at(divided, inside), total_at(whole, inside), rtol=1e-9)
+    # by the line nearest in torque up to 12 % below
+    assert np.allclose(total_at(divided, outside)[0], law(outside), rtol=0.03)
 
 
 def test_urdf_export_says_what_it_cannot_express(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
