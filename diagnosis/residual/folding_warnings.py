@@ -30,9 +30,11 @@ def folding_warnings(runs: Sequence[Run]) -> Iterator[str]:
         elif ratio.max() < FOLDED:
             continue
         period = setpoints.period
+        times = f"{rate * period:.3g} times "
         yield (
-            f"{', '.join(dict.fromkeys(run.name for run in alike))}: {rate:.5g} Hz is {rate * period:.3g} times the "
-            f"rate of the controller's setpoints (every {period * 1e3:.3g} ms{setpoints.as_shown}): "
+            f"{', '.join(dict.fromkeys(run.name for run in alike))}: {rate:.5g} Hz is "
+            f"{'' if times == '1 times ' else times}the rate of the controller's setpoints "
+            f"(every {period * 1e3:.3g} ms{setpoints.as_shown}): "
             f"the servos' ripple is folded onto the acceleration; {far}, and errors of inertias up to there are "
             f"not named; at {rate_beside(period, max(rate, 2.0 / period)):.5g} Hz, or with "
             f"{recorded_signals(alike[0].arm)} averaged over each row, they would be named"

@@ -42,8 +42,9 @@ def _folded(runs: Sequence[RunReadiness], motions: Sequence[Motion]) -> list[tup
         setpoints, rate = motion.setpoints, 1 / motion.dt
         known = unbounded(setpoints, rate)
         if known or (motion.folded is not None and (whole_rows(setpoints, rate) or _share(motion).max() >= FOLDED)):
+            times = f"{rate * setpoints.period:.3g} times "
             rates = (
-                f"{rate:.5g} Hz is {rate * setpoints.period:.3g} times the rate of the controller's setpoints (every "
+                f"{rate:.5g} Hz is {'' if times == '1 times ' else times}the rate of the controller's setpoints (every "
                 f"{setpoints.period * 1e3:.3g} ms{setpoints.as_shown})"
             )
             of_rates.setdefault(rates, []).append((run.run, motion))

@@ -74,7 +74,7 @@ def _causes(state: object) -> list[Cause]:
     from diagnosis.measurements.currents.search import Found
     from diagnosis.measurements.currents.unexplained import Unexplained
 
-    return causes_of(Found(state, Unexplained([], [])))  # type: ignore[arg-type]
+    return causes_of(Found(state, Unexplained([], [], {})))  # type: ignore[arg-type]
 
 
 def test_a_ripple_of_twelve_degrees_is_no_ripple(arm: Arm) -> None:

@@ -65,7 +65,7 @@ def _judged(friction: Friction, stiffness: float, folder: Path) -> tuple[float, 
     model = Currents(fit[0].arm, data, Library((bristles,), data), [])
     state = model.refitted([bristles], {bristles.key: []})
     left, before = (float(np.sum(of[data.held_out.of(1)] ** 2)) for of in (state.fitted.held_out, data.held_out.y))
-    return left / before, other_smoothing(state, causes_of(Found(state, Unexplained([], []))))
+    return left / before, other_smoothing(state, causes_of(Found(state, Unexplained([], [], {}))))
 
 
 @pytest.mark.parametrize("width", [0.003, 0.001])

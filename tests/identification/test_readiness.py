@@ -90,14 +90,16 @@ def test_rate_in_step_with_the_setpoints_is_told(path: Path, arm: Arm, root: Pat
     controller = three_links(read_model(root / "config/models/puma560.toml")).controller
     assert controller is not None
 
-    def said(setpoints: float) -> list[str]:
-        driven = replace(arm, controller=replace(controller, setpoint_period=setpoints))
+    def said(setpoints: float, servos: float = controller.servo_period) -> list[str]:
+        driven = replace(arm, controller=replace(controller, setpoint_period=setpoints, servo_period=servos))
         return [warning for warning in check_runs([recording], driven).warnings if "setpoints" in warning]
 
     (warning,) = said(7 / RATE)
     assert "7 times the rate" in warning and "28 ms" in warning
     assert not said(7.4 / RATE)
-    assert not said(1 / RATE)  # the controller and the recorder run as one
+    assert not said(1 / RATE, 1 / RATE)  # controller, servos and recorder run as one
+    (warning,) = said(1 / RATE)  # the servos work several times between setpoints, and between rows
+    assert "250 Hz is the rate of the controller's setpoints (every 4 ms)" in warning
 
 
 def test_check_command_prints_json_and_writes_nothing(

@@ -104,7 +104,8 @@ def _superfluous(found: Found, kept: Container[Candidate]) -> list[Candidate]:
 
     None of the ``kept`` where that structure depends on the variable of its own law.
     Where the residual is above the noise and depends on no known variable, a cause that explains less than is left is
-    part of it.
+    part of it. Where it most likely depends on one, that says so of causes of that joint alone: what one joint leaves
+    does not judge a load of the arm.
     """
     state, shares = found.state, dict[Candidate, float]()
     model, held_out = state.model, state.data.held_out
@@ -118,6 +119,8 @@ def _superfluous(found: Found, kept: Container[Candidate]) -> list[Candidate]:
         alone = score(c, own, others.fitted, held_out).gain
         if touching:
             shares[c] = score(c, own, with_columns(others.fitted, touching), held_out).gain / alone
+        elif c.joint is not None and (likely := found.unexplained.likely.get(c.joint)) is not None:
+            shares[c] = score(c, own, with_columns(others.fitted, [likely]), held_out).gain / alone
         elif c.joint is not None and c.joint in unknown:
             energy = float(np.sum(state.fitted.held_out[held_out.of(c.joint)] ** 2))
             shares[c] = model.limits.superfluous * alone / energy

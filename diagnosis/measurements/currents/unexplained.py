@@ -44,10 +44,14 @@ RIDGE = 1e-3
 
 @dataclass(frozen=True)
 class Unexplained:
-    """Structures, and the columns that describe them."""
+    """Structures, and the columns that describe them.
+
+    likely: joint -> columns of the variable on which a residual above the noise most likely depends.
+    """
 
     structures: list[Structure]
     pairs: list[Pair]
+    likely: dict[int, Pair]
 
 
 def unexplained_structure(data: Split[Dataset], fitted: Fitted, arm: Arm, significance: Significance) -> Unexplained:
@@ -57,14 +61,20 @@ def unexplained_structure(data: Split[Dataset], fitted: Fitted, arm: Arm, signif
     """
     joints = range(1, len(arm) + 1)
     found = in_parallel(lambda joint: structures_at(joint, data, fitted, arm, significance), joints)
-    structures, pairs = ([one for part in parts for one in part] for parts in zip(*found))
-    return Unexplained(structures, pairs)
+    return Unexplained(
+        [structure for structures, _, _ in found for structure in structures],
+        [pair for _, pairs, _ in found for pair in pairs],
+        {joint: likely for joint, (_, _, likely) in zip(joints, found) if likely},
+    )
 
 
 def structures_at(
     joint: int, data: Split[Dataset], fitted: Fitted, arm: Arm, significance: Significance
-) -> tuple[list[Structure], list[Pair]]:
-    """Structures at one joint, and their columns; the memory of its shapes is freed before the next joint."""
+) -> tuple[list[Structure], list[Pair], Pair | None]:
+    """Structures at one joint, their columns, and those of a likely variable.
+
+    The memory of a joint's shapes is freed before the next joint.
+    """
     structures: list[Structure] = []
     pairs: list[Pair] = []
     fit, held_out = data
@@ -84,10 +94,10 @@ def structures_at(
         likely = likely_variable(data, Split(fitted.fit, fitted.held_out), arm, joint)
         if likely is not None:
             name, pair, share = likely
-            return [Structure(Signal.CURRENT, joint, name, share)], [pair]
+            return [Structure(Signal.CURRENT, joint, name, share)], [], pair
         against = wave_of(fitted.held_out, held_out, joint) or NO_VARIABLE
         structures.append(Structure(Signal.CURRENT, joint, against, 0.0, f"{ratio:.1f} times the noise"))
-    return structures, pairs
+    return structures, pairs, None
 
 
 def likely_variable(data: Split[Dataset], left: Split[Array], arm: Arm, joint: int) -> tuple[str, Pair, float] | None:
