@@ -142,7 +142,7 @@ def _decimated(columns: Array, taps: Array, step: int) -> Array:
         count = min(ROWS, rows - first)
         width = (count - 1) * step + len(taps)
         kept[first : first + count] = band[:count, :width] @ flat[first * step : first * step + width]
-    return kept.reshape(-1, *columns.shape[1:])
+    return kept.reshape(rows, *columns.shape[1:])
 
 
 def spared(motions: Sequence[Motion]) -> list[Motion]:

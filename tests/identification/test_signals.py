@@ -115,6 +115,7 @@ def test_parallel_filter_keeps_slow_signals_and_their_time() -> None:
     slow = np.sin(0.5 * got.t)
     expected = np.sin(0.5 * stamps)
     assert np.max(np.abs(parallel_filter(got, slow) - expected)) < 2e-3
+    assert parallel_filter(got, np.empty((len(t), 0))).shape == (len(stamps), 0)  # of an arm that no load moves
 
 
 def test_joint_that_is_only_shaken_has_no_say_in_the_band() -> None:
