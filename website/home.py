@@ -19,7 +19,10 @@ def outside(page: str) -> str:
     """Markdown of a page that is a file outside docs/, its links as they must be from there."""
     text = (ROOT / OUTSIDE[page]).read_text(encoding="utf-8")
     alone = "---\nhide: [navigation]\n---\n\n" if page == "index.md" else ""
-    return alone + text.replace("](docs/decisions/)", "](decisions/README.md)").replace("](docs/", "](")
+    text = text.replace("](docs/decisions/)", "](decisions/README.md)").replace(
+        "](CONTRIBUTING.md)", "](contributing.md)"
+    )
+    return alone + text.replace("](docs/", "](")
 
 
 def own_arm() -> tuple[str, dict[str, str]]:

@@ -16,6 +16,8 @@ from arm_model.effects import CATALOGUE
 
 pytest.importorskip("material")
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
+METHOD = "diagnosis-method.html"
+"""A page with equations, as opposed to some effects."""
 NO_NETWORK = """
 import socket
 def refuse(*args, **kwargs):
@@ -91,10 +93,12 @@ def test_every_equation_is_typeset(site: Path, browser: Any) -> None:
     page = browser.new_page()
     errors: list[str] = []
     page.on("pageerror", lambda error: errors.append(str(error)))
-    for place in ["effects/index.html", *(f"effects/{name}.html" for name in CATALOGUE)]:
+    effects = (f"effects/{name}.html" for name in CATALOGUE)
+    for place in [METHOD, "effects/index.html", *effects]:
         page.goto((site / place).as_uri())
         formulas = page.locator(".math").count()
         assert page.locator(".math .katex").count() == formulas, place
+        assert formulas or place != METHOD
     assert not errors
     page.close()
 
