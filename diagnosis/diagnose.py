@@ -47,8 +47,9 @@ from diagnosis.remainder.against_noise import ratios
 from diagnosis.remainder.fitted_only import in_fit_alone, known_to, not_held_out
 from diagnosis.remainder.of_identification import Remainder, remainders
 from diagnosis.residual.folding_warnings import folding_warnings
-from diagnosis.residual.noise import angle_noise
-from diagnosis.residual.run import Run, with_own
+from diagnosis.residual.noise.channels import angle_noise
+from diagnosis.residual.other_effects import with_own
+from diagnosis.residual.run import Run
 from diagnosis.residual.warmth import reference_taken, with_needed_reference, with_reference
 from diagnosis.screening.cleaned import Screened, check, screened
 from diagnosis.screening.even_rows import even, even_samples, grid_of, known_noise

@@ -17,8 +17,8 @@ from arm_model import Arm
 from arm_model.effects import CATALOGUE, Effect, Signals, Values, units
 from arm_model.system import mass_matrix_along, rigid_torque_along
 from comparison.regression import Rows
-from diagnosis.residual.expected_current import wound_up
 from diagnosis.residual.gap import through_gap
+from diagnosis.residual.integration import wound_up
 from identification.preprocessing import zero_phase
 from identification.preprocessing.signals import Motion, equation_rows, equation_weight, parallel_filter
 

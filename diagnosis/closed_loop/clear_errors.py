@@ -19,9 +19,9 @@ from arm_io.types import Array
 from diagnosis.cause import NO_VARIABLE, Signal, Structure
 from diagnosis.closed_loop.comparison import Compared
 from diagnosis.closed_loop.setpoint_phase import lag_of
-from diagnosis.residual.expected_current import COMPARE_BAND, rate_of
-from diagnosis.residual.noise import scatter
-from diagnosis.residual.run import Run, rate_kept
+from diagnosis.residual.filters import COMPARE_BAND, rate_kept, rate_of
+from diagnosis.residual.noise.channels import scatter
+from diagnosis.residual.run import Run
 from identification.preprocessing import zero_phase
 from identification.selection import Thresholds
 

@@ -28,8 +28,9 @@ from arm_model.sensing import recorded
 from arm_model.simulation import simulate, simulate_batch
 from daq.recording import Recording
 from diagnosis.residual.comparable_rows import comparable_rows, rms_where
-from diagnosis.residual.expected_current import COMPARE_BAND, low_pass, rate_of
-from diagnosis.residual.run import Run, kept, residual_under, with_own
+from diagnosis.residual.filters import COMPARE_BAND, kept, low_pass, rate_of
+from diagnosis.residual.other_effects import residual_under, with_own
+from diagnosis.residual.run import Run
 from diagnosis.residual.run_setup import set_up, setup_of
 from identification.preprocessing import demand_of_run
 

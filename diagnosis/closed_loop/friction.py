@@ -26,9 +26,8 @@ from daq.recording import Recording
 from diagnosis.cause import Cause, EffectKey, Estimate, Signal, confidence_of
 from diagnosis.closed_loop.comparison import SMOOTHING, has_demand
 from diagnosis.closed_loop.resonance import late
-from diagnosis.residual.expected_current import COMPARE_BAND, low_pass, rate_of
-from diagnosis.residual.noise import angle_noise
-from diagnosis.residual.run import kept, rate_kept
+from diagnosis.residual.filters import COMPARE_BAND, kept, low_pass, rate_kept, rate_of
+from diagnosis.residual.noise.channels import angle_noise
 from diagnosis.residual.run_setup import set_up
 from diagnosis.units import unit_at
 from identification.preprocessing import demand_of_run

@@ -13,7 +13,7 @@ from arm_model import Arm
 from diagnosis.cause import NO_VARIABLE, Signal, Structure
 from diagnosis.closed_loop.clear_errors import HIGHEST
 from diagnosis.closed_loop.comparison import Compared
-from diagnosis.residual.expected_current import COMPARE_BAND, rate_of
+from diagnosis.residual.filters import COMPARE_BAND, rate_of
 from diagnosis.selection.waves import SECONDS, SLOWEST, peak
 from diagnosis.units import readable, rounded, unit_at
 

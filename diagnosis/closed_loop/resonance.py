@@ -27,7 +27,7 @@ from daq.recording import Recording
 from diagnosis.cause import Cause, Estimate, Signal, confidence_of
 from diagnosis.closed_loop.comparison import has_demand
 from diagnosis.closed_loop.model_errors import drawn
-from diagnosis.residual.noise import scatter
+from diagnosis.residual.noise.channels import scatter
 from diagnosis.residual.run_setup import set_up
 from diagnosis.units import recorded_quantity, unit_at
 from identification.preprocessing import demand_of_run, zero_phase

@@ -21,8 +21,10 @@ from diagnosis.cause import EffectKey
 from diagnosis.experiments.motions import Stage, Trial
 from diagnosis.measurements.currents.columns import columns
 from diagnosis.measurements.currents.design_matrix import columns_of, dataset_of, free_columns
-from diagnosis.residual.noise import KnownNoise
-from diagnosis.residual.run import ROWS_PER_SECOND, Run, residual_run
+from diagnosis.residual.filters import ROWS_PER_SECOND
+from diagnosis.residual.generation import residual_run
+from diagnosis.residual.noise.channels import KnownNoise
+from diagnosis.residual.run import Run
 from diagnosis.residual.run_setup import loaded
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Dataset

@@ -22,7 +22,8 @@ from arm_model.effects import CATALOGUE, Effect
 from diagnosis.cause import Cause, EffectKey, Estimate, confidence_of
 from diagnosis.measurements.currents.columns import column_of_gap
 from diagnosis.residual.gap import AS_FOUND, AS_MAY_BE
-from diagnosis.residual.run import Run, residual_with
+from diagnosis.residual.other_effects import residual_with
+from diagnosis.residual.run import Run
 from diagnosis.units import unit_at
 from identification.selection import Split, p_value
 

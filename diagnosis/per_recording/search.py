@@ -21,8 +21,8 @@ from diagnosis.measurements.currents.columns import columns
 from diagnosis.measurements.currents.model import State
 from diagnosis.measurements.currents.search import Found
 from diagnosis.per_recording.values import OwnValues, contradicted, own_values, promising, quiet
-from diagnosis.residual.free_values import with_free
-from diagnosis.residual.run import Run, with_own
+from diagnosis.residual.other_effects import with_own
+from diagnosis.residual.run import Run, with_free
 from diagnosis.selection.candidate import Candidate
 
 MOST, STARTS = 3, 3

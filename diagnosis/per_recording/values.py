@@ -24,8 +24,8 @@ from diagnosis.measurements.currents.model import State
 from diagnosis.measurements.currents.possible import exists
 from diagnosis.remainder.against_noise import ratios
 from diagnosis.residual.comparable_rows import comparable_rows
-from diagnosis.residual.free_values import with_free
-from diagnosis.residual.run import Run, with_own
+from diagnosis.residual.other_effects import with_own
+from diagnosis.residual.run import Run, with_free
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.contradiction import CHANCE, SAME, Alone, chance_of
 from diagnosis.selection.design import Pair

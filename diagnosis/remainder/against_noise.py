@@ -12,8 +12,9 @@ from daq.recording import Recording
 from diagnosis.measurements.currents.design_matrix import dataset_of
 from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.measurements.currents.unexplained import noise_ratio
-from diagnosis.residual.noise import KnownNoise, still_noise
-from diagnosis.residual.run import Run, residual_run
+from diagnosis.residual.generation import residual_run
+from diagnosis.residual.noise.channels import KnownNoise, still_noise
+from diagnosis.residual.run import Run
 from diagnosis.residual.run_setup import known_setpoints, set_up, setup_of
 from diagnosis.screening.cleaned import check
 from diagnosis.screening.even_rows import even_samples, grid_of, known_noise

@@ -15,19 +15,8 @@ import numpy as np
 from arm_io.types import Array
 from arm_model import Arm
 from arm_model.effects import described
-from diagnosis.residual.expected_current import (
-    COMPARE_BAND,
-    MOTION_BAND,
-    Links,
-    Motion,
-    Term,
-    low_pass,
-    motion_of,
-    rate_of,
-    reading,
-    terms_of,
-    true_angle,
-)
+from diagnosis.residual.expected_current import Links, Term, reading, terms_of, true_angle
+from diagnosis.residual.filters import COMPARE_BAND, MOTION_BAND, Motion, low_pass, motion_of, rate_of
 
 
 @dataclass

@@ -7,66 +7,21 @@ that the second order of a strong effect is not mistaken for another effect.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from functools import cached_property
 
 import numpy as np
-from scipy import signal
 from scipy.interpolate import CubicSpline
-from scipy.linalg import blas
 
 from arm_io.types import Array
 from arm_model import Arm, Joint
 from arm_model.effects import CATALOGUE, Effect, Signals, Values, described, values_of
 from arm_model.rigid_body import curve_level
 from arm_model.system import inverse_dynamics, mass_matrix_along, rigid_torque_along
-from diagnosis.residual.gap import AS_FOUND, AS_MAY_BE, NO_INERTIA, Teeth, gap_of, through_gap
-from identification.preprocessing import zero_phase
+from diagnosis.residual.filters import COMPARE_BAND, MOTION_BAND, Motion, low_pass, motion_of, rate_of
+from diagnosis.residual.gap import AS_FOUND, AS_MAY_BE, Teeth, gap_of, through_gap
+from diagnosis.residual.integration import integrated, spring_of, wound_up
 
 Term = tuple[Effect, int | None, Values]
-
-MOTION_BAND = 60.0
-"""Hz: pass-band of the motion from which the model's currents are computed."""
-COLUMN_BAND = 10.0
-"""Hz: pass-band of the motion from which the columns of effects are computed."""
-COMPARE_BAND = 20.0
-"""Hz: pass-band in which measured and expected currents are compared."""
-ORDER = 4
-"""Of the low-pass filter."""
-
-Motion = tuple[Array, Array, Array]
-"""Angle, speed and acceleration (m, n)."""
-
-
-def low_pass(values: Array, band: float, rate: float) -> Array:
-    """Zero-phase fourth-order Butterworth along the first axis; ``rate`` Hz is that of the rows."""
-    return zero_phase(_sections(band, rate), values, pad=min(len(values) - 1, int(3 * rate / band)))
-
-
-def passed(frequency: Array, band: float) -> Array:
-    """Share of the amplitude that ``low_pass`` lets through at frequencies (m,) Hz: a Butterworth filter, both ways."""
-    return np.asarray(1.0 / (1.0 + (frequency / band) ** (2 * ORDER)))
-
-
-@cache
-def _sections(band: float, rate: float) -> Array:
-    sections: Array = signal.butter(ORDER, min(band / (rate / 2), 0.98), output="sos")
-    return sections
-
-
-def rate_of(t: Array) -> float:
-    """Hz: rows per second of uniform times t (m,) s."""
-    return 1.0 / float(np.median(np.diff(t)))
-
-
-def rate_along(values: Array, step: float) -> Array:
-    """Derivative of values (m, ...) along their rows, ``step`` s apart: that of their cubic spline.
-
-    At a fifth of the rate of the rows, differences of the rows on both sides are a quarter too small, a spline 1 %.
-    """
-    t = step * np.arange(len(values))
-    spline = CubicSpline(t, values)
-    # the derivative at the first row of each piece is the coefficient of its linear term
-    return np.concatenate([spline.c[2], spline(t[-1:], 1)])
 
 
 def coulomb_at(joint: Joint, v: Array, sign: Array) -> Array:
@@ -77,13 +32,6 @@ def coulomb_at(joint: Joint, v: Array, sign: Array) -> Array:
     up, down = (joint.ratio * c for c in joint.coulomb)
     curve = 0.0 if joint.friction_curve is None else curve_level(joint.friction_curve, v, sign)
     return np.asarray((up + down) / 2 + (up - down) / 2 * sign + curve)
-
-
-def motion_of(q: Array, band: float, rate: float) -> Motion:
-    """Angle, speed and acceleration (m, n) of recorded angles q (m, n), as far as they lie in the band."""
-    angle = low_pass(q, band, rate)
-    speed = np.gradient(angle, 1.0 / rate, axis=0)
-    return angle, speed, np.gradient(speed, 1.0 / rate, axis=0)
 
 
 def terms_of(arm: Arm) -> list[Term]:
@@ -225,69 +173,3 @@ def _twist(effect: Effect, values: Values, links: Links, j: int, teeth: Teeth) -
 def may_be(arm: Arm) -> tuple[Teeth, ...]:
     """What teeth of an arm may do instead of what the law says; nothing where no joint has play."""
     return AS_MAY_BE if any(effect.gap is not None for effect, _, _ in terms_of(arm)) else ()
-
-
-def wound_up(load: Array, inertia: Array, stiffness: float, damping: float, step: float) -> tuple[Array, Array, Array]:
-    """Twist of an elastic joint, its rate and second rate (m,), for rows ``step`` s apart.
-
-    The motor follows its own motion; the link, of ``inertia`` (m,) kg m2, would need ``load`` (m,) N m to follow it
-    stiffly, and oscillates behind the spring instead: inertia d'' + damping d' + stiffness d = load, by exact steps
-    with the load as it is in the middle of each; at rest at the start. A link without inertia only follows its load.
-    stiffness N m/rad, damping N m s/rad.
-    """
-    if not (inertia > NO_INERTIA).all():
-        follows = load / stiffness
-        speed = np.gradient(follows, step)
-        return follows, speed, np.gradient(speed, step)
-    decay = damping / inertia / 2
-    frequency = np.sqrt(np.maximum(stiffness / inertia - decay**2, 1e-9))
-    shrink, cos, sin = np.exp(-decay * step), np.cos(frequency * step), np.sin(frequency * step)
-    stay, go = shrink * (cos + decay / frequency * sin), shrink * sin / frequency
-    back, keep = -stiffness / inertia * shrink * sin / frequency, shrink * (cos - decay / frequency * sin)
-    settled = np.append(load[1:] + load[:-1], 2 * load[-1:]) / (2 * stiffness)
-    # with x the deviation of (twist, rate) from (settled, 0), each step is x = [[stay, go], [back, keep]] x
-    twist, rate = _recurrence(stay, go, back, keep, (1.0 - stay) * settled, -back * settled, load[0] / stiffness)
-    return twist, rate, (load - stiffness * twist - damping * rate) / inertia
-
-
-def _recurrence(
-    stay: Array, go: Array, back: Array, keep: Array, forced: Array, forced_rate: Array, start: float
-) -> tuple[Array, Array]:
-    """d, v (m,): d' = stay d + go v + forced, v' = back d + keep v + forced_rate, row by row; from start and 0.
-
-    The steps are a triangular system of bandwidth four in d0, v0, d1, v1, ..., which BLAS solves forwards, as a loop
-    would.
-    """
-    band = np.zeros((4, 2 * len(stay)), order="F")
-    band[2, ::2], band[3, ::2], band[1, 1::2], band[2, 1::2] = -stay, -back, -go, -keep
-    right = np.zeros(2 * len(stay))
-    right[0], right[2::2], right[3::2] = start, forced[:-1], forced_rate[:-1]
-    solved = blas.dtbsv(3, band, right, lower=1, diag=1, overwrite_x=1)
-    return solved[::2], solved[1::2]
-
-
-def spring_of(effect: Effect, values: Values) -> tuple[float, float] | None:
-    """Stiffness and damping of a transmission that is a spring; None for one with play, or a stiff one."""
-    if effect.spring is None or effect.gap is not None:
-        return None
-    return float(effect.spring(values, Signals(twist=1.0))), float(effect.spring(values, Signals(twist_rate=1.0)))
-
-
-def integrated(effect: Effect, p: Values, s: Signals, step: float) -> Array:
-    """State (m,) of an effect along rows ``step`` s apart, by exponential steps: its rate is affine in the state.
-
-    Between two rows the rate is the mean of both: with that of the first alone the state is half a row late, which
-    looks like damping.
-    """
-    assert effect.rate is not None
-    at0 = np.broadcast_to(np.asarray(effect.rate(p, replace(s, state=0.0)), float), s.v.shape)
-    slope = np.broadcast_to(np.asarray(effect.rate(p, replace(s, state=1.0)), float), s.v.shape) - at0
-    at0, slope = (np.append((rate[:-1] + rate[1:]) / 2.0, rate[-1]) for rate in (at0, slope))
-    grow = np.exp(np.minimum(slope * step, 0.0))
-    stiff = np.abs(slope) > 1e-9
-    forced = np.where(stiff, at0 * (grow - 1.0) / np.where(stiff, slope, 1.0), at0 * step)
-    # state' = grow state + forced, row by row from 0: a triangular system of bandwidth two
-    band = np.zeros((2, len(grow)), order="F")
-    band[1] = -grow
-    solved: Array = blas.dtbsv(1, band, np.append(0.0, forced[:-1]), lower=1, diag=1)
-    return solved

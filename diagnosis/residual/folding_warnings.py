@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from diagnosis.residual.expected_current import rate_of
+from diagnosis.residual.filters import rate_of
 from diagnosis.residual.run import Run
 from diagnosis.residual.setpoint_ripple import FOLDED
 from diagnosis.units import recorded_signals

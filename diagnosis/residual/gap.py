@@ -2,7 +2,7 @@
 
 Along a measured motion nothing shows how hard teeth are. As they meet, the link takes the speed of the motor: that is
 the law. Steel on steel leaves again at up to half of its speed, and a link without load may begin on either flank:
-by what the current would differ then, a residual is uncertain (``run.residual_run``).
+by what the current would differ then, a residual is uncertain (``generation.residual_run``).
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
-"""Residual generation: the current that a model predicts for the measured motion, and measured less predicted current.
+"""A recording beside what its model predicts: measured and predicted current, and the std that their difference has.
 
-Every signal is smoothed by the same zero-phase filters on both sides of the equation, then thinned to
-``ROWS_PER_SECOND``. The residual is the measured motor current less the predicted one, in A. Partial derivatives of the
-predicted current by angle, speed and acceleration turn an error of an angle into changes of the currents of all joints.
+The residual is the measured motor current less the predicted one, in A. Partial derivatives of the predicted current by
+angle, speed and acceleration turn an error of an angle into changes of the currents of all joints.
 """
 
 from __future__ import annotations
@@ -16,45 +15,26 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from arm_io.types import Array
 from arm_model import Arm, EffectTerm
-from arm_model.effects import Signals, described
-from arm_model.rigid_body import drive_mass_matrix
+from arm_model.effects import described
 from arm_model.rigid_body.regressor import link_regressor
 from arm_model.system import inverse_dynamics, mass_matrix_along, rigid_torque_along
 from diagnosis.residual.evaluations import Evaluations
-from diagnosis.residual.expected_current import (
-    COLUMN_BAND,
-    COMPARE_BAND,
-    MOTION_BAND,
-    Links,
-    coulomb_at,
-    low_pass,
-    may_be,
-    motion_of,
-    rate_along,
-    rate_of,
-    reading,
-    true_angle,
-)
-from diagnosis.residual.instrument_noise import channel_noise, row_by_row
-from diagnosis.residual.noise import NOTHING_KNOWN, KnownNoise, encoder_steps
-from diagnosis.residual.perpendicular import beside
-from diagnosis.residual.setpoint_ripple import DIRECTIONS, folded_onto, ripple_beside, unseen_directions
-from identification.preprocessing import UNKNOWN, Setpoints, setpoints_of, unbounded
+from diagnosis.residual.expected_current import Links, true_angle
+from diagnosis.residual.filters import COMPARE_BAND, rate_along, rate_of
+from diagnosis.residual.perpendicular import basis_of, beside
+from diagnosis.residual.setpoint_ripple import unseen_directions
+from identification.preprocessing import UNKNOWN, Setpoints, unbounded
 
-ROWS_PER_SECOND = 100
 KEPT = 8
 """Residuals of one recording under other effects that are kept."""
-CREEP = 0.02
-"""rad/s (m/s): below it friction depends on more than the velocity."""
 
 
 @dataclass(frozen=True)
 class Run:
-    """The residual of one recording under one model; m rows at some ROWS_PER_SECOND, n joints.
+    """The residual of one recording under one model; m rows (``filters.kept``), n joints.
 
     raw: t (k,) s and q (k, n) rad as recorded, events taken out; t (m,) s from the start of the recording; q, v, a (m,
     n) rad and per second of the motor over gear; current, expected, residual (m, n) A; current_rate A/s;
@@ -65,13 +45,13 @@ class Run:
     brisk_v, brisk_rigid: v and rigid from the motion in the band of comparison, less smooth and noisier;
     noise (n,) A: std of the residual from the instruments alone; loop_noise (n,) A: the same with what servos do at
     setpoints, which a simulated closed loop does at other instants; instruments (m, n) A: the same row by row, larger
-    where steps of an encoder beat with the rows (``beats``); deviation (m, n) A: std that the residual has with nothing
-    wrong: of the instruments, and of friction near standstill; block (m,): block of one second, from 0;
+    where steps of an encoder beat with the rows (``noise.beats``); deviation (m, n) A: std that the residual has with
+    nothing wrong: of the instruments, and of friction near standstill; block (m,): block of one second, from 0;
     recordings: those of a ``merged`` run;
     arm: as it was set up for this run (with a known payload, say); powered: False where the drives were off: the brakes
     hold the arm, and the currents show what their own instruments add; own: effects that only this recording has, which
     ``expected`` contains (``with_own``); own_directions (m n, r), orthonormal: what values of this recording alone
-    explain of the whitened residual, which is no evidence of anything else (``free_values``).
+    explain of the whitened residual, which is no evidence of anything else (``with_free``).
     """
 
     name: str
@@ -246,92 +226,6 @@ class Run:
         return found
 
 
-def residual_run(
-    name: str, arm: Arm, t: Array, q: Array, i: Array, *, powered: bool = True, known: KnownNoise = NOTHING_KNOWN
-) -> Run:
-    """The residual of a recording t (m,) s, q (m, n) rad, i (m, n) A, under ``arm``.
-
-    The recording is uniformly sampled and without gaps. ``known``: of the noise of its instruments.
-    """
-    rate = rate_of(t)
-    angle = true_angle(arm, q)
-    position, v, a = motion_of(angle, MOTION_BAND, rate)
-    bent = described(arm)
-    constant = bent.joint_array("drive_constant")
-    keep = kept(rate)
-    if known.steps is None:
-        known = replace(known, steps=encoder_steps(q))
-
-    def thin(values: Array, band: float = COMPARE_BAND) -> Array:
-        # joint by joint in memory, as columns take them, and without all the rows between
-        return np.asfortranarray(low_pass(values, band, rate)[keep])
-
-    # Columns are made from a motion smoothed further: what they have in common with the noise of the residual would
-    # look like a cause.
-    low, slow_v, slow_a = (thin(values, COLUMN_BAND) for values in (position, v, a))
-    links = mass_matrix_along(bent, low, rotors=False)
-    # friction near standstill is indeterminate, as far as the filters smear it
-    coulomb = np.array([max(joint.rest_friction) for joint in arm.joints]) / constant
-    slowest = ndimage.minimum_filter1d(np.abs(v), int(0.06 * rate), axis=0)[keep]
-    width = arm.joint_array("sign_velocity")
-    uncertain = np.maximum(np.exp(-((slowest / CREEP) ** 2)), 1.0 - slowest / np.hypot(slowest, width))
-    friction_std = coulomb * uncertain * powered
-    rows, current, expected = t[keep], thin(i), thin(reading(arm, t, q, powered=powered, motion=(position, v, a)))
-    # of a gap, what teeth do as they meet is uncertain
-    other = (reading(arm, t, q, powered=powered, motion=(position, v, a), teeth=teeth) for teeth in may_be(arm))
-    of_teeth = sum(((thin(one) - expected) ** 2 for one in other), np.zeros_like(expected))
-    block = ((rows - rows[0]) // 1.0).astype(np.intp)
-    brisk = [thin(values) for values in (position, v, a)]
-    setpoints, period = UNKNOWN, 0.0
-    folded, rippled = np.zeros_like(slow_v), np.zeros((*slow_v.shape, DIRECTIONS))
-    if known.residual is not None:
-        noise = loop_noise = known.residual
-        instruments = np.broadcast_to(noise, slow_v.shape)
-    else:
-        moved = drive_mass_matrix(bent, q[:: max(1, len(q) // 50)]) / constant[:, None]
-        setpoints = known.setpoints
-        if not setpoints.period:
-            setpoints = setpoints_of(arm, 1.0 / rate, currents=(lambda: _ripple_of(i, a, rate)) if powered else None)
-        # of setpoints that the currents alone show, what servos do above the lines that are seen stays noise
-        period = 0.0 if setpoints.source == "currents" else setpoints.period
-        noise = channel_noise(q, i, moved, rate, known, period)
-        loop_noise = channel_noise(q, i, moved, rate, known, 0.0) if period else noise
-        instruments = row_by_row(noise, q, slow_v, moved, rate, known)
-    if powered and setpoints.period:
-        folded = folded_onto(arm, (t, angle, i), brisk[2], noise, keep, setpoints)
-        rippled = ripple_beside(arm, (t, angle, i), noise, keep, setpoints)
-    return Run(
-        name=name,
-        raw=(t, q),
-        t=rows - t[0],
-        q=low,
-        v=slow_v,
-        a=slow_a,
-        current=current,
-        current_rate=thin(np.gradient(i, 1.0 / rate, axis=0)),
-        expected=expected,
-        rigid=np.asfortranarray(rigid_torque_along(bent, low, slow_v, slow_a)),
-        brisk_v=brisk[1],
-        brisk_rigid=np.asfortranarray(rigid_torque_along(bent, *brisk)),
-        inertia=np.asfortranarray(links.diagonal(axis1=1, axis2=2)),
-        deviation=np.asfortranarray(np.sqrt(instruments**2 + friction_std**2 + of_teeth)),
-        noise=noise,
-        loop_noise=loop_noise,
-        instruments=instruments,
-        folded=folded,
-        rippled=rippled,
-        block=block,
-        arm=arm,
-        setpoints=setpoints,
-        powered=powered,
-    )
-
-
-def _ripple_of(i: Array, a: Array, rate: float) -> tuple[Array, Array]:
-    """(k, n) A what servos do in currents, and (k, n) rad/s2 the acceleration that causes it."""
-    return i - low_pass(i, COMPARE_BAND, rate), low_pass(a, COLUMN_BAND, rate)
-
-
 def merged(runs: Sequence[Run]) -> Run:
     """Recordings of one setup, rows one after the other, as candidates compute their columns from.
 
@@ -345,72 +239,12 @@ def merged(runs: Sequence[Run]) -> Run:
     return replace(runs[0], **rows, recordings=tuple(runs))
 
 
-def kept(rate: float) -> slice:
-    """Rows of a recording at ``rate`` Hz that are kept: about ROWS_PER_SECOND of them, without filter transients."""
-    return slice(int(0.2 * rate), -int(0.2 * rate), max(1, round(rate / ROWS_PER_SECOND)))
+def with_free(run: Run, columns: Array | None) -> Run:
+    """The run with columns (m, n, k) A, of which every coefficient is free in this recording; None: with none.
 
-
-def rate_kept(rate: float) -> float:
-    """Rows per second of those that are ``kept`` of a recording at ``rate`` Hz: 125 of 250, 111 of 333."""
-    return rate / (kept(rate).step or 1)
-
-
-def residual_with(run: Run, terms: Sequence[EffectTerm]) -> Array:
-    """(m, n) A: ``Run.residual`` of a recording under its arm with more effects."""
-    return residual_under(run, (*run.arm.effects, *terms))
-
-
-def residual_under(run: Run, effects: Sequence[EffectTerm]) -> Array:
-    """(m, n) A: the residual of a recording under its arm with these effects instead of its own."""
-    if tuple(effects) == run.arm.effects:
-        return run.residual
-    for known, residual in run.residuals:
-        if known == tuple(effects):
-            return residual
-    residual = run.current - _expected(run, (*effects, *run.own))
-    residual.flags.writeable = False
-    run.residuals.append((tuple(effects), residual))
-    return residual
-
-
-def with_own(run: Run, terms: Sequence[EffectTerm]) -> Run:
-    """The run with these effects of its recording alone, in the place of those that it had."""
-    if tuple(terms) == run.own:
-        return run
-    return replace(run, own=tuple(terms), expected=_expected(run, (*run.arm.effects, *terms)))
-
-
-def _expected(run: Run, effects: Sequence[EffectTerm]) -> Array:
-    """(m, n) A: the current that the arm of a run predicts with these effects instead of its own."""
-    return run.evaluations.expected(replace(run.arm, effects=tuple(effects)), kept(rate_of(run.raw[0])))
-
-
-def signals_of(run: Run, arm: Arm, joint: int, *, link_side: bool = False) -> Signals:
-    """Arguments (m,) of the laws of effects at one joint (1-based) of a run.
-
-    ``link_side``: the speed is that of the link; it differs from that of the motor where joints are coupled.
+    Residual and further columns are then judged beside them (Frisch & Waugh, Econometrica 1, 1933).
     """
-    j = joint - 1
-    drive = arm.joints[j]
-    v = (arm.link_angles(run.brisk_v) if link_side else run.brisk_v)[:, j]
-    sign, warmer = v / np.sqrt(v**2 + drive.sign_velocity**2), warmth(run, joint)
-    return Signals(
-        q=arm.link_angles(run.q)[:, j],
-        v=v,
-        a=run.a[:, j],
-        motor=drive.ratio * run.q[:, j],
-        sign=sign,
-        load=run.rigid[:, j],
-        coulomb=coulomb_at(drive, v, sign),
-        current=run.current[:, j],
-        torque=run.current[:, j] * drive.drive_constant,
-        t=run.t,
-        warmer=0.0 if warmer is None else warmer,
-    )
-
-
-def warmth(run: Run, joint: int) -> Array | None:
-    """(m,) K of the motor of a joint (from 1) above where its friction holds; None where that is not known."""
-    reference, temperatures = run.arm.joints[joint - 1].temperature, run.arm.temperatures
-    degc = None if temperatures is None else temperatures.at(joint - 1, run.t)
-    return None if degc is None or reference is None else degc - reference
+    bare = replace(run, own_directions=None)
+    if columns is None:
+        return bare
+    return replace(bare, own_directions=basis_of(bare.whiten(columns).reshape(-1, columns.shape[2])))

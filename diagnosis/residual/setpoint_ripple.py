@@ -13,7 +13,7 @@ import numpy as np
 
 from arm_io.types import Array
 from arm_model import Arm
-from diagnosis.residual.expected_current import COMPARE_BAND, low_pass, rate_of
+from diagnosis.residual.filters import COMPARE_BAND, low_pass, rate_of
 from identification.preprocessing import (
     Setpoints,
     drifting,

@@ -11,15 +11,23 @@ from dataclasses import replace
 
 import numpy as np
 
+from arm_io.types import Array
 from arm_model import Arm
 from arm_model.effects import CATALOGUE, Excitation
 from arm_model.tables import recorded_temperatures
 from daq.recording import Recording
 from diagnosis.cause import EffectKey
-from diagnosis.residual.run import Run, warmth
+from diagnosis.residual.run import Run
 
 LEAST = 3.0
 """K between the coldest and the warmest of the fitted rows, at least, as for ``identify``."""
+
+
+def warmth(run: Run, joint: int) -> Array | None:
+    """(m,) K of the motor of a joint (from 1) above where its friction holds; None where that is not known."""
+    reference, temperatures = run.arm.joints[joint - 1].temperature, run.arm.temperatures
+    degc = None if temperatures is None else temperatures.at(joint - 1, run.t)
+    return None if degc is None or reference is None else degc - reference
 
 
 def with_reference(arm: Arm, recordings: Sequence[Recording]) -> Arm:

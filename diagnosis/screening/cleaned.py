@@ -15,8 +15,10 @@ from arm_io.types import Array
 from arm_model import Arm, EffectTerm
 from daq.recording import Recording
 from diagnosis.residual.comparable_rows import comparable_rows, rms_where
-from diagnosis.residual.noise import KnownNoise, still_noise
-from diagnosis.residual.run import Run, residual_run, residual_with
+from diagnosis.residual.generation import residual_run
+from diagnosis.residual.noise.channels import KnownNoise, still_noise
+from diagnosis.residual.other_effects import residual_with
+from diagnosis.residual.run import Run
 from diagnosis.residual.run_setup import known_setpoints, set_up, setup_of
 from diagnosis.screening.current_limit import current_limits
 from diagnosis.screening.encoder_jumps import jumps, without_jumps

@@ -17,8 +17,8 @@ from arm_model.effects.description_errors import CURRENT_LIMIT
 from arm_model.rigid_body import total_at
 from daq.recording import Recording
 from diagnosis.cause import Estimate
-from diagnosis.residual.encoder_step import encoder_step
-from diagnosis.residual.noise import angle_noise, scatter, still_noise
+from diagnosis.residual.noise.channels import angle_noise, scatter, still_noise
+from diagnosis.residual.noise.encoder_step import encoder_step
 from diagnosis.residual.run_setup import setup_of
 from diagnosis.screening.event import Event
 from diagnosis.units import recorded_quantity

@@ -19,8 +19,8 @@ from arm_model import Arm, Joint
 from arm_model.effects.sensing import MISSED_COUNTS
 from daq.recording import Recording
 from diagnosis.cause import EncoderJump, Estimate
-from diagnosis.residual.encoder_step import encoder_step
-from diagnosis.residual.noise import resolution
+from diagnosis.residual.noise.channels import resolution
+from diagnosis.residual.noise.encoder_step import encoder_step
 from diagnosis.screening.event import Event, Gain
 
 Rows = NDArray[np.intp]

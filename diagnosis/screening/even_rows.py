@@ -14,8 +14,8 @@ import numpy as np
 
 from arm_io.types import Array
 from daq.recording import Recording
-from diagnosis.residual.encoder_step import encoder_step
-from diagnosis.residual.noise import KnownNoise
+from diagnosis.residual.noise.channels import KnownNoise
+from diagnosis.residual.noise.encoder_step import encoder_step
 from identification.preprocessing.grid import on_grid
 
 EVEN = 0.02

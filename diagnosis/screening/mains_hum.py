@@ -13,7 +13,7 @@ from arm_model import Arm
 from arm_model.effects.sensing import MAINS_HUM
 from daq.recording import Recording
 from diagnosis.cause import Estimate
-from diagnosis.residual.noise import standstill
+from diagnosis.residual.noise.channels import standstill
 from diagnosis.screening.event import Event, Gain
 from diagnosis.screening.spectral_line import MAINS, OVER_FLOOR, Line, above, line_near_mains, waves
 from diagnosis.units import recorded_quantities, recorded_quantity, recorded_signals

@@ -14,8 +14,8 @@ import numpy as np
 from arm_io.types import Array
 from daq.recording import Recording
 from diagnosis.cause import Signal, Structure
-from diagnosis.residual.expected_current import COMPARE_BAND, low_pass
-from diagnosis.residual.noise import floor, standstill
+from diagnosis.residual.filters import COMPARE_BAND, low_pass
+from diagnosis.residual.noise.channels import floor, standstill
 
 SHARE = 0.75
 """Of the variance of a standing current that a wave must predict; of noise it is 0.2 to 0.7 over half a second."""

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from arm_io.types import Array
 from arm_model import Arm, GearStage, Joint
 from arm_model.effects import CATALOGUE, Instrument
-from diagnosis.residual.instrument_noise import passed
+from diagnosis.residual.noise.instruments import passed
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Dataset
 

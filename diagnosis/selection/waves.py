@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy import ndimage, signal
 
 from arm_io.types import Array
-from diagnosis.residual.expected_current import COMPARE_BAND, rate_of
+from diagnosis.residual.filters import COMPARE_BAND, rate_of
 from diagnosis.selection.design import Dataset
 from diagnosis.selection.regression import by_recording
 

@@ -18,7 +18,8 @@ from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.measurements.currents.model import State
 from diagnosis.measurements.currents.model_errors import Significance
 from diagnosis.residual.comparable_rows import comparable_rows
-from diagnosis.residual.run import Run, residual_under
+from diagnosis.residual.other_effects import residual_under
+from diagnosis.residual.run import Run
 from diagnosis.selection.beyond_model import in_deviations
 
 

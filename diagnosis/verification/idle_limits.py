@@ -12,7 +12,8 @@ from daq.recording import Recording
 from diagnosis.cause import Cause, EffectKey
 from diagnosis.closed_loop.comparison import Compared, compare
 from diagnosis.measurements.currents.limits import LIMITS
-from diagnosis.residual.run import CREEP, Run
+from diagnosis.residual.generation import CREEP
+from diagnosis.residual.run import Run
 from diagnosis.selection.design import Dataset
 from identification.selection import Split
 

@@ -21,8 +21,9 @@ from diagnosis.closed_loop.comparison import SMOOTHING
 from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.measurements.currents.model import State
 from diagnosis.residual.comparable_rows import comparable_rows
-from diagnosis.residual.expected_current import COMPARE_BAND, low_pass, rate_of, reading
-from diagnosis.residual.run import Run, kept
+from diagnosis.residual.expected_current import reading
+from diagnosis.residual.filters import COMPARE_BAND, kept, low_pass, rate_of
+from diagnosis.residual.run import Run
 
 
 @dataclass(frozen=True)

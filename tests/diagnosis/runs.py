@@ -15,7 +15,8 @@ from arm_model.description import Arm, EffectTerm
 from arm_model.sensing import recorded
 from arm_model.simulation.simulation import simulate
 from diagnosis.cause import Cause
-from diagnosis.residual.run import Run, residual_run
+from diagnosis.residual.generation import residual_run
+from diagnosis.residual.run import Run
 from experiment import demand_of, read_experiment
 
 NOISE = 0.01

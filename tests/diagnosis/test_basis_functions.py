@@ -7,7 +7,7 @@ import pytest
 
 from arm_io.types import Array
 from diagnosis.measurements.currents.basis_functions import _plane_wave, _play
-from diagnosis.residual.noise import QUIET_ROWS, quiet_noise
+from diagnosis.residual.noise.channels import QUIET_ROWS, quiet_noise
 
 
 def _row_by_row(values: Array, width: float) -> Array:

@@ -13,9 +13,10 @@ from arm_model.model_file import read_model
 from arm_model.system import inverse_dynamics
 from diagnosis.measurements.currents.design_matrix import dataset_of
 from diagnosis.remainder.against_noise import ratios
-from diagnosis.residual.beats import beat_variance, steps_of
 from diagnosis.residual.comparable_rows import comparable_rows
-from diagnosis.residual.run import Run, residual_run
+from diagnosis.residual.generation import residual_run
+from diagnosis.residual.noise.beats import beat_variance, steps_of
+from diagnosis.residual.run import Run
 
 RATE, COUNTS = 1000.0, 800
 

@@ -14,7 +14,7 @@ import pytest
 import armscope
 from arm_model import Arm
 from diagnosis.remainder.against_noise import runs_of
-from diagnosis.residual.free_values import with_free
+from diagnosis.residual.run import with_free
 from tests.diagnosis.two_link import HUMP, WIDTH, Day, recorded
 
 

@@ -24,8 +24,8 @@ from diagnosis.closed_loop.comparison import Compared
 from diagnosis.closed_loop.model_errors import drawn
 from diagnosis.closed_loop.oscillation import oscillation
 from diagnosis.closed_loop.setpoint_phase import lag_of
-from diagnosis.residual.expected_current import rate_of
-from diagnosis.residual.run import kept, residual_run
+from diagnosis.residual.filters import kept, rate_of
+from diagnosis.residual.generation import residual_run
 
 RATE, NOISE = 500.0, 0.01
 

@@ -9,7 +9,8 @@ import pytest
 
 from arm_model.model_file import read_model
 from diagnosis.residual.expected_current import reading
-from diagnosis.residual.run import Run, residual_run
+from diagnosis.residual.generation import residual_run
+from diagnosis.residual.run import Run
 from diagnosis.screening.lost_rows.common_count import common_count
 from diagnosis.screening.lost_rows.lost_triggers import dropped_triggers
 

@@ -14,8 +14,9 @@ import pytest
 from arm_model.description import EffectTerm
 from arm_model.model_file import read_model
 from diagnosis.residual.expected_current import reading
-from diagnosis.residual.noise import KnownNoise
-from diagnosis.residual.run import Run, residual_run
+from diagnosis.residual.generation import residual_run
+from diagnosis.residual.noise.channels import KnownNoise
+from diagnosis.residual.run import Run
 from diagnosis.screening.cleaned import Residuals, confirmed, realigned
 from diagnosis.screening.lost_rows.lag_change import change_of_lag
 from diagnosis.screening.lost_rows.lag_path import Step, _changes, in_order

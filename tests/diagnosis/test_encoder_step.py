@@ -10,8 +10,8 @@ from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from arm_io.types import Array
-from diagnosis.residual.encoder_step import encoder_step
-from diagnosis.residual.noise import resolution
+from diagnosis.residual.noise.channels import resolution
+from diagnosis.residual.noise.encoder_step import encoder_step
 
 
 def _motion(rate: float, seed: int, seconds: float = 15.0) -> Array:

@@ -20,7 +20,8 @@ from diagnosis.measurements.currents.design_matrix import Library, dataset_of
 from diagnosis.measurements.currents.model import Currents
 from diagnosis.measurements.currents.refinement import is_physical
 from diagnosis.measurements.currents.unexplained import noise_ratio
-from diagnosis.residual.run import Run, residual_run
+from diagnosis.residual.generation import residual_run
+from diagnosis.residual.run import Run
 from diagnosis.selection.candidate import Candidate
 from diagnosis.verification.final_gain import negligible
 from diagnosis.verification.idle_limits import idle_limits, stood

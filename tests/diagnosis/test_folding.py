@@ -16,8 +16,8 @@ from daq.recording import Recording, open_recording
 from daq.recording.parts import Attachments
 from daq.recording.tables.table import write_table
 from diagnosis.measurements.currents.limits import LIMITS
-from diagnosis.residual.noise import NOTHING_KNOWN, KnownNoise
-from diagnosis.residual.run import residual_run
+from diagnosis.residual.generation import residual_run
+from diagnosis.residual.noise.channels import NOTHING_KNOWN, KnownNoise
 from diagnosis.screening.mains_hum import lines_near_mains, mains_hum, other_lines
 from experiment import Demand, demand_of, read_experiment
 from identification.preprocessing import folding_line, setpoints_of

@@ -20,7 +20,8 @@ from diagnosis.measurements.near_rest.passages import NearRest, near_rest, seen
 from diagnosis.measurements.near_rest.time_at_rest import rise_at_rest
 from diagnosis.report.wording import rise_at_rest as words
 from diagnosis.residual.expected_current import reading
-from diagnosis.residual.run import Run, residual_run
+from diagnosis.residual.generation import residual_run
+from diagnosis.residual.run import Run
 from identification.selection import Split
 from tests.diagnosis.one_axis import built_up, vertical_joint
 

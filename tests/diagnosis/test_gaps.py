@@ -16,7 +16,8 @@ from diagnosis.measurements.chatter import chattering_gaps
 from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.residual.comparable_rows import comparable_rows
 from diagnosis.residual.gap import Teeth, through_gap
-from diagnosis.residual.run import Run, residual_run
+from diagnosis.residual.generation import residual_run
+from diagnosis.residual.run import Run
 from identification.selection import Split
 
 NOISE, STEP = 0.01, 1.5e-6

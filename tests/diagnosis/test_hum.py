@@ -20,7 +20,7 @@ from diagnosis.measurements.currents.causes import from_event
 from diagnosis.measurements.currents.design_matrix import dataset_of
 from diagnosis.report.wording import title
 from diagnosis.report.write import _cause
-from diagnosis.residual.run import residual_run
+from diagnosis.residual.generation import residual_run
 from diagnosis.screening.event import Event
 from diagnosis.screening.mains_hum import lines_near_mains, mains_hum, other_lines, without_hum
 from identification.selection import Split

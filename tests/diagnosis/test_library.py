@@ -12,8 +12,11 @@ from scipy.interpolate import CubicSpline
 from arm_model import Arm, EffectTerm, read_model
 from diagnosis.measurements.currents.columns import candidates, columns, own_columns
 from diagnosis.measurements.currents.design_matrix import Library, columns_of, dataset_of
-from diagnosis.residual.expected_current import COMPARE_BAND, low_pass, rate_along, rate_of, reading
-from diagnosis.residual.run import Run, kept, residual_run, residual_with
+from diagnosis.residual.expected_current import reading
+from diagnosis.residual.filters import COMPARE_BAND, kept, low_pass, rate_along, rate_of
+from diagnosis.residual.generation import residual_run
+from diagnosis.residual.other_effects import residual_with
+from diagnosis.residual.run import Run
 from diagnosis.selection.regression import at_joint
 from identification.selection import Split
 

@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import signal
 
-from diagnosis.residual.expected_current import COMPARE_BAND, low_pass
-from diagnosis.residual.noise import angle_noise, angle_scatter, floor, scatter, still_noise
+from diagnosis.residual.filters import COMPARE_BAND, low_pass
+from diagnosis.residual.noise.channels import angle_noise, angle_scatter, floor, scatter, still_noise
 
 RATE, ROWS = 1000.0, 15000
 

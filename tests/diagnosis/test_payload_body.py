@@ -18,8 +18,9 @@ from diagnosis.measurements.currents.design_matrix import Library, dataset_of
 from diagnosis.measurements.currents.estimates import estimates_of
 from diagnosis.measurements.currents.model import Currents
 from diagnosis.measurements.currents.search import named_by_body, simplified
-from diagnosis.residual.noise import KnownNoise
-from diagnosis.residual.run import Run, residual_run
+from diagnosis.residual.generation import residual_run
+from diagnosis.residual.noise.channels import KnownNoise
+from diagnosis.residual.run import Run
 from diagnosis.selection.candidate import Candidate
 from experiment.file import Payload
 from identification.selection import Split, select

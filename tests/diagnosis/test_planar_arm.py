@@ -16,7 +16,8 @@ from diagnosis.measurements.currents.columns import candidates, columns
 from diagnosis.measurements.currents.design_matrix import Library, dataset_of
 from diagnosis.measurements.currents.estimates import estimates_of
 from diagnosis.measurements.currents.model import Currents
-from diagnosis.residual.run import Run, residual_run
+from diagnosis.residual.generation import residual_run
+from diagnosis.residual.run import Run
 from diagnosis.selection.candidate import Candidate
 from identification.selection import Split, select
 from tests.diagnosis.two_link import DRIVE, WIDTH, Day, motion, torque

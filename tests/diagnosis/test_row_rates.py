@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from diagnosis.closed_loop.clear_errors import _of_blocks
-from diagnosis.residual.expected_current import COMPARE_BAND, low_pass, rate_along
-from diagnosis.residual.run import kept, rate_kept
+from diagnosis.residual.filters import COMPARE_BAND, kept, low_pass, rate_along, rate_kept
 
 RATES = (140.0, 250.0, 333.0, 500.0, 1000.0)
 

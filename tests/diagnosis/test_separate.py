@@ -20,7 +20,8 @@ from diagnosis.experiments.motions import Kind, Stage, room, trials
 from diagnosis.experiments.t_optimality import Question, predicted_run, rival_of
 from diagnosis.measurements.currents.columns import candidates, columns
 from diagnosis.measurements.currents.design_matrix import dataset_of, free_columns
-from diagnosis.residual.run import COMPARE_BAND, ROWS_PER_SECOND, Run
+from diagnosis.residual.filters import ROWS_PER_SECOND
+from diagnosis.residual.run import COMPARE_BAND, Run
 from diagnosis.selection.candidate import Candidate
 from experiment import demand_of, read_experiment, write_experiment
 from tests.diagnosis.runs import Seen, group_of, seen

@@ -15,9 +15,10 @@ from arm_model.sensing import recorded
 from arm_model.simulation import simulate
 from daq.recording import Attachments, Recording, open_recording, write_table
 from diagnosis.measurements.currents.columns import columns
-from diagnosis.residual.expected_current import COMPARE_BAND
-from diagnosis.residual.noise import scatter
-from diagnosis.residual.run import Run, residual_run
+from diagnosis.residual.filters import COMPARE_BAND
+from diagnosis.residual.generation import residual_run
+from diagnosis.residual.noise.channels import scatter
+from diagnosis.residual.run import Run
 from diagnosis.residual.run_setup import known_setpoints
 from diagnosis.selection.candidate import Candidate
 from identification.preprocessing.spectrum import choose_band

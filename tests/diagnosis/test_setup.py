@@ -12,7 +12,7 @@ from arm_model.description import Arm, EffectTerm
 from arm_model.model_file import read_model
 from arm_model.simulation.simulation import simulate
 from diagnosis.measurements.currents.columns import candidates, columns
-from diagnosis.residual.run import residual_run
+from diagnosis.residual.generation import residual_run
 from diagnosis.residual.run_setup import loaded
 from diagnosis.selection.candidate import Candidate
 from experiment.file import Payload

@@ -12,7 +12,8 @@ from daq.recording import Attachments, Recording, open_recording, write_table
 from diagnosis.diagnose import diagnose
 from diagnosis.measurements.currents.design_matrix import Library, bounded, dataset_of, free_columns
 from diagnosis.measurements.currents.model import Currents
-from diagnosis.residual.run import Run, residual_run
+from diagnosis.residual.generation import residual_run
+from diagnosis.residual.run import Run
 from identification.selection import Split
 from tests.comparison.second_day import motion, puma
 

@@ -17,7 +17,8 @@ from diagnosis.measurements.currents.design_matrix import Library, dataset_of
 from diagnosis.measurements.currents.model import Currents
 from diagnosis.measurements.currents.search import Found
 from diagnosis.measurements.currents.unexplained import Unexplained
-from diagnosis.residual.run import Run, residual_run
+from diagnosis.residual.generation import residual_run
+from diagnosis.residual.run import Run
 from diagnosis.selection.candidate import Candidate
 from diagnosis.verification.smoothing_velocity import OtherSmoothing, other_smoothing
 from diagnosis.verification.tenable import causes_of

@@ -17,8 +17,8 @@ from arm_model import read_model
 from arm_model.effects import CATALOGUE, Signals, values_of
 from daq.recording import Recording, open_recording
 from diagnosis.diagnose import diagnose
-from diagnosis.residual.expected_current import integrated, wound_up
 from diagnosis.residual.gap import through_gap
+from diagnosis.residual.integration import integrated, wound_up
 from experiment import Experiment
 
 

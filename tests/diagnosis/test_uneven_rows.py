@@ -14,8 +14,8 @@ from daq.recording import Attachments, Recording, open_recording, write_table
 from diagnosis.diagnose import diagnose
 from diagnosis.remainder.against_noise import against_noise
 from diagnosis.residual.comparable_rows import comparable_rows
-from diagnosis.residual.noise import KnownNoise
-from diagnosis.residual.run import residual_run
+from diagnosis.residual.generation import residual_run
+from diagnosis.residual.noise.channels import KnownNoise
 from diagnosis.screening.even_rows import even, even_samples, grid_of, known_noise
 from tests.comparison.second_day import motion, puma
 from tests.diagnosis.one_axis import currents

@@ -12,7 +12,7 @@ from arm_model.model_file import read_model
 from arm_model.rigid_body.hydrodynamics import own_drag
 from arm_model.simulation.simulation import simulate
 from diagnosis.measurements.currents.columns import candidates, columns
-from diagnosis.residual.run import residual_run
+from diagnosis.residual.generation import residual_run
 from diagnosis.selection.candidate import Candidate
 from tests.arm_model.pumas import three_links
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from diagnosis.residual.expected_current import low_pass
+from diagnosis.residual.filters import low_pass
 from diagnosis.selection.waves import wave_of
 
 ROWS, RATE = 1400, 100.0

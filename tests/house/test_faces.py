@@ -37,7 +37,7 @@ PUBLIC = {
     "experiment": ("segments",),
     "daq.recording": ("losses", "provenance", "recover", "summary"),
     "daq.service.transfer": ("fetch",),
-    "diagnosis.residual": ("expected_current", "gap", "run_setup"),
+    "diagnosis.residual": ("expected_current", "filters", "gap", "integration", "run_setup"),
     "diagnosis.screening": ("current_limit",),
     "identification": ("result",),
     "identification.floating_base": ("charts",),

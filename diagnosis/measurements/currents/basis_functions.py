@@ -13,8 +13,9 @@ from scipy.interpolate import CubicSpline
 from arm_io.types import Array
 from arm_model import Arm
 from arm_model.effects import Variable
-from diagnosis.residual.expected_current import COMPARE_BAND, passed
-from diagnosis.residual.run import Run, signals_of
+from diagnosis.residual.filters import COMPARE_BAND, passed
+from diagnosis.residual.run import Run
+from diagnosis.residual.signals import signals_of
 from diagnosis.selection.design import Columns, Dataset, Pair
 from identification.selection import Split
 

@@ -19,16 +19,12 @@ from arm_model import Arm, Joint
 from arm_model.effects import CATALOGUE, Effect, Instrument, Signals, Values
 from arm_model.effects.definition import Law
 from arm_model.system import inverse_dynamics
-from diagnosis.residual.expected_current import (
-    COMPARE_BAND,
-    integrated,
-    low_pass,
-    spring_of,
-    wound_up,
-)
+from diagnosis.residual.filters import COMPARE_BAND, kept, low_pass
 from diagnosis.residual.gap import AS_FOUND, Teeth, gap_of, through_gap
-from diagnosis.residual.instrument_noise import passed
-from diagnosis.residual.run import Run, kept, signals_of
+from diagnosis.residual.integration import integrated, spring_of, wound_up
+from diagnosis.residual.noise.instruments import passed
+from diagnosis.residual.run import Run
+from diagnosis.residual.signals import signals_of
 from diagnosis.selection.candidate import Candidate
 
 STEP, ROUNDING = 1e-4, 1e-10

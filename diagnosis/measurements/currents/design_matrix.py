@@ -14,8 +14,8 @@ from arm_io.types import Array
 from arm_model import Arm, EffectTerm
 from diagnosis.cause import EffectKey
 from diagnosis.measurements.currents.columns import at_own_joint, columns, own_columns
-from diagnosis.residual.free_values import with_free
-from diagnosis.residual.run import Run, merged, residual_with
+from diagnosis.residual.other_effects import residual_with
+from diagnosis.residual.run import Run, merged, with_free
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Columns, Dataset, Pair
 from diagnosis.selection.regression import at_joint

@@ -28,7 +28,7 @@ from diagnosis.cause import NO_VARIABLE, Signal, Structure
 from diagnosis.measurements.currents.basis_functions import Shape, shapes_of
 from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.measurements.currents.model_errors import Significance
-from diagnosis.residual.noise import quiet_noise
+from diagnosis.residual.noise.channels import quiet_noise
 from diagnosis.selection.design import Columns, Dataset, Pair, joined
 from diagnosis.selection.regression import Fitted, fit_gain, gain_of, residual_with
 from diagnosis.selection.waves import wave_of

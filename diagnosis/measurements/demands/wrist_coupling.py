@@ -18,7 +18,7 @@ from arm_io.types import Array
 from arm_model.effects.wrist import WRIST_COUPLING
 from daq.recording import Recording
 from diagnosis.cause import Estimate
-from diagnosis.residual.noise import angle_noise
+from diagnosis.residual.noise.channels import angle_noise
 from diagnosis.screening.event import Event, Gain
 from identification.selection import BLOCK_SECONDS, Thresholds, block_sums, p_value, scaled_lstsq
 from identification.selection.cluster_covariance import cluster_covariance

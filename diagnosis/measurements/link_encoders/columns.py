@@ -21,10 +21,10 @@ from arm_model import Arm
 from arm_model.effects import Effect, Instrument, Parameter, Signals, observed_by, solved, units
 from arm_model.system import rigid_torque_along
 from daq.recording import Recording
-from diagnosis.residual.encoder_step import encoder_step
-from diagnosis.residual.expected_current import low_pass, rate_along
+from diagnosis.residual.filters import low_pass, rate_along
 from diagnosis.residual.load_errors import load_errors
-from diagnosis.residual.noise import MAD_TO_STD
+from diagnosis.residual.noise.channels import MAD_TO_STD
+from diagnosis.residual.noise.encoder_step import encoder_step
 from diagnosis.selection.candidate import Candidate
 
 Index = NDArray[np.intp]

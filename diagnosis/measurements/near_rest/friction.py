@@ -31,7 +31,8 @@ from diagnosis.measurements.near_rest.laws import (
     torque_of,
 )
 from diagnosis.measurements.near_rest.passages import SLIDES, STANDS, NearRest, near_rest, seen
-from diagnosis.residual.expected_current import coulomb_at, rate_of
+from diagnosis.residual.expected_current import coulomb_at
+from diagnosis.residual.filters import rate_of
 from diagnosis.residual.run import Run
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.friction_shares import with_shares

@@ -21,22 +21,13 @@ from arm_io.types import Array
 from arm_model import EffectTerm, Joint
 from arm_model.effects import Effect, Signals, Values, Variable
 from diagnosis.measurements.near_rest.between_steps import between_steps
-from diagnosis.residual.expected_current import (
-    COMPARE_BAND,
-    MOTION_BAND,
-    coulomb_at,
-    delayed,
-    integrated,
-    lateness,
-    low_pass,
-    motion_of,
-    rate_of,
-    reading,
-    terms_of,
-    true_angle,
-)
-from diagnosis.residual.noise import angle_noise
-from diagnosis.residual.run import CREEP, Run, kept, residual_with
+from diagnosis.residual.expected_current import coulomb_at, delayed, lateness, reading, terms_of, true_angle
+from diagnosis.residual.filters import COMPARE_BAND, MOTION_BAND, kept, low_pass, motion_of, rate_of
+from diagnosis.residual.generation import CREEP
+from diagnosis.residual.integration import integrated
+from diagnosis.residual.noise.channels import angle_noise
+from diagnosis.residual.other_effects import residual_with
+from diagnosis.residual.run import Run
 
 TURN = 0.3
 """Share of what friction lacks to its value while sliding that may be otherwise: laws of the turn, as tanh(v / w) and

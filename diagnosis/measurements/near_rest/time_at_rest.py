@@ -25,8 +25,8 @@ from arm_model.effects import CATALOGUE, Effect
 from diagnosis.cause import Cause, RiseAtRest
 from diagnosis.measurements.near_rest.laws import WIDTHS
 from diagnosis.measurements.near_rest.passages import STANDS, NearRest, near_rest, seen, speed_noise
-from diagnosis.residual.expected_current import rate_of
-from diagnosis.residual.run import Run, kept
+from diagnosis.residual.filters import kept, rate_of
+from diagnosis.residual.run import Run
 
 STILL = STANDS / 10.0
 """rad/s (m/s)."""

@@ -17,7 +17,7 @@ from diagnosis.cause import Estimate
 from diagnosis.measurements.single_axis.columns import AxisSamples, Rows, columns, encoder_noise, rows_of, waves
 from diagnosis.measurements.single_axis.model import LIMITS, Chosen, SingleAxis
 from diagnosis.measurements.single_axis.model_errors import model_errors
-from diagnosis.residual.expected_current import low_pass, rate_of
+from diagnosis.residual.filters import low_pass, rate_of
 from diagnosis.selection.beyond_model import in_deviations
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.estimates import estimates

@@ -19,17 +19,10 @@ from arm_model import Arm
 from arm_model.effects import CATALOGUE, Effect, Instrument, Parameter, Scale, Signals, Values, described, units
 from arm_model.system import inverse_dynamics
 from arm_model.tables import Temperatures
-from diagnosis.residual.expected_current import (
-    as_read,
-    coulomb_at,
-    integrated,
-    low_pass,
-    motion_of,
-    rate_along,
-    rate_of,
-    true_angle,
-)
-from diagnosis.residual.noise import angle_noise
+from diagnosis.residual.expected_current import as_read, coulomb_at, true_angle
+from diagnosis.residual.filters import low_pass, motion_of, rate_along, rate_of
+from diagnosis.residual.integration import integrated
+from diagnosis.residual.noise.channels import angle_noise
 from diagnosis.selection.candidate import Candidate
 from identification.selection import Index
 

@@ -15,7 +15,7 @@ import numpy as np
 from arm_io.types import Array
 from arm_model import Arm, parameter, with_parameters
 from diagnosis.measurements.single_axis.columns import COMPARE_BAND, ROWS_PER_SECOND, AxisSamples, Rows, rows_of
-from diagnosis.residual.noise import scatter
+from diagnosis.residual.noise.channels import scatter
 from diagnosis.selection.beyond_model import Evidence
 from identification.selection import Split
 

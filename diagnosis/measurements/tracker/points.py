@@ -16,7 +16,7 @@ from arm_model.effects import described
 from arm_model.rigid_body import rigid_torque
 from arm_model.tracking import bends, latency
 from daq.recording import Recording
-from diagnosis.residual.noise import MAD_TO_STD
+from diagnosis.residual.noise.channels import MAD_TO_STD
 from diagnosis.residual.run_setup import loaded, setup_of
 from identification.selection import BLOCK_SECONDS
 

@@ -13,7 +13,7 @@ from arm_report import Chart, Panel, Series, Zone
 from arm_report.palette import AFTER, BEFORE, SHADE
 from diagnosis.closed_loop.comparison import Compared
 from diagnosis.closed_loop.resonance import BAND
-from diagnosis.residual.expected_current import rate_of
+from diagnosis.residual.filters import rate_of
 from diagnosis.units import recorded_quantity
 
 SEGMENT = 1.0

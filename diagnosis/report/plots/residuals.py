@@ -19,7 +19,7 @@ from diagnosis.diagnose import Diagnosis
 from diagnosis.measurements.currents.basis_functions import variables
 from diagnosis.measurements.currents.design_matrix import dataset_of
 from diagnosis.report.plots.motion import HELD_OUT, held_out_time
-from diagnosis.residual.expected_current import COMPARE_BAND, low_pass, rate_of
+from diagnosis.residual.filters import COMPARE_BAND, low_pass, rate_of
 from diagnosis.selection.design import Dataset
 from diagnosis.units import recorded_quantity, recorded_signals, unit_at, variable_in_words
 

@@ -21,7 +21,7 @@ from arm_model.effects.sensing import DROPPED_TRIGGER
 from daq.recording import Recording
 from diagnosis.cause import Estimate, LostRows
 from diagnosis.residual.comparable_rows import comparable_rows, rms_where
-from diagnosis.residual.noise import resolution
+from diagnosis.residual.noise.channels import resolution
 from diagnosis.residual.run import Run
 from diagnosis.screening.encoder_jumps import Jump, jumps_of
 from diagnosis.screening.event import Event, Gain

@@ -14,7 +14,7 @@ import numpy as np
 from arm_model.effects.sensing import DROPPED_TRIGGER
 from daq.recording import Recording
 from diagnosis.cause import Estimate, LostRows
-from diagnosis.residual.noise import resolution
+from diagnosis.residual.noise.channels import resolution
 from diagnosis.screening.encoder_jumps import Jump, jumps_of, turned_per_row
 from diagnosis.screening.event import Event
 from diagnosis.screening.lost_rows.counter_gaps import CounterGap, rows_lost

@@ -12,8 +12,8 @@ from scipy import ndimage, signal
 
 from arm_io.types import Array
 from daq.recording import Recording
-from diagnosis.residual.encoder_step import encoder_step, found_once
-from diagnosis.residual.expected_current import COMPARE_BAND, low_pass
+from diagnosis.residual.filters import COMPARE_BAND, low_pass
+from diagnosis.residual.noise.encoder_step import encoder_step, found_once
 from identification.preprocessing import UNKNOWN, Setpoints, zero_phase
 
 QUIET_ROWS, QUIET_BLOCKS = 60, 5

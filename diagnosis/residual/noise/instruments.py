@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from arm_io.types import Array
-from diagnosis.residual.beats import beat_variance, steps_of
-from diagnosis.residual.expected_current import COMPARE_BAND, MOTION_BAND
-from diagnosis.residual.noise import KnownNoise, angle_noise, floor, scatter
+from diagnosis.residual.filters import COMPARE_BAND, MOTION_BAND
+from diagnosis.residual.noise.beats import beat_variance, steps_of
+from diagnosis.residual.noise.channels import KnownNoise, angle_noise, floor, scatter
 
 
 def passed(frequency: Array) -> Array:
@@ -24,7 +24,7 @@ def channel_noise(q: Array, i: Array, inertia: Array, rate: float, known: KnownN
     inertia (k, n, n) A s2/rad: currents per acceleration, at some rows; period s: of the servos' setpoints, 0: unknown.
     Current: its scatter, taken for white, or its std at standstill, if that is known and larger. What servos do at
     setpoints of a known period is no noise (``setpoint_ripple``).
-    Angle: its step or scatter, through two differentiations and the joint's own inertia. See ``noise``.
+    Angle: its step or scatter, through two differentiations and the joint's own inertia. See ``channels``.
     """
     white = floor(i) if period else scatter(i)
     frequency = np.linspace(0.0, rate / 2, 2000)

@@ -13,14 +13,14 @@ import numpy as np
 from scipy import ndimage
 
 from arm_io.types import Array
-from diagnosis.residual.noise import angle_scatter, encoder_steps
+from diagnosis.residual.noise.channels import angle_scatter, encoder_steps
 
 HARMONICS = 6
 """Harmonics that are counted: the next has a fiftieth of the variance of the first."""
 ROWS_TOGETHER = 15
 """Rows of a residual over which the variance is averaged: the memory of its filters."""
 HIDDEN = 0.6
-"""Scatter over the step above which no tone remains: that of the steps alone is below it (``noise.angle_noise``)."""
+"""Scatter over the step above which no tone remains: that of the steps alone is below it (``channels.angle_noise``)."""
 
 
 def steps_of(q: Array, steps: Array | None = None) -> Array:

@@ -1,0 +1,156 @@
+"""Residual generation: the current that a model predicts for the measured motion, and measured less predicted current.
+
+Every signal is smoothed by the same zero-phase filters on both sides of the equation, then thinned (``filters``).
+Beside the residual stands the std that it has with nothing wrong: of the instruments, and of what no model predicts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from scipy import ndimage
+
+from arm_io.types import Array
+from arm_model import Arm
+from arm_model.effects import described
+from arm_model.rigid_body import drive_mass_matrix
+from arm_model.system import mass_matrix_along, rigid_torque_along
+from diagnosis.residual.expected_current import may_be, reading, true_angle
+from diagnosis.residual.filters import (
+    COLUMN_BAND,
+    COMPARE_BAND,
+    MOTION_BAND,
+    Motion,
+    kept,
+    low_pass,
+    motion_of,
+    rate_of,
+)
+from diagnosis.residual.noise.channels import NOTHING_KNOWN, KnownNoise, encoder_steps
+from diagnosis.residual.noise.instruments import channel_noise, row_by_row
+from diagnosis.residual.run import Run
+from diagnosis.residual.setpoint_ripple import DIRECTIONS, folded_onto, ripple_beside
+from identification.preprocessing import UNKNOWN, Setpoints, setpoints_of
+
+CREEP = 0.02
+"""rad/s (m/s): below it friction depends on more than the velocity."""
+FRICTION_MEMORY = 0.06
+"""s about a row in which a standstill makes its friction uncertain: as far as the filters smear it."""
+
+Thin = Callable[[Array], Array]
+
+
+def residual_run(
+    name: str, arm: Arm, t: Array, q: Array, i: Array, *, powered: bool = True, known: KnownNoise = NOTHING_KNOWN
+) -> Run:
+    """The residual of a recording t (m,) s, q (m, n) rad, i (m, n) A, under ``arm``.
+
+    The recording is uniformly sampled and without gaps. ``known``: of the noise of its instruments.
+    """
+    rate, angle, bent = rate_of(t), true_angle(arm, q), described(arm)
+    motion, keep = motion_of(angle, MOTION_BAND, rate), kept(rate)
+
+    def thin(values: Array, band: float = COMPARE_BAND) -> Array:
+        # joint by joint in memory, as columns take them, and without all the rows between
+        return np.asfortranarray(low_pass(values, band, rate)[keep])
+
+    # Columns are made from a motion smoothed further: what they have in common with the noise of the residual would
+    # look like a cause.
+    low, slow_v, slow_a = (thin(values, COLUMN_BAND) for values in motion)
+    brisk = [thin(values) for values in motion]
+    expected = thin(reading(arm, t, q, powered=powered, motion=motion))
+    known = replace(known, steps=encoder_steps(q)) if known.steps is None else known
+    seen = _instruments(arm, (t, q, i), motion[2], slow_v, known, powered)
+    uncertain = (
+        seen.instruments**2
+        + (_friction_std(arm, motion[1], rate) * powered) ** 2
+        + _teeth_variance(arm, (t, q), motion, expected, thin, powered)
+    )
+    folded, rippled = np.zeros_like(slow_v), np.zeros((*slow_v.shape, DIRECTIONS))
+    if powered and seen.setpoints.period:
+        folded = folded_onto(arm, (t, angle, i), brisk[2], seen.noise, keep, seen.setpoints)
+        rippled = ripple_beside(arm, (t, angle, i), seen.noise, keep, seen.setpoints)
+    rows = t[keep]
+    return Run(
+        name=name,
+        raw=(t, q),
+        t=rows - t[0],
+        q=low,
+        v=slow_v,
+        a=slow_a,
+        current=thin(i),
+        current_rate=thin(np.gradient(i, 1.0 / rate, axis=0)),
+        expected=expected,
+        rigid=np.asfortranarray(rigid_torque_along(bent, low, slow_v, slow_a)),
+        brisk_v=brisk[1],
+        brisk_rigid=np.asfortranarray(rigid_torque_along(bent, *brisk)),
+        inertia=np.asfortranarray(mass_matrix_along(bent, low, rotors=False).diagonal(axis1=1, axis2=2)),
+        deviation=np.asfortranarray(np.sqrt(uncertain)),
+        noise=seen.noise,
+        loop_noise=seen.loop_noise,
+        instruments=seen.instruments,
+        folded=folded,
+        rippled=rippled,
+        block=((rows - rows[0]) // 1.0).astype(np.intp),
+        arm=arm,
+        setpoints=seen.setpoints,
+        powered=powered,
+    )
+
+
+class _Instruments(NamedTuple):
+    """Of a ``Run``: what its fields of these names say."""
+
+    noise: Array
+    loop_noise: Array
+    instruments: Array
+    setpoints: Setpoints
+
+
+def _instruments(
+    arm: Arm, samples: tuple[Array, Array, Array], a: Array, slow_v: Array, known: KnownNoise, powered: bool
+) -> _Instruments:
+    """Noise of samples t (k,) s, q (k, n) rad, i (k, n) A; a (k, n): acceleration; slow_v (m, n): of the kept rows."""
+    t, q, i = samples
+    rate = rate_of(t)
+    if known.residual is not None:
+        noise = known.residual
+        return _Instruments(noise, noise, np.broadcast_to(noise, slow_v.shape), UNKNOWN)
+    bent = described(arm)
+    inertia = drive_mass_matrix(bent, q[:: max(1, len(q) // 50)]) / bent.joint_array("drive_constant")[:, None]
+    setpoints = known.setpoints
+    if not setpoints.period:
+        setpoints = setpoints_of(arm, 1.0 / rate, currents=(lambda: _ripple_of(i, a, rate)) if powered else None)
+    # of setpoints that the currents alone show, what servos do above the lines that are seen stays noise
+    period = 0.0 if setpoints.source == "currents" else setpoints.period
+    noise = channel_noise(q, i, inertia, rate, known, period)
+    loop_noise = channel_noise(q, i, inertia, rate, known, 0.0) if period else noise
+    return _Instruments(noise, loop_noise, row_by_row(noise, q, slow_v, inertia, rate, known), setpoints)
+
+
+def _ripple_of(i: Array, a: Array, rate: float) -> tuple[Array, Array]:
+    """(k, n) A what servos do in currents, and (k, n) rad/s2 the acceleration that causes it."""
+    return i - low_pass(i, COMPARE_BAND, rate), low_pass(a, COLUMN_BAND, rate)
+
+
+def _friction_std(arm: Arm, v: Array, rate: float) -> Array:
+    """(m, n) A: std of friction near standstill, where it is indeterminate; v (k, n): speeds at ``rate`` Hz."""
+    coulomb = np.array([max(joint.rest_friction) for joint in arm.joints]) / described(arm).joint_array(
+        "drive_constant"
+    )
+    slowest = ndimage.minimum_filter1d(np.abs(v), int(FRICTION_MEMORY * rate), axis=0)[kept(rate)]
+    width = arm.joint_array("sign_velocity")
+    return coulomb * np.maximum(np.exp(-((slowest / CREEP) ** 2)), 1.0 - slowest / np.hypot(slowest, width))
+
+
+def _teeth_variance(
+    arm: Arm, samples: tuple[Array, Array], motion: Motion, expected: Array, thin: Thin, powered: bool
+) -> Array:
+    """(m, n) A2: of joints with play, what teeth do as they meet is uncertain; ``expected``: as the law has it."""
+    variance = np.zeros_like(expected)
+    for teeth in may_be(arm):
+        variance += (thin(reading(arm, *samples, powered=powered, motion=motion, teeth=teeth)) - expected) ** 2
+    return variance

@@ -1,0 +1,79 @@
+"""States of transmissions and bristles along recorded rows, by steps that are exact for the law between two rows."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.linalg import blas
+
+from arm_io.types import Array
+from arm_model.effects import Effect, Signals, Values
+from diagnosis.residual.filters import Motion
+from diagnosis.residual.gap import NO_INERTIA
+
+
+def wound_up(load: Array, inertia: Array, stiffness: float, damping: float, step: float) -> Motion:
+    """Twist of an elastic joint, its rate and second rate (m,), for rows ``step`` s apart.
+
+    The motor follows its own motion; the link, of ``inertia`` (m,) kg m2, would need ``load`` (m,) N m to follow it
+    stiffly, and oscillates behind the spring instead: inertia d'' + damping d' + stiffness d = load, by exact steps
+    with the load as it is in the middle of each; at rest at the start. A link without inertia only follows its load.
+    stiffness N m/rad, damping N m s/rad.
+    """
+    if not (inertia > NO_INERTIA).all():
+        follows = load / stiffness
+        speed = np.gradient(follows, step)
+        return follows, speed, np.gradient(speed, step)
+    decay = damping / inertia / 2
+    frequency = np.sqrt(np.maximum(stiffness / inertia - decay**2, 1e-9))
+    shrink, cos, sin = np.exp(-decay * step), np.cos(frequency * step), np.sin(frequency * step)
+    stay, go = shrink * (cos + decay / frequency * sin), shrink * sin / frequency
+    back, keep = -stiffness / inertia * shrink * sin / frequency, shrink * (cos - decay / frequency * sin)
+    settled = np.append(load[1:] + load[:-1], 2 * load[-1:]) / (2 * stiffness)
+    # with x the deviation of (twist, rate) from (settled, 0), each step is x = [[stay, go], [back, keep]] x
+    twist, rate = _recurrence(stay, go, back, keep, (1.0 - stay) * settled, -back * settled, load[0] / stiffness)
+    return twist, rate, (load - stiffness * twist - damping * rate) / inertia
+
+
+def _recurrence(
+    stay: Array, go: Array, back: Array, keep: Array, forced: Array, forced_rate: Array, start: float
+) -> tuple[Array, Array]:
+    """d, v (m,): d' = stay d + go v + forced, v' = back d + keep v + forced_rate, row by row; from start and 0.
+
+    The steps are a triangular system of bandwidth four in d0, v0, d1, v1, ..., which BLAS solves forwards, as a loop
+    would.
+    """
+    band = np.zeros((4, 2 * len(stay)), order="F")
+    band[2, ::2], band[3, ::2], band[1, 1::2], band[2, 1::2] = -stay, -back, -go, -keep
+    right = np.zeros(2 * len(stay))
+    right[0], right[2::2], right[3::2] = start, forced[:-1], forced_rate[:-1]
+    solved = blas.dtbsv(3, band, right, lower=1, diag=1, overwrite_x=1)
+    return solved[::2], solved[1::2]
+
+
+def spring_of(effect: Effect, values: Values) -> tuple[float, float] | None:
+    """Stiffness and damping of a transmission that is a spring; None for one with play, or a stiff one."""
+    if effect.spring is None or effect.gap is not None:
+        return None
+    return float(effect.spring(values, Signals(twist=1.0))), float(effect.spring(values, Signals(twist_rate=1.0)))
+
+
+def integrated(effect: Effect, p: Values, s: Signals, step: float) -> Array:
+    """State (m,) of an effect along rows ``step`` s apart, by exponential steps: its rate is affine in the state.
+
+    Between two rows the rate is the mean of both: with that of the first alone the state is half a row late, which
+    looks like damping.
+    """
+    assert effect.rate is not None
+    at0 = np.broadcast_to(np.asarray(effect.rate(p, replace(s, state=0.0)), float), s.v.shape)
+    slope = np.broadcast_to(np.asarray(effect.rate(p, replace(s, state=1.0)), float), s.v.shape) - at0
+    at0, slope = (np.append((rate[:-1] + rate[1:]) / 2.0, rate[-1]) for rate in (at0, slope))
+    grow = np.exp(np.minimum(slope * step, 0.0))
+    stiff = np.abs(slope) > 1e-9
+    forced = np.where(stiff, at0 * (grow - 1.0) / np.where(stiff, slope, 1.0), at0 * step)
+    # state' = grow state + forced, row by row from 0: a triangular system of bandwidth two
+    band = np.zeros((2, len(grow)), order="F")
+    band[1] = -grow
+    solved: Array = blas.dtbsv(1, band, np.append(0.0, forced[:-1]), lower=1, diag=1)
+    return solved

@@ -1,0 +1,35 @@
+"""Arguments of the laws of effects, along the rows of a residual."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from arm_model import Arm
+from arm_model.effects import Signals
+from diagnosis.residual.expected_current import coulomb_at
+from diagnosis.residual.run import Run
+from diagnosis.residual.warmth import warmth
+
+
+def signals_of(run: Run, arm: Arm, joint: int, *, link_side: bool = False) -> Signals:
+    """Arguments (m,) of the laws of effects at one joint (1-based) of a run.
+
+    ``link_side``: the speed is that of the link; it differs from that of the motor where joints are coupled.
+    """
+    j = joint - 1
+    drive = arm.joints[j]
+    v = (arm.link_angles(run.brisk_v) if link_side else run.brisk_v)[:, j]
+    sign, warmer = v / np.sqrt(v**2 + drive.sign_velocity**2), warmth(run, joint)
+    return Signals(
+        q=arm.link_angles(run.q)[:, j],
+        v=v,
+        a=run.a[:, j],
+        motor=drive.ratio * run.q[:, j],
+        sign=sign,
+        load=run.rigid[:, j],
+        coulomb=coulomb_at(drive, v, sign),
+        current=run.current[:, j],
+        torque=run.current[:, j] * drive.drive_constant,
+        t=run.t,
+        warmer=0.0 if warmer is None else warmer,
+    )
