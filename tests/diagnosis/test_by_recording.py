@@ -5,7 +5,6 @@ Neither the arm's dynamics nor what differs is our effect code (``tests.diagnosi
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,14 +14,13 @@ import armscope
 from arm_model import Arm
 from diagnosis.remainder.against_noise import runs_of
 from diagnosis.residual.run import with_free
-from tests.diagnosis.two_link import HUMP, WIDTH, Day, recorded
+from tests.diagnosis import two_link
+from tests.diagnosis.two_link import HUMP, Day, recorded
 
 
 @pytest.fixture(scope="module")
 def arm(root: Path) -> Arm:
-    """Its friction turns round within the width that the recorded arm has."""
-    arm = armscope.read_model(root / "config/starters/csv/model.toml")
-    return replace(arm, controller=None, joints=tuple(replace(joint, sign_velocity=WIDTH) for joint in arm.joints))
+    return two_link.model(root)
 
 
 def _diagnosed(arm: Arm, folder: Path, *days: Day) -> armscope.Diagnosis:

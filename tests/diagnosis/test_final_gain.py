@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,30 +20,23 @@ from diagnosis.measurements.currents.model import Currents
 from diagnosis.measurements.currents.refinement import is_physical
 from diagnosis.measurements.currents.unexplained import noise_ratio
 from diagnosis.residual.generation import residual_run
-from diagnosis.residual.run import Run
 from diagnosis.selection.candidate import Candidate
 from diagnosis.verification.final_gain import negligible
 from diagnosis.verification.idle_limits import idle_limits, stood
 from diagnosis.verification.tenable import causes_of, tenable_causes
 from identification.selection import Split
-from tests.diagnosis.two_link import DRIVE, WIDTH, Day, motion, torque
+from tests.diagnosis import two_link
+from tests.diagnosis.two_link import DRIVE, Day, residual_of, torque
 
 
 @pytest.fixture(scope="module")
 def arm(root: Path) -> Arm:
-    arm = armscope.read_model(root / "config/starters/csv/model.toml")
-    return replace(arm, controller=None, joints=tuple(replace(joint, sign_velocity=WIDTH) for joint in arm.joints))
-
-
-def _run(arm: Arm, seed: int, day: Day) -> Run:
-    t, q, v, a = motion(seed, 12.0)
-    noise = 0.005 * np.random.default_rng(seed).normal(size=q.shape)
-    return residual_run(f"{seed}", arm, t, q, torque(q, v, a, day) / DRIVE + noise)
+    return two_link.model(root)
 
 
 def test_a_cause_whose_gain_in_the_final_model_does_not_matter_is_found(arm: Arm) -> None:
     """Beside friction that is there, a rotor inertia of a thousandth of what the noise shows was chosen."""
-    data = Split(*(dataset_of([_run(arm, seed, Day(coulomb=(1.0, 0.0)))]) for seed in (1, 2)))
+    data = Split(*(dataset_of([residual_of(arm, seed, Day(coulomb=(1.0, 0.0)))]) for seed in (1, 2)))
     true, idle = Candidate("coulomb_friction", 1), Candidate("rotor_inertia", 2)
     model = Currents(arm, data, Library((true, idle), data), [])
     state = model.refitted([true], {true.key: []})
@@ -55,7 +47,7 @@ def test_a_cause_whose_gain_in_the_final_model_does_not_matter_is_found(arm: Arm
 
 def test_a_cause_of_which_no_arm_is_left_is_refused_before_its_gain_is_judged(arm: Arm) -> None:
     """A link lighter by more than it weighs explained the data, and the command ended in an error of the model file."""
-    data = Split(*(dataset_of([_run(arm, seed, Day(load=(-6.0, 0.0, 0.0)))]) for seed in (1, 2)))
+    data = Split(*(dataset_of([residual_of(arm, seed, Day(load=(-6.0, 0.0, 0.0)))]) for seed in (1, 2)))
     link = Candidate("link_inertia", 2)
     model = Currents(arm, data, Library((link,), data), [])
     assert model.refitted([link], {link.key: []}).terms[0].parameters["mass"] < -arm.joints[1].mass
@@ -66,7 +58,7 @@ def test_a_cause_of_which_no_arm_is_left_is_refused_before_its_gain_is_judged(ar
 @pytest.mark.parametrize("scale", [0.5, 0.9, 1.0])
 def test_what_is_left_below_the_noise_reads_as_it_is(arm: Arm, scale: float) -> None:
     """A residual of half the noise std printed as 1, and then seemed to have grown from 0.5."""
-    data = dataset_of([_run(arm, 1, Day())])
+    data = dataset_of([residual_of(arm, 1, Day())])
     white = np.random.default_rng(1).normal(size=data.y.size)
     assert noise_ratio(scale * white, data, 1) == pytest.approx(scale, rel=0.05)
 

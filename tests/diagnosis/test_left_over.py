@@ -17,16 +17,15 @@ from arm_model.tables import uncertainty_of
 from daq.recording import Recording
 from diagnosis import left_over
 from diagnosis.closed_loop.resonance import _errors, _floor, left_in_loop
-from tests.diagnosis.two_link import WIDTH, Day, recorded
+from tests.diagnosis import two_link
+from tests.diagnosis.two_link import Day, recorded
 
 RIPPLE = 0.05
 
 
 @pytest.fixture(scope="module")
 def arm(root: Path) -> Arm:
-    """Its friction turns round within the width that the recorded arm has."""
-    arm = armscope.read_model(root / "config/starters/csv/model.toml")
-    return replace(arm, controller=None, joints=tuple(replace(joint, sign_velocity=WIDTH) for joint in arm.joints))
+    return two_link.model(root)
 
 
 @pytest.fixture(scope="module")

@@ -20,7 +20,8 @@ from daq.recording import Recording
 from diagnosis.measurements.currents.model_errors import ModelUncertainty, Significance
 from diagnosis.selection.design import Columns, Dataset
 from identification.selection import Split
-from tests.diagnosis.two_link import WIDTH, Day, recorded
+from tests.diagnosis import two_link
+from tests.diagnosis.two_link import Day, recorded
 
 ROWS, JOINTS = 1500, 2
 
@@ -63,9 +64,7 @@ def test_what_the_model_left_over_hides_as_much() -> None:
 
 @pytest.fixture(scope="module")
 def arm(root: Path) -> Arm:
-    """Its friction turns round within the width that the recorded arm has."""
-    arm = armscope.read_model(root / "config/starters/csv/model.toml")
-    return replace(arm, controller=None, joints=tuple(replace(joint, sign_velocity=WIDTH) for joint in arm.joints))
+    return two_link.model(root)
 
 
 @pytest.fixture(scope="module")

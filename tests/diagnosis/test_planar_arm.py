@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-import armscope
 from arm_model import Arm
 from diagnosis.experiments.discriminating import separated_by
 from diagnosis.measurements.currents.causes import of_candidate
@@ -16,31 +14,27 @@ from diagnosis.measurements.currents.columns import candidates, columns
 from diagnosis.measurements.currents.design_matrix import Library, dataset_of
 from diagnosis.measurements.currents.estimates import estimates_of
 from diagnosis.measurements.currents.model import Currents
-from diagnosis.residual.generation import residual_run
 from diagnosis.residual.run import Run
 from diagnosis.selection.candidate import Candidate
 from identification.selection import Split, select
-from tests.diagnosis.two_link import DRIVE, WIDTH, Day, motion, torque
+from tests.diagnosis.two_link import Day, model, residual_of
 
 TILT, OFFSET = Candidate("base_tilt", None), Candidate("joint_zero_offset", 1)
 
 
 @pytest.fixture(scope="module")
 def arm(root: Path) -> Arm:
-    arm = armscope.read_model(root / "config/starters/csv/model.toml")
-    return replace(arm, controller=None, joints=tuple(replace(joint, sign_velocity=WIDTH) for joint in arm.joints))
+    return model(root)
 
 
-def _run(arm: Arm, seed: int, tilt: float) -> Run:
-    """Currents of the arm on a base turned by ``tilt`` rad about the axes of its joints."""
-    t, q, v, a = motion(seed, 12.0)
-    turned = torque(q + [tilt, 0.0], v, a, Day())  # all that a planar arm feels of it
-    return residual_run(f"{seed}", arm, t, q, turned / DRIVE + 0.005 * np.random.default_rng(seed).normal(size=q.shape))
+def _tilted(arm: Arm, seed: int, tilt: float) -> Run:
+    """On a base turned by ``tilt`` rad about the axes of its joints: all that a planar arm feels of it."""
+    return residual_of(arm, seed, Day(), zeros=(tilt, 0.0))
 
 
 @pytest.mark.parametrize("tilt", [0.01, -0.1])
 def test_a_tilt_and_a_zero_offset_are_named_together(arm: Arm, tilt: float) -> None:
-    data = Split(*(dataset_of([_run(arm, seed, tilt)]) for seed in (1, 2)))
+    data = Split(*(dataset_of([_tilted(arm, seed, tilt)]) for seed in (1, 2)))
     every = [c for c in candidates(arm) if c.effect in {"base_tilt", "joint_zero_offset", "current_offset", "payload"}]
     state = select(Currents(arm, data, Library(every, data), []))
     assert [c.key for c in state.chosen] == [OFFSET.key]
@@ -52,19 +46,14 @@ def test_a_tilt_and_a_zero_offset_are_named_together(arm: Arm, tilt: float) -> N
 
 def test_a_tilt_out_of_the_plane_has_no_column(arm: Arm) -> None:
     """Half of the second order was left of it by a one-sided difference: 219 rad of roll for a tilt of 0.1."""
-    run = _run(arm, 1, 0.0)
+    run = residual_of(arm, 1, Day())
     about_x, about_z = columns(TILT, run).transpose(2, 0, 1)  # gravity is along y
     assert not about_x.any()
     np.testing.assert_allclose(about_z, -columns(OFFSET, run)[:, :, 0], atol=1e-9)
 
 
 def test_an_offset_of_the_second_joint_is_no_tilt(arm: Arm) -> None:
-    def run(seed: int) -> Run:
-        t, q, v, a = motion(seed, 12.0)
-        current = torque(q + [0.0, 0.05], v, a, Day()) / DRIVE
-        return residual_run(f"{seed}", arm, t, q, current + 0.005 * np.random.default_rng(seed).normal(size=q.shape))
-
-    data = Split(*(dataset_of([run(seed)]) for seed in (1, 2)))
+    data = Split(*(dataset_of([residual_of(arm, seed, Day(), zeros=(0.0, 0.05))]) for seed in (1, 2)))
     every = [c for c in candidates(arm) if c.effect in {"base_tilt", "joint_zero_offset"}]
     state = select(Currents(arm, data, Library(every, data), []))
     assert [c.key for c in state.chosen] == [("joint_zero_offset", 2)]

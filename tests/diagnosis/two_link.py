@@ -6,14 +6,17 @@ rotors and friction. The motion is given, and the torques follow from it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
+from arm_model import Arm, read_model
 from daq.recording import Recording, open_recording
 from daq.recording.parts import Attachments
 from daq.recording.tables.table import write_table
+from diagnosis.residual.generation import residual_run
+from diagnosis.residual.run import Run
 
 LENGTH, CENTRE, MASS, ABOUT = (0.4, 0.3), (0.2, 0.15), (5.0, 2.0), (0.07, 0.016)
 ROTOR, VISCOUS, COULOMB = np.array([0.5, 0.3]), np.array([10.0, 10.0]), np.array([5.0, 3.0])
@@ -39,6 +42,12 @@ class Day:
     ripple: float = 0.0
     hump: tuple[float, float] = (0.0, 0.0)
     held: float | None = None
+
+
+def model(root: Path) -> Arm:
+    """The model of the starter project, with the width of this arm's friction at reversal, and without its servos."""
+    arm = read_model(root / "config/starters/csv/model.toml")
+    return replace(arm, controller=None, joints=tuple(replace(joint, sign_velocity=WIDTH) for joint in arm.joints))
 
 
 def motion(seed: int, seconds: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -79,6 +88,13 @@ def torque(q: np.ndarray, v: np.ndarray, a: np.ndarray, day: Day) -> np.ndarray:
     if day.held is not None:
         friction[:, 0] = day.held
     return total + ROTOR * a + friction * (1.0 + day.ripple * np.sin(WAVES * q))
+
+
+def residual_of(arm: Arm, seed: int, day: Day, *, zeros: tuple[float, float] = (0.0, 0.0)) -> Run:
+    """The residual of the motion ``seed`` on that day; ``zeros`` rad: joint angles where the encoders read none."""
+    t, q, v, a = motion(seed, 12.0)
+    noise = 0.005 * np.random.default_rng(seed).normal(size=q.shape)
+    return residual_run(f"{seed}", arm, t, q, torque(q + zeros, v, a, day) / DRIVE + noise)
 
 
 def recorded(path: Path, seed: int, day: Day, *, seconds: float = 12.0) -> Recording:
