@@ -14,7 +14,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from tests.executors import executor
-from tests.foreign.commands import Ended, kind, through_every_command, unrendered
+from tests.foreign.commands import through_every_command
+from tests.foreign.ended import Ended, bound_memory, kind, unrendered
 from tests.foreign.spoiled import through_spoiled_files
 
 RENDERED = 10
@@ -55,8 +56,9 @@ def main() -> int:
 
 
 def of_arm(seed: int, spoiled: int) -> tuple[list[Ended], float]:
-    """How every command on one arm ended, and on so many spoiled copies of its files; and the s that they took."""
-    began = time.perf_counter()
+    """How every command on one arm ended, and on so many spoiled copies of its files; the s of processor time."""
+    began = time.process_time()
+    bound_memory()
     with TemporaryDirectory() as folder:
         several: list[Ended] = []
         try:
@@ -68,7 +70,7 @@ def of_arm(seed: int, spoiled: int) -> tuple[list[Ended], float]:
             several += through_spoiled_files(seed, Path(folder), spoiled) if spoiled else ()
         except Exception:
             several.append(Ended(f"generator {seed}", None, traceback.format_exc()))
-    return several, time.perf_counter() - began
+    return several, time.process_time() - began
 
 
 def _options() -> argparse.Namespace:

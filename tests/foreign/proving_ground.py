@@ -21,7 +21,7 @@ from pathlib import Path
 from tests.executors import executor
 from tests.foreign import arms, cases, hide, log, motions, plant
 from tests.foreign.cases import KINDS, PROTOCOLS, Case, Days
-from tests.foreign.commands import unrendered
+from tests.foreign.ended import unrendered
 from tests.foreign.score import Outcome, figures, outcome
 from tests.foreign.through import through
 

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from armscope.cli import UNUSABLE_INPUT
-from tests.foreign.commands import Ended, called, unrendered
+from tests.foreign.ended import Ended, called, unrendered
 
 Generator = np.random.Generator
 LOST = 4

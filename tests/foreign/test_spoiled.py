@@ -11,7 +11,8 @@ import pytest
 from arm_model.model_file import read_model
 from armscope.api.reading import for_analysis
 from identification.preprocessing.checks import check_recording
-from tests.foreign.commands import called, through_every_command, unrendered
+from tests.foreign.commands import through_every_command
+from tests.foreign.ended import called, unrendered
 from tests.foreign.random_arms import stranger
 from tests.foreign.spoiled import Files, spoiled_commands, spoiled_table, spoiled_text, through_spoiled_files
 

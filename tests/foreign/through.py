@@ -13,7 +13,7 @@ import numpy as np
 from arm_io import write_toml
 from tests.foreign.arms import ForeignArm, Joint
 from tests.foreign.cases import Case, Days
-from tests.foreign.commands import Ended, called
+from tests.foreign.ended import Ended, called
 from tests.foreign.log import write_csv
 from tests.foreign.urdf import urdf
 
