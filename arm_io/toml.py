@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from arm_io.entries import hint
 from arm_io.errors import InputError
 from arm_io.files import read_text
 from arm_io.plain_data import DEEPEST, check_plain
@@ -15,6 +16,8 @@ if TYPE_CHECKING:
     from pydantic import BaseModel, ValidationError
 
 M = TypeVar("M", bound="BaseModel")
+UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
+"""Pydantic's complaints of an entry that the model does not have."""
 
 
 def read_toml(path: str | Path) -> dict[str, Any]:
@@ -50,7 +53,9 @@ def check_table(where: str | Path, table: Mapping[str, Any], model: type[M]) -> 
     try:
         return model.model_validate(table)
     except ValidationError as error:
-        raise InputError(where, one_line(error)) from None
+        first = error.errors(include_url=False)[0]
+        right = hint(table, model, first["loc"], unknown=first["type"] in UNKNOWN)
+        raise InputError(where, one_line(error) + right) from None
 
 
 def one_line(error: ValidationError) -> str:
@@ -65,7 +70,7 @@ def one_line(error: ValidationError) -> str:
         place += f"[{part + 1}]" if isinstance(part, int) else ("." if place else "") + str(part)
     message = first["msg"].removeprefix("Value error, ")
     message = message[:1].lower() + message[1:]
-    if first["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
+    if first["type"] in UNKNOWN:
         message = "unknown entry"
     elif first["type"] == "missing":
         message = "is missing"

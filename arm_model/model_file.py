@@ -10,6 +10,7 @@ from typing import Any, Literal
 from pydantic import Field, TypeAdapter, ValidationError
 
 from arm_io import InputError, check_table, read_toml, toml_of, write_toml
+from arm_io.entries import other_kind
 from arm_io.table import Table
 from arm_io.toml import one_line
 from arm_model.description import Arm, Capsule, Controller, Coupling, EffectTerm, Joint
@@ -110,9 +111,8 @@ def carried_arm(text: str, where: str | Path) -> Arm:
 def arm_of(table: dict[str, Any], where: str | Path) -> Arm:
     """The arm in a table as a model file has it; ``where`` names it in errors."""
     if "units" not in table:
-        raise InputError(
-            where, 'units: is missing; write units = "SI" (rad, m, kg, s, N, A) once all values are in them'
-        )
+        right = other_kind(table, ()) or 'write units = "SI" (rad, m, kg, s, N, A) once all values are in them'
+        raise InputError(where, f"units: is missing; {right}")
     _all_there(table, where)
     floating, mount = _base_of(table.get("base"), where)
     layout = check_table(where, table if floating is None else {**table, "base": mount}, _ModelFile)

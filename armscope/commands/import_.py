@@ -80,7 +80,7 @@ def command(
     if as_json:
         print(json.dumps({"file": str(out), "rows": rows, "joints": first.joints, "duration": seconds, "lost": 0}))
     else:
-        gaps = f", {blocks.missing} rows with missing samples" if blocks.missing else ""
+        gaps = f", {blocks.missing} row{'s' * (blocks.missing > 1)} with missing samples" if blocks.missing else ""
         print(f"{out}: {rows} rows of {first.joints} joint{'s' * (first.joints > 1)}, {seconds:.2f} s{gaps}")
     if chosen is None or "q" not in chosen.units:
         _doubt_radians(out, blocks.farthest, checked)

@@ -143,7 +143,7 @@ def _tried(question: Question, stage: Stage, joints: Sequence[int], kind: Kind) 
 
 
 def _described(found: _Found, trial: Trial, tried: int) -> Separation:
-    words = f"{trial.words} ({demand_of(trial.experiment).duration:.0f} s)"
+    words = f"{trial.words} ({demand_of(trial.experiment).duration:.0f} s in all)"
     if not found.visited:
         words = further(words)
     if found.together:

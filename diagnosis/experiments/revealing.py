@@ -109,7 +109,9 @@ def _best(one: Undetectable, tried: Sequence[tuple[Trial, dict[EffectKey, float]
     key = one.effect, one.joint
     for trial, strengths in tried:
         if strengths.get(key, 0.0) >= ENOUGH:
-            words = f"{trial.words} ({demand_of(trial.experiment).duration:.0f} s): {times_noise(strengths[key])}"
+            words = (
+                f"{trial.words} ({demand_of(trial.experiment).duration:.0f} s in all): {times_noise(strengths[key])}"
+            )
             experiment = trial.experiment.model_copy(update={"description": further(trial.words)})
             return Showing(replace(one, experiment=words), experiment)
     able = [(trial, strengths[key]) for trial, strengths in tried if key in strengths]

@@ -23,11 +23,23 @@ from diagnosis.report.plots.motion import motion_of
 from diagnosis.report.plots.residuals import against_all, left_against, side_by_side
 from diagnosis.report.plots.single_axis import wave_chart
 from diagnosis.report.tables import errors, left, rough, summary, unseen
-from diagnosis.report.wording import remainder, remains, rise_at_rest, sentence, title, uncertain, value, values_of
+from diagnosis.report.wording import (
+    remainder,
+    remains,
+    rise_at_rest,
+    sentence,
+    title,
+    two_std,
+    uncertain,
+    value,
+    values_of,
+)
 from diagnosis.units import readable, recorded_quantities, recorded_signals, rounded
 
 MOST_CHARTS = {"held_out": 2, "fit": 1}
 """Recordings of either set that are drawn; the tables have all."""
+MOST_NAMES = 6
+"""Recordings of either set that are named at the top."""
 
 
 def report(result: Diagnosis, table: dict[str, Any], held_out: Sequence[Recording] = ()) -> Report:
@@ -70,9 +82,9 @@ def report(result: Diagnosis, table: dict[str, Any], held_out: Sequence[Recordin
 
 def _asked(result: Diagnosis, table: dict[str, Any]) -> str:
     """The question that the diagnosis answers, and the recordings that it is answered from."""
-    names = f"{_counted(len(result.fit))} fitted, {_counted(len(result.held_out))} held out"
+    names = f"Fitted: {_named(table['fit'])}; held out: {_named(table['held_out'])}"
     if set(table["fit"]) & set(table["held_out"]):
-        names = f"{_counted(len(result.fit))}, split by time: the first part fitted, the second held out"
+        names = f"{_named(table['fit'])}, split by time: the first part fitted, the second held out"
     if not result.judged:
         return f"Question: what do two encoders per joint show that the gear ratios do not predict? {names}."
     taken = (
@@ -86,8 +98,9 @@ def _asked(result: Diagnosis, table: dict[str, Any]) -> str:
     )
 
 
-def _counted(recordings: int) -> str:
-    return f"{recordings} recording{'s' if recordings != 1 else ''}"
+def _named(files: Sequence[str]) -> str:
+    """The names of a few recordings, or how many there are."""
+    return ", ".join(Path(name).name for name in files) if len(files) <= MOST_NAMES else f"{len(files)} recordings"
 
 
 def _simulated(result: Diagnosis) -> Iterator[tuple[str, Chart]]:
@@ -135,7 +148,7 @@ def _section(result: Diagnosis, cause: Cause, row: dict[str, Any], number: int) 
             (
                 p.name.replace("_", " "),
                 value(p),
-                f"± {rounded(2 * p.std, 2)}" if uncertain(p) else "",
+                f"± {two_std(p)}" if uncertain(p) else "",
                 "" if p.unit == "1" else p.unit,
                 meaning.get(p.name, "") + ("" if p.of_own is None else f"; {100 * p.of_own:+.0f} % of the model's own"),
             )

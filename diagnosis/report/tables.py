@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -88,14 +88,17 @@ def unseen(table: dict[str, Any]) -> Markup | None:
     """Effects that were not detectable in these recordings, with detection experiments; None: all were."""
     if not table["not_visible"]:
         return None
+    still = [one for one in table["not_visible"] if one["why"].startswith(f"joint {one['joint']} stood still")]
     alike: dict[tuple[str, str, str], list[str]] = {}
     for one in table["not_visible"]:
+        if one in still:
+            continue
         key = str(one["joint"] or ""), one["why"], one["experiment"]
         alike.setdefault(key, []).append(in_words((one["effect"], None)))
     joints: dict[tuple[str, str, str], list[str]] = {}
     for (joint, why, experiment), effects in alike.items():
         joints.setdefault((", ".join(effects), why, experiment), []).append(joint)
-    rows, last = [], ("", "")
+    rows, last = list(_still(still)), ("", "")
     for (names, why, experiment), several in joints.items():
         here = names, experiment
         # once for all joints of an effect
@@ -105,6 +108,19 @@ def unseen(table: dict[str, Any]) -> Markup | None:
         rows.append([texts[0], ", ".join(several), why, texts[1] or "as above"])
         last = here
     return arm_report.table(rows, ("effect", "joint", "reason", "detection experiment"), (1,))
+
+
+def _still(rows: Sequence[dict[str, Any]]) -> Iterator[list[str]]:
+    """One row per joint that stood: all effects together, and the experiments for them, without how much each shows."""
+    for joint in dict.fromkeys(one["joint"] for one in rows):
+        here = [one for one in rows if one["joint"] == joint]
+        experiments = []
+        for one in here:
+            motion, _, file = one["experiment"].rpartition("; ")
+            named = file.startswith("show_")
+            experiments.append(f"{motion.rpartition(': ')[0]}; {file}" if named else one["experiment"])
+        effects = ", ".join(in_words((one["effect"], None)) for one in here)
+        yield [effects, str(joint), f"joint {joint} stood still", "; ".join(dict.fromkeys(experiments))]
 
 
 def left(result: Diagnosis, table: dict[str, Any]) -> Markup | None:

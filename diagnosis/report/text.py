@@ -36,9 +36,10 @@ def _over_noise(result: Diagnosis, table: dict[str, Any]) -> list[str]:
     rows = [row for row in table["signals"] if (row.get("noise_ratio") or {}).get("before") is not None]
     if not rows:
         return []
-    sizes = []
+    sizes = dict.fromkeys(range(1, len(result.arm) + 1), "standstill")
     for row in rows:
         before, after = (rounded(row["noise_ratio"][when], 2) for when in ("before", "after"))
-        sizes.append(f"joint {row['joint']}: {before if before == after else f'{before} -> {after}'}")
+        sizes[row["joint"]] = before if before == after else f"{before} -> {after}"
     what = recorded_quantities(result.arm)
-    return [f"held-out residual {what} over the noise floor of the instruments: {'; '.join(sizes)}"]
+    each = "; ".join(f"joint {joint}: {size}" for joint, size in sizes.items())
+    return [f"held-out residual {what} over the noise floor of the instruments: {each}"]

@@ -98,7 +98,7 @@ def estimate(one: Estimate) -> str:
     Of friction, its share of the model's own: ``coulomb 2.35 ± 0.1 N m (+47 % of the model's own)``.
     """
     unit = "" if one.unit == "1" else f" {one.unit}"
-    about = f" ± {rounded(2 * one.std, 2)}" if uncertain(one) else ""
+    about = f" ± {two_std(one)}" if uncertain(one) else ""
     own = "" if one.of_own is None else f" ({100 * one.of_own:+.0f} % of the model's own)"
     return f"{one.name.replace('_', ' ')} {value(one)}{about}{unit}{own}"
 
@@ -169,7 +169,18 @@ def value(one: Estimate) -> str:
     if not uncertain(one) or one.value == 0.0:
         return f"{one.value:.4g}"
     digits = np.floor(np.log10(abs(one.value))) - np.floor(np.log10(2 * one.std)) + 2
-    return f"{one.value:.{int(np.clip(digits, 1, 6))}g}"
+    return with_zeros(one.value, int(np.clip(digits, 1, 6)))
+
+
+def two_std(one: Estimate) -> str:
+    """Two standard deviations, to two digits."""
+    return with_zeros(2 * one.std, 2)
+
+
+def with_zeros(value: float, digits: int) -> str:
+    """A value to so many significant digits, zeros at the end too: ``0.0500`` beside ``± 0.0021``."""
+    short = rounded(value, digits)
+    return short if "e" in short or abs(float(short)) >= 10 ** (digits - 1) else f"{value:#.{digits}g}"
 
 
 def remains(cause: Cause) -> str:
@@ -177,7 +188,7 @@ def remains(cause: Cause) -> str:
     if cause.deviations is None:
         return ""
     exact, known = cause.deviations
-    return f"{known:.1f} standard deviations from nothing ({exact:.1f} if the model were exact)"
+    return f"{known:.1f} standard deviations from zero ({exact:.1f} if the model were exact)"
 
 
 def gain(cause: Cause) -> str:

@@ -24,9 +24,13 @@ def folding_warnings(runs: Sequence[Run]) -> Iterator[str]:
         noise = np.sqrt(np.mean([run.noise**2 for run in alike], axis=0))
         ratio = np.sqrt(np.mean(np.concatenate([run.folded**2 for run in alike]), axis=0)) / noise
         rate, setpoints = rate_of(alike[0].raw[0]), alike[0].setpoints
-        far = f"two std of it are {2 * ratio.max():.1f} times the noise of joint {int(ratio.argmax()) + 1}"
+        far = (
+            "inertias that are wrong are not named where that changes the "
+            f"{recorded_signals(alike[0].arm)} by less than {2 * ratio.max():.1f} times the noise "
+            f"(joint {int(ratio.argmax()) + 1})"
+        )
         if unbounded(setpoints, rate):
-            far = "how far cannot be seen at so few rows per setpoint"
+            far = "how far cannot be seen at so few rows per setpoint, and wrong inertias are not named"
         elif ratio.max() < FOLDED:
             continue
         period = setpoints.period
@@ -35,7 +39,7 @@ def folding_warnings(runs: Sequence[Run]) -> Iterator[str]:
             f"{', '.join(dict.fromkeys(run.name for run in alike))}: {rate:.5g} Hz is "
             f"{'' if times == '1 times ' else times}the rate of the controller's setpoints "
             f"(every {period * 1e3:.3g} ms{setpoints.as_shown}): "
-            f"the servos' ripple is folded onto the acceleration; {far}, and errors of inertias up to there are "
-            f"not named; at {rate_beside(period, max(rate, 2.0 / period)):.5g} Hz, or with "
-            f"{recorded_signals(alike[0].arm)} averaged over each row, they would be named"
+            f"what the servos do at each setpoint looks like an inertia; {far}; record at "
+            f"{rate_beside(period, max(rate, 2.0 / period)):.5g} Hz, or average the "
+            f"{recorded_signals(alike[0].arm)} over each row, to have them named"
         )

@@ -66,9 +66,9 @@ def _consequence(motions: Sequence[Motion]) -> str:
             f"{int(share.argmax()) + 1})"
         )
     return (
-        f"the servos' ripple is folded onto the acceleration, and a joint's own inertia may be off; {known}; at "
-        f"{rate_beside(period, max(rate, 2.0 / period)):.5g} Hz, or with currents averaged over each row, it would not "
-        "be off"
+        f"what the servos do at each setpoint looks like an inertia, and a joint's own inertia may be wrong; {known}; "
+        f"record at "
+        f"{rate_beside(period, max(rate, 2.0 / period)):.5g} Hz, or average currents over each row, to avoid it"
     )
 
 

@@ -53,7 +53,9 @@ def test_windows_and_spaces_are_welcome(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [
-        ("", r"line 1: column t is missing \(and 2 more\)|has 0 lines"),
+        ("", r"is empty; the first line must name the columns: t \(s\)|has 0 lines"),
+        ("0,1,2\n1,2,3\n", r"line 1: has numbers; the first line must name the columns: t \(s\)"),
+        ("t,i1,i2\n0,1,2\n1,2,3\n", r"line 1: column q1 is missing \(and 1 more\); every row needs t \(s\)"),
         ("t,q1,i1\n", "has 0 lines of numbers; there must be at least 2"),
         ("t,q1\n0,1\n1,2\n", "line 1: column i1 is missing"),
         ("t,i1,q_1\n0,1,2\n1,2,3\n", "line 1: column q1 is missing; is it 'q_1'?"),

@@ -43,7 +43,7 @@ def recorded(tmp_path: Path) -> Path:
 def test_there_and_back(table: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out, back = tmp_path / "run.mcap", tmp_path / "back.csv"
     assert run(["import", str(table), "--rig", str(tmp_path / "rig.toml"), "--out", str(out)]) == 0
-    assert "100 rows of 1 joint, 0.99 s, 1 rows with missing samples" in capsys.readouterr().out
+    assert "100 rows of 1 joint, 0.99 s, 1 row with missing samples" in capsys.readouterr().out
     assert run(["export", str(out), "--out", str(back)]) == 0
     before, after = read_csv(table), read_csv(back)
     np.testing.assert_array_equal(before.t, after.t)

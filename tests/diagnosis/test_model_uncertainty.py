@@ -104,7 +104,7 @@ def test_what_is_beyond_it_is_named_with_what_remains_of_its_significance(
     assert 4.0 < remains < 12.0 and remains < exact
     (row,) = known.to_json()["causes"]
     assert row["deviations"] == {"exact": exact, "known": remains}
-    assert f"{remains:.1f} standard deviations from nothing" in str(known)
+    assert f"{remains:.1f} standard deviations from zero" in str(known)
     write_model(tmp_path / "model.toml", known.extended)
     extended = armscope.read_model(tmp_path / "model.toml")
     assert extended.effects and extended.uncertainty == known.extended.uncertainty

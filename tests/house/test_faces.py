@@ -19,7 +19,19 @@ from tests.house.test_arrows import MAY_IMPORT
 
 PUBLIC = {
     "arm_clearance": ("viewing",),
-    "arm_io": ("dates", "files", "handles", "optional", "parallel", "plain_data", "progress", "table", "toml", "types"),
+    "arm_io": (
+        "dates",
+        "entries",
+        "files",
+        "handles",
+        "optional",
+        "parallel",
+        "plain_data",
+        "progress",
+        "table",
+        "toml",
+        "types",
+    ),
     "arm_report": ("chart", "motion", "palette", "vendor"),
     "arm_model": (
         "collision",

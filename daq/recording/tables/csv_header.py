@@ -21,6 +21,7 @@ LONGEST_HEADER = 1 << 16
 """Characters: 64 joints with all their columns take 3000."""
 JOINT_COLUMN = re.compile(rf"({'|'.join(JOINT_TOPICS)})([1-9][0-9]*)")
 _KNOWN = "t, q1.., i1.., qref1.., ql1.., v1.., temp1.., x, y, z"
+_NAMES = "the first line must name the columns: t (s), q1 (rad or m), i1 (A), .."
 
 
 def read_header(path: str | Path, file: TextIO, separator: str = ",") -> list[str]:
@@ -29,6 +30,8 @@ def read_header(path: str | Path, file: TextIO, separator: str = ",") -> list[st
     InputError where that is too long, or separated otherwise than by ``separator``.
     """
     line = file.readline(LONGEST_HEADER + 1)
+    if not line.strip("\ufeff \r\n") and not file.readline(1):
+        raise InputError(path, f"is empty; {_NAMES}")
     if len(line) > LONGEST_HEADER:
         raise InputError(path, f"line 1: is longer than {LONGEST_HEADER} characters; it must name the columns")
     names = [name.strip() for name in next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])]
@@ -40,7 +43,17 @@ def read_header(path: str | Path, file: TextIO, separator: str = ",") -> list[st
         )
     if len(names) > 1 and not names[-1]:
         names.pop()
+    if len(names) > 1 and all(map(_is_number, names)):
+        raise InputError(path, f"line 1: has numbers; {_NAMES}")
     return names
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
 
 
 def joints_of(
@@ -60,7 +73,8 @@ def joints_of(
             raise InputError(
                 path, f"{where}column {match[0][:40]}: joints are numbered from 1 to at most {MOST_JOINTS}"
             )
-    count = joints or max((int(match[2]) for match in by_joint if match[1] == "q"), default=1)
+    of_angles = [int(match[2]) for match in by_joint if match[1] == "q"]
+    count = joints or max(of_angles or [int(match[2]) for match in by_joint], default=1)
     needed = ["t", *(f"{signal}{joint}" for joint in range(1, count + 1) for signal in "qi")]
     known = {*needed, *"xyz", *(f"{signal}{joint}" for signal in JOINT_TOPICS for joint in range(1, count + 1))}
     unknown = [name for name in names if name not in known]
@@ -101,4 +115,5 @@ def _check_missing(
     arm = f"; the arm has {joints} joint{'s' * (joints > 1)}" if joints else ""
     listed = f"{', '.join(unknown[:8])}{', ..' * (len(unknown) > 8)}"
     other = f"; --map says which of {listed} are t, q1, i1, .. (docs/recordings.md)" if unknown else ""
-    raise InputError(path, f"{where}column {missing[0]} is missing{more}{hint or other + arm}")
+    right = hint or other + arm or "; every row needs t (s), every joint q (rad or m) and i (A)"
+    raise InputError(path, f"{where}column {missing[0]} is missing{more}{right}")

@@ -60,7 +60,11 @@ def common_targets(tracked: Sequence[Tracked], given: Given, std: float, fitted:
     sources = [one.run.source for one in tracked]
     runs = tuple(
         tuple(
-            replace(run, target=of[run.target], recorded=run.source if sources.count(run.source) == 1 else f"{k}")
+            replace(
+                run,
+                target=of[run.target],
+                recorded=run.source if sources.count(run.source) == 1 else f"{run.source} ({k + 1})",
+            )
             for run in one.runs
         )
         for k, (one, of) in enumerate(zip(tracked, numbers, strict=True))

@@ -303,8 +303,8 @@ def _check(arm: Arm, runs: Sequence[Run], least: int) -> None:
     if poses < least:
         raise InputError(
             where,
-            f"{poses} rows have all joint angles and a tracked point; at least {least} "
-            f"{'is' if least == 1 else 'are'} needed",
+            f"{poses} {'row has' if poses == 1 else 'rows have'} all joint angles and a tracked point; at least "
+            f"{least} {'is' if least == 1 else 'are'} needed",
         )
     for run in runs:
         if not run.usable.any():
