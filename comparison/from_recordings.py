@@ -82,7 +82,9 @@ def _check(before: Sequence[Recording], after: Sequence[Recording]) -> None:
         for other in after:
             rows = min(len(one), len(other))
             if one.q.shape[1:] == other.q.shape[1:] and np.array_equal(one.i[:rows], other.i[:rows], equal_nan=True):
-                raise InputError(other.path, f"holds the same rows as {one.path}; before and after must differ")
+                raise InputError(
+                    other.path, f"has the same currents as {one.path}; before and after must be two recordings"
+                )
     for recording in [*before, *after]:
         if setup_of(recording).drives_off:
             raise InputError(recording.path, "was recorded with the drives off; must be a recording of driven motion")

@@ -249,14 +249,15 @@ def _scale(joint: int, c: float, std: float, explains: Sequence[str], others: in
     if abs(scale) < CLEARLY * std:
         return None
     constant = 1.0 / (1.0 + scale) - 1.0
+    digits = max(0, 1 - int(np.floor(np.log10(max(200 * std, 1e-3)))))
     return Summary(
         effect="torque_constant",
         joint=joint,
         parameters={"error": (constant, std / (1.0 + scale) ** 2, "1")},
         explains=tuple(explains),
         sentence=(
-            f"Currents of joint {joint} are {100 * scale:+.2g} +- {200 * std:.2g} % for the same torque (torque "
-            f"constant {100 * constant:+.2g} %, or the gain of its transducer): explains "
+            f"Currents of joint {joint} are {100 * scale:+.{digits}f} +- {200 * std:.{digits}f} % for the same torque "
+            f"(torque constant {100 * constant:+.{digits}f} %, or the gain of its transducer): explains "
             f"{_all(len(explains), len(explains) + others)}"
         ),
     )

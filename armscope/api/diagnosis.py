@@ -8,9 +8,8 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from arm_io import InputError
 from arm_io.progress import silent
-from armscope.api.reading import File, Source, fixed_model, for_analysis
+from armscope.api.reading import File, Source, check_distinct, fixed_model, for_analysis
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -165,13 +164,7 @@ def fit_and_held_out(
     InputError where a recording is on both sides.
     """
     fitted, held = for_analysis(fit, held_out, most_numbers=MOST_NUMBERS, rate=RATE)
-    for one in held:
-        if any(_same(one, other) for other in fitted):
-            raise InputError(
-                one.path,
-                "is both fitted and held out; must be one of the two (without held-out recordings each is split by "
-                "time)",
-            )
+    check_distinct(fitted, held)
     from diagnosis.screening import examined, split
 
     if not held:
@@ -183,11 +176,3 @@ def fit_and_held_out(
         if one.averaged > 1
     ]
     return fitted, held, (*averaged, *([] if remark is None else [remark]))
-
-
-def _same(one: Recording, other: Recording) -> bool:
-    """Whether two files hold the same rows, or one a part of the other's from its beginning on."""
-    rows = min(len(one), len(other))
-    return one.q.shape[1:] == other.q.shape[1:] and bool(
-        (one.q[:rows] == other.q[:rows]).all() and (one.i[:rows] == other.i[:rows]).all()
-    )

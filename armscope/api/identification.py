@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal, get_args
 
 from arm_io import InputError
 from arm_io.progress import silent
-from armscope.api.reading import File, Source, fixed_model, for_analysis
+from armscope.api.reading import File, Source, check_distinct, fixed_model, for_analysis
 
 if TYPE_CHECKING:
     from arm_model import Arm
@@ -49,6 +49,7 @@ def identify(
     _check_choices(method=method, friction=friction, shape=shape)
     arm = fixed_model(model, "'armscope identify'")
     fitted, held = for_analysis(recordings, held_out)
+    check_distinct(fitted, held)
     # Imported last: these libraries take a second, for which a wrong file need not wait.
     from arm_report.motion import clip_of
     from identification import identify_by, own_friction
@@ -105,6 +106,7 @@ def check(
     _check_choices(method=method, friction=friction)
     arm = fixed_model(model, "'armscope identify'")
     fitted, held = for_analysis(recordings, held_out)
+    check_distinct(fitted, held)
     from identification import check_runs, own_friction
 
     friction = friction or own_friction(arm)

@@ -84,6 +84,31 @@ def for_analysis(*groups: Source | Sequence[Source], **bounds: Any) -> list[list
     return groups_read
 
 
+def check_distinct(fitted: Sequence[Recording], held_out: Sequence[Recording]) -> None:
+    """InputError where a recording is on both sides, which validates nothing, or twice among the fitted ones."""
+    for number, one in enumerate(fitted):
+        if any(_same(one, other) for other in fitted[:number]):
+            raise InputError(one.path, "is fitted twice; give each recording once")
+    for one in held_out:
+        if any(_same(one, other) for other in fitted):
+            raise InputError(
+                one.path,
+                "is both fitted and held out; must be one of the two (without held-out recordings each is split by "
+                "time)",
+            )
+
+
+def _same(one: Recording, other: Recording) -> bool:
+    """Whether two files hold the same rows, or one a part of the other's from its beginning on."""
+    import numpy as np
+
+    rows = min(len(one), len(other))
+    return one.q.shape[1:] == other.q.shape[1:] and bool(
+        np.array_equal(one.q[:rows], other.q[:rows], equal_nan=True)
+        and np.array_equal(one.i[:rows], other.i[:rows], equal_nan=True)
+    )
+
+
 def _floats(model: str) -> bool:
     """Whether the text of a model file says that its base floats."""
     from arm_io import toml_of

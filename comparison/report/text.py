@@ -14,17 +14,22 @@ if TYPE_CHECKING:
 WIDEST = 56
 """Letters of a quantity; longer ones stand whole in the report."""
 HEADS = ("quantity", "before", "after", "change", "2 std", "relative", "z", "p corr.", "unit")
+LEGEND = (
+    "*: significant; z: change over its std; p corr.: probability by chance, corrected for the number of quantities"
+)
 MOST = 12
 """Rows of the table that are printed; all stand in the report."""
 
 
 def text(result: Comparison) -> str:
     """The circumstances, a table of the largest changes, the significant ones in words, and the verdict."""
-    lines = [f"first: {one.sentence}" for one in result.circumstances]
+    lines = [f"note: {one.sentence}" for one in result.circumstances]
     tested = [one for one in result.changes if one.corrected is not None and one.quantity.kind != "curve"]
     tested.sort(key=lambda one: -abs(one.z or 0.0))
     shown = tested[: max(MOST, sum(one.significant for one in tested))]
     lines += _table(shown)
+    if any(one.significant for one in shown):
+        lines.append(LEGEND)
     if len(tested) > len(shown):
         lines.append(f"... and {len(tested) - len(shown)} more parameters with smaller changes")
     blind = [one for one in result.changes if not one.comparable]
@@ -33,8 +38,9 @@ def text(result: Comparison) -> str:
         reasons[one.quantity.why] = reasons.get(one.quantity.why, 0) + 1
     lines += [f"not comparable: {count} quantities: {why}" for why, count in reasons.items()]
     lines += [f"warning: {warning}" for warning in result.warnings]
-    lines += [*result.causes, *(one.sentence for one in result.summaries), *changed_sentences(result)]
-    return "\n".join([*lines, verdict(result)])
+    said = verdict(result)
+    sentences = [*result.causes, *(one.sentence for one in result.summaries), *changed_sentences(result)]
+    return "\n".join([*lines, *(one for one in sentences if one not in said), said])
 
 
 def _table(changes: list[Change]) -> list[str]:

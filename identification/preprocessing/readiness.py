@@ -30,6 +30,7 @@ EXPLAINED = 0.9  # of the torque's square: below it, the motion does not determi
 ILL_CONDITIONED = 1e4  # of the regressor with its columns scaled alike
 TELLING = 1.5  # times the unexplained at no lag over that at the best: less is chance
 LIMIT = 0.98  # of the torque limit counts as reached
+FAR_BEYOND = 2.0  # times the torque limit: no drive does that, a wrong unit or constant does
 BLOCK = 1 << 17  # rows of a correlation at a time
 
 
@@ -186,7 +187,12 @@ def _weaknesses(name: str, entry: JointReadiness, motion: Motion, limit: float |
             f"{'behind' if lag > 0 else 'ahead of'} its acceleration;"
             " are all channels of the same instant?"
         )
-    if entry.torque is not None and entry.torque > LIMIT:
+    if entry.torque is not None and entry.torque > FAR_BEYOND:
+        found.append(
+            f"{name}: joint {entry.joint} has {entry.torque:.3g} times its torque limit of {limit:g}; are the "
+            "currents in A (not mA), and gear and torque_constant those of the drive?"
+        )
+    elif entry.torque is not None and entry.torque > LIMIT:
         found.append(f"{name}: joint {entry.joint} reaches its torque limit of {limit:g}")
     return found
 

@@ -17,9 +17,43 @@ if TYPE_CHECKING:
 
 def sentences(result: Identification) -> list[str]:
     """Per joint what law its friction has over speed, load and temperature, and by what held-out errors."""
+    return [*_over_speed(result).values(), *(_depends(result, one) for one in _dependences(result))]
+
+
+def in_short(result: Identification) -> list[str]:
+    """``sentences``, but joints whose friction the held-out data leave as it is are named together."""
+    of_joint, plain = _over_speed(result), _plain(result)
+    said = [sentence for joint, sentence in of_joint.items() if joint not in plain or len(plain) == 1]
+    if len(plain) > 1:
+        joints = ", ".join(map(str, plain))
+        said.append(f"friction of joints {joints}: Coulomb and viscous (a curve is not justified by the held-out rows)")
+    said += [_depends(result, one) for one in _dependences(result) if one["stays"]]
+    for on in dict.fromkeys(one["on"] for one in _dependences(result)):
+        absent = [one for one in _dependences(result) if one["on"] == on and not one["stays"]]
+        if len(absent) == 1:
+            said.append(_depends(result, absent[0]))
+        elif absent:
+            joints = ", ".join(str(one["joint"]) for one in absent)
+            said.append(f"friction of joints {joints} over {on}: not in the model (not justified by the held-out rows)")
+    return said
+
+
+def _dependences(result: Identification) -> list[dict[str, Any]]:
+    found: list[dict[str, Any]] = result.extra.get("friction_dependence", [])
+    return found
+
+
+def _plain(result: Identification) -> list[int]:
+    """Joints for which a curve was tried and not kept."""
+    curved = {band.joint for band in result.friction_bands if band.curve}
+    return sorted({trial["joint"] for trial in result.extra.get("friction_trials", [])} - curved)
+
+
+def _over_speed(result: Identification) -> dict[int, str]:
+    """Joint -> what law its friction has over speed, and by what held-out errors."""
     curved = {band.joint: band for band in result.friction_bands if band.curve}
     trials = {trial["joint"]: trial for trial in result.extra.get("friction_trials", [])}
-    said = []
+    said = {}
     for joint in sorted({*curved, *trials}):
         trial, unit = trials.get(joint), result.torque_unit(joint - 1)
         errors = ""
@@ -27,7 +61,7 @@ def sentences(result: Identification) -> list[str]:
             errors = f"held-out error while it slides {trial['straight']:.3g} -> {trial['curve']:.3g} {unit}"
         why = "" if trial is None else trial["why"]
         if joint not in curved:
-            said.append(
+            said[joint] = (
                 f"friction of joint {joint}: Coulomb and viscous (a curve is not justified: "
                 f"{', '.join(filter(None, (errors, why)))})"
             )
@@ -35,11 +69,11 @@ def sentences(result: Identification) -> list[str]:
         speed = curved[joint].speed
         per = "rad/s" if result.arm.joints[joint - 1].revolute else "m/s"
         source = errors or "as in the model"
-        said.append(
+        said[joint] = (
             f"friction of joint {joint}: a curve of free shape through {len(speed)} speeds from {speed[0]:.2g} to "
             f"{speed[-1]:.2g} {per} ({source})"
         )
-    return said + [_depends(result, one) for one in result.extra.get("friction_dependence", [])]
+    return said
 
 
 def _depends(result: Identification, one: Mapping[str, Any]) -> str:

@@ -86,7 +86,7 @@ def verdict(result: Identification) -> str:
     which = "fitted" if alone else "held-out"
     if above := sorted((one for one in result.noise or () if one.above), key=lambda one: -one.ratio):
         joints = ", ".join(
-            f"{one.ratio:.2g} times at joint {one.joint} ({one.error:.2g} {one.unit} against {one.floor:.2g})"
+            f"{_times(one.ratio)} times at joint {one.joint} ({one.error:.2g} {one.unit} against {one.floor:.2g})"
             for one in above
         )
         return (
@@ -114,6 +114,11 @@ def _no_rotors(arm: Arm) -> str:
         "The model has no rotors, and counts theirs as inertia of the links: with a gear in it (gear = 100 and "
         "torque_constant = 0.01, where torques at the joints are recorded) rotors are identified. "
     )
+
+
+def _times(ratio: float) -> str:
+    """Two digits, without an exponent."""
+    return f"{ratio:.0f}" if ratio >= 100.0 else f"{ratio:.2g}"
 
 
 def _worst(result: Identification, which: str) -> str:

@@ -29,7 +29,7 @@ def text(result: Identification) -> str:
     lines = _table(named, "parameter")
     if sums and base:
         lines += _table(sums, "combination")
-    lines += [*friction.sentences(result), *ripples.sentences(result)]
+    lines += [*friction.in_short(result), *ripples.sentences(result)]
     lines += [f"warning: {warning}" for warning in result.warnings]
     return "\n".join([*lines, verdict(result)])
 

@@ -113,7 +113,7 @@ BAD = {
     "absent": (["none.mcap", "again.mcap", *MODEL], "none.mcap: no such file"),
     "no model": (["first.mcap", "again.mcap"], "first.mcap carries no model"),
     "no such model": (["first.mcap", "again.mcap", "--model", "none.toml"], "none.toml: no such file"),
-    "same recording": (["first.mcap", "first.mcap", *MODEL], "holds the same rows as first.mcap"),
+    "same recording": (["first.mcap", "first.mcap", *MODEL], "has the same currents as first.mcap"),
     "drives off": (["first.mcap", "off.mcap", *MODEL], "off.mcap: was recorded with the drives off"),
     "too short": (["first.mcap", "brief.mcap", *MODEL], "brief.mcap: "),
     "other arm": (

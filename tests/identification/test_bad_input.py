@@ -117,6 +117,35 @@ def test_degrees_are_noticed(motion: tuple, root: Path, tmp_path: Path, capfd: p
     assert "in degrees?" in refused(path, tmp_path / "limited.toml", capfd)
 
 
+def test_a_recording_on_both_sides_validates_nothing(
+    motion: tuple, root: Path, tmp_path: Path, capfd: pytest.CaptureFixture
+) -> None:
+    t, q, i = motion
+    for name in ("run.mcap", "copy.mcap"):
+        write_table(tmp_path / name, t, {"q": q, "i": i}, Attachments())
+    model, run_, copy = (
+        str(path) for path in (root / "config/models/scara.toml", tmp_path / "run.mcap", tmp_path / "copy.mcap")
+    )
+    for arguments, says in (
+        ([run_, "--held-out", copy], "both fitted and held out"),
+        ([run_, copy], "is fitted twice"),
+    ):
+        assert run(["identify", *arguments, "--model", model, "--out", str(tmp_path / "out")]) == 2
+        line = capfd.readouterr().err
+        assert "copy.mcap" in line and says in line and line.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_milliamperes_are_noticed(motion: tuple, root: Path, tmp_path: Path, capfd: pytest.CaptureFixture) -> None:
+    t, q, i = motion
+    write_table(tmp_path / "run.mcap", t, {"q": q, "i": 1000.0 * i}, Attachments())
+    limited = (root / "config/models/scara.toml").read_text()
+    limited = limited.replace('type = "revolute"', 'type = "revolute"\ntorque_limit = 100.0')
+    (tmp_path / "limited.toml").write_text(limited)
+    assert run(["identify", str(tmp_path / "run.mcap"), "--model", str(tmp_path / "limited.toml"), "--check"]) == 0
+    assert "are the currents in A (not mA)" in capfd.readouterr().out
+
+
 def test_whole_recording_of_the_same_motion_is_taken(motion: tuple, root: Path, tmp_path: Path) -> None:
     t, q, i = motion
     path = tmp_path / "run.mcap"

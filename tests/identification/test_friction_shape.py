@@ -93,7 +93,9 @@ def test_straight_friction_stays_straight(tmp_path: Path) -> None:
     result = _identified(tmp_path, straight, seconds=12.0)
     assert not any(band.curve for band in result.friction_bands)
     assert all(joint.friction_curve is None for joint in result.arm.joints)
-    assert "friction of joint 1: Coulomb and viscous (a curve is not justified" in str(result)
+    assert "friction of joints 1, 2, 3: Coulomb and viscous (a curve is not justified" in str(result)
+    result.write(tmp_path / "out")
+    assert "friction of joint 1: Coulomb and viscous (a curve is not" in (tmp_path / "out/report.html").read_text()
     for trial in result.extra["friction_trials"]:
         assert bool(trial["why"]) == (trial["curve"] < 0.95 * trial["straight"])
 
