@@ -3,7 +3,10 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 
-# Two test processes share two cores; more threads for linear algebra would slow them down.
+# Three test processes on two cores: a third of the time one waits for daemons, browsers and recordings.
+TESTING := -m 'not slow' -n 3 --dist loadgroup
+
+# More threads for linear algebra would slow them down.
 export OPENBLAS_NUM_THREADS ?= 1
 # The tests start hundreds of processes: without compiled modules each needs two seconds more.
 unexport PYTHONDONTWRITEBYTECODE
@@ -21,14 +24,14 @@ demo: $(STAMP)
 	$(BIN)/python -m armscope demo
 
 test: $(STAMP)
-	$(BIN)/python -m pytest -m 'not slow' -n 2 --dist loadgroup
+	$(BIN)/python -m pytest $(TESTING)
 
 test-slow: $(STAMP)
 	$(BIN)/python -m pytest -m slow
 
 # The properties of the suite on examples that nobody has seen: `make test` draws the same ones every time.
 explore: $(STAMP)
-	grep -rl '^@given\|^    @given' tests | xargs $(BIN)/python -m pytest -m 'not slow' -n 2 --dist loadgroup --hypothesis-profile=explore
+	grep -rl '^@given\|^    @given' tests | xargs $(BIN)/python -m pytest $(TESTING) --hypothesis-profile=explore
 
 blind: $(STAMP)
 	$(BIN)/python -m tests.blind

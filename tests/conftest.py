@@ -23,6 +23,17 @@ hypothesis.settings.register_profile("armscope", hypothesis.settings.get_profile
 hypothesis.settings.load_profile("armscope")
 
 
+@pytest.hookimpl(tryfirst=True)  # pytest-xdist reads the groups in the same hook
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """The tests of a file run in one process of ``--dist loadgroup``, unless a group of files is stated.
+
+    Fixtures of a module and kept results are then made once, not once in every process.
+    """
+    for item in items:
+        if item.get_closest_marker("xdist_group") is None:
+            item.add_marker(pytest.mark.xdist_group(item.path.relative_to(ROOT).as_posix()))
+
+
 @pytest.fixture(scope="session")
 def root() -> Path:
     """The checkout."""

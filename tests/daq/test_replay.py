@@ -81,16 +81,17 @@ def test_every_sample_of_the_emps_reaches_a_subscriber(root: Path, shared: Path,
     assert (tally["missed"], tally["joined"], tally["complete"]) == (0, 0, True)
 
 
-@pytest.fixture
-def short_run(root: Path, tmp_path: Path) -> Path:
+@pytest.fixture(scope="module")
+def short_run(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("short")
     t = np.arange(500) * 0.002 + 5.0
     q = np.column_stack([np.sin(t), np.cos(t)])
     q[17, 1] = np.nan
     lines = [f"{a!r},{b!r},{c!r},0.5,-0.5" for a, (b, c) in zip(t.tolist(), q.tolist())]
-    (tmp_path / "table.csv").write_text("t,q1,q2,i1,i2\n" + "\n".join(lines) + "\n")
-    imported = armscope(root, "import", str(tmp_path / "table.csv"), "--out", str(tmp_path / "run.mcap"))
+    (folder / "table.csv").write_text("t,q1,q2,i1,i2\n" + "\n".join(lines) + "\n")
+    imported = armscope(root, "import", str(folder / "table.csv"), "--out", str(folder / "run.mcap"))
     assert imported.wait(60) == 0
-    return tmp_path / "run.mcap"
+    return folder / "run.mcap"
 
 
 def test_blocks_cover_a_recording_once(short_run: Path) -> None:

@@ -20,10 +20,6 @@ def straight(v: np.ndarray) -> np.ndarray:
     return np.array([9.0, 10.0, 5.0]) + np.array([8.0, 9.0, 5.0]) * v
 
 
-pytestmark = pytest.mark.xdist_group("friction_shape")
-"""One process identifies for all tests of this module."""
-
-
 def _identified(folder: Path, law: Law, seconds: float = 16.0) -> armscope.Identification:
     fit, held_out = (recording(folder / f"{seed}.mcap", law, seed, seconds=seconds) for seed in (1, 3))
     return armscope.identify(fit, stranger(folder / "model.toml"), held_out=held_out)

@@ -14,9 +14,6 @@ from arm_model import Arm, read_model, write_model
 from armscope.cli import run
 from tests.diagnosis.numpy_arm import REST, NumpyArm, humped, model, straight
 
-pytestmark = pytest.mark.xdist_group("load_and_temperature")
-"""One process identifies for all tests of this module."""
-
 FRICTION = ((straight(9.0, 8.0),) * 2, (humped,) * 2)
 MU = (0.05, 0.08)
 

@@ -13,9 +13,6 @@ import armscope
 from arm_model import read_model
 from tests.diagnosis.numpy_arm import GEAR, NumpyArm, humped, model, straight
 
-pytestmark = pytest.mark.xdist_group("ripples")
-"""One process identifies for all tests of this module."""
-
 FRICTION = ((straight(9.0, 8.0),) * 2, (humped,) * 2)
 TEETH = (0.3, 37.0, 1.0)
 """N m, cycles per turn of joint 1, rad: 3 % of its Coulomb friction."""

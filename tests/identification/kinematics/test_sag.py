@@ -56,7 +56,6 @@ def poses(tmp_path_factory: pytest.TempPathFactory) -> tuple[foreign.TrueArm, Pa
     return arm, tmp_path_factory.mktemp("poses"), (q, arm.measured(points)), unseen
 
 
-pytestmark = pytest.mark.xdist_group("sag")
 FOUND: dict[tuple[Path, bool, tuple[int, ...]], armscope.Calibration] = {}
 """What several tests look at is calibrated once per folder of the module."""
 
