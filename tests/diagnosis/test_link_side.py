@@ -28,7 +28,7 @@ from experiment import Experiment
 from tests.blind.hide import Hidden
 from tests.blind.laboratory import Laboratory
 from tests.blind.motions import FULL_ACCELERATION, FULL_SPEED, HOME, fourier
-from tests.blind.record import nominal_plant, recorded, truth
+from tests.blind.record import Truth, nominal_plant, recorded, truth
 
 pytest.importorskip("numba", reason="the plant of the hidden-effect tests is compiled by numba")
 
@@ -51,6 +51,17 @@ def _over_the_vertical(number: int, rounds: int) -> Experiment:
     return Experiment.model_validate({"name": f"run {number}", **start, "segment": segments})
 
 
+TRUE: dict[str, Truth] = {}
+
+
+def _truth(number: int, rounds: int, hidden: tuple[Hidden, ...]) -> Truth:
+    """What the arm does in run 0 or 1, simulated once."""
+    key = f"{number}, {rounds}, {hidden}"
+    if key not in TRUE:
+        TRUE[key] = truth(_over_the_vertical(number, rounds), hidden, LABORATORY)
+    return TRUE[key]
+
+
 def _recorded(
     root: Path, hidden: tuple[Hidden, ...], late: float = 0.0, zero: float = 0.0, rounds: int = 1
 ) -> list[Recording]:
@@ -59,7 +70,7 @@ def _recorded(
     read = []
     with tempfile.TemporaryDirectory() as folder:
         for number in range(2):
-            what = truth(_over_the_vertical(number, rounds), hidden, LABORATORY)
+            what = _truth(number, rounds, hidden)
             rows, t = recorded(what, LABORATORY, 10 + number), what.signals.t
             link = CubicSpline(t, what.link)(np.maximum(t - late, t[0]))
             for one in hidden:
