@@ -1,4 +1,4 @@
-"""Instruments a robot arm, and tells the truth about its model.
+"""Measures a robot arm, and finds what its model gets wrong.
 
     run = armscope.open("a.mcap")                            # a recording: run.t, run.q, run.i, run.ledger
     arm = armscope.read_model("arm.toml")                    # or arm.urdf, or a MuJoCo arm.xml

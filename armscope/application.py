@@ -14,7 +14,8 @@ import keyword
 import math
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -110,7 +111,28 @@ def command_of(name: str) -> Any:
     register(_guarded(module.command, getattr(module, "MAY_BE_INFINITE", ())))
     command: Any = typer.main.get_command(alone)
     command.many = getattr(module, "MANY", ())
+    for parameter in command.params:
+        _name_type(parameter)
     return command
+
+
+TYPES = {"float range": "X", "float": "X", "int range": "N", "int": "N", "str": "NAME", "path": "FILE", "Path": "FILE"}
+"""Python's name of a value -> what stands for it in a help text."""
+
+
+def _name_type(parameter: Any) -> None:
+    """Lets the help of an option say ``X`` or ``FILE`` where typer has ``<float range>``; of an argument nothing."""
+    shown = getattr(parameter, "display_type_rich", None)
+    if shown is None:
+        return
+
+    def named(ctx: Any) -> str:
+        if parameter.param_type_name == "argument":
+            return ""
+        bare = str(shown(ctx)).strip("<>").removeprefix("list[").removesuffix("]")
+        return TYPES.get(bare, bare)
+
+    parameter.display_type_rich = named
 
 
 def _guarded(command: Callable[..., Any], infinite: Sequence[str]) -> Callable[..., int]:
@@ -131,6 +153,7 @@ def _guarded(command: Callable[..., Any], infinite: Sequence[str]) -> Callable[.
             option = f"--{name.replace('_', '-')}"
             if isinstance(value, float) and not (math.isfinite(value) or (option in infinite and value == math.inf)):
                 raise InputError(option, f"must be a finite number (is {value:g})")
+        _keep_inputs(given)
         with warnings_on(sys.stderr) as lacking:
             status = command(**given)
         return status or (SAMPLES_LOST if lacking else DONE)
@@ -138,6 +161,17 @@ def _guarded(command: Callable[..., Any], infinite: Sequence[str]) -> Callable[.
     guarded.__signature__ = own.replace(parameters=[*own.parameters.values(), extra])  # type: ignore[attr-defined]
     guarded.__annotations__ = {name: one.annotation for name, one in own.parameters.items()} | {"no_color": NoColor}
     return guarded
+
+
+def _keep_inputs(given: Mapping[str, Any]) -> None:
+    """InputError where ``--out`` is a file that the command reads: measured data would be replaced by the result."""
+    out = given.get("out")
+    if not isinstance(out, Path) or not out.is_file():
+        return
+    for name, value in given.items():
+        several = value if isinstance(value, list) else [value]
+        if name != "out" and any(isinstance(one, Path) and one.is_file() and one.samefile(out) for one in several):
+            raise InputError(out, "is read here, and would be replaced; --out must name another file")
 
 
 def _without_colours(asked: bool) -> None:

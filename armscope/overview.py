@@ -17,7 +17,7 @@ OPTIONS = {
     "--no-color": "no colours, as with the variable NO_COLOR",
     "-h, --help": "show the options and commands",
 }
-PURPOSE = "Instruments a robot arm and tells the truth about its model."
+PURPOSE = "Measures a robot arm, and finds what its model gets wrong."
 MORE = (
     "Details and examples: armscope COMMAND --help. Exit status: 0 done, 2 invalid input, 3 a device failed, "
     "4 done but samples were lost, 5 changed (compare --fail-above)."
