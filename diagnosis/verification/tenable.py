@@ -85,12 +85,15 @@ def _remainder(candidate: Candidate, found: Found) -> Remainder | None:
 
 
 def indistinct(arm: Arm, causes: Sequence[Cause]) -> int | None:
-    """The first cause without a linear parameter that differs significantly from zero, corrected for their number.
+    """The first cause whose size does not differ significantly from zero, corrected for the number of its parameters.
 
-    None where the model says how well it is known, which is judged by ``within_model``.
+    Its size: any of its linear parameters, or the inverse of one such as a stiffness. None where the model says how
+    well it is known, which is judged by ``within_model``.
     """
     for index, cause in enumerate(causes if arm.uncertainty is None else ()):
-        sizes = {p.name for p in CATALOGUE[cause.effect].linear}
+        # the inverse of a stiffness is as many std from zero as the stiffness itself
+        effect = CATALOGUE[cause.effect]
+        sizes = {p.name for p in effect.linear} | {p.name for p in effect.parameters if p.inverse}
         values = [p for p in cause.parameters if p.name in sizes]
         # of k parameters without any effect, one exceeds it as often as one alone exceeds the limit
         limit = float(stats.norm.isf(stats.norm.sf(LIMITS.significant_sizes) / max(len(values), 1)))

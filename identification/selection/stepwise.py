@@ -167,13 +167,17 @@ def _significant(q: float, fdr: float | None) -> bool:
 
 
 def _ranked(model: MeasurementModel[C, S], scores: Sequence[Score[C]]) -> list[Score[C]]:
-    """The largest gain first; of those that are equal to the best, the one with the fewest coefficients."""
+    """The largest gain first; of those that are equal to the best, the one with the fewest coefficients.
+
+    First of all, coefficients that the data says something of: a link of which one inertia is seen is no richer than a
+    rotor. Of these two, the rotor, which has no others.
+    """
     if not scores:
         return []
     best = max(scores, key=lambda score: score.gain)
 
-    def rank(score: Score[C]) -> tuple[int, float]:
+    def rank(score: Score[C]) -> tuple[int, float, int]:
         equal = score.gain >= best.gain - model.tolerance(score, best)
-        return (0, len(score.coefficients)) if equal else (1, -score.gain)
+        return (0, score.determined, len(score.coefficients)) if equal else (1, -score.gain, 0)
 
     return sorted(scores, key=rank)

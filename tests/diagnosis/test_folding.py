@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy import signal
 
 import armscope
 from arm_model import Arm, EffectTerm
@@ -15,12 +16,16 @@ from arm_model.simulation import simulate
 from daq.recording import Recording, open_recording
 from daq.recording.parts import Attachments
 from daq.recording.tables.table import write_table
+from diagnosis.measurements.currents.columns import candidates
+from diagnosis.measurements.currents.design_matrix import Library, dataset_of
 from diagnosis.measurements.currents.limits import LIMITS
+from diagnosis.measurements.currents.model import Currents
 from diagnosis.residual.generation import residual_run
 from diagnosis.residual.noise.channels import NOTHING_KNOWN, KnownNoise
 from diagnosis.screening.mains_hum import lines_near_mains, mains_hum, other_lines
 from experiment import Demand, demand_of, read_experiment
 from identification.preprocessing import folding_line, setpoints_of
+from identification.selection import Split, select
 
 COUNTS = 400_000
 """Of an encoder, per joint revolution."""
@@ -146,3 +151,27 @@ def test_a_line_of_the_setpoints_that_sampling_puts_at_60_hz_is_no_hum(
     assert not mains_hum(recordings, lines, unknown)
     remarks = other_lines(lines, unknown)
     assert any("Hz at joint 1" in remark and "its amplitude varies" in remark for remark in remarks)
+
+
+def _chosen(arm: Arm, actual: Arm, demands: tuple[Demand, Demand]) -> list[tuple[str, int | None]]:
+    """Inertias that are named of an arm, from currents as a controller logs them: filtered, one row per setpoint."""
+    lag, runs = signal.butter(2, 35.0, fs=1000.0, output="sos"), []
+    for seed, demand in enumerate(demands):
+        motion = simulate(actual, demand, duration=demand.duration, rate=1000.0)
+        current = motion.torque / actual.joint_array("drive_constant")
+        q, i = (signal.sosfilt(lag, one - one[0], axis=0)[::10] + one[0] for one in (motion.qm, current))
+        i = i + 5e-3 * np.random.default_rng(seed).standard_normal(i.shape)
+        runs.append(residual_run("run", arm, np.arange(len(q)) / 100.0, q, i))
+    data = Split(*(dataset_of([run]) for run in runs))
+    every = [c for c in candidates(arm) if c.effect in {"rotor_inertia", "link_inertia"}]
+    return [c.key for c in select(Currents(arm, data, Library(every, data), [])).chosen]
+
+
+def test_of_unknown_setpoints_what_one_row_each_may_fold_is_no_inertia(arm: Arm, root: Path) -> None:
+    demands = tuple(
+        demand_of(read_experiment(root / f"config/starters/csv/{name}.toml")) for name in ("fit", "held_out")
+    )
+    nothing_known, rotor = replace(arm, controller=None), arm.joints[0].ratio ** 2 * arm.joints[0].rotor_inertia
+    assert _chosen(nothing_known, arm, demands) == []
+    heavier = replace(arm, effects=(EffectTerm("rotor_inertia", 1, {"inertia": 0.3 * rotor}),))
+    assert _chosen(nothing_known, heavier, demands) == [("rotor_inertia", 1)]

@@ -44,6 +44,16 @@ def test_a_tilt_and_a_zero_offset_are_named_together(arm: Arm, tilt: float) -> N
     assert separated_by(cause.group) == "a level on the base"
 
 
+def test_a_piece_on_the_first_link_is_no_spring(arm: Arm) -> None:
+    """Three of the ten parameters of a link show in a plane: that it has seven more makes it no richer."""
+    first = arm.joints[0]
+    lighter = replace(arm, joints=(replace(first, mass=first.mass - 1.0), *arm.joints[1:]))
+    data = Split(*(dataset_of([_run(lighter, seed, 0.0)]) for seed in (1, 2)))
+    every = [c for c in candidates(arm) if c.effect in {"link_inertia", "gravity_spring", "rotor_inertia"}]
+    state = select(Currents(lighter, data, Library(every, data), []))
+    assert [c.key for c in state.chosen] == [("link_inertia", 1)]
+
+
 def test_a_tilt_out_of_the_plane_has_no_column(arm: Arm) -> None:
     """Half of the second order was left of it by a one-sided difference: 219 rad of roll for a tilt of 0.1."""
     run = residual_of(arm, 1, Day())

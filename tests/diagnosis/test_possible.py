@@ -84,3 +84,10 @@ def test_a_base_turns_by_half_a_turn_at_most() -> None:
     """Of a planar arm, a roll has no first-order effect: rounding of it made one of -45800 rad."""
     assert CATALOGUE["base_tilt"].admits("roll", 0.3) and not CATALOGUE["base_tilt"].admits("roll", -45800.0)
     assert not CATALOGUE["joint_zero_offset"].admits("offset", 40.0)
+
+
+def test_a_spring_whose_stiffness_may_be_any_is_no_name(root: Path) -> None:
+    """It has no linear parameter: 1 / stiffness is as far from zero, in std, as the stiffness."""
+    arm = armscope.read_model(root / "config/models/puma560.toml")
+    assert indistinct(arm, [_cause("joint_compliance", 1, stiffness=(5200.0, 4900.0), damping=(1.0, 0.1))]) == 0
+    assert indistinct(arm, [_cause("joint_compliance", 1, stiffness=(5200.0, 490.0), damping=(1.0, 2.0))]) is None

@@ -26,6 +26,7 @@ from diagnosis.measurements.currents.model_errors import ModelUncertainty, Signi
 from diagnosis.measurements.currents.pairs import pair_of
 from diagnosis.measurements.currents.refinement import is_physical, refined
 from diagnosis.measurements.currents.unexplained import joints_above_noise
+from diagnosis.measurements.currents.unseen_inertia import explained, unseen_inertia
 from diagnosis.selection.bodies import body_of, link_of
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Columns, Dataset, Pair
@@ -161,8 +162,11 @@ class Currents(MeasurementModel[Candidate, State]):
         return self.limits.relaxed_fdr if large else self.limits.fdr
 
     def tolerance(self, score: Score[Candidate], best: Score[Candidate]) -> float:
-        """A share of the gain for every coefficient that the best has more, and no less than the noise decides."""
-        more = max(1, len(best.coefficients) - len(score.coefficients))
+        """A share of the gain for every coefficient that the best has more, and no less than the noise decides.
+
+        Coefficients that the data says something of.
+        """
+        more = max(1, best.determined - score.determined)
         return max(self.limits.tie * best.gain * more, self.limits.tie_floor * self.data.held_out.rows)
 
     def admissible(self, score: Score[Candidate], state: State) -> bool:
@@ -181,9 +185,18 @@ class Currents(MeasurementModel[Candidate, State]):
         )
 
     def needed(self, score: Score[Candidate], state: State) -> bool:
-        """Whether the gain is large against the noise, above what may have leaked from the chosen ones."""
-        allowance = leakage(state.data.held_out, state.fitted)
-        return matters(score.by_joint, len(score.coefficients), allowance, state.data.held_out)
+        """Whether the gain is large against the noise.
+
+        Above what may have leaked from the chosen ones, and what sampling may have put onto the acceleration unseen.
+        """
+        held_out, count = state.data.held_out, len(score.coefficients)
+        allowance = leakage(held_out, state.fitted)
+        if not matters(score.by_joint, count, allowance, held_out):
+            return False
+        if not self._unseen.any():
+            return True
+        unseen = explained(self._unseen, self.columns(score.candidate).held_out, held_out)
+        return matters(score.by_joint - unseen, count, allowance, held_out)
 
     def entered(self, score: Score[Candidate], admissible: Sequence[Score[Candidate]], state: State) -> State:
         """With the candidate refined.
@@ -288,6 +301,11 @@ class Currents(MeasurementModel[Candidate, State]):
         sharp = refined(score.candidate, others.fitted, self.data.fit)
         own = _replaced(state, chosen, sharp).coefficients[state.chosen.index(chosen)]
         return small_term(sharp, self.columns(sharp).fit.x * own, self.limits.next_order)
+
+    @cached_property
+    def _unseen(self) -> Array:
+        """(n rows,) of the held-out recordings."""
+        return unseen_inertia(self.data.held_out.runs)
 
     @property
     def _seconds(self) -> float:
