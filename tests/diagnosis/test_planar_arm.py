@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -48,7 +49,7 @@ def test_a_piece_on_the_first_link_is_no_spring(arm: Arm) -> None:
     """Three of the ten parameters of a link show in a plane: that it has seven more makes it no richer."""
     first = arm.joints[0]
     lighter = replace(arm, joints=(replace(first, mass=first.mass - 1.0), *arm.joints[1:]))
-    data = Split(*(dataset_of([_run(lighter, seed, 0.0)]) for seed in (1, 2)))
+    data = Split(*(dataset_of([residual_of(lighter, seed, Day())]) for seed in (1, 2)))
     every = [c for c in candidates(arm) if c.effect in {"link_inertia", "gravity_spring", "rotor_inertia"}]
     state = select(Currents(lighter, data, Library(every, data), []))
     assert [c.key for c in state.chosen] == [("link_inertia", 1)]

@@ -53,10 +53,12 @@ INERTIAL = {"payload", "link_inertia", "rotor_inertia"}
 class Outcome:
     """One case, for JSON.
 
-    named        [effect, joint, confidence, right] per cause
+    named        [effect, joint, confidence, right] per cause; right also where the hidden effect is in the group that
+                 stands in its title: "joint zero offset of joint 1 or base tilt", whose confidence is that of the group
     supports     evidence of each of them; owned: whether it is a ripple that the healthy arm has and its model lacks,
                  which is neither right nor superfluous
-    found        whether the hidden effect is among them; in_group: or in the group of one of them
+    found        whether the hidden effect is among them; in_group: or in the group of one of them, which is then not
+                 superfluous
     compare      None where compare was not asked; else whether its surest change is the effect
     changed      whether compare called anything changed
     differing    [quantity, joint, z, right] per significant change of compare, surest first; elsewhere: number of those
@@ -98,7 +100,7 @@ class Outcome:
     @property
     def good_diagnosis(self) -> bool:
         """``diagnose`` said all there was to say, and nothing else."""
-        return not self.crashes and not self.superfluous and (self.found or self.kind == "nothing")
+        return not self.crashes and not self.superfluous and (self.in_group or self.kind == "nothing")
 
     def line(self) -> str:
         """For people: what was hidden, what was said."""
@@ -148,20 +150,30 @@ def _score_comparison(one: Outcome, hidden: Hidden | None, table: Mapping[str, A
 def _score_diagnosis(one: Outcome, hidden: Hidden | None, table: Mapping[str, Any], plant: Plant) -> None:
     one.verdict = "too short" if table["too_short"] else table["verdict"]
     one.unexplained = [[s["signal"], s["joint"], s["against"], s["share"], s["size"]] for s in table["unexplained"]]
+    of_hidden = None if hidden is None else _of_hidden(table["causes"], hidden)
     for cause in table["causes"]:
-        was_right = hidden is not None and not one.found and right(cause, hidden)
-        one.found |= was_right
-        one.in_group |= hidden is not None and (was_right or _in_group(cause, hidden))
-        its_own = not was_right and of_the_arm(cause, plant)
+        is_it = cause is of_hidden
+        its_own = not is_it and of_the_arm(cause, plant)
         one.owned.append(its_own)
-        one.superfluous += not was_right and not its_own
-        one.named.append([cause["effect"], cause["joint"], cause["confidence"], was_right])
+        one.superfluous += not is_it and not its_own
+        one.named.append([cause["effect"], cause["joint"], cause["confidence"], is_it])
         one.supports.append(cause.get("support"))
-        if was_right and hidden is not None and cause["effect"] == hidden.effect:
-            one.inside = within(cause["parameters"], hidden.parameters)
+        if is_it and hidden is not None:
+            one.found, one.in_group = right(cause, hidden), True
+            if cause["effect"] == hidden.effect:
+                one.inside = within(cause["parameters"], hidden.parameters)
     if hidden is not None:
         place = (hidden.effect, hidden.joint)
         one.declared = any((row["effect"], row["joint"]) == place for row in table["not_visible"])
+
+
+def _of_hidden(causes: Sequence[Mapping[str, Any]], hidden: Hidden) -> Mapping[str, Any] | None:
+    """The cause that says the hidden effect: by its own name, or else by the group that is printed with that name."""
+    for says in (right, _in_group):
+        for cause in causes:
+            if says(cause, hidden):
+                return cause
+    return None
 
 
 def right(cause: Mapping[str, Any], hidden: Hidden) -> bool:
@@ -235,7 +247,7 @@ def figures(outcomes: Sequence[Outcome]) -> dict[str, float]:
             table["compare_cases"] = len(asked)
             table["compare_right"] = _mean(o.compare for o in asked)
             table["compare_superfluous_per_case"] = _mean(o.elsewhere for o in asked)
-            table["diagnose_right_in_these"] = _mean(o.found for o in asked)
+            table["diagnose_right_in_these"] = _mean(o.in_group for o in asked)
             table["diagnose_superfluous_in_these"] = _mean(o.superfluous for o in asked)
     if nothing:
         table["nothing_cases"] = len(nothing)

@@ -21,7 +21,8 @@ from tests.foreign.log import Defects, logged
 from tests.foreign.motions import targets
 from tests.foreign.plant import STEP, compiled, healthy, run
 from tests.foreign.proving_ground import judged
-from tests.foreign.score import is_of
+from tests.foreign.score import Outcome, is_of, outcome
+from tests.foreign.through import Results
 from tests.foreign.urdf import urdf
 
 
@@ -110,6 +111,35 @@ def test_a_change_counts_as_the_effect_only_where_it_says_so(
 ) -> None:
     change = {"name": quantity, "kind": kind, "joint": joint}
     assert is_of(change, Hidden(effect, 2, {})) is right
+
+
+def _named(*groups: list[tuple[str, int | None]]) -> Outcome:
+    """The score of a diagnosis that names these groups, each printed by all of its members; hidden: a tilt."""
+    causes = [
+        {
+            "effect": group[0][0],
+            "joint": group[0][1],
+            "confidence": 0.9,
+            "parameters": {},
+            "group": [{"effect": effect, "joint": joint} for effect, joint in group],
+        }
+        for group in groups
+    ]
+    said = {"too_short": [], "verdict": "explained", "unexplained": [], "not_visible": [], "causes": causes}
+    case = _case("first", "singles", "two_link", "base_tilt", None)
+    return outcome(case, Hidden("base_tilt", None, {"roll": 0.0, "pitch": 0.1}), 3.0, Results([], said, None))
+
+
+def test_a_name_that_is_printed_with_the_hidden_effect_is_right() -> None:
+    """No motion of a planar arm distinguishes a tilt from an offset, and the title says "... or base tilt"."""
+    offset, tilt = ("joint_zero_offset", 1), ("base_tilt", None)
+    together = _named([offset, tilt])
+    assert together.good and not together.found and together.in_group and not together.superfluous
+    alone = _named([offset])
+    assert not alone.good and not alone.in_group and alone.superfluous == 1
+    # said once: the name of its own is the right one, the group beside it is one too many
+    twice = _named([offset, tilt], [tilt])
+    assert twice.found and twice.superfluous == 1 and [row[-1] for row in twice.named] == [False, True]
 
 
 @pytest.mark.slow

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from arm_io.types import Array
-from diagnosis.residual.expected_current import rate_of
+from diagnosis.residual.filters import rate_of
 from diagnosis.residual.run import Run
 from diagnosis.selection.design import Columns, Dataset
 
