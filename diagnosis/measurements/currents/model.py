@@ -26,13 +26,13 @@ from diagnosis.measurements.currents.model_errors import ModelUncertainty, Signi
 from diagnosis.measurements.currents.pairs import pair_of
 from diagnosis.measurements.currents.refinement import is_physical, refined
 from diagnosis.measurements.currents.unexplained import joints_above_noise
-from diagnosis.measurements.currents.unseen_inertia import explained, unseen_inertia
 from diagnosis.selection.bodies import body_of, link_of
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Columns, Dataset, Pair
 from diagnosis.selection.next_order import is_of_ripple, next_orders, of_last_term, of_ripples, small_term, term_share
 from diagnosis.selection.regression import Fitted, best_of_each, fit_together, score
 from diagnosis.selection.ripple_orders import detectable
+from diagnosis.selection.unseen_inertia import explained, unseen_inertia
 from identification.selection import MeasurementModel, Score, Split, p_value
 
 Rivals = Mapping[EffectKey, Sequence[Score[Candidate]]]
