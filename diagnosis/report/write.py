@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from arm_io import make_folder
 from arm_io.parallel import in_parallel
+from arm_io.whole_folder import whole_folder
 from arm_model import write_model
 from arm_model.effects import CATALOGUE
 from arm_report import write_report
@@ -246,22 +246,22 @@ def write_diagnosis(
     separate_K.toml discriminates the ambiguity group of cause K; show_K.toml makes effects detectable that these
     recordings could not show.
     """
-    make_folder(out)
-    table = table_of(result, fit, held_out)
-    for place, found in (separations(result) if experiments.separate is None else experiments.separate).items():
-        row = table["causes"][place]
-        row["separate_by"], row["separation"] = found.words, None
-        if found.experiment is not None:
-            path = out / f"separate_{place + 1}.toml"
-            write_experiment(path, found.experiment, heading=_heading(result.causes[place], found))
-            row["separate_by"] = str(path)
-            row["separation"] = {"motion": found.words, "distance": round(found.distance, 1), "tried": found.tried}
-    _add_showing(out, table, shown_by(result, experiments.limits, progress))
-    if experiments.recorded:
-        table["experiments"] = [dict(one) for one in experiments.recorded]
-    progress("report")
-    write_model(out / "model.toml", result.extended)
-    return write_report(out, ("report.html", "diagnosis.json"), report(result, table, held_out), table, pictures)
+    with whole_folder(out) as there:
+        table = table_of(result, fit, held_out)
+        for place, found in (separations(result) if experiments.separate is None else experiments.separate).items():
+            row = table["causes"][place]
+            row["separate_by"], row["separation"] = found.words, None
+            if found.experiment is not None:
+                name = f"separate_{place + 1}.toml"
+                write_experiment(there / name, found.experiment, heading=_heading(result.causes[place], found))
+                row["separate_by"] = str(out / name)
+                row["separation"] = {"motion": found.words, "distance": round(found.distance, 1), "tried": found.tried}
+        _add_showing(there, table, shown_by(result, experiments.limits, progress))
+        if experiments.recorded:
+            table["experiments"] = [dict(one) for one in experiments.recorded]
+        progress("report")
+        write_model(there / "model.toml", result.extended)
+        return write_report(there, ("report.html", "diagnosis.json"), report(result, table, held_out), table, pictures)
 
 
 def _add_showing(out: Path, table: dict[str, Any], showing: Sequence[Showing]) -> None:

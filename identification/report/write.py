@@ -7,7 +7,7 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from arm_io import make_folder
+from arm_io.whole_folder import whole_folder
 from arm_model import write_model
 from arm_report import Report, write_report
 from identification.report import floating_base, html
@@ -41,7 +41,7 @@ def _written(
     heading: str,
     pictures: Collection[str],
 ) -> dict[str, Any]:
-    make_folder(folder)
     heading = f"{heading} from {', '.join(Path(p).name for p in result.fit)}."
-    write_model(folder / "model.toml", result.arm, heading=heading)
-    return write_report(folder, ("report.html", "identification.json"), report, result.to_json(), pictures)
+    with whole_folder(folder) as there:
+        write_model(there / "model.toml", result.arm, heading=heading)
+        return write_report(there, ("report.html", "identification.json"), report, result.to_json(), pictures)

@@ -31,6 +31,7 @@ PUBLIC = {
         "table",
         "toml",
         "types",
+        "whole_folder",
     ),
     "arm_report": ("chart", "motion", "palette", "vendor"),
     "arm_model": (
