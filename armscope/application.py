@@ -166,11 +166,12 @@ def _guarded(command: Callable[..., Any], infinite: Sequence[str]) -> Callable[.
 def _keep_inputs(given: Mapping[str, Any]) -> None:
     """InputError where ``--out`` is a file that the command reads: measured data would be replaced by the result."""
     out = given.get("out")
-    if not isinstance(out, Path) or not out.is_file():
+    # os.path, not Path: of what no file can be called, these say False
+    if not isinstance(out, Path) or not os.path.isfile(out):
         return
     for name, value in given.items():
-        several = value if isinstance(value, list) else [value]
-        if name != "out" and any(isinstance(one, Path) and one.is_file() and one.samefile(out) for one in several):
+        several = [one for one in (value if isinstance(value, list) else [value]) if isinstance(one, Path)]
+        if name != "out" and any(os.path.isfile(one) and os.path.samefile(one, out) for one in several):
             raise InputError(out, "is read here, and would be replaced; --out must name another file")
 
 
