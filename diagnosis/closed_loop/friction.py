@@ -4,7 +4,8 @@ Near rest, currents are judged along the measured motion, which takes the speed 
 a few mrad/s. The closed loop on the recorded demands takes no measured speed. Where friction builds up over a distance,
 a joint lags its demand less after each reversal, and the counted angles show that over a few counts. Stiffness and
 damping are simulated in batches, one pair per lane, beside other smoothing velocities of the model's own friction;
-every recording is predicted by the lane that fits all others best.
+every recording is predicted by the lane that fits all others best, and must leave less than the one smoothing velocity
+that fits all of them best.
 
 A hump is not searched for: it moves a joint by less than what servos leave of healthy recordings (decision 0043).
 """
@@ -164,14 +165,19 @@ def _errors(r: Recording, j: int, q: Array, i: Array, rate: float) -> tuple[Arra
 def _predicted(lanes: _Lanes) -> tuple[list[Array], list[Array]]:
     """What angles and currents leave of each recording in the lane that fits the angles of all others best."""
     energy = np.array([np.sum(part**2, axis=1) for part in lanes.angle])
-    best = [int(np.argmin(energy.sum(axis=0) - own)) for own in energy]
-    angle, current = ([part[lane] for part, lane in zip(parts, best)] for parts in (lanes.angle, lanes.current))
+    return _in(lanes, [int(np.argmin(energy.sum(axis=0) - own)) for own in energy])
+
+
+def _in(lanes: _Lanes, chosen: Sequence[int]) -> tuple[list[Array], list[Array]]:
+    """What angles and currents leave of each recording in the lane that is ``chosen`` for it."""
+    angle, current = ([part[lane] for part, lane in zip(parts, chosen)] for parts in (lanes.angle, lanes.current))
     return angle, current
 
 
 def _judged(arm: Arm, recordings: Sequence[Recording], joint: int, effect: Effect, tests: int) -> Cause | None:
     drive = arm.joints[joint - 1]
-    turned = _predicted(_lanes(arm, recordings, joint, {"sign_velocity": drive.sign_velocity * SMOOTHING}))
+    smoothed = _lanes(arm, recordings, joint, {"sign_velocity": drive.sign_velocity * SMOOTHING})
+    turned = _in(smoothed, [smoothed.best] * len(recordings))
     tried = _lanes(_with(arm, effect, joint), recordings, joint, _grid(recordings, arm, joint, effect))
     held = _predicted(tried)
     before, after = ([float(sum(part @ part for part in signal)) for signal in side] for side in (turned, held))

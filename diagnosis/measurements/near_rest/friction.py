@@ -3,7 +3,8 @@
 Reversals and creeping are a few moments of a recording, and few blocks of the held-out ones. Every recording, fitted or
 held out, is therefore predicted from all the others: trials and coefficients come from these, and each passage through
 rest is judged by what it gains. A law of friction near rest is named if it leaves at most a share of what another
-smoothing of the model's own friction leaves, if that is above the noise, and if the passages agree.
+smoothing of the model's own friction leaves, if that is above the noise, and if the passages agree. What it must beat
+is fitted to all recordings: predicted by the few rows of one, it may leave more of a long one than the model itself.
 """
 
 from __future__ import annotations
@@ -25,8 +26,9 @@ from diagnosis.measurements.near_rest.laws import (
     Law,
     confused,
     fitted_to_all,
-    judged,
+    in_sample,
     law_of,
+    predicted,
     smoothing,
     torque_of,
 )
@@ -104,17 +106,19 @@ def _of_joint(every: Sequence[NearRest], library: Sequence[Candidate], tests: in
     if len({one.run.name for one in every}) < 2:
         return None
     joint = every[0].joint
-    smooth = judged(every, smoothing(every))
+    smooth = in_sample(every, smoothing(every))
     rows = sum(len(one.residual) for one in every)
     if smooth.energy < LIMITS.above_noise**2 * rows:
         return None
-    laws = sorted((judged(every, law_of(every, effect)) for effect in friction_near_rest()), key=lambda one: one.energy)
+    laws = sorted(
+        (predicted(every, law_of(every, effect)) for effect in friction_near_rest()), key=lambda one: one.energy
+    )
     best, chance = laws[0], p_value(_gains(every, smooth, laws[0]))
     if best.energy > LIMITS.left * smooth.energy or chance * tests > LIMITS.significant:
         return None
     if not _rises(every, best.law):
         return None
-    rivals = judged(every, confused(every, joint, library)) if library else None
+    rivals = in_sample(every, confused(every, joint, library)) if library else None
     if rivals is not None and rivals.energy < LIMITS.tie * best.energy:
         return None
     as_well = [one for one in laws[1:] if one.energy < LIMITS.tie * best.energy]

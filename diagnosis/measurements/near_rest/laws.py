@@ -42,7 +42,7 @@ class Law:
 
 @dataclass(frozen=True)
 class Judged:
-    """A law predicted in every recording from all others: what it leaves (r,) of each, over std."""
+    """What a law leaves (r,) of every recording, over std."""
 
     law: Law
     left: Sequence[Array]
@@ -53,13 +53,26 @@ class Judged:
         return float(sum(part @ part for part in self.left))
 
 
-def judged(every: Sequence[NearRest], law: Law) -> Judged:
+def predicted(every: Sequence[NearRest], law: Law) -> Judged:
     """What a law leaves of every recording by the trial and the coefficient that fit all others best."""
-    products, left = _products(every, law), []
-    for k, one in enumerate(every):
-        trial, c = _fitted(*(part.sum(axis=0) - part[k] for part in products))
-        left.append(one.residual - law.offset[k][trial] - c * law.column[k][trial])
-    return Judged(law, left)
+    products = _products(every, law)
+    by = [_fitted(*(part.sum(axis=0) - part[k] for part in products)) for k in range(len(every))]
+    return _left(every, law, by)
+
+
+def in_sample(every: Sequence[NearRest], law: Law) -> Judged:
+    """What a law leaves of every recording by the trial and the coefficient that fit all of them best.
+
+    Of what another law must beat: the few rows of one recording may predict a long one as badly as they like.
+    """
+    by = _fitted(*(part.sum(axis=0) for part in _products(every, law)))
+    return _left(every, law, [by] * len(every))
+
+
+def _left(every: Sequence[NearRest], law: Law, by: Sequence[tuple[int, float]]) -> Judged:
+    """by: of each recording, the trial and its coefficient."""
+    parts = zip(every, law.offset, law.column, by, strict=True)
+    return Judged(law, [one.residual - offset[k] - c * column[k] for one, offset, column, (k, c) in parts])
 
 
 def _products(every: Sequence[NearRest], law: Law) -> tuple[Array, Array, Array]:
