@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
+from scipy.linalg import block_diag
 
 from arm_io.types import Array
 from arm_model import Arm
@@ -54,12 +55,15 @@ def variables(side: Dataset, arm: Arm, joint: int) -> Iterator[tuple[str, Array]
 class Shape:
     """A function of one variable at one joint.
 
-    ``known`` (rows,): held-out rows where the variable is in the range that was fitted.
+    known  (rows,): held-out rows where the variable is in the range that was fitted
+    bends  (b, k) of its k coefficients: what a smooth function has little of, its second derivative in units of knots;
+           empty where its columns are no values at knots
     """
 
     name: str
     pair: Pair
     known: NDArray[np.bool_]
+    bends: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
 
 def shapes_of(fit: Dataset, held_out: Dataset, residual: Array, arm: Arm, joint: int) -> Iterator[Shape]:
@@ -83,6 +87,7 @@ def shapes_of(fit: Dataset, held_out: Dataset, residual: Array, arm: Arm, joint:
             continue  # practically constant
         in_range = (x_held_out >= knots[0]) & (x_held_out <= knots[-1])
         splines = _splines(x, knots), _splines(x_held_out, knots) * in_range[:, None]
+        bends = _bends(knots)
         for kinds in ((0,), (1,), (2,), (0, 1)):
             if (kinds != (0,) and name in UNMIXED) or (2 in kinds and " of joint" in name):
                 continue
@@ -92,7 +97,7 @@ def shapes_of(fit: Dataset, held_out: Dataset, residual: Array, arm: Arm, joint:
                 Columns(_side_by_side([values * factor[kind][:, None] for kind in kinds]), side.of(joint))
                 for values, factor, side in zip(splines, factors, (fit, held_out))
             )
-            yield Shape(name, Split(in_fit, in_held_out), in_range)
+            yield Shape(name, Split(in_fit, in_held_out), in_range, block_diag(*[bends] * len(kinds)))
     yield from _places(fit, held_out, joint)
     yield from _waves(fit, held_out, residual, arm, joint)
     yield from _past(fit, held_out, arm, joint)
@@ -118,7 +123,17 @@ def _places(fit: Dataset, held_out: Dataset, joint: int) -> Iterator[Shape]:
         )
         for values, side in ((x, fit), (x_held_out, held_out))
     )
-    yield Shape("position", Split(in_fit, in_held_out), in_range)
+    yield Shape("position", Split(in_fit, in_held_out), in_range, _bends(edges))
+
+
+def _bends(knots: Array) -> Array:
+    """(knots - 2, knots) second derivative at the inner knots of a function of these values, per mean spacing^2."""
+    below, above = np.diff(knots)[:-1], np.diff(knots)[1:]
+    second = np.zeros((len(knots) - 2, len(knots)))
+    inner = np.arange(len(knots) - 2)
+    second[inner, inner], second[inner, inner + 2] = 2.0 / (below * (below + above)), 2.0 / (above * (below + above))
+    second[inner, inner + 1] = -2.0 / (below * above)
+    return second * float(np.mean(np.diff(knots))) ** 2
 
 
 def _splines(x: Array, knots: Array) -> Array:

@@ -48,7 +48,8 @@ class CurrentLimits(Limits):
                              effect and still come first: harmonics and directions belong to one cause
     next_order               rms of a term of an effect that is chosen, over the rms of that effect: a spring with a
                              cubic tenth has 0.1 to 0.2, a spring fitted to a cube alone 1 and more
-    swapped                  share of what is left to which it must fall for a rival to take the place of a cause
+    swapped                  share of what is left to which it must fall for a rival to take the place of a cause, or
+                             for a likely variable that of structures which leave a residual above the noise
     follows                  share of what no effect explains that more coefficients of friction may follow: two
                              directions that differ by less are equal
     dominant                 share of the excess over the noise at its joint, in fitted and held-out recordings, from

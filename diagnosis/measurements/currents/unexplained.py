@@ -9,12 +9,12 @@ spring.
 A function that is fitted to some recordings says nothing of values that these do not reach: of a joint that turns from
 0 to 1.2 rad in the fitted recordings and from -1.2 to 1 rad in the held-out one. Where a residual is above the noise,
 that there is something to explain needs no proof: every function is then fitted to all recordings, fitted and held out,
-less some seconds of each, and predicts these.
+less some seconds of each, and predicts these. So is a drift of each recording's own.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,6 +26,7 @@ from arm_io.types import Array
 from arm_model import Arm
 from diagnosis.cause import NO_VARIABLE, Signal, Structure
 from diagnosis.measurements.currents.basis_functions import Shape, shapes_of
+from diagnosis.measurements.currents.drift import levels, own_lines
 from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.measurements.currents.model_errors import Significance
 from diagnosis.residual.noise.channels import quiet_noise
@@ -38,8 +39,8 @@ FOLDS = 4
 """Parts of the rows, each predicted from all others."""
 FOLD_BLOCKS = 3
 """Consecutive blocks (s) of a fold: longer than what a slow residual keeps of its past, short against a motion."""
-RIDGE = 1e-3
-"""Ridge penalty relative to the mean Gram diagonal; shrinks knots that only the predicted rows pass to zero."""
+PENALTY = 1e-3
+"""Of a function that is predicted, relative to the mean Gram diagonal: decides where only the predicted rows pass."""
 
 
 @dataclass(frozen=True)
@@ -89,12 +90,18 @@ def structures_at(
         pairs.append(shape.pair)
         known &= shape.known
         shapes = [one for one in shapes if one.name != shape.name]
-    ratio = noise_ratio(fitted.held_out, held_out, joint)
-    if not pairs and ratio > LIMITS.above_noise * significance.allowed(held_out, joint):
-        likely = likely_variable(data, Split(fitted.fit, fitted.held_out), arm, joint)
-        if likely is not None:
-            name, pair, share = likely
+    beside = with_columns(fitted, pairs).held_out
+    ratio = noise_ratio(beside, held_out, joint)
+    if ratio <= LIMITS.above_noise * significance.allowed(held_out, joint):
+        return structures, pairs, None
+    likely = likely_variable(data, Split(fitted.fit, fitted.held_out), arm, joint)
+    if likely is not None:
+        name, pair, share = likely
+        rows = held_out.of(joint)
+        left = float(np.sum(beside[rows] ** 2)) / float(np.sum(fitted.held_out[rows] ** 2))
+        if not pairs or 1.0 - share < LIMITS.swapped * left:
             return [Structure(Signal.CURRENT, joint, name, share)], [], pair
+    if not pairs:
         against = wave_of(fitted.held_out, held_out, joint) or NO_VARIABLE
         structures.append(Structure(Signal.CURRENT, joint, against, 0.0, f"{ratio:.1f} times the noise"))
     return structures, pairs, None
@@ -111,26 +118,43 @@ def likely_variable(data: Split[Dataset], left: Split[Array], arm: Arm, joint: i
     y, block = every.y[own], every.block[own]
     fold = block // FOLD_BLOCKS % FOLDS
     best, most = None, LIMITS.likely_share * float(np.sum(y**2))
-    for shape in shapes_of(every, every, every.y, arm, joint):
-        fall = y**2 - (y - _predicted(shape.pair.fit.x, y, fold)) ** 2
+    for name, x, bends in _functions(every, y, fold, arm, joint):
+        fall = y**2 - (y - _predicted(x, y, fold, bends)) ** 2
         gain = float(fall.sum())
         if gain > most and p_value(np.bincount(block, weights=fall).astype(float)) < LIMITS.likely_p:
-            best, most = shape, gain
+            best, most = (name, x), gain
     if best is None:
         return None
-    (fit, held_out), x = data, best.pair.fit.x
+    (fit, held_out), (name, x) = data, best
     pair = Split(Columns(x[: fit.rows], fit.of(joint)), Columns(x[fit.rows :], held_out.of(joint)))
-    return best.name, pair, most / float(np.sum(y**2))
+    return name, pair, most / float(np.sum(y**2))
 
 
-def _predicted(x: Array, y: Array, fold: NDArray[np.intp]) -> Array:
-    """(rows,) of each fold from the coefficients of columns x (rows, k) in the others."""
+def _functions(
+    every: Dataset, y: Array, fold: NDArray[np.intp], arm: Arm, joint: int
+) -> Iterator[tuple[str, Array, Array | None]]:
+    """Name, columns (rows, k) and ``Shape.bends`` of every function; of a drift, where a constant is not as good."""
+    for shape in shapes_of(every, every, every.y, arm, joint):
+        yield shape.name, shape.pair.fit.x, shape.bends if shape.bends.size else None
+    constants, lines = levels(every, joint), own_lines(every, joint)
+    left, left_by_lines = (float(np.sum((y - _predicted(x, y, fold)) ** 2)) for x in (constants, lines))
+    if left_by_lines < (1.0 - LIMITS.likely_share) * left:
+        yield "time", lines, None
+
+
+def _predicted(x: Array, y: Array, fold: NDArray[np.intp], bends: Array | None = None) -> Array:
+    """(rows,) of each fold from the coefficients of columns x (rows, k) in the others, by penalised least squares.
+
+    Penalised is what bends where few rows pass (Eilers & Marx, Statistical Science 11, 1996), so that a function goes
+    on straight beyond them; by default the coefficients, so that it goes to zero.
+    """
     predicted, here = np.zeros_like(y), [fold == k for k in range(FOLDS)]
     grams, toward = [x[k].T @ x[k] for k in here], [x[k].T @ y[k] for k in here]
-    ridge = RIDGE * float(np.mean(np.diag(sum(grams)))) * np.eye(x.shape[1])
+    whole = sum(grams)
+    penalty = np.eye(x.shape[1]) if bends is None else bends.T @ bends
+    penalty = PENALTY * float(np.mean(np.diag(whole))) * penalty
     for k, rows in enumerate(here):
-        others = sum(grams) - grams[k] + ridge
-        predicted[rows] = x[rows] @ np.linalg.lstsq(others, sum(toward) - toward[k], rcond=None)[0]
+        predicted[rows] = x[rows] @ np.linalg.lstsq(whole - grams[k] + penalty, sum(toward) - toward[k], rcond=None)[0]
     return predicted
 
 
