@@ -308,7 +308,10 @@ def _structures(measured: Measured, named: Named) -> list[Structure]:
     """Unexplained structure of the currents."""
     if named.axis and named.axis.wave:
         return [Structure(Signal.CURRENT, 1, "position", named.axis.wave.share)]
-    return named.found.unexplained.structures if measured.judged else []
+    if not measured.judged:
+        return []
+    found = named.found.unexplained.structures
+    return [*found, *(one for one in named.undetermined if one.joint not in {other.joint for other in found})]
 
 
 def _in_loop(

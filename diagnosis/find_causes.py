@@ -13,7 +13,7 @@ from arm_io.types import Progress
 from arm_model import Arm
 from arm_model.effects import CATALOGUE, Variable
 from daq.recording import Recording
-from diagnosis.cause import Cause, EffectKey, extend
+from diagnosis.cause import Cause, EffectKey, Structure, extend
 from diagnosis.closed_loop.comparison import with_smoothing_velocities
 from diagnosis.closed_loop.friction import friction_in_loop, has_state, with_estimates_of
 from diagnosis.closed_loop.resonance import transmission_resonance, transmissions
@@ -26,7 +26,7 @@ from diagnosis.measurements.currents.model import Currents
 from diagnosis.measurements.currents.model_errors import model_uncertainty
 from diagnosis.measurements.currents.search import Found
 from diagnosis.measurements.currents.shortage import Shortage, shortage
-from diagnosis.measurements.near_rest.friction import friction_causes
+from diagnosis.measurements.near_rest.friction import Friction, friction_causes
 from diagnosis.measurements.near_rest.passages import known_speed
 from diagnosis.measurements.near_rest.time_at_rest import with_rise_at_rest
 from diagnosis.measurements.single_axis.causes import AxisSide, axis_side, with_sharp_friction
@@ -56,6 +56,7 @@ class Named:
     causes      of the search or of the axis
     near_rest   friction found where joints turn or creep; transmissions: a spring or a gap found in closed loop, or the
                 gaps of the search. ``arm`` has both
+    undetermined  joints that show friction near rest whose size the recordings do not determine
     shortage    what the held-out recordings are too short for
     own         causes whose values differ between recordings; the runs have them, ``base`` has not
     """
@@ -71,6 +72,7 @@ class Named:
     shortage: Shortage | None = None
     near_rest: tuple[Cause, ...] = ()
     transmissions: tuple[Cause, ...] = ()
+    undetermined: tuple[Structure, ...] = ()
     own: tuple[Cause, ...] = ()
 
     @property
@@ -110,7 +112,8 @@ def _named(model: Arm, known: Sequence[Cause], recordings: Recordings, screened:
         sight = residuals_of(arm, screened, progress)
         named = _settled(arm, sight, recordings, excluded | refused, progress)
     progress("judging friction near rest")
-    near_rest = _near_rest(named, recordings, excluded)
+    friction = _near_rest(named, recordings, excluded)
+    near_rest, undetermined = tuple(friction.causes), tuple(friction.undetermined)
     excluded |= refused | {cause.key for cause in near_rest}
     if near_rest:
         # the others are searched for again, with that friction in the model
@@ -126,7 +129,7 @@ def _named(model: Arm, known: Sequence[Cause], recordings: Recordings, screened:
     # of a gap that the arm has, residuals know how uncertain they are while teeth meet
     found = (resonance,) if resonance else _gaps(named, excluded)
     if not found:
-        return named
+        return replace(named, undetermined=undetermined)
     # ... and with what was found
     arm = extend(model, [*known, *found])
     terms = [term for term in named.found.state.terms if (term.name, term.joint) not in {one.key for one in found}]
@@ -145,14 +148,14 @@ def _settled(arm: Arm, sight: Residuals, recordings: Recordings, excluded: Set[E
     return named
 
 
-def _near_rest(named: Named, recordings: Recordings, excluded: Set[EffectKey]) -> tuple[Cause, ...]:
+def _near_rest(named: Named, recordings: Recordings, excluded: Set[EffectKey]) -> Friction:
     """Friction that shows where joints turn or creep, beside what the search named.
 
     Of an arm whose model is exact: what an identified model leaves over there is not known.
     """
     state = named.found.state
     if named.axis or named.arm.uncertainty is not None or not named.library:
-        return ()
+        return Friction([], [])
     taken = [*excluded, *(cause.key for cause in named.causes)]
     # what load or position predict is another law: friction is judged beside any function of them
     given: dict[int, list[Variable]] = {}
@@ -160,7 +163,8 @@ def _near_rest(named: Named, recordings: Recordings, excluded: Set[EffectKey]) -
         if one.joint is not None and one.against in TWO_FACED:
             given.setdefault(one.joint, []).append(Variable(one.against))
     found = friction_causes(state.data.map(lambda part: part.runs), state.terms, taken, tuple(named.library), given)
-    return (*found, *_in_loop(named, recordings, [*taken, *(cause.key for cause in found)]))
+    in_loop = _in_loop(named, recordings, [*taken, *(cause.key for cause in found.causes)])
+    return replace(found, causes=[*found.causes, *in_loop])
 
 
 def _in_loop(named: Named, recordings: Recordings, taken: Sequence[EffectKey]) -> list[Cause]:

@@ -14,7 +14,7 @@ import pytest
 from arm_model import Arm, EffectTerm
 from arm_model.effects import CATALOGUE, Variable
 from diagnosis.cause import Cause, Estimate
-from diagnosis.measurements.near_rest.friction import _rises, friction_causes
+from diagnosis.measurements.near_rest.friction import AGAINST, LIMITS, Friction, _rises, friction_causes
 from diagnosis.measurements.near_rest.laws import fitted_to_all, law_of
 from diagnosis.measurements.near_rest.passages import NearRest, near_rest, seen
 from diagnosis.measurements.near_rest.time_at_rest import rise_at_rest
@@ -26,19 +26,20 @@ from identification.selection import Split
 from tests.diagnosis.one_axis import built_up, vertical_joint
 
 RATE, ROTOR, COULOMB, VISCOUS, WIDTH, NOISE, COUNT = 500.0, 2.0, 10.0, 5.0, 0.01, 0.1, 2e-5
-Friction = Callable[[np.ndarray, np.ndarray], np.ndarray]
+Rubbing = Callable[[np.ndarray, np.ndarray], np.ndarray]
 """(k,) N m at speeds v (k,) rad/s and times t (k,) s."""
+NOTHING = Friction([], [])
 
 
-def _slides(turn: Callable[[np.ndarray], np.ndarray]) -> Friction:
+def _slides(turn: Callable[[np.ndarray], np.ndarray]) -> Rubbing:
     return lambda v, t: COULOMB * turn(v)
 
 
-def _hump(breakaway: float, speed: float) -> Friction:
+def _hump(breakaway: float, speed: float) -> Rubbing:
     return lambda v, t: (COULOMB + breakaway * np.exp(-((v / speed) ** 2))) * np.tanh(v / WIDTH)
 
 
-def _bristles(stiffness: float) -> Friction:
+def _bristles(stiffness: float) -> Rubbing:
     """LuGre, by explicit steps far shorter than its own time."""
 
     def friction(v: np.ndarray, t: np.ndarray) -> np.ndarray:
@@ -57,7 +58,7 @@ def _nothing(q: np.ndarray, v: np.ndarray) -> np.ndarray:
     return np.zeros_like(q)
 
 
-def _runs(friction: Friction, other: Friction = _nothing, late: float = 0.0) -> Split[Sequence[Run]]:
+def _runs(friction: Rubbing, other: Rubbing = _nothing, late: float = 0.0) -> Split[Sequence[Run]]:
     """Two recordings fitted and one held out, of an axis that reverses often and never creeps for long.
 
     other: another torque (k,) at angles q (k,) rad and speeds; late: s by which currents are recorded after angles.
@@ -80,8 +81,8 @@ def _axis() -> Arm:
     return Arm("axis", (joint,))
 
 
-def _named(friction: Friction) -> list[Cause]:
-    return friction_causes(_runs(friction), (), (), ())
+def _named(friction: Rubbing) -> list[Cause]:
+    return friction_causes(_runs(friction), (), (), ()).causes
 
 
 @pytest.mark.parametrize(("breakaway", "speed"), [(4.0, 0.05), (3.0, 0.08)])
@@ -105,14 +106,23 @@ def test_friction_of_late_currents_turns_as_late() -> None:
     """Undelayed, friction sharper than the model's was bristles of 282 kN m/rad at 98 %, and a hump was nothing."""
     skew = EffectTerm("time_skew", None, {"delay": 0.016})
     sharper = _runs(_slides(lambda v: np.tanh(v / (WIDTH / 20))), late=0.016)
-    assert not friction_causes(sharper, [skew], (), ())
-    (cause,) = friction_causes(_runs(_hump(4.0, 0.05), late=0.016), [skew], (), ())
+    assert friction_causes(sharper, [skew], (), ()) == NOTHING
+    (cause,) = friction_causes(_runs(_hump(4.0, 0.05), late=0.016), [skew], (), ()).causes
     assert cause.key == ("stribeck_friction", 1)
     (breakaway,) = (p for p in cause.parameters if p.name == "breakaway")
     assert abs(breakaway.value - 4.0) < 2 * breakaway.std < 2.0
 
 
-def _swings(name: str, rng: np.random.Generator, friction: Friction, size: float, rate: float, seconds: float) -> Run:
+def test_a_law_whose_size_is_not_determined_is_told_and_not_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A hump of eight deviations, where twelve are asked for."""
+    monkeypatch.setattr("diagnosis.measurements.near_rest.friction.LIMITS", replace(LIMITS, determined=12.0))
+    found = friction_causes(_runs(_hump(2.0, 0.05)), (), (), ())
+    (told,) = found.undetermined
+    assert not found.causes and (told.joint, told.against) == (1, AGAINST)
+    assert told.share > 0.5
+
+
+def _swings(name: str, rng: np.random.Generator, friction: Rubbing, size: float, rate: float, seconds: float) -> Run:
     """Three sines of 0.3, 0.15 and 0.1 rad times ``size``, at 0.31, 0.53 and 0.83 Hz times ``rate``; coarse encoder."""
     t, count = np.arange(0.0, seconds, 1 / RATE), 8e-5
     rates = 2 * np.pi * np.array([0.31, 0.53, 0.83]) * rng.uniform(0.9, 1.1, 3) * rate
@@ -132,10 +142,10 @@ def test_a_law_must_leave_less_than_the_smoothing_velocity_that_fits_all_recordi
     waving = lambda v, t: sharper(v, t) + 3.0 * np.sin(2 * np.pi * 7 * t + rng.uniform(0, 6))  # noqa: E731
     few = _swings("few", rng, waving, 6.0, 1.0, 3.0)
     long = _swings("long", rng, sharper, 0.2, 0.5, 12.0)
-    assert not friction_causes(Split([few], [long]), (), (), ())
+    assert friction_causes(Split([few], [long]), (), (), ()) == NOTHING
 
 
-def _dry(stiffness: float) -> Friction:
+def _dry(stiffness: float) -> Rubbing:
     return lambda v, t: built_up(v, COULOMB, stiffness, RATE)
 
 
@@ -175,7 +185,7 @@ def _lossy(q: np.ndarray, v: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("breakaway", [0.0, 4.0])
 def test_beside_a_law_of_position_only_a_hump_that_is_there_is_named(breakaway: float) -> None:
     runs = _runs(_hump(breakaway, 0.05), _lossy)
-    found = friction_causes(runs, (), (), (), {1: [Variable.POSITION]})
+    found = friction_causes(runs, (), (), (), {1: [Variable.POSITION]}).causes
     assert [one.effect for one in found] == (["stribeck_friction"] if breakaway else [])
     for one in found:
         (size,) = (p for p in one.parameters if p.name == "breakaway")
@@ -273,10 +283,10 @@ def test_a_joint_that_stands_shows_nothing() -> None:
         v = np.gradient(q, t)
         i = ROTOR * np.gradient(v, t) + VISCOUS * v + held(v, t) + NOISE * rng.normal(size=len(t))
         runs.append(residual_run(f"{seed}", _axis(), t, np.round(q / COUNT)[:, None] * COUNT, i[:, None]))
-    assert friction_causes(Split(runs[:2], runs[2:]), (), (), ()) == []
+    assert friction_causes(Split(runs[:2], runs[2:]), (), (), ()) == NOTHING
 
 
-def _creeping(friction: Friction) -> list[Cause]:
+def _creeping(friction: Rubbing) -> list[Cause]:
     """The axis in moves of 5 to 12 mrad by an encoder of 0.1 mrad, after one long move."""
     runs: list[Run] = []
     for seed in range(3):
@@ -288,7 +298,7 @@ def _creeping(friction: Friction) -> list[Cause]:
         v = np.gradient(q, 1 / RATE)
         i = ROTOR * np.gradient(v, 1 / RATE) + VISCOUS * v + friction(v, t) + NOISE * rng.normal(size=len(t))
         runs.append(residual_run(f"{seed}", _axis(), t, np.round(q[:, None] / 1e-4) * 1e-4, i[:, None]))
-    return friction_causes(Split(runs[:2], runs[2:]), (), (), ())
+    return friction_causes(Split(runs[:2], runs[2:]), (), (), ()).causes
 
 
 @pytest.mark.parametrize("width", [0.3, 1.0])

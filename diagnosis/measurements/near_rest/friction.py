@@ -20,7 +20,7 @@ from arm_io.parallel import in_parallel
 from arm_io.types import Array
 from arm_model import Arm, EffectTerm
 from arm_model.effects import CATALOGUE, Variable, friction_near_rest
-from diagnosis.cause import Cause, EffectKey, Estimate, confidence_of
+from diagnosis.cause import Cause, EffectKey, Estimate, Signal, Structure, confidence_of
 from diagnosis.measurements.near_rest.laws import (
     Judged,
     Law,
@@ -57,6 +57,7 @@ class NearRestLimits(Thresholds):
                  wider smoothing took away is another law of the turn
     determined   std by which a coefficient must differ from zero: what comes from another joint at a few instants of a
                  rest fits a law as well, but determines none
+    apparent     ... from which on the passages are told as unexplained, where its size is not determined
     beyond       times the searched range of the other parameters in which they must end
     """
 
@@ -66,10 +67,22 @@ class NearRestLimits(Thresholds):
     tie: float = 1.25
     rises: float = 0.2
     determined: float = 3.0
+    apparent: float = 2.0
     beyond: float = 2.0
 
 
 LIMITS = NearRestLimits()
+
+AGAINST = "velocity near rest"
+"""``Structure.against`` of passages through rest that a law explains whose size they do not determine."""
+
+
+@dataclass(frozen=True)
+class Friction:
+    """Laws of friction near rest that recordings determine, and joints where one shows that they do not."""
+
+    causes: list[Cause]
+    undetermined: list[Structure]
 
 
 def friction_causes(
@@ -78,7 +91,7 @@ def friction_causes(
     taken: Sequence[EffectKey],
     library: Sequence[Candidate],
     given: Mapping[int, Collection[Variable]] = MappingProxyType({}),
-) -> list[Cause]:
+) -> Friction:
     """Laws of friction near rest that recordings show beside the effects ``terms``, one per joint at most.
 
     taken: effects that are known or excluded; library: candidates of the search, of which those that may be confused
@@ -93,7 +106,9 @@ def friction_causes(
         lambda joint: _of_joint(near_rest(recordings, joint, given.get(joint, ())), library, tests),
         [joint for joint in joints if _open(arm, joint, taken)],
     )
-    return [cause for cause in found if cause is not None]
+    return Friction(
+        [one for one in found if isinstance(one, Cause)], [one for one in found if isinstance(one, Structure)]
+    )
 
 
 def _open(arm: Arm, joint: int, taken: Sequence[EffectKey]) -> bool:
@@ -102,7 +117,7 @@ def _open(arm: Arm, joint: int, taken: Sequence[EffectKey]) -> bool:
     return rubs and not any((effect.name, joint) in taken for effect in friction_near_rest())
 
 
-def _of_joint(every: Sequence[NearRest], library: Sequence[Candidate], tests: int) -> Cause | None:
+def _of_joint(every: Sequence[NearRest], library: Sequence[Candidate], tests: int) -> Cause | Structure | None:
     if len({one.run.name for one in every}) < 2:
         return None
     joint = every[0].joint
@@ -123,14 +138,18 @@ def _of_joint(every: Sequence[NearRest], library: Sequence[Candidate], tests: in
         return None
     as_well = [one for one in laws[1:] if one.energy < LIMITS.tie * best.energy]
     cause = _cause(every, joint, (smooth, best, as_well), min(1.0, chance * tests))
-    return cause if _determined(best.law, cause.parameters) else None
+    if _determined(best.law, cause.parameters, LIMITS.determined):
+        return cause
+    if _determined(best.law, cause.parameters, LIMITS.apparent):
+        return Structure(Signal.CURRENT, joint, AGAINST, 1.0 - best.energy / smooth.energy)
+    return None
 
 
-def _determined(law: Law, parameters: Sequence[Estimate]) -> bool:
+def _determined(law: Law, parameters: Sequence[Estimate], deviations: float) -> bool:
     """Whether the recordings determine a law: its coefficients differ from zero, the others end where they may."""
     assert law.effect is not None
     effect, found = CATALOGUE[law.effect], {one.name: one for one in parameters}
-    if any(found[p.name].value < LIMITS.determined * found[p.name].std for p in effect.linear):
+    if any(found[p.name].value < deviations * found[p.name].std for p in effect.linear):
         return False
     for name in set(found) & set(law.values[0]):
         tried = [values[name] for values in law.values]
