@@ -26,11 +26,11 @@ from arm_io.types import Array
 from arm_model import Arm
 from diagnosis.cause import NO_VARIABLE, Signal, Structure
 from diagnosis.measurements.currents.basis_functions import Shape, shapes_of
-from diagnosis.measurements.currents.drift import levels, own_lines
 from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.measurements.currents.model_errors import Significance
 from diagnosis.residual.noise.channels import quiet_noise
 from diagnosis.selection.design import Columns, Dataset, Pair, joined
+from diagnosis.selection.drift import levels, own_lines
 from diagnosis.selection.regression import Fitted, fit_gain, gain_of, residual_with
 from diagnosis.selection.waves import wave_of
 from identification.selection import Split, p_value
