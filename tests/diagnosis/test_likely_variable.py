@@ -8,7 +8,8 @@ from arm_model import Arm
 from diagnosis.measurements.currents.basis_functions import KNOTS, _bends, _splines
 from diagnosis.measurements.currents.design_matrix import dataset_of
 from diagnosis.measurements.currents.unexplained import _predicted, likely_variable
-from diagnosis.residual.run import Run, residual_run
+from diagnosis.residual.generation import residual_run
+from diagnosis.residual.run import Run
 from identification.selection import Split
 from tests.diagnosis.one_axis import vertical_joint
 
