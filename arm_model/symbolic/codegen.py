@@ -105,10 +105,16 @@ SINGLES = Precision(
 
 
 class Vector:
-    """Builds operations on vectors of ``width`` numbers of one precision in one basic block."""
+    """Builds operations on vectors of ``width`` numbers of one precision in one basic block.
 
-    def __init__(self, builder: ir.IRBuilder, width: int, precision: Precision = DOUBLES) -> None:
+    fused: a b + c may be rounded once.
+    """
+
+    def __init__(
+        self, builder: ir.IRBuilder, width: int, precision: Precision = DOUBLES, *, fused: bool = True
+    ) -> None:
         self.builder, self.width, self.precision = builder, width, precision
+        self.flags = FUSE if fused else ()
         whole = ir.IntType(precision.bits)
         self.type = ir.VectorType(precision.real, width) if width > 1 else precision.real
         self.int_type = ir.VectorType(whole, width) if width > 1 else whole
@@ -132,13 +138,13 @@ class Vector:
         return self.builder.shuffle_vector(whole, ir.Constant(self.type, ir.Undefined), mask)
 
     def add(self, a: Any, b: Any) -> Any:
-        return self.builder.fadd(a, b, flags=FUSE)
+        return self.builder.fadd(a, b, flags=self.flags)
 
     def sub(self, a: Any, b: Any) -> Any:
-        return self.builder.fsub(a, b, flags=FUSE)
+        return self.builder.fsub(a, b, flags=self.flags)
 
     def mul(self, a: Any, b: Any) -> Any:
-        return self.builder.fmul(a, b, flags=FUSE)
+        return self.builder.fmul(a, b, flags=self.flags)
 
     def fused(self, a: Any, b: Any, c: Any) -> Any:
         """a b + c."""
@@ -235,6 +241,9 @@ class Vector:
     def greatest(self, a: Any, b: Any) -> Any:
         return self.builder.select(self.builder.fcmp_ordered(">", a, b), a, b)
 
+    def where(self, a: Any, b: Any, below: Any, otherwise: Any) -> Any:
+        return self.builder.select(self.builder.fcmp_ordered("<", a, b), below, otherwise)
+
 
 def emit(vector: Vector, tape: Tape, outputs: Sequence[Expr], given: Mapping[int, Callable[[], Any]]) -> list[Any]:
     """Code for the outputs, after what stands in the block already.
@@ -244,13 +253,14 @@ def emit(vector: Vector, tape: Tape, outputs: Sequence[Expr], given: Mapping[int
     values: dict[int, Any] = {}
     pairs: dict[int, tuple[Any, Any]] = {}
     build = vector.builder
-    binary: dict[str, Callable[[Any, Any], Any]] = {
+    several: dict[str, Callable[..., Any]] = {
         "add": vector.add,
         "sub": vector.sub,
         "mul": vector.mul,
         "div": lambda a, b: build.fdiv(a, b),
         "min": vector.least,
         "max": vector.greatest,
+        "where": vector.where,
     }
     unary: dict[str, Callable[[Any], Any]] = {
         "neg": lambda a: build.fneg(a),
@@ -274,8 +284,8 @@ def emit(vector: Vector, tape: Tape, outputs: Sequence[Expr], given: Mapping[int
                 if angle not in pairs:
                     pairs[angle] = vector.sine_cosine(arguments[0])
                 values[index] = pairs[angle][node.operation == "cos"]
-            case operation if operation in binary:
-                values[index] = binary[operation](*arguments)
+            case operation if operation in several:
+                values[index] = several[operation](*arguments)
             case operation:
                 values[index] = unary[operation](*arguments)
     return [values[output.index] for output in outputs]

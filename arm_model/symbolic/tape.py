@@ -34,6 +34,7 @@ _NUMERIC: dict[str, Callable[..., Any]] = {
     "exp": np.exp,
     "log": np.log,
     "abs": np.abs,
+    "where": lambda a, b, below, otherwise: np.where(np.less(a, b), below, otherwise),
 }
 
 
@@ -95,6 +96,10 @@ class Tape:
             return simpler
         pair = (a.index, b.index)
         return self._place(Node(operation, tuple(sorted(pair)) if operation in COMMUTATIVE else pair))
+
+    def where(self, a: Operand, b: Operand, below: Operand, otherwise: Operand) -> Expr:
+        """``below`` where a < b, else ``otherwise``; both are computed."""
+        return self._place(Node("where", tuple(self.expr(one).index for one in (a, b, below, otherwise))))
 
     def _folded(self, operation: str, a: Expr, b: Expr) -> Expr | None:
         """A simpler expression of the same value, where there is one."""

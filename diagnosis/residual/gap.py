@@ -7,12 +7,14 @@ by what the current would differ then, a residual is uncertain (``generation.res
 
 from __future__ import annotations
 
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 
 from arm_io.types import Array
 from arm_model.effects import Effect, Values
+from arm_model.symbolic import Steps, Tape, steps_of
 
 NO_INERTIA = 1e-12
 """kg m2 (kg): rounding errors of a link without inertia about its axis; a gram on a millimetre has a thousand times."""
@@ -29,6 +31,8 @@ class Teeth(NamedTuple):
     apart: bool = False
 
 
+MEETINGS = 4
+"""Of one link with its flanks between two rows, at most; it then stays on the last."""
 AS_FOUND = Teeth()
 AS_MAY_BE = (Teeth(rebound=0.5), Teeth(apart=True))
 """What teeth may do instead."""
@@ -45,37 +49,44 @@ def through_gap(load: Array, inertia: Array, half_gap: float, step: float, teeth
     inertia is there at once. Between two rows the load is a straight line: a flight that began at a row would be late
     by half a row, which looks like a time skew.
     """
+    if not half_gap:
+        return np.zeros_like(load)
     side = 1.0 if (load[0] >= 0.0) != teeth.apart else -1.0
-    twist, k = np.empty_like(load), 0
-    to_flight = {one: np.flatnonzero(one * load < 0.0) for one in (1.0, -1.0)}
-    torques, masses = load.tolist(), np.maximum(inertia, NO_INERTIA).tolist()
-    while True:
-        # on a flank up to the row before which the load pulls it off
-        ahead = to_flight[side]
-        place = int(np.searchsorted(ahead, k))
-        start = int(ahead[place]) if half_gap and place < len(ahead) else len(load)
-        twist[k:start], k = side * half_gap, start
-        if k == len(load):
-            return twist
-        before = max(side * torques[k - 1], 0.0) if k else 0.0
-        fall = -side * torques[k]
-        since = step * fall / (fall + before)
-        d, v = half_gap - since * since * fall / masses[k] / 6, -since * fall / masses[k] / 2
-        while True:
-            while abs(d) < half_gap:
-                twist[k], k = side * d, k + 1
-                if k == len(load):
-                    return twist
-                torque, after, mass = side * torques[k - 1], side * torques[k], masses[k]
-                d += step * (v + step * (2 * torque + after) / mass / 6)
-                v += step * (torque + after) / mass / 2
-            v *= -teeth.rebound
-            # a rebound that is over within a row is none
-            if abs(v) * masses[k] <= step * abs(torques[k]):
-                break
-            d = float(np.copysign(half_gap, d)) + 0.5 * step * v
-        side = side if d > 0.0 else -side
-        twist[k], k = side * half_gap, k + 1
+    flights, numbers = _flights(MEETINGS if teeth.rebound else 0), np.array([half_gap, step, teeth.rebound])
+    start = np.array([[side * half_gap, 0.0, 0.0, 0.0]])
+    return flights(numbers, start, load[None], np.maximum(inertia, NO_INERTIA)[None])[0]
+
+
+@cache
+def _flights(meetings: int) -> Steps:
+    """Rows of load and inertia, and the twist at each; loops of Python took a tenth of a diagnosis.
+
+    From row to row: the twist and, of a link that ``flies`` (1, else 0), its rate; the load one row before.
+    """
+    tape = Tape()
+    half_gap, step, rebound, load, inertia = map(tape.input, ("half_gap", "step", "rebound", "load", "inertia"))
+    twist, rate, flies, before = map(tape.input, ("twist", "rate", "flies", "before"))
+    pull = load / inertia
+    # leaves its flank between the two rows, at the instant from which the load pulls it off
+    opposite = tape.where(load, 0.0, before.maximum(0.0), before.minimum(0.0))
+    since = step * (load / (load - opposite))
+    leaving, leaving_rate = twist + since * since * pull / 6.0, since * pull / 2.0
+    # is in flight
+    further = twist + step * (rate + step * (2.0 * before + load) / inertia / 6.0)
+    further_rate = rate + step * (before + load) / inertia / 2.0
+    push = tape.where(twist, 0.0, -load, load)
+    moves = tape.where(push, 0.0, 1.0, flies)
+    d, v = tape.where(0.0, flies, further, leaving), tape.where(0.0, flies, further_rate, leaving_rate)
+    for _ in range(meetings):
+        back, met = -rebound * v, tape.where(d, 0.0, -half_gap, half_gap)
+        # a rebound that is over within a row is none
+        stays = tape.where(step * abs(load), abs(back) * inertia, tape.where(abs(d), half_gap, 1.0, 0.0), 1.0)
+        d, v = tape.where(0.0, stays, d, met + 0.5 * step * back), tape.where(0.0, stays, v, back)
+    flying = tape.where(abs(d), half_gap, moves, 0.0)
+    met = tape.where(0.0, moves, tape.where(d, 0.0, -half_gap, half_gap), twist)
+    place = tape.where(0.0, flying, d, met)
+    after = {"twist": place, "rate": v, "flies": flying, "before": load}
+    return steps_of(tape, place, after, columns=("load", "inertia"), numbers=("half_gap", "step", "rebound"))
 
 
 def gap_of(effect: Effect, values: Values) -> float:
