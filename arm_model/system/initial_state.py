@@ -8,7 +8,7 @@ import numpy as np
 
 from arm_io.types import Array
 from arm_model.description import Arm
-from arm_model.symbolic.tape import evaluate
+from arm_model.symbolic.tape import evaluate, needed
 from arm_model.system.closed_loop_system import System
 from arm_model.system.floating_base import POSE, VELOCITY
 
@@ -36,8 +36,10 @@ def standing(
         placed = (0.0,) * 3 + (1.0,) + (0.0,) * 9 if base is None else base
         states |= {name: np.full(lanes, float(value)) for name, value in zip((*POSE, *VELOCITY), placed)}
     still = {f"current{j}": np.zeros(lanes) for j in range(system.channels)} | {"time": np.zeros(lanes)}
+    asked = [*system.carried, *system.drag]
+    order = needed(system.tape, asked)
     for _ in range(50 if system.flexible else 1):
-        torques = evaluate(system.tape, [*system.carried, *system.drag], {**inputs, **states, **still})
+        torques = evaluate(system.tape, asked, {**inputs, **states, **still}, order)
         carried, drag = torques[:n], torques[n:]
         moved = 0.0
         for j in system.flexible:
@@ -94,17 +96,14 @@ def _twist(system: System, j: int, inputs: Mapping[str, Array], torque: Array) -
     Without load it is in the middle of its play.
     """
     states = {name: np.zeros_like(torque) for name in system.states}
-
-    def passed(twist: Array) -> Array:
-        (given,) = evaluate(system.tape, [system.passed[j]], {**inputs, **states, f"theta{j}": twist})
-        return np.broadcast_to(np.asarray(given, float), torque.shape)
-
-    edges = []
-    for above in (np.greater, np.greater_equal):  # the torque is the same all through the play: both of its edges
-        low, high = np.full_like(torque, -1.0), np.full_like(torque, 1.0)
-        for _ in range(60):
-            middle = (low + high) / 2
-            beyond = above(passed(middle), torque)
-            low, high = np.where(beyond, low, middle), np.where(beyond, middle, high)
-        edges.append((low + high) / 2)
-    return (edges[0] + edges[1]) / 2
+    order = needed(system.tape, [system.passed[j]])
+    # the torque is the same all through the play: both of its edges
+    low, high = np.full((2, *torque.shape), -1.0), np.full((2, *torque.shape), 1.0)
+    for _ in range(60):
+        middle = (low + high) / 2
+        (given,) = evaluate(system.tape, [system.passed[j]], {**inputs, **states, f"theta{j}": middle}, order)
+        upper, lower = np.broadcast_to(np.asarray(given, float), middle.shape)
+        beyond = np.stack([upper > torque, lower >= torque])
+        low, high = np.where(beyond, low, middle), np.where(beyond, middle, high)
+    edges = (low + high) / 2
+    return np.asarray((edges[0] + edges[1]) / 2)

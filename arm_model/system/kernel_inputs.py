@@ -23,6 +23,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -63,10 +64,19 @@ def numbers(arm: Arm, variations: Mapping[str, Array] | None = None) -> dict[str
     if all(each in linear for name in variations for each in _directions(name)):
         return _linear(arm, variations, lanes)
     each = [
-        _linear(with_parameters(arm, {name: float(value[lane]) for name, value in variations.items()}), {}, 1)
-        for lane in range(lanes)
+        with_parameters(arm, {name: float(value[lane]) for name, value in variations.items()}) for lane in range(lanes)
     ]
-    return {name: np.concatenate([one[name] for one in each]) for name in each[0]}
+    found = [_linear(each[0], {}, 1)]
+    for one in each[1:]:
+        alike = _without_effects(one) == _without_effects(each[0])
+        # most vary numbers of effects alone, which change no number of bodies and drives
+        found.append(found[0] | _constant(one, 1) if alike else _linear(one, {}, 1))
+    return {name: np.concatenate([one[name] for one in found]) for name in found[0]}
+
+
+def _without_effects(arm: Arm) -> tuple[Arm, Arm]:
+    """An arm, and what its effects make of its description, without the effects themselves."""
+    return replace(arm, effects=()), replace(described(arm), effects=())
 
 
 def _linear(arm: Arm, variations: Mapping[str, Array], lanes: int) -> dict[str, Array]:
@@ -97,8 +107,12 @@ def _linear(arm: Arm, variations: Mapping[str, Array], lanes: int) -> dict[str, 
     }
     for j in range(n):
         _add_curve(found, bent, j, rest)
-    found |= {name: np.full(lanes, float(value)) for name, value in _constants(arm, bent).items()}
-    return found
+    return found | _constant(arm, lanes)
+
+
+def _constant(arm: Arm, lanes: int) -> dict[str, Array]:
+    """The numbers that the torque is not linear in, alike in all lanes."""
+    return {name: np.full(lanes, float(value)) for name, value in _constants(arm, described(arm)).items()}
 
 
 def _directions(name: str) -> tuple[str, ...]:

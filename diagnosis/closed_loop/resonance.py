@@ -13,6 +13,7 @@ import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from scipy import signal
@@ -114,7 +115,7 @@ def transmission_resonance(
     if not np.isfinite(noise_ratio).all() or not _at_few_joints(noise_ratio[moving]):
         return None
     worst = sorted(range(len(fit)), key=lambda k: -float(np.sum(missed[k] ** 2)))[:SEARCHED_IN]
-    searched = [fit[k] for k in worst]
+    searched = [(fit[k], missed[k]) for k in worst]
     strongest = [
         joint
         for joint in np.argsort(-noise_ratio)[:3] + 1
@@ -182,17 +183,17 @@ def _floor(arm: Arm, recordings: Sequence[Recording], missed: Sequence[Array]) -
 
 
 def _searched(
-    arm: Arm, effect: str, joint: int, recordings: Sequence[Recording], noise: Array, near: Cause | None
+    arm: Arm, effect: str, joint: int, missed: Sequence[tuple[Recording, Array]], noise: Array, near: Cause | None
 ) -> tuple[float, Trial] | None:
     """(share explained at the joint, values) of an effect where its loops follow the recordings best.
 
-    None where none is promising.
+    missed: recordings, with what the loops of the arm miss. None where no effect is promising.
     """
     grid: dict[str, Sequence[float]] = _first(CATALOGUE[effect])
     if near is not None and near.effect == effect:
         grid |= {p.name: [*grid[p.name], p.value] for p in near.parameters}
     j = joint - 1
-    link = float(np.mean([drive_mass_matrix(arm, r.q[:1], rotors=False)[0, j, j] for r in recordings]))
+    link = float(np.mean([drive_mass_matrix(arm, r.q[:1], rotors=False)[0, j, j] for r, _ in missed]))
     stiffest = link * (2 * np.pi * LIMITS.fastest) ** 2
     grid = {name: [v for v in values if "stiffness" not in name or v < stiffest] for name, values in grid.items()}
     if not all(grid.values()):
@@ -200,7 +201,7 @@ def _searched(
     trials = [Trial(effect, joint, dict(zip(grid, values))) for values in itertools.product(*grid.values())]
     share, best = 0.0, trials[0]
     for turn in range(1 + ROUNDS):
-        shares = _shares(arm, trials, recordings[: 1 + turn], noise)  # the first values in the worst recording
+        shares = _shares(arm, trials, missed[: 1 + turn], noise)  # the first values in the worst recording
         if np.isnan(shares).all():  # no loop with such a transmission is stable
             return None
         place = int(np.nanargmax(shares))
@@ -230,21 +231,21 @@ def _first(effect: Effect) -> dict[str, Sequence[float]]:
     return grid | {longest: grid[longest][::every]}
 
 
-def _shares(arm: Arm, trials: Sequence[Trial], recordings: Sequence[Recording], noise: Array) -> Array:
+def _shares(arm: Arm, trials: Sequence[Trial], missed: Sequence[tuple[Recording, Array]], noise: Array) -> Array:
     """(trials,) share of the energy above the noise that each explains at its joint."""
     j = trials[0].joint - 1
-    before = np.concatenate([_errors(arm, r)[0, :, j] for r in recordings])
-    after = np.concatenate([_errors(arm, r, trials)[:, :, j] for r in recordings], axis=1)
+    before = np.concatenate([by_arm[:, j] for _, by_arm in missed])
+    after = np.concatenate([_errors(arm, r, trials, at=[j])[:, :, 0] for r, _ in missed], axis=1)
     floor = noise[j] ** 2
     shares: Array = 1.0 - (np.mean(after**2, axis=1) - floor) / (np.mean(before**2) - floor)
     return shares
 
 
-def _errors(arm: Arm, recording: Recording, trials: Sequence[Trial] = ()) -> Array:
+def _errors(arm: Arm, recording: Recording, trials: Sequence[Trial] = (), *, at: Sequence[int] | None = None) -> Array:
     """(lanes, m, n) A: measured minus simulated current in the band, of the arm or with each of the trials.
 
-    trials: of one effect and joint. NaN in lanes with an unstable loop. A delay of the recorded demand is estimated
-    from the angles and corrected.
+    trials: of one effect and joint. at: the joints (from 0) that are asked for; default: all. NaN in lanes with an
+    unstable loop. A delay of the recorded demand is estimated from the angles and corrected.
     """
     carrying = set_up(arm, recording)
     lanes = {}
@@ -256,15 +257,15 @@ def _errors(arm: Arm, recording: Recording, trials: Sequence[Trial] = ()) -> Arr
     demand = demand_of_run(recording, carrying)
     motion = simulate_batch(carrying, demand, t - t[0], parameters=lanes)
     shown = recorded(carrying, motion)
-    end = round(END_SECONDS * rate)
+    end, asked = round(END_SECONDS * rate), list(range(len(arm)) if at is None else at)
     errors = []
     for q, i in zip(shown.q, shown.current):
         delay = late(recording.q - q, np.gradient(q, recording.dt, axis=0)) if np.isfinite(i).all() else 0.0
-        moved = np.column_stack([np.interp(t - delay, t, column) for column in i.T])
+        moved = np.column_stack([np.interp(t - delay, t, column) for column in i.T[asked]])
         errors.append(
-            zero_phase(_sections(rate), recording.i - moved)[end:-end]
+            zero_phase(_sections(rate), recording.i[:, asked] - moved)[end:-end]
             if np.isfinite(i).all()
-            else np.full((len(t) - 2 * end, i.shape[1]), np.nan)
+            else np.full((len(t) - 2 * end, len(asked)), np.nan)
         )
     return np.stack(errors)
 
@@ -275,6 +276,7 @@ def late(difference: Array, speed: Array) -> float:
     return -float(difference[:, j] @ speed[:, j] / max(float(speed[:, j] @ speed[:, j]), 1e-12))
 
 
+@cache
 def _sections(rate: float) -> Array:
     half = rate / 2
     sections: Array = signal.butter(3, [BAND[0] / half, min(BAND[1] / half, 0.9)], btype="band", output="sos")
@@ -330,7 +332,7 @@ def _estimates(arm: Arm, trial: Trial, fit: Sequence[Recording], noise: Array) -
     moved = [trial] + [replace(trial, values={**trial.values, n: trial.values[n] * (1 + step)}) for n in names]
     sensitivity, residual, block, first = [], [], [], 0
     for r in fit:
-        errors = _errors(arm, r, moved)[:, :, j] / noise[j]
+        errors = _errors(arm, r, moved, at=[j])[:, :, 0] / noise[j]
         # (m, k), by a relative change
         sensitivity.append((errors[0] - errors[1:]).T / step)
         residual.append(errors[0])
