@@ -80,8 +80,8 @@ def _identify_and_compare(folder: Path, fit: Path, held_out: Path) -> None:
     result = _ask("identify", fit, "--model", model, "--held-out", held_out, "--out", identified)
     error = result["relative_error"]
     _say(
-        f"   {len(result['parameters'])} parameters; the torque is explained to {error['fit']:.1%} on '{fit.stem}'"
-        + (f" and {error['held_out']:.1%} on '{held_out.stem}', which was held out." if error.get("held_out") else "."),
+        f"   {len(result['parameters'])} parameters; relative error of the torque: {error['fit']:.1%} on '{fit.stem}'"
+        + (f", {error['held_out']:.1%} on '{held_out.stem}', which was held out." if error.get("held_out") else "."),
         f"   The report: {identified / 'report.html'}",
     )
     _say("6. The identified model, simulated on the same demands, against what was measured.")
@@ -106,7 +106,7 @@ def _diagnose_worn(folder: Path, experiments: tuple[str, str]) -> None:
     verdict = folder / "diagnosis"
     _show("diagnose", "--model", model, "--fit", runs[0], "--held-out", runs[1], "--out", verdict)
     _say(
-        f"   What was hidden: {shipped_folder() / 'models/puma560_worn.toml'}",
+        f"   What was hidden: {_short(shipped_folder() / 'models/puma560_worn.toml')}, at the end of the file",
         f"   The first arm in a browser, seen and steered: armscope page {folder / 'rig.toml'} --recordings {folder}",
         "The faults, and each joint's error before and after:",
     )
@@ -213,15 +213,20 @@ def _run(*arguments: str | Path) -> str:
 
 
 def _show(*arguments: str | Path) -> None:
-    print(f"   $ armscope {' '.join(map(str, arguments))}", flush=True)
+    _say(f"   $ armscope {' '.join(map(_short, arguments))}")
     lines = _run(*arguments).splitlines()
     print("".join(f"     {line}\n" for line in lines), end="", flush=True)
 
 
 def _ask(*arguments: str | Path) -> dict[str, Any]:
-    print(f"   $ armscope {' '.join(map(str, arguments))}", flush=True)
+    _say(f"   $ armscope {' '.join(map(_short, arguments))}")
     answer: dict[str, Any] = json.loads(_run(*arguments, "--json"))
     return answer
+
+
+def _short(argument: str | Path) -> str:
+    """An argument as a reader types it: a shipped file is found by its path below ``config`` from anywhere."""
+    return str(argument).replace(str(shipped_folder()), "config")
 
 
 def _say(*lines: str) -> None:

@@ -36,8 +36,8 @@ def test_demo(root: Path, tmp_path: Path) -> None:
     assert ("load_friction", 2) in named and {joint for _, joint in named} == {1, 2, 3}
     page = html.unescape((tmp_path / "demo/diagnosis/report.html").read_text())
     assert "<code>tau = mu |tau_load| sign(q')</code>" in page  # of terms that were not found, no symbol
-    warnings = [one for one in diagnosis["warnings"] if "ripple is folded" in one]
-    assert all(float(re.findall(r"two std of it are ([0-9.]+) times", one)[0]) < 3.0 for one in warnings)
+    warnings = [one for one in diagnosis["warnings"] if "looks like an inertia" in one]
+    assert all(float(re.findall(r"by less than ([0-9.]+) times the noise", one)[0]) < 3.0 for one in warnings)
     runs = [open_recording(tmp_path / f"demo/{name}.mcap") for name in ("excitation", "iso_cube")]
     (received,) = re.findall(r"received (\d+) rows in 2 runs and missed 0", ended.stderr)
     assert int(received) == sum(map(len, runs))
