@@ -106,17 +106,17 @@ class Support:
 
     significance  1 - p of its gain on held-out data, at most MAX_CONFIDENCE
     gain          rms of the held-out residual without it, over that with it, at its joint
+    largest       largest such gain of all causes
+    determined    largest of its parameters over their standard deviations, without what its law may miss
     left          rms of what all causes leave at that joint, over the noise
-    sureness      largest of its parameters over their standard deviations
-    names         how many causes are named
     unexplained   signals in which structure remains that no effect explains
     """
 
     significance: float
     gain: float
+    largest: float
+    determined: float
     left: float
-    sureness: float
-    names: int
     unexplained: int
 
 

@@ -2,9 +2,8 @@
 
 The p-value of a gain says how seldom chance alone gains as much. It does not say how often a name is wrong for another
 reason: the arm has friction of another law, or two causes share one residual. That was counted on a bank of cases
-(``tests/confidence``). The score is the logistic regression of "the name was right" on the features of a ``Support``;
-``confidence.json`` has the weights, and per range of the score the share of right names, made monotone. Names beside
-what stays unexplained are counted for themselves.
+(``tests/confidence``): the confidence is the logistic regression of "the name, or another of its group, was right" on
+the features of a ``Support``, with the weights of ``confidence.json``.
 """
 
 from __future__ import annotations
@@ -20,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from arm_io import read_text
+from arm_model.effects import CATALOGUE
 from diagnosis.cause import Cause, Signal, Support
 
 TABLE = Path(__file__).with_name("confidence.json")
@@ -28,29 +28,63 @@ SIGNALS = (Signal.CURRENT, Signal.ANGLE, Signal.CLOSED_LOOP)
 
 Confidence in what tracker and link encoders show is 1 - p, and no larger than the largest that was counted.
 """
-LEFT = 2.0
-"""Times the noise that may be left at a cause's joint; beyond, its name stands beside something unexplained."""
 LARGEST = 1e3
-"""Of a ratio: what is beyond says no more."""
+"""Of a gain: what is beyond says no more."""
+DETERMINED = 3.0, 50.0
+"""Standard deviations between which a parameter says how sure a name is: below, it may be 0; beyond, it is known to
+2 %, and what a law misses is as large."""
+LEFT = 1.0, 5.0
+"""Times the noise between which what is left at a joint does: no case of the bank leaves more."""
 
 
 def features(support: Support) -> tuple[float, ...]:
-    """Of the regression, in the order of the table's weights."""
-    ratios = support.gain, support.left, support.sureness
-    gain, left, sureness = (math.log(min(max(ratio, 1.0), LARGEST)) for ratio in ratios)
-    return gain, left, sureness, math.log(support.names), float(min(support.unexplained, 3))
+    """Of the regression, in the order of the table's weights: logarithms of ratios.
+
+    A cause that explains little beside a large one may be what the law of that one misses. How many causes are named is
+    no feature: arms of the bank with one hidden effect would say that every second name is wrong.
+    """
+    gain, largest = _between(support.gain, (1.0, LARGEST)), _between(support.largest, (1.0, LARGEST))
+    return gain, largest - gain, _between(support.determined, DETERMINED), _between(support.left, LEFT)
 
 
-def support_of(cause: Cause, left: Mapping[int, float], names: int, unexplained: int) -> Support:
-    """The evidence for a cause among several; left: joint (from 1) -> rms of what remains over the noise."""
+def _between(ratio: float, limits: tuple[float, float]) -> float:
+    """Logarithm of a ratio, or of the nearest limit."""
+    return math.log(min(max(ratio, limits[0]), limits[1]))
+
+
+def support_of(cause: Cause, largest: float, left: Mapping[int, float], unexplained: int) -> Support:
+    """The evidence for a cause.
+
+    largest: gain of any cause; left: joint (from 1) -> rms of what remains over the noise
+    """
     return Support(
         significance=cause.confidence,
-        gain=cause.before / cause.after if cause.after > 0 else LARGEST,
+        gain=gain_of(cause),
+        largest=largest,
+        determined=determined(cause),
         left=left.get(cause.felt_at or 0, 1.0),
-        sureness=max((abs(p.value) / p.std for p in cause.parameters if p.std > 0), default=LARGEST),
-        names=names,
         unexplained=unexplained,
     )
+
+
+def gain_of(cause: Cause) -> float:
+    """rms of the residual without a cause over that with it."""
+    return cause.before / cause.after if cause.after > 0 else LARGEST
+
+
+def determined(cause: Cause) -> float:
+    """Largest of the parameters of a cause over the std that chance alone gives them.
+
+    A law that misses a tenth gives each value a std of a tenth, however well the recordings determine it.
+    """
+    effect = CATALOGUE[cause.effect]
+    missed = {p.name: 0.0 if p.whole or p.own or p.lasts or p.coarse else effect.model_error for p in effect.parameters}
+    ratios = []
+    for p in cause.parameters:
+        if p.std > 0:
+            by_chance = p.std**2 - (missed.get(p.name, 0.0) * p.value) ** 2
+            ratios.append(abs(p.value) / math.sqrt(by_chance) if by_chance > (p.value / LARGEST) ** 2 else LARGEST)
+    return max(ratios, default=LARGEST)
 
 
 def stated(causes: Sequence[Cause], left: Mapping[int, float], unexplained: int) -> list[Cause]:
@@ -59,12 +93,13 @@ def stated(causes: Sequence[Cause], left: Mapping[int, float], unexplained: int)
     What no case of the bank shows is stated with no larger confidence than was counted anywhere.
     """
     found = []
+    largest = max((gain_of(cause) for cause in causes if cause.signal in SIGNALS), default=1.0)
     for cause in causes:
         if cause.signal in SIGNALS:
-            support = support_of(cause, left, len(causes), unexplained)
+            support = support_of(cause, largest, left, unexplained)
             cause = replace(cause, confidence=min(support.significance, deserved(support)), support=support)
         else:
-            cause = replace(cause, confidence=min(cause.confidence, _table()["steps"][-1]["confidence"]))
+            cause = replace(cause, confidence=min(cause.confidence, _table()["most"]))
         found.append(cause)
     return found
 
@@ -74,17 +109,10 @@ def deserved(support: Support) -> float:
     return counted(_table(), support)
 
 
-def beside_unexplained(support: Support) -> bool:
-    """Whether structure remains that no effect explains, or much more than noise is left at the joint."""
-    return support.unexplained > 0 or support.left > LEFT
-
-
 def counted(table: Mapping[str, Any], support: Support) -> float:
-    """Of a table: what its steps state; beside what is unexplained, no more than the share of such names."""
+    """Of a table: the logistic curve of the score, and no more than names of other cases confirmed."""
     score = table["constant"] + float(np.dot(table["weights"], features(support)))
-    steps = [step["confidence"] for step in table["steps"] if step["from"] <= score]
-    stated = float(steps[-1] if steps else table["steps"][0]["confidence"])
-    return min(stated, float(table["beside"]["confidence"])) if beside_unexplained(support) else stated
+    return round(min(1.0 / (1.0 + math.exp(-score)), float(table["most"])), 3)
 
 
 @cache

@@ -24,8 +24,8 @@ import numpy as np
 from diagnosis.confidence import TABLE
 from tests.confidence import bank, diagram
 from tests.confidence.bank import Name
-from tests.confidence.cross_validation import PRINTED_AS_98, cross_validated, reliability
-from tests.confidence.fit import fitted, levels
+from tests.confidence.cross_validation import PRINTED_AS_98, chances, cross_validated, reliability
+from tests.confidence.fit import fitted
 from tests.executors import executor
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -41,17 +41,17 @@ def main() -> None:
     names = bank.read()
     confidence, most = cross_validated(names)
     table = fitted(names, most) | {"provenance": {"bank": "tests/confidence/bank.json", "names": len(names)}}
-    figures = judged(names, confidence, levels(table))
+    figures = judged(names, confidence)
     if options.do == "fit":
         TABLE.write_text(json.dumps(table, indent=1) + "\n", encoding="utf-8")
-        _draw(names, confidence, levels(table))
+        _draw(names, confidence)
     print(json.dumps(figures) if options.json else "\n".join(f"{key}: {value}" for key, value in figures.items()))
 
 
-def judged(names: Sequence[Name], confidence: np.ndarray, each: Sequence[float]) -> dict[str, float]:
-    """Flat figures of what was stated of names, by the levels of the table, beside those of 1 - p alone.
+def judged(names: Sequence[Name], confidence: np.ndarray) -> dict[str, float]:
+    """Flat figures of what was stated of names, beside those of 1 - p alone; and by kind of arm.
 
-    confidence: (n,), by tables of other cases; each: level, rising
+    confidence: (n,), by tables of other cases
     """
     figures: dict[str, float] = {"names": len(names), "cases": len({name.key for name in names})}
     figures |= {f"names_{suite}": count for suite, count in sorted(Counter(name.suite for name in names).items())}
@@ -60,16 +60,21 @@ def judged(names: Sequence[Name], confidence: np.ndarray, each: Sequence[float])
         said = values >= PRINTED_AS_98
         figures[f"{label}said_98"], figures[f"{label}right_of_these"] = int(said.sum()), int(right[said].sum())
         figures[f"{label}brier"] = round(float(np.mean((values - right) ** 2)), 4)
-    for at, count, hits in reliability(confidence, right, each):
+    for at, count, hits in reliability(confidence, right):
         figures[f"stated_{at:.3f}_names"], figures[f"stated_{at:.3f}_right"] = count, hits
+    for suite in sorted({name.suite for name in names}):
+        own = np.array([name.suite == suite for name in names])
+        figures[f"{suite}_right"], figures[f"{suite}_expected"] = int(right[own].sum()), round(confidence[own].sum(), 1)
+        few, many = chances(confidence[own], right[own])
+        figures[f"{suite}_so_few_by_chance"], figures[f"{suite}_so_many_by_chance"] = round(few, 3), round(many, 3)
     return figures
 
 
-def _draw(names: Sequence[Name], confidence: np.ndarray, each: Sequence[float]) -> None:
+def _draw(names: Sequence[Name], confidence: np.ndarray) -> None:
     right, before = _right(names), _one_minus_p(names)
     rows = [
-        ("1 - p of the gain", "0.6", reliability(before, right, each)),
-        ("stated", "tab:blue", reliability(confidence, right, each)),
+        ("1 - p of the gain", "0.6", reliability(before, right)),
+        ("stated", "tab:blue", reliability(confidence, right)),
     ]
     diagram.draw(DIAGRAM, rows)
 

@@ -11,12 +11,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from tests.confidence.bank import Name
-from tests.confidence.fit import COUNTED, LEAST, SUREST, fitted, stated
+from tests.confidence.fit import SUREST, fitted, stated
 
 PRINTED_AS_98 = 0.975
-APART = 2.0 / LEAST
-"""Of levels that are judged one by one. Left out, a right name lowers the level of its step by up to 1 / LEAST, and a
-wrong one raises it: of nearer levels, the lower would get the right names, and the higher the wrong ones."""
+COUNTED = 100
+"""Names that must have been given 98 %, of which 98 of 100 were right."""
+LEAST = 25
+"""Names of which a share is counted: the standard deviation of a share of fewer may be above 0.1."""
 Array = np.ndarray
 
 
@@ -25,9 +26,9 @@ def cross_validated(names: Sequence[Name]) -> tuple[Array, float]:
 
     1.0 where names that were then given 98 % confirm it; SUREST otherwise.
     """
-    confidence = by_other_cases(names, 1.0)
+    confidence = by_other_cases(names)
     right, foreign = np.array([(name.right, name.suite != "puma") for name in names]).T
-    return (confidence, 1.0) if confirmed(confidence, right, foreign) else (by_other_cases(names, SUREST), SUREST)
+    return (confidence, 1.0) if confirmed(confidence, right, foreign) else (np.minimum(confidence, SUREST), SUREST)
 
 
 def confirmed(confidence: Array, right: Array, foreign: Array) -> bool:
@@ -39,26 +40,41 @@ def confirmed(confidence: Array, right: Array, foreign: Array) -> bool:
     return all(some.sum() >= COUNTED and right[some].sum() >= 0.98 * some.sum() for some in (said, said & foreign))
 
 
-def by_other_cases(names: Sequence[Name], most: float) -> Array:
-    """(n,) stated of each name by the table of all other cases, of which no step may state more than ``most``."""
+def by_other_cases(names: Sequence[Name]) -> Array:
+    """(n,) stated of each name by the table of all other cases."""
     confidence = np.empty(len(names))
     for case in {name.key for name in names}:
-        table = fitted([name for name in names if name.key != case], most)
+        table = fitted([name for name in names if name.key != case])
         for at, name in enumerate(names):
             if name.key == case:
                 confidence[at] = stated(table, name)
     return confidence
 
 
-def reliability(confidence: Array, right: Array, levels: Sequence[float]) -> list[tuple[float, int, int]]:
-    """(mean stated confidence, names, right names) of the names nearest to each level of a table that has any.
+def reliability(confidence: Array, right: Array) -> list[tuple[float, int, int]]:
+    """(mean stated confidence, names, right names) of groups of ``LEAST`` names or more, lowest confidence first.
 
-    confidence, right: (n,); levels: rising. Levels nearer than ``APART`` to each other are counted together.
+    confidence, right: (n,). Names of equal confidence are in one group; fewer than ``LEAST`` at the upper end join the
+    group below.
     """
-    begins = np.append(True, np.diff(levels) >= APART)
-    nearest = np.cumsum(begins)[np.abs(np.subtract.outer(confidence, levels)).argmin(axis=1)]
-    rows = []
-    for at in np.unique(nearest):
-        inside = nearest == at
-        rows.append((float(confidence[inside].mean()), int(inside.sum()), int(right[inside].sum())))
-    return rows
+    order = np.argsort(confidence, kind="stable")
+    begins = [0]
+    for at in range(1, len(order)):
+        if at - begins[-1] >= LEAST and confidence[order[at]] > confidence[order[at - 1]]:
+            begins.append(at)
+    if len(begins) > 1 and len(order) - begins[-1] < LEAST:
+        begins.pop()
+    groups = np.split(order, begins[1:])
+    return [(float(confidence[group].mean()), len(group), int(right[group].sum())) for group in groups]
+
+
+def chances(confidence: Array, right: Array) -> tuple[float, float]:
+    """Probabilities of so few and of so many right names, if each is right with its stated confidence.
+
+    confidence, right: (n,). The number of right names has the Poisson binomial distribution.
+    """
+    distribution = np.ones(1)
+    for p in confidence:
+        distribution = np.convolve(distribution, (1.0 - p, p))
+    hits = int(right.sum())
+    return float(distribution[: hits + 1].sum()), float(distribution[hits:].sum())

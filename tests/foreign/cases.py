@@ -146,17 +146,17 @@ def recorded(case: Case) -> Days:
     before: list[dict[str, Array]] = []
     if case.protocol == "second":
         first = motions if case.repeated else [(*key, 5) for key in motions]
-        before = [_log(case, case.plant, none, number, key, day=0) for number, key in enumerate(first)]
+        before = [day_log(case, case.plant, none, number, key, day=0) for number, key in enumerate(first)]
     if case.effect is None:
-        after = [_log(case, case.plant, none, number, key, day=1) for number, key in enumerate(motions)]
+        after = [day_log(case, case.plant, none, number, key, day=1) for number, key in enumerate(motions)]
         return Days(before, after, None, 0.0)
-    hidden, strength = _strong_enough(case, motions[0])
+    hidden, strength = strong_enough(case, motions[0])
     plant, defects = hide(case.plant, none, hidden)
-    after = [_log(case, plant, defects, number, key, day=1) for number, key in enumerate(motions)]
+    after = [day_log(case, plant, defects, number, key, day=1) for number, key in enumerate(motions)]
     return Days(before, after, hidden, strength)
 
 
-def _log(
+def day_log(
     case: Case, plant: Plant, defects: Defects, number: int, key: tuple[int, ...], *, day: int
 ) -> dict[str, Array]:
     target, moved = _moved(case, plant, number, key)
@@ -173,7 +173,7 @@ def _seed(key: tuple[int, ...]) -> int:
     return int(np.random.default_rng(key).integers(1 << 30))
 
 
-def _strong_enough(case: Case, key: tuple[int, ...]) -> tuple[Hidden, float]:
+def strong_enough(case: Case, key: tuple[int, ...]) -> tuple[Hidden, float]:
     """The effect, and how many times the noise it changes the logged torques of the first motion.
 
     Where it stays below ``LEAST`` at the drawn joint, at another one; at the last if it does so everywhere.
