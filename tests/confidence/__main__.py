@@ -1,7 +1,7 @@
 """``make confidence``: cases with known answers, the table of confidence fitted to them, and its reliability diagram.
 
-run   adds the names of new cases to the bank: foreign arms by both protocols, and the Puma; a case that is in it is
-      replaced
+run   adds the names of new cases to the bank: foreign arms by both protocols and with two effects, and the Puma; a case
+      that is in it is replaced
 add   adds those of files that ``tests.foreign.proving_ground --out`` wrote
 fit   fits ``diagnosis/confidence.json`` to the bank, judges it by cross-validation, and draws the diagram
 """
@@ -27,6 +27,7 @@ from tests.confidence.bank import Name
 from tests.confidence.cross_validation import PRINTED_AS_98, chances, cross_validated, reliability
 from tests.confidence.fit import fitted
 from tests.executors import executor
+from tests.foreign.pairs import pairs as foreign_pairs
 
 ROOT = Path(__file__).resolve().parents[2]
 DIAGRAM = ROOT / "docs" / "images" / "reliability.svg"
@@ -97,11 +98,13 @@ def _add(files: Sequence[Path], commit: str) -> None:
 def _run(options: argparse.Namespace) -> None:
     """Names of new cases, each written to the bank as soon as it is there: a run of hours may be stopped."""
     chosen = bank.puma_chosen(options.seed, options.cases, options.only)
+    pairs = [pair for pair in foreign_pairs(options.seed, options.cases) if _chosen(pair.name, options.only)]
     with executor(options.workers, options.scheduler) as pool:
-        jobs = [pool.submit(bank.of_puma, case, options.commit) for case in chosen]
+        jobs = [pool.submit(bank.of_pair, pair, options.commit) for pair in pairs]
+        jobs += [pool.submit(bank.of_puma, case, options.commit) for case in chosen]
         for number, done in enumerate(as_completed(jobs), 1):
             bank.write(bank.replaced(bank.read(), found := done.result()))
-            print(f"puma {number:3}/{len(jobs)} {_line(found)}", file=sys.stderr, flush=True)
+            print(f"{number:3}/{len(jobs)} {_line(found)}", file=sys.stderr, flush=True)
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder, "foreign.json")
         words = {"seed": options.seed, "cases": options.cases, "workers": options.workers, "out": out}
@@ -111,6 +114,11 @@ def _run(options: argparse.Namespace) -> None:
         command = [sys.executable, "-m", "tests.foreign.proving_ground", "--no-compare", *line, *only]
         subprocess.run(command, cwd=ROOT, check=True, stdout=sys.stderr)
         _add([out] if out.exists() else [], options.commit)
+
+
+def _chosen(name: str, only: Sequence[str]) -> bool:
+    """Whether a case has one of the words in its name, if there are any."""
+    return not only or any(word in name for word in only)
 
 
 def _line(found: Mapping[bank.Key, Sequence[Name]]) -> str:

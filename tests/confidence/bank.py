@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import json
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 from arm_model.model_file import read_model
 from diagnosis.cause import Support
@@ -20,10 +21,13 @@ from tests.blind.generate import generate
 from tests.blind.record import MODEL
 from tests.blind.recordings import read_recordings
 from tests.blind.score import right
+from tests.foreign.pairs import Pair, diagnosed
+from tests.foreign.score import in_group
+from tests.foreign.score import right as is_hidden_abroad
 
 BANK = Path(__file__).with_name("bank.json")
 PUMA_KINDS = ("singles", "weak", "pairs", "empties")
-NAMED = ("named", "supports", "owned")
+NAMED = ("named", "supports", "owned", "grouped")
 """Columns of an outcome with an entry per name."""
 Key = tuple[str, int, str]
 
@@ -32,7 +36,8 @@ Key = tuple[str, int, str]
 class Name:
     """One name.
 
-    suite: foreign-first, foreign-second or puma; seed and case: where it is from; commit: of the code that gave it
+    suite: foreign-first, foreign-second or puma; seed and case: where it is from; commit: of the code that gave it.
+    right: whether it, or another of its ambiguity group, was hidden: that is what a confidence is of
     """
 
     suite: str
@@ -75,12 +80,43 @@ def of_foreign(path: Path, commit: str) -> dict[Key, list[Name]]:
         key = (f"foreign-{outcome['protocol']}", content["seed"], outcome["name"])
         if outcome["crashes"]:
             continue
+        columns = [outcome[column] for column in NAMED]
+        alone = not any(was_right for _, _, _, was_right in outcome["named"])
         found[key] = [
-            Name(*key, effect, joint, was_right, Support(**support), commit)
-            for (effect, joint, _, was_right), support, its_own in zip(*(outcome[column] for column in NAMED))
+            Name(*key, effect, joint, was_right or (alone and in_its_group), Support(**support), commit)
+            for (effect, joint, _, was_right), support, its_own, in_its_group in zip(*columns)
             if support is not None and not its_own
         ]
     return found
+
+
+def of_pair(pair: Pair, commit: str) -> dict[Key, list[Name]]:
+    """Of a foreign arm with two effects, and a model that knows everything else."""
+    key = ("foreign-first", pair.first.key[0], pair.name)
+    hidden, results = diagnosed(pair)
+    if results.diagnosis is None:
+        return {}
+    causes = results.diagnosis["causes"]
+    flags = matched(causes, hidden, is_hidden_abroad, in_group)
+    return {
+        key: [
+            Name(*key, cause["effect"], cause["joint"], was_right, Support(**cause["support"]), commit)
+            for cause, was_right in zip(causes, flags)
+            if cause["support"] is not None
+        ]
+    }
+
+
+def matched(causes: Sequence[Any], hidden: Iterable[Any], *tests: Callable[[Any, Any], bool]) -> list[bool]:
+    """Whether each cause is one of the hidden effects, by the first of the tests that finds it; each is found once."""
+    left, flags = list(hidden), [False] * len(causes)
+    for test in tests:
+        for at, cause in enumerate(causes):
+            one = None if flags[at] else next((one for one in left if test(cause, one)), None)
+            if one is not None:
+                left.remove(one)
+                flags[at] = True
+    return flags
 
 
 def puma_chosen(seed: int, count: int, only: Sequence[str]) -> list[PumaCase]:
@@ -95,12 +131,14 @@ def of_puma(case: PumaCase, commit: str) -> dict[Key, list[Name]]:
     with tempfile.TemporaryDirectory() as folder:
         _, hidden = generate(case, Path(folder))
         result = diagnose(read_model(MODEL), *read_recordings(Path(folder)))
-    left = [(one["effect"], one["joint"]) for one in hidden]
-    names = []
-    for cause in result.causes:
-        fits = next((place for place in left if right(cause, *place)), None)
-        if fits is not None:
-            left.remove(fits)
-        if cause.support is not None:
-            names.append(Name(*key, *cause.key, fits is not None, cause.support, commit))
-    return {key: names}
+    places = [(one["effect"], one["joint"]) for one in hidden]
+    flags = matched(
+        result.causes, places, lambda cause, place: right(cause, *place), lambda cause, one: one in cause.group
+    )
+    return {
+        key: [
+            Name(*key, *cause.key, was_right, cause.support, commit)
+            for cause, was_right in zip(result.causes, flags)
+            if cause.support is not None
+        ]
+    }

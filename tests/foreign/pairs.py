@@ -1,4 +1,4 @@
-"""Two effects hidden in one arm: what a bank of single effects cannot say is how often the second name is right."""
+"""Two effects hidden in one arm: how often a second name is right, single effects cannot say."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from tests.foreign.cases import MOTIONS, Case, Days, cases, day_log, strong_enough
-from tests.foreign.commands import unrendered
+from tests.foreign.ended import unrendered
 from tests.foreign.hide import DRAWN, Hidden, hide, places
 from tests.foreign.log import Defects
 from tests.foreign.score import SAME
@@ -48,7 +48,7 @@ def pairs(seed: int, count: int) -> Iterator[Pair]:
         yield Pair(case, replace(case, effect=effect, joint=joint, key=key))
 
 
-def recorded(pair: Pair) -> tuple[list[Hidden], Days]:
+def logs(pair: Pair) -> tuple[list[Hidden], Days]:
     """The two effects, each as strong as it would be alone, and the logs of an arm that has both."""
     case, hidden = pair.first, list[Hidden]()
     motions = [(*case.key, 10 + number) for number in range(len(MOTIONS))]
@@ -65,6 +65,6 @@ def recorded(pair: Pair) -> tuple[list[Hidden], Days]:
 
 def diagnosed(pair: Pair) -> tuple[list[Hidden], Results]:
     """The two effects, and what the commands wrote of the arm."""
-    hidden, days = recorded(pair)
+    hidden, days = logs(pair)
     with tempfile.TemporaryDirectory() as folder, unrendered():
         return hidden, through(pair.first, days, Path(folder), compare=False)

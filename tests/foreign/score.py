@@ -169,7 +169,7 @@ def _score_diagnosis(one: Outcome, hidden: Hidden | None, table: Mapping[str, An
 
 def _of_hidden(causes: Sequence[Mapping[str, Any]], hidden: Hidden) -> Mapping[str, Any] | None:
     """The cause that says the hidden effect: by its own name, or else by the group that is printed with that name."""
-    for says in (right, _in_group):
+    for says in (right, in_group):
         for cause in causes:
             if says(cause, hidden):
                 return cause
@@ -180,7 +180,7 @@ def right(cause: Mapping[str, Any], hidden: Hidden) -> bool:
     """Whether a cause is the hidden effect, or one of its aliases in a group that contains it."""
     if cause["joint"] == hidden.joint and cause["effect"] in {hidden.effect} | SYNONYMS.get(hidden.effect, set()):
         return True
-    return any({cause["effect"], hidden.effect} <= same for same in SAME) and _in_group(cause, hidden)
+    return any({cause["effect"], hidden.effect} <= same for same in SAME) and in_group(cause, hidden)
 
 
 def of_the_arm(cause: Mapping[str, Any], plant: Plant) -> bool:
@@ -193,7 +193,8 @@ def of_the_arm(cause: Mapping[str, Any], plant: Plant) -> bool:
     return bool(abs(cycles - plant.cycles[cause["joint"] - 1]) <= NEXT * max(1.0, cycles / 50.0))
 
 
-def _in_group(cause: Mapping[str, Any], hidden: Hidden) -> bool:
+def in_group(cause: Mapping[str, Any], hidden: Hidden) -> bool:
+    """Whether the group of a cause has the hidden effect."""
     return any((one["effect"], one["joint"]) == (hidden.effect, hidden.joint) for one in cause["group"])
 
 
