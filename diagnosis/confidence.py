@@ -35,6 +35,8 @@ DETERMINED = 3.0, 50.0
 2 %, and what a law misses is as large."""
 LEFT = 1.0, 5.0
 """Times the noise between which what is left at a joint does: no case of the bank leaves more."""
+UNCOUNTED = 0.5
+"""The most that is stated where more is left than in any case of the bank."""
 
 
 def features(support: Support) -> tuple[float, ...]:
@@ -112,7 +114,8 @@ def deserved(support: Support) -> float:
 def counted(table: Mapping[str, Any], support: Support) -> float:
     """Of a table: the logistic curve of the score, and no more than names of other cases confirmed."""
     score = table["constant"] + float(np.dot(table["weights"], features(support)))
-    return round(min(1.0 / (1.0 + math.exp(-score)), float(table["most"])), 3)
+    most = float(table["most"]) if support.left <= LEFT[1] else UNCOUNTED
+    return round(min(1.0 / (1.0 + math.exp(-score)), most), 3)
 
 
 @cache
