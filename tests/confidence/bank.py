@@ -27,7 +27,7 @@ from tests.foreign.score import right as is_hidden_abroad
 
 BANK = Path(__file__).with_name("bank.json")
 PUMA_KINDS = ("singles", "weak", "pairs", "empties")
-NAMED = ("named", "supports", "owned", "grouped")
+NAMED = ("named", "supports", "owned")
 """Columns of an outcome with an entry per name."""
 Key = tuple[str, int, str]
 
@@ -80,11 +80,9 @@ def of_foreign(path: Path, commit: str) -> dict[Key, list[Name]]:
         key = (f"foreign-{outcome['protocol']}", content["seed"], outcome["name"])
         if outcome["crashes"]:
             continue
-        columns = [outcome[column] for column in NAMED]
-        alone = not any(was_right for _, _, _, was_right in outcome["named"])
         found[key] = [
-            Name(*key, effect, joint, was_right or (alone and in_its_group), Support(**support), commit)
-            for (effect, joint, _, was_right), support, its_own, in_its_group in zip(*columns)
+            Name(*key, effect, joint, was_right, Support(**support), commit)
+            for (effect, joint, _, was_right), support, its_own in zip(*(outcome[column] for column in NAMED))
             if support is not None and not its_own
         ]
     return found

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +15,7 @@ from scipy.stats import binom
 from diagnosis.cause import MAX_CONFIDENCE, Cause, Estimate, Signal, Support
 from diagnosis.confidence import DETERMINED, LEFT, TABLE, UNCOUNTED, deserved, support_of
 from diagnosis.confidence import stated as stated_of
-from tests.confidence.bank import Key, Name, matched, of_foreign, puma_chosen, read, replaced, write
+from tests.confidence.bank import Key, Name, matched, puma_chosen, read, replaced, write
 from tests.confidence.cross_validation import (
     LEAST,
     PRINTED_AS_98,
@@ -248,20 +248,6 @@ def test_each_hidden_effect_is_found_once_and_by_its_own_name_first() -> None:
     assert matched(["zero", "tilt"], ["tilt"], *tests) == [False, True]
     assert matched(["zero", "gain"], ["tilt"], *tests) == [True, False]
     assert matched(["zero", "tilt", "gain"], ["tilt", "zero"], *tests) == [True, True, False]
-
-
-@pytest.mark.parametrize(
-    ("was_right", "grouped", "counted"), [(True, True, True), (False, True, True), (False, False, False)]
-)
-def test_a_name_whose_group_has_the_hidden_effect_is_right(
-    was_right: bool, grouped: bool, counted: bool, tmp_path: Path
-) -> None:
-    named = [["joint_zero_offset", 1, 0.97, was_right], ["mains_hum", 2, 0.5, False]]
-    columns = {"supports": [asdict(_support(gain=2.0, largest=2.0, determined=9.0))] * 2, "owned": [False, False]}
-    case = {"protocol": "first", "name": "one", "crashes": [], "named": named, "grouped": [grouped, False], **columns}
-    (tmp_path / "out.json").write_text(json.dumps({"seed": 7, "outcomes": [case]}))
-    (names,) = of_foreign(tmp_path / "out.json", "abc").values()
-    assert [name.right for name in names] == [counted, False]
 
 
 def test_cases_are_chosen_by_words_of_their_names() -> None:
