@@ -9,16 +9,20 @@ import numpy as np
 import pytest
 
 from arm_model import Arm
+from arm_model.urdf import read_urdf
 from diagnosis.experiments.discriminating import separated_by
 from diagnosis.measurements.currents.causes import of_candidate
 from diagnosis.measurements.currents.columns import candidates, columns
 from diagnosis.measurements.currents.design_matrix import Library, dataset_of
 from diagnosis.measurements.currents.estimates import estimates_of
 from diagnosis.measurements.currents.model import Currents
+from diagnosis.residual.generation import residual_run
 from diagnosis.residual.run import Run
 from diagnosis.selection.candidate import Candidate
 from identification.selection import Split, select
 from tests.diagnosis.two_link import Day, model, residual_of
+from tests.foreign.arms import ARMS
+from tests.foreign.urdf import urdf
 
 TILT, OFFSET = Candidate("base_tilt", None), Candidate("joint_zero_offset", 1)
 
@@ -72,3 +76,13 @@ def test_an_offset_of_the_second_joint_is_no_tilt(arm: Arm) -> None:
     state = select(Currents(arm, data, Library(every, data), []))
     assert [c.key for c in state.chosen] == [("joint_zero_offset", 2)]
     assert of_candidate(state.chosen[0], estimates_of(state)[0], state).group == (("joint_zero_offset", 2),)
+
+
+def test_rounding_of_a_turned_axis_is_no_column_of_a_link(tmp_path: Path) -> None:
+    """Of a palletiser's link, a first moment of -1.4e15 kg m was estimated, and the link refused for it."""
+    (tmp_path / "arm.urdf").write_text(urdf(ARMS["palletiser"], friction=True))
+    arm, t = read_urdf(tmp_path / "arm.urdf"), np.arange(0.0, 4.0, 0.004)
+    q = 0.5 * np.sin(2 * np.pi * t[:, None] * [0.3, 0.5, 0.7, 1.1] + [0.0, 1.0, 2.0, 3.0])
+    size = np.abs(columns(Candidate("link_inertia", 2), residual_run("run", arm, t, q, 0.0 * q))).max(axis=(0, 1))
+    assert size[1] > 1.0 and size[2] == 0.0  # turned about y by a right angle
+    assert np.all((size == 0.0) | (size > 1e-6 * size.max()))

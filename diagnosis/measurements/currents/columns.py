@@ -205,8 +205,11 @@ def _changed(run: Run, arm: Arm, effect: Effect, joint: int | None, unit: Values
 
 
 def _link_columns(run: Run, arm: Arm, joint: int) -> Array:
-    """(m, n, 10) A: barycentric parameters of one link, exactly."""
-    return run.by_link[..., 10 * (joint - 1) : 10 * joint] / arm.joint_array("drive_constant")[:, None]
+    """(m, n, 10) A: barycentric parameters of one link, exactly; 0 of those that no motion shows."""
+    own = run.by_link[..., 10 * (joint - 1) : 10 * joint]
+    size = np.abs(own).max(axis=(0, 1), initial=0.0)
+    # once columns have their own length for a unit, rounding is a column as any other
+    return own * (size > ROUNDING * size.max(initial=0.0)) / arm.joint_array("drive_constant")[:, None]
 
 
 def _coupled(run: Run, arm: Arm, unit: Values) -> Array:
