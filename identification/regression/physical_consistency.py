@@ -24,7 +24,7 @@ from arm_io.types import Array
 from arm_model import Arm
 from arm_model.effects import CATALOGUE, effect_friction, speeds
 from arm_model.friction_split import unit_departure
-from arm_model.rigid_body import LINK_FRICTION
+from arm_model.rigid_body import COEFFICIENTS, LINK_FRICTION
 from arm_model.rigid_body.inertia import PARAMETERS
 from identification.regression.effect_columns import definition, is_effect
 
@@ -34,8 +34,8 @@ OF_ONE_SPEED = 0.04  # weight of the friction at one speed: the 25 of a directio
 SMALLEST = (
     1e-6  # of the arm's mean link: what a massless or sizeless prior is given, so that it can be written as a body
 )
-NEVER_NEGATIVE = ("rotor_inertia", *LINK_FRICTION)
-"""Parameters of a joint that must not be negative, each for itself."""
+NEVER_NEGATIVE = ("rotor_inertia", "drag", *COEFFICIENTS, *LINK_FRICTION)
+"""Parameters of a joint or of its link's cylinder that must not be negative, each for itself."""
 BODY, RADIUS = 0.05, 0.05
 """Of the arm's mean link, and m: body of a link that the model has without one, if the data contradict that."""
 CONTRADICTED = 20.0

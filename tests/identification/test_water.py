@@ -5,9 +5,11 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from armscope.cli import run
+from identification.regression.physical_consistency import consistent_parameters
 
 CONTROLLER = """
 [controller]
@@ -44,3 +46,10 @@ def test_drag_and_added_mass_of_the_underwater_arm(root: Path, tmp_path: Path) -
     assert found["link2.added_mass_coefficient"]["value"] == pytest.approx(2.0, rel=0.01)
     assert not found["link1.added_mass_coefficient"]["identifiable"]
     assert found["link2.added_mass_coefficient"]["unit"] == "1"
+
+
+@pytest.mark.parametrize("name", ["joint1.drag", "link1.drag_coefficient", "joint1.link_viscous"])
+def test_what_a_model_file_refuses_below_zero_is_not_estimated_there(name: str) -> None:
+    """Data that fit best at -7 +- 0.1: the nearest number that a model may have is 0."""
+    found = consistent_parameters(np.eye(1), np.array([-7.0]), np.array([[100.0]]), np.array([0.5]), [name])
+    assert 0.0 <= found[0] < 0.01
