@@ -72,7 +72,8 @@ def bands_of(problem: Problem, arm: Arm, spread: Uncertainty) -> list[FrictionBa
             rows = friction_at(problem.arm, names, j, speed, direction)
             torque = total_friction(arm, j, speed, direction)
             std = np.sqrt(np.maximum(np.einsum("ka,ab,kb->k", rows, spread.covariance, rows), 0.0))
-            reversing = torque * np.exp(-((speed / (SMEARED * speed[0])) ** 2))
+            # a curve of the model may begin at standstill
+            reversing = torque * np.exp(-((speed / (SMEARED * (speed[0] or low))) ** 2))
             std = np.sqrt(std**2 + _between(speed, torque) ** 2 + reversing**2)
             found.append(
                 FrictionBand(

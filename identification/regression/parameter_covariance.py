@@ -21,6 +21,8 @@ from identification.regression.problem import Problem
 from identification.regression.uncertainty import Uncertainty as Spread
 
 FILE = "model_uncertainty.json"
+SMALLEST = 1e-13
+"""Least eigenvalue of an information matrix over its largest; below it are rounding errors."""
 
 
 def known_to(problem: Problem, spread: Spread) -> Uncertainty:
@@ -49,10 +51,20 @@ def writable(covariance: Array) -> Array:
 def _shrunk(spread: Spread) -> Array:
     """(b, b) covariance of the fitted base parameters, of full rank."""
     count = len(spread.std)
-    inverse = np.asarray(np.linalg.pinv(spread.information, hermitian=True), np.float64)
-    blocks, formula = _correlations(spread.covariance), _correlations(inverse)
+    blocks, formula = _correlations(spread.covariance), _correlations_by(spread.information)
     share = count / (count + max(spread.blocks - 1, 1))
     return np.asarray(np.outer(spread.std, spread.std) * (share * formula + (1.0 - share) * blocks))
+
+
+def _correlations_by(information: Array) -> Array:
+    """(b, b) correlations of the inverse of an information matrix, positive semidefinite whatever its rounding errors.
+
+    Of a micro arm's inertias some are 1e-9 of others: a matrix is scaled to a diagonal of 1 before eigenvalues are
+    called small.
+    """
+    size = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    values, vectors = np.linalg.eigh(information / np.outer(size, size))
+    return _correlations((vectors / np.maximum(values, SMALLEST * values[-1])) @ vectors.T)
 
 
 def _correlations(covariance: Array) -> Array:

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from arm_io.plain_data import check_plain
-from arm_model import Arm, FrictionCurve
+from arm_model import Arm, FrictionCurve, Joint
 from arm_model.friction_split import split_arm
 from arm_model.rigid_body.regressor import regressor
 from identification.regression.equations import Friction, column_names, described_columns
+from identification.regression.friction_band import bands_of
 from identification.regression.parameter_covariance import _in_model, _shrunk, writable
 from identification.regression.uncertainty import Uncertainty
 from tests.arm_model.random_arms import random_arm
@@ -68,3 +70,31 @@ def test_deviations_beyond_physics_are_written_as_large_as_a_file_may_have_them(
     left = np.sqrt(np.diag(written))
     assert left[:2] == pytest.approx(std[:2]) and left[2] > 3e7
     assert written / np.outer(left, left) == pytest.approx(correlation)
+
+
+@pytest.mark.filterwarnings("error")
+def test_information_that_is_indefinite_by_rounding_has_a_covariance() -> None:
+    """The random arm 30402: inertias of a micro arm, so different that one eigenvalue was negative by rounding."""
+    rng = np.random.default_rng(1)
+    columns = rng.normal(size=(200, 5)) @ np.diag(10.0 ** np.array([9, 6, 3, 0, -1]))
+    columns[:, 4] = columns[:, 3] * 0.1
+    information = columns.T @ columns
+    information[4, 4] *= 1.0 - 1e-14
+    std, one = 10.0 ** np.array([-9.0, -6.0, -3.0, 0.0, 1.0]), np.zeros(5)
+    covariance = _shrunk(Uncertainty(np.diag(std**2), std, one, information, 1.0, 2, (one, one)))
+    assert np.allclose(np.sqrt(np.diag(covariance)), std)
+    assert np.linalg.eigvalsh(covariance / np.outer(std, std))[0] > -1e-9
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("first", [0.0, 0.1])
+def test_a_friction_curve_from_standstill_has_a_band(first: float) -> None:
+    """At its first speed the band is as wide as the friction: a joint has just reversed there."""
+    curve = FrictionCurve((first, 0.5, 1.0), (2.0, 2.0, 2.0), (2.0, 2.0, 2.0))
+    arm = Arm(name="a", joints=(Joint(friction_curve=curve),))
+    qd = np.linspace(0.05, 1.0, 200)[:, None]
+    motion = SimpleNamespace(qd=qd, certain=np.ones_like(qd, bool))
+    base = SimpleNamespace(names=["joint1.viscous"])
+    problem = SimpleNamespace(arm=arm, base=base, columns=[0], motions=[motion], friction="symmetric")
+    band, *_ = bands_of(problem, arm, SimpleNamespace(covariance=np.array([[1e-6]])))  # type: ignore[arg-type]
+    assert np.isfinite(band.std).all() and 1.0 < band.std[0] < 2.1 and band.std[-1] < 0.1
