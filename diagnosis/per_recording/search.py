@@ -19,6 +19,7 @@ from arm_model.effects import CATALOGUE, same_columns
 from diagnosis.cause import EffectKey
 from diagnosis.measurements.currents.columns import columns
 from diagnosis.measurements.currents.model import State
+from diagnosis.measurements.currents.possible import exists
 from diagnosis.measurements.currents.search import Found
 from diagnosis.per_recording.values import OwnValues, contradicted, own_values, promising, quiet
 from diagnosis.residual.other_effects import with_own
@@ -72,6 +73,8 @@ def _grown(
     several, before = [first], _left(state)
     while True:
         values = own_values(several, state)
+        if not _exist(values, state):
+            return None
         free = [
             with_free(with_own(run, [own.terms[k] for own in values]), _columns(several, run))
             for k, run in enumerate(runs)
@@ -95,6 +98,8 @@ def _settled(
     """The search with the values of every recording, beside ``others``, in the exact model; None where more is left."""
     values = own_values(several, state, others)
     for _ in range(ROUNDS):
+        if not _exist(values, state):
+            return None
         trial = search([with_own(run, [own.terms[k] for own in values]) for k, run in enumerate(runs)], _taken(several))
         found = trial.found
         # what the others explain is not the recordings' own
@@ -104,6 +109,11 @@ def _settled(
         if quiet(found.state) and not found.unexplained.structures and contradicted(found.state) is None:
             return trial, values
     return None
+
+
+def _exist(values: Sequence[OwnValues], state: State) -> bool:
+    """Whether in every recording there can be an arm with all of the values."""
+    return all(exists(state.model.arm, terms) for terms in zip(*(own.terms for own in values)))
 
 
 def _left(state: State) -> float:

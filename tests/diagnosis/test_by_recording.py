@@ -6,12 +6,14 @@ Neither the arm's dynamics nor what differs is our effect code (``tests.diagnosi
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import armscope
-from arm_model import Arm
+from arm_model import Arm, EffectTerm
+from diagnosis.per_recording.search import _exist
 from diagnosis.remainder.against_noise import runs_of
 from diagnosis.residual.run import with_free
 from tests.diagnosis import two_link
@@ -176,3 +178,11 @@ def test_beside_columns_that_are_free_in_a_recording_others_keep_their_coefficie
     np.testing.assert_allclose(found, expected, rtol=1e-8)
     assert not beside.whiten(free @ rng.normal(size=(2, 3))).any()
     assert with_free(beside, None).whitened == pytest.approx(run.whitened)
+
+
+@pytest.mark.parametrize(("second", "exists"), [(2.0, True), (-90.0, False)])
+def test_values_of_one_recording_that_no_arm_has_end_the_search(arm: Arm, second: float, exists: bool) -> None:
+    """The random arm 30357 was refused: "payload makes the arm impossible"."""
+    several = [EffectTerm("payload", None, {"mass": m, "x": 0.1, "y": 0.0, "z": 0.0}) for m in (1.0, second)]
+    state, own = SimpleNamespace(model=SimpleNamespace(arm=arm)), SimpleNamespace(terms=several)
+    assert _exist([own], state) == exists  # type: ignore[list-item, arg-type]

@@ -18,7 +18,7 @@ from diagnosis.residual.generation import residual_run
 from diagnosis.residual.noise.channels import KnownNoise
 from diagnosis.residual.run import Run
 from diagnosis.screening.cleaned import Residuals, confirmed, realigned
-from diagnosis.screening.lost_rows.lag_change import change_of_lag
+from diagnosis.screening.lost_rows.lag_change import _change, change_of_lag
 from diagnosis.screening.lost_rows.lag_path import Step, _changes, in_order
 from diagnosis.screening.lost_rows.lost_triggers import (
     SURE,
@@ -225,3 +225,14 @@ def test_a_skew_named_in_their_place_does_not_keep_lost_edges_from_being_found(r
     between = [EffectTerm("time_skew", None, {"delay": -2e-3})]
     (event,) = realigned(sight, between).events
     assert {p.name: p.value for p in event.parameters}["count"] == 4
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_joint_whose_current_never_changes_has_no_say() -> None:
+    """Its lag is noise without weight, however large: the step is that of the other two, 2 ms."""
+    rng = np.random.default_rng(4)
+    lag = 0.002 * (np.arange(40) >= 17)[:, None] + rng.normal(size=(40, 3)) * (1e-6, 1e-6, 1e10)
+    weight = np.column_stack([np.full((40, 2), 1e6), np.zeros(40)])
+    weight[0, 2] = 1e-3
+    change = _change(lag, weight, np.arange(40) * 0.25, 17)
+    assert change is not None and change.step == pytest.approx(0.002, rel=1e-2)

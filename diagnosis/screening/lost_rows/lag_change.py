@@ -94,7 +94,8 @@ def _change(lag: Array, weight: Array, pieces: Array, at: int, *, agree: bool = 
     # scatter per joint: it includes other errors there
     scatter = np.sum(weight * residual**2, axis=0) / max(len(lag) - 2, 1)
     per_joint = _steps_by_joint(lag, weight, at)
-    inverse_variance = _on_both_sides(weight, at) / np.maximum(scatter * _leverage(weight, at), 1e-300)
+    shows, inverse_variance = _on_both_sides(weight, at), np.zeros(len(scatter))
+    inverse_variance[shows] = 1.0 / np.maximum(scatter[shows] * _leverage(weight[:, shows], at), 1e-300)
     if not np.any(inverse_variance > 0.0) or (agree and not _agreed(per_joint, inverse_variance)):
         return None
     step = float(np.sum(inverse_variance * per_joint) / np.sum(inverse_variance))
