@@ -43,7 +43,7 @@ class Thinned:
         if self._waiting:
             rows = {name: np.concatenate([self._waiting[name], values]) for name, values in rows.items()}
         else:
-            self._buffers = {name: np.empty((self._most, *v.shape[1:]), v.dtype) for name, v in rows.items()}
+            self._buffers = {name: values[:0] for name, values in rows.items()}
         begin, count = 0, len(rows["number"])
         while count - begin >= self.factor:
             groups = min((count - begin) // self.factor, self._most - self._filled)
@@ -63,9 +63,18 @@ class Thinned:
         step = 1
         while step < self.factor:
             rows, step = _halved(rows, step), 2 * step
+        end = self._filled + groups
         for name, values in rows.items():
-            self._buffers[name][self._filled : self._filled + groups] = values
-        self._filled += groups
+            if end > len(self._buffers[name]):
+                self._buffers[name] = self._longer(self._buffers[name], end)
+            self._buffers[name][self._filled : end] = values
+        self._filled = end
+
+    def _longer(self, buffer: NDArray, needed: int) -> NDArray:
+        """Twice as long where that is allowed: a short recording takes no memory for a long one."""
+        longer = np.empty((min(self._most, max(2 * len(buffer), needed)), *buffer.shape[1:]), buffer.dtype)
+        longer[: self._filled] = buffer[: self._filled]
+        return longer
 
     def _halve(self) -> None:
         for name, values in _halved(self._buffers, self.factor).items():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -54,6 +55,17 @@ def test_missing_samples_and_missing_rows() -> None:
     assert found[1, 0] == whole["q"][2, 0], "the sample that is there"
     assert np.isnan(found[4, 1])
     assert np.array_equal(found[5], whole["q"][10]), "no mean over a gap"
+
+
+def test_a_short_recording_takes_no_memory_for_a_long_one() -> None:
+    """Five seconds of one joint reserved 3.4 GB, which a limit on memory refused."""
+    whole = columns(1000)
+    tracemalloc.start()
+    try:
+        read(whole, [400], 20_000_000)
+        assert tracemalloc.get_traced_memory()[1] < 1_000_000
+    finally:
+        tracemalloc.stop()
 
 
 def test_a_recording_that_fits_is_as_it_was(tmp_path: Path) -> None:
