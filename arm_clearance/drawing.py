@@ -53,7 +53,8 @@ def _joints(axis: Axes, t: Array, q: Array, limits: Array) -> None:
     for edge in (0, 100):
         axis.axhline(edge, color=LIMIT, ls="--", lw=1)
     axis.set(xlabel="t [s]", ylabel="position\n[% of its range]", xlim=(t[0], t[-1]))
-    axis.legend(fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5))
+    if axis.get_legend_handles_labels()[0]:  # a joint alone has nothing to keep clear of
+        axis.legend(fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5))
     axis.grid(alpha=0.3)
 
 
@@ -98,5 +99,6 @@ def _distance(axis: Axes, t: Array, q: Array, chain: Chain, space: Space | None)
     if space is not None:
         axis.axhline(space.margin, color=LIMIT, ls="--", lw=1, label="margin")
     axis.set(xlabel="t [s]", ylabel="least distance [m]", xlim=(t[0], t[-1]))
-    axis.legend(fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5))
+    if axis.get_legend_handles_labels()[0]:  # a joint alone has nothing to keep clear of
+        axis.legend(fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5))
     axis.grid(alpha=0.3)
