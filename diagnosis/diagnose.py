@@ -51,10 +51,10 @@ from diagnosis.residual.noise.channels import angle_noise
 from diagnosis.residual.other_effects import with_own
 from diagnosis.residual.run import Run
 from diagnosis.residual.warmth import reference_taken, with_needed_reference, with_reference
-from diagnosis.screening.cleaned import Screened, check, screened
+from diagnosis.screening.cleaned import Screened, screened
 from diagnosis.screening.even_rows import even, even_samples, grid_of, known_noise
 from diagnosis.screening.event import Event
-from diagnosis.screening.plausibility import check_motion, mixed_up
+from diagnosis.screening.plausibility import check, check_motion, mixed_up
 from diagnosis.selection.design import Dataset
 from diagnosis.units import recorded_signals
 from diagnosis.verification.idle_limits import idle_limits

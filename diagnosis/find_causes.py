@@ -34,7 +34,8 @@ from diagnosis.per_recording.search import per_recording
 from diagnosis.per_recording.values import cause_of
 from diagnosis.residual.run import Run
 from diagnosis.residual.warmth import depends, not_warmed
-from diagnosis.screening.cleaned import Residuals, Screened, confirmed, realigned, residuals_of
+from diagnosis.screening.cleaned import Screened
+from diagnosis.screening.residuals import Residuals, confirmed, realigned, residuals_of
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Dataset
 from diagnosis.selection.harmonics import with_harmonics

@@ -19,7 +19,7 @@ from arm_io.types import Array
 from diagnosis.cause import NO_VARIABLE, Signal, Structure
 from diagnosis.closed_loop.comparison import Compared
 from diagnosis.closed_loop.setpoint_phase import lag_of
-from diagnosis.residual.filters import COMPARE_BAND, rate_kept, rate_of
+from diagnosis.residual.filters import COMPARE_BAND, TRANSIENT, rate_kept, rate_of
 from diagnosis.residual.noise.channels import scatter
 from diagnosis.residual.run import Run
 from identification.preprocessing import zero_phase
@@ -27,8 +27,6 @@ from identification.selection import Thresholds
 
 HIGHEST = 100.0
 """Hz: above it, a model of servos and rotors without amplifiers says nothing."""
-END_SECONDS = 0.2
-"""Left out at both ends of a recording: filter transients."""
 LEAST_SHARE = 0.2
 """Of the rows of a block that must be compared for it to count."""
 LEAST_BLOCKS = 4
@@ -154,7 +152,7 @@ def _above(before: Compared, one: Compared, white: Array) -> tuple[Array, Array]
         zero_phase(sections, current) / noise
         for current in (one.current, one.simulated_current, before.simulated_current)
     )
-    end = round(END_SECONDS * rate)
+    end = round(TRANSIENT * rate)
     lag = lag_of(measured[end:-end], simulated[end:-end], rate)
 
     def left(moving: Array) -> Array:

@@ -27,7 +27,7 @@ from daq.recording import Recording
 from diagnosis.cause import Cause, EffectKey, Estimate, Signal, confidence_of
 from diagnosis.closed_loop.comparison import SMOOTHING, has_demand
 from diagnosis.closed_loop.resonance import late
-from diagnosis.residual.filters import COMPARE_BAND, kept, low_pass, rate_kept, rate_of
+from diagnosis.residual.filters import COMPARE_BAND, TRANSIENT, kept, low_pass, rate_kept, rate_of
 from diagnosis.residual.noise.channels import angle_noise
 from diagnosis.residual.run_setup import set_up
 from diagnosis.units import unit_at
@@ -43,8 +43,6 @@ STEPS, STEP, FARTHEST = 4, 0.05, 0.5
 """Gauss-Newton steps from the best lane; relative step of a derivative; largest change of a logarithm in a step."""
 RESOLVES = 1.0 / (2 * np.pi * COMPARE_BAND)
 """s: delays of a loop that the band of comparison does not resolve. A stiffness that is late is a damping less."""
-END_SECONDS = 0.2
-"""Left out at both ends of a recording: filter transients."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -153,7 +151,7 @@ def _errors(r: Recording, j: int, q: Array, i: Array, rate: float) -> tuple[Arra
     """
     if not (np.isfinite(q).all() and np.isfinite(i).all()):
         q, i = (np.full_like(one[:, j], one[:, j].mean()) for one in (r.q, r.i))
-    speed, rise, end = np.gradient(q, r.dt), np.gradient(i, r.dt), round(END_SECONDS * rate_kept(rate))
+    speed, rise, end = np.gradient(q, r.dt), np.gradient(i, r.dt), round(TRANSIENT * rate_kept(rate))
     delay = late((r.q[:, j] - q)[:, None], speed[:, None])
     angle, current = (
         low_pass(measured[:, j] - simulated + delay * slope, COMPARE_BAND, rate)[kept(rate)][end:-end]

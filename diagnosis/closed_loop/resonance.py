@@ -28,6 +28,7 @@ from daq.recording import Recording
 from diagnosis.cause import Cause, Estimate, Signal, confidence_of
 from diagnosis.closed_loop.comparison import has_demand
 from diagnosis.closed_loop.model_errors import drawn
+from diagnosis.residual.filters import TRANSIENT
 from diagnosis.residual.noise.channels import scatter
 from diagnosis.residual.run_setup import set_up
 from diagnosis.units import recorded_quantity, unit_at
@@ -39,8 +40,6 @@ BAND = (10.0, 100.0)
 """Hz."""
 SEARCHED_IN = 2
 """Recordings of the fit set in which values are searched: those with the largest closed-loop error."""
-END_SECONDS = 0.2
-"""Excluded at both ends of a recording: filter transients."""
 LANES = 40
 """Most combinations of first values that are simulated, one per lane; the best is then refined."""
 STEPS = np.array([0.7, 0.85, 0.95, 1.05, 1.18, 1.4])
@@ -257,7 +256,7 @@ def _errors(arm: Arm, recording: Recording, trials: Sequence[Trial] = (), *, at:
     demand = demand_of_run(recording, carrying)
     motion = simulate_batch(carrying, demand, t - t[0], parameters=lanes)
     shown = recorded(carrying, motion)
-    end, asked = round(END_SECONDS * rate), list(range(len(arm)) if at is None else at)
+    end, asked = round(TRANSIENT * rate), list(range(len(arm)) if at is None else at)
     errors = []
     for q, i in zip(shown.q, shown.current):
         delay = late(recording.q - q, np.gradient(q, recording.dt, axis=0)) if np.isfinite(i).all() else 0.0

@@ -16,9 +16,9 @@ from diagnosis.residual.generation import residual_run
 from diagnosis.residual.noise.channels import KnownNoise, still_noise
 from diagnosis.residual.run import Run
 from diagnosis.residual.run_setup import known_setpoints, set_up, setup_of
-from diagnosis.screening.cleaned import check
 from diagnosis.screening.even_rows import even_samples, grid_of, known_noise
-from diagnosis.screening.lost_rows.skipped_rows import filled, holes_of, without_weight
+from diagnosis.screening.lost_rows.skipped_rows import filled, holes_of, without_skipped
+from diagnosis.screening.plausibility import check
 from identification import JointNoise
 
 
@@ -44,7 +44,7 @@ def runs_of(arm: Arm, recordings: Sequence[Recording], beside: Sequence[Recordin
         powered, noise = not setup.drives_off, KnownNoise(still=still, setpoints=known_setpoints(arm, r))
         known = known_noise(r.q, grid_of(r.t), noise)
         run = residual_run(r.path.name, set_up(arm, r), *samples, powered=powered, known=known)
-        runs.append(without_weight(run, holes))
+        runs.append(without_skipped(run, holes))
     return runs
 
 

@@ -21,7 +21,11 @@ ORDER = 4
 """Of the low-pass filter."""
 ROWS_PER_SECOND = 100
 """Of a residual, about: the filters leave no more."""
+TRANSIENT = 0.2
+"""s that are left out at both ends of a recording: transients of the filters."""
 
+Samples = tuple[Array, Array, Array]
+"""Times t (m,) s, angles q (m, n) rad and currents i (m, n) A of a recording."""
 Motion = tuple[Array, Array, Array]
 """Angle, speed and acceleration (m, n)."""
 
@@ -67,7 +71,7 @@ def motion_of(q: Array, band: float, rate: float) -> Motion:
 
 def kept(rate: float) -> slice:
     """Rows of a recording at ``rate`` Hz that are kept: about ROWS_PER_SECOND of them, without filter transients."""
-    return slice(int(0.2 * rate), -int(0.2 * rate), max(1, round(rate / ROWS_PER_SECOND)))
+    return slice(int(TRANSIENT * rate), -int(TRANSIENT * rate), max(1, round(rate / ROWS_PER_SECOND)))
 
 
 def rate_kept(rate: float) -> float:

@@ -24,6 +24,7 @@ from diagnosis.residual.filters import (
     COMPARE_BAND,
     MOTION_BAND,
     Motion,
+    Samples,
     kept,
     low_pass,
     motion_of,
@@ -110,9 +111,7 @@ class _Instruments(NamedTuple):
     setpoints: Setpoints
 
 
-def _instruments(
-    arm: Arm, samples: tuple[Array, Array, Array], a: Array, slow_v: Array, known: KnownNoise, powered: bool
-) -> _Instruments:
+def _instruments(arm: Arm, samples: Samples, a: Array, slow_v: Array, known: KnownNoise, powered: bool) -> _Instruments:
     """Noise of samples t (k,) s, q (k, n) rad, i (k, n) A; a (k, n): acceleration; slow_v (m, n): of the kept rows."""
     t, q, i = samples
     rate = rate_of(t)

@@ -13,7 +13,7 @@ import numpy as np
 
 from arm_io.types import Array
 from arm_model import Arm
-from diagnosis.residual.filters import COMPARE_BAND, low_pass, rate_of
+from diagnosis.residual.filters import COMPARE_BAND, Samples, low_pass, rate_of
 from identification.preprocessing import (
     Setpoints,
     drifting,
@@ -22,8 +22,6 @@ from identification.preprocessing import (
     lines_beside_zero,
     unbounded,
 )
-
-Samples = tuple[Array, Array, Array]
 
 LOW_LINE, FOLDED = 10, 0.5
 """Line of the setpoints, and share of the noise: of higher lines, what sampling folds counts from that share on."""

@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING
 from arm_io import lazy
 
 if TYPE_CHECKING:
-    from diagnosis.screening.cleaned import residuals_of, screened
+    from diagnosis.screening.cleaned import screened
+    from diagnosis.screening.residuals import residuals_of
     from diagnosis.screening.stretches import examined
     from diagnosis.screening.time_split import split
 else:

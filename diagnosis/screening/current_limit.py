@@ -83,10 +83,6 @@ class _Pile:
         counts = [np.sum(np.abs(away) < 2.0), np.sum((away > -8.0) & (away < -4.0)), np.sum(away > 3.0)]
         return _Pile(self.level, self.noise, *(float(count) * period for count in counts))
 
-    def at_level(self, values: Array) -> NDArray[np.bool_]:
-        """(m,) rows that count as ``at``."""
-        return np.asarray(np.abs(values - self.level) < 2.0 * self.noise)
-
     def holds(self, values: Array) -> NDArray[np.bool_]:
         """(m,) rows that are at the level but for their noise."""
         return np.asarray(np.abs(values - self.level) < 4.0 * self.noise)

@@ -14,6 +14,7 @@ import numpy as np
 
 from arm_io.types import Array
 from daq.recording import Recording
+from diagnosis.residual.filters import Samples
 from diagnosis.residual.noise.channels import KnownNoise
 from diagnosis.residual.noise.encoder_step import encoder_step
 from identification.preprocessing.grid import on_grid
@@ -27,7 +28,6 @@ TORN = 2.5
 """Periods between two rows that are no mere jitter: rows are missing, and a grid would invent them."""
 SPLINED = ("q", "i", "ql")
 """Signals that are interpolated by splines; other signals by straight lines, integers by the nearest row."""
-Samples = tuple[Array, Array, Array]
 
 
 def grid_of(t: Array) -> Array | None:

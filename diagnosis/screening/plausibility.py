@@ -1,4 +1,4 @@
-"""Recordings that were mixed up: no motion, degrees, currents of the opposite sign or in another unit."""
+"""Recordings that cannot be diagnosed, or were mixed up: too short, still, in degrees, of another sign or unit."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ from arm_io import InputError
 from arm_model import Arm
 from daq.recording import Recording
 from diagnosis.residual.run import Run
-from diagnosis.units import recorded_signals
+from diagnosis.residual.run_setup import setup_of
+from diagnosis.units import recorded_quantity, recorded_signals, variable_in_words
+from identification.preprocessing import check_joints
 
 STANDSTILL = 0.005
 """rad (m): smaller motion of a joint is standstill."""
@@ -22,6 +24,32 @@ OTHER_UNIT = 5.0
 """Ratio to the expected current, or its inverse, above which the unit is wrong."""
 ABOVE_NOISE = 10.0
 """Std of a current over its noise, above which it is compared."""
+LEAST_RATE = 20.0
+"""rows/s: below, reversals last no row, and nothing is left of the band in which currents are compared."""
+
+
+def check(arm: Arm, recordings: Sequence[Recording]) -> None:
+    """InputError where a recording does not belong to the arm, is too short, or has missing or constant signals."""
+    for r in recordings:
+        check_joints(r, arm)
+        if r.dt > 1.0 / LEAST_RATE:
+            raise InputError(
+                r.path,
+                f"has {1 / r.dt:.3g} rows per second; at least {LEAST_RATE:g} are needed to compare "
+                f"{recorded_signals(arm)} (100 and more show all that the comparison can)",
+            )
+        if len(r) < 3 / r.dt:
+            raise InputError(r.path, f"is {len(r) * r.dt:.1f} s long; at least 3 s are needed")
+        for name, values in (("position", r.q), ("current", r.i)):
+            missing = np.isnan(values).any(axis=0)
+            if missing.any():
+                j = int(np.argmax(missing))
+                raise InputError(r.path, f"{variable_in_words(name, arm, j + 1)} of joint {j + 1} has missing samples")
+        constant = np.ptp(r.i, axis=0) == 0.0
+        if constant.any() and not setup_of(r).drives_off:
+            j = int(np.argmax(constant))
+            what = recorded_quantity(arm.joints[j])
+            raise InputError(r.path, f"{what} of joint {j + 1} never changes; is it connected?")
 
 
 def check_motion(arm: Arm, recordings: Sequence[Recording], words: str) -> None:

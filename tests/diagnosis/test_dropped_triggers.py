@@ -17,7 +17,6 @@ from diagnosis.residual.expected_current import reading
 from diagnosis.residual.generation import residual_run
 from diagnosis.residual.noise.channels import KnownNoise
 from diagnosis.residual.run import Run
-from diagnosis.screening.cleaned import Residuals, confirmed, realigned
 from diagnosis.screening.lost_rows.lag_change import _change, change_of_lag
 from diagnosis.screening.lost_rows.lag_path import Step, _changes, in_order
 from diagnosis.screening.lost_rows.lost_triggers import (
@@ -27,6 +26,7 @@ from diagnosis.screening.lost_rows.lost_triggers import (
     event_of,
     realigned_rows,
 )
+from diagnosis.screening.residuals import Residuals, confirmed, realigned
 from tests.blind.hide import Hidden, hide_in_signals
 from tests.blind.laboratory import Laboratory
 from tests.blind.motions import fourier

@@ -11,7 +11,8 @@ import pytest
 import armscope
 from arm_model import Arm
 from daq.recording import Recording
-from diagnosis.screening.cleaned import residuals_of, screened
+from diagnosis.screening.cleaned import screened
+from diagnosis.screening.residuals import residuals_of
 from diagnosis.selection import regression
 
 

@@ -10,6 +10,7 @@ hardly moves makes no jump; it is not found.
 from __future__ import annotations
 
 import itertools
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -25,7 +26,9 @@ from diagnosis.residual.noise.channels import resolution
 from diagnosis.residual.run import Run
 from diagnosis.screening.encoder_jumps import Jump, jumps_of
 from diagnosis.screening.event import Event, Gain
-from diagnosis.screening.lost_rows.counter_lag import PIECE, lost_by_current, shifts_tried
+from diagnosis.screening.lost_rows.counter_lag import lost_by_current, shifts_tried
+from diagnosis.screening.lost_rows.lag_path import PIECE
+from diagnosis.screening.lost_rows.unmeasured_rows import NO_WEIGHT, without_weight
 
 LONGEST = 0.5
 """s: longest loss that one jump is taken for."""
@@ -45,9 +48,6 @@ SKEW = 0.01
 """s by which the currents may be early or late throughout."""
 BESIDE = 30
 """Rows beside a gap that a parabola is fitted to."""
-SMEARED = 0.05
-"""s by which filters spread a gap."""
-NO_WEIGHT = 1e6
 BETTER = 0.9
 """Squared residual with lost rows over that with missed counts, above which nothing decides for lost rows."""
 
@@ -134,15 +134,13 @@ def put_back(q: Array, gaps: Sequence[CounterGap]) -> Array:
     return q
 
 
-def without_weight(run: Run, gaps: Sequence[CounterGap], dt: float) -> Run:
+def without_lost(run: Run, gaps: Sequence[CounterGap], dt: float) -> Run:
     """A run in which rows that a counter lost weigh nothing, nor the end, where its angles are extrapolated."""
-    deviation = run.deviation.copy()
+    end, lost = float(run.t[-1]), Counter[int]()
     for gap in gaps:
-        shift = gap.lost * dt
-        missing = (run.t > gap.time - SMEARED) & (run.t < gap.time + shift + SMEARED)
-        lost_before_end = sum(one.lost for one in gaps if one.joint == gap.joint) * dt
-        deviation[missing | (run.t > run.t[-1] - lost_before_end - SMEARED)] *= NO_WEIGHT
-    return replace(run, deviation=deviation)
+        lost[gap.joint] += gap.lost
+    spans = [(gap.time, gap.time + gap.lost * dt) for gap in gaps]
+    return without_weight(run, [*spans, *((end - rows * dt, end) for rows in lost.values())])
 
 
 def _gaps(joint: int, q: Array, jumps: Sequence[Jump], dt: float) -> list[CounterGap]:
@@ -216,7 +214,7 @@ def _explained(q: Array, gaps: Sequence[CounterGap], jumps: Sequence[Jump], resi
             counted[jump.row :, gaps[0].joint - 1] -= jump.size
     with_rows, with_counts = residual(put_back(q, gaps)), residual(counted)
     dt = float(with_rows.raw[0][1] - with_rows.raw[0][0])
-    weighed = [without_weight(run, gaps, dt) for run in (with_rows, with_counts)]
+    weighed = [without_lost(run, gaps, dt) for run in (with_rows, with_counts)]
     # rows that both can judge, without the mean of each piece: loads that the model has not are no lost rows
     joint = gaps[0].joint - 1
     rows = np.flatnonzero((weighed[0].deviation < NO_WEIGHT * 1e-3).all(axis=1))

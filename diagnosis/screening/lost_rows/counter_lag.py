@@ -16,15 +16,13 @@ from numpy.typing import NDArray
 
 from arm_io.types import Array
 from diagnosis.residual.run import Run
+from diagnosis.screening.lost_rows.lag_change import COLOURED
+from diagnosis.screening.lost_rows.lag_path import PIECE
 
 Index = NDArray[np.intp]
 
-PIECE = 50
-"""Rows of a run whose mean residual is no evidence of a shift."""
 STEP = 0.004
 """s between shifts for which the current is predicted; between them the residual is interpolated."""
-COLOURED = 16.0
-"""Rows over which other errors correlate the residual."""
 LEAST_STD = 1.0
 """Rows: least standard deviation of a shift by the current."""
 

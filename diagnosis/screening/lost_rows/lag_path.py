@@ -19,17 +19,14 @@ from scipy.interpolate import CubicSpline
 
 from arm_io.types import Array
 from diagnosis.residual.run import Run
+from diagnosis.screening.lost_rows.lag_change import COLOURED, FILTERED
 
 Index = NDArray[np.intp]
 
 PIECE = 50
-"""Rows of a run for which one lag is compared."""
+"""Rows of a run for which one lag is compared; their mean residual is a load that the model lacks, no lag."""
 LONGEST = 5.0
 """s: longest lag that is looked for; at most a quarter of the recording."""
-COLOURED = 16.0
-"""Rows over which other errors correlate the residual."""
-FILTERED = 0.02
-"""s by which filters smear an instant."""
 PRICE = 60.0
 """Fall of the normalised squared error that a change of lag must bring."""
 OTHERS = 16.0

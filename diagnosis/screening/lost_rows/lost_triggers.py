@@ -18,9 +18,10 @@ from arm_model.effects.sensing import DROPPED_TRIGGER
 from diagnosis.cause import Estimate, LostRows
 from diagnosis.residual.run import Run
 from diagnosis.screening.event import Event
-from diagnosis.screening.lost_rows.common_count import common_count
+from diagnosis.screening.lost_rows.common_count import PLACED, WHOLE, common_count
 from diagnosis.screening.lost_rows.lag_change import Change, change_at, change_of_lag, instant_of, mean_lag, part_of
 from diagnosis.screening.lost_rows.lag_path import Step, instant, lag_steps, put_back
+from diagnosis.screening.lost_rows.unmeasured_rows import SMEARED, without_weight
 from diagnosis.units import recorded_signals
 
 SURE = 7.0
@@ -30,15 +31,8 @@ LIKELY = 3.0
 part, by how abruptly its current changes, and the joints agree only once they are put back."""
 REFINEMENTS, SETTLED = 8, 0.1
 """Times that a change is estimated again at most, and the share of its std by which the last one may move it."""
-WHOLE = 0.3
-"""Rows by which a short change of lag may miss a whole number."""
-PLACED = 1.0
-"""s: largest std of the instant of a change; an error that grows slowly has none."""
 MOST_ROWS = 12
 """Rows of a change that the first-order effect shows."""
-NO_WEIGHT = 1e6
-SMEARED = 0.05
-"""s by which filters spread a gap."""
 NEAR = 0.25
 """s before and after a long loss in which no short one is looked for."""
 
@@ -227,11 +221,10 @@ def realigned_rows(current: Array, loss: DroppedTriggers) -> Array:
 
 
 def unmeasured(run: Run, losses: Sequence[DroppedTriggers]) -> Run:
-    """A realigned run in which the rows that nobody measured have no weight: their deviation is a million times it."""
-    deviation = run.deviation.copy()
+    """A realigned run in which the rows that nobody measured have no weight, where they are more than filters smear."""
+    spans, end = [], float(run.t[-1])
     for loss in losses:
         start, length = loss.row * loss.period, abs(loss.count) * loss.period
         if length > SMEARED:
-            gap = (start, start + length) if loss.count > 0 else (run.t[-1] - length, run.t[-1])
-            deviation[(run.t > gap[0] - SMEARED) & (run.t < gap[1] + SMEARED)] *= NO_WEIGHT
-    return replace(run, deviation=deviation)
+            spans.append((start, start + length) if loss.count > 0 else (end - length, end))
+    return without_weight(run, spans)

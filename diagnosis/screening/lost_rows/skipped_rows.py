@@ -17,11 +17,9 @@ from arm_io.types import Array
 from daq.recording import Recording
 from diagnosis.residual.run import Run
 from diagnosis.screening.even_rows import SPLINED, TORN
+from diagnosis.screening.lost_rows.unmeasured_rows import without_weight
 from identification.preprocessing.grid import on_grid
 
-SMEARED = 0.05
-"""s by which filters spread a hole."""
-NO_WEIGHT = 1e6
 SMOOTH = (*SPLINED, "qref")
 """Signals that go through a hole as a curve without overshoot; others go in straight lines, integers stay."""
 
@@ -94,15 +92,12 @@ def _across(t: Array, values: Array, stamps: Array, period: float) -> Array:
     return through
 
 
-def without_weight(run: Run, holes: Sequence[Hole]) -> Run:
+def without_skipped(run: Run, holes: Sequence[Hole]) -> Run:
     """A run in which rows that were left out weigh nothing; the same object where there are none."""
     if not holes:
         return run
-    deviation, first = run.deviation.copy(), float(run.raw[0][0])
-    for hole in holes:
-        missing = (run.t > hole.start - first - SMEARED) & (run.t < hole.end - first + SMEARED)
-        deviation[missing] *= NO_WEIGHT
-    return replace(run, deviation=deviation)
+    first = float(run.raw[0][0])
+    return without_weight(run, ((hole.start - first, hole.end - first) for hole in holes))
 
 
 def remark(recording: Recording, holes: Sequence[Hole]) -> str:

@@ -1,0 +1,21 @@
+"""Rows that nobody measured, which are interpolated so that filters and differences go on: they have no weight."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+from diagnosis.residual.run import Run
+
+SMEARED = 0.05
+"""s by which filters spread what was interpolated."""
+NO_WEIGHT = 1e6
+"""Times the std of a row, at which it has no say."""
+
+
+def without_weight(run: Run, spans: Iterable[tuple[float, float]]) -> Run:
+    """The run with rows of no weight in each of the ``spans``: first and last time, s of ``Run.t``."""
+    deviation = run.deviation.copy()
+    for start, end in spans:
+        deviation[(run.t > start - SMEARED) & (run.t < end + SMEARED)] *= NO_WEIGHT
+    return replace(run, deviation=deviation)

@@ -1,0 +1,149 @@
+"""Residuals of screened recordings, and triggers that were dropped: these show in residuals, not in raw rows."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from arm_io.parallel import in_parallel
+from arm_io.types import Progress
+from arm_model import Arm, EffectTerm
+from diagnosis.residual.comparable_rows import comparable_rows, rms_where
+from diagnosis.residual.filters import Samples
+from diagnosis.residual.generation import residual_run
+from diagnosis.residual.noise.channels import KnownNoise
+from diagnosis.residual.other_effects import residual_with
+from diagnosis.residual.run import Run
+from diagnosis.residual.run_setup import set_up, setup_of
+from diagnosis.screening.cleaned import Screened
+from diagnosis.screening.event import Event, Gain, united
+from diagnosis.screening.lost_rows.counter_gaps import without_lost
+from diagnosis.screening.lost_rows.lost_triggers import (
+    MOST_ROWS,
+    DroppedTriggers,
+    dropped_triggers,
+    event_of,
+    realigned_rows,
+    unmeasured,
+)
+from diagnosis.screening.lost_rows.skipped_rows import Hole, without_skipped
+
+MATTERS = 0.7
+"""Share of its error that a recording may keep when a long gap is put right: its currents were far from their rows."""
+
+
+@dataclass(frozen=True)
+class Residuals:
+    """Residuals of recordings under one model, and events.
+
+    runs, samples  every recording without its events, as residual and as t (k,) s, q (k, n) rad, i (k, n) A
+    periods        s between rows
+    known          of the noise of the instruments of each recording
+    holes          rows of each that its stamps leave out
+    losses         dropped triggers that were corrected
+    as_recorded    the same before; None: none were
+    """
+
+    events: list[Event]
+    runs: list[Run]
+    samples: list[Samples]
+    periods: list[float]
+    known: list[KnownNoise]
+    holes: Sequence[Sequence[Hole]]
+    losses: Sequence[DroppedTriggers] = ()
+    as_recorded: Residuals | None = None
+
+
+def residuals_of(arm: Arm, screened: Screened, progress: Progress = lambda sentence: None) -> Residuals:
+    """The residuals of recordings under an arm."""
+    progress("computing residuals")
+    arms, nothing = [set_up(arm, recording) for recording in screened.recordings], np.zeros(0)
+
+    def residual(k: int) -> Run:
+        name, powered = screened.recordings[k].path.name, not setup_of(screened.recordings[k]).drives_off
+        run = residual_run(name, arms[k], *screened.samples[k], powered=powered, known=screened.known[k])
+        # raw rows are here already
+        return replace(run, raw=(nothing, nothing))
+
+    found = in_parallel(residual, range(len(arms)))
+    # the arm itself, of which recordings of one setup have the same
+    runs = [replace(run, raw=(t, q), arm=own) for run, (t, q, _), own in zip(found, screened.samples, arms)]
+    for k, gaps in enumerate(screened.counter_gaps):
+        runs[k] = without_lost(runs[k], gaps, screened.recordings[k].dt) if gaps else runs[k]
+    runs = [without_skipped(run, holes) for run, holes in zip(runs, screened.holes)]
+    periods = [r.dt for r in screened.recordings]
+    return realigned(Residuals(screened.events, runs, screened.samples, periods, screened.known, screened.holes), [])
+
+
+def realigned(sight: Residuals, terms: Sequence[EffectTerm]) -> Residuals:
+    """The recordings with dropped triggers corrected; the same object where there are none, or no others.
+
+    terms: effects conditional on which the lags are estimated. Strong effects that are not in the model mask a change
+    of lag, so that it is searched for again once they are known, in all recordings as they were recorded: what one
+    shows is judged beside the others.
+    """
+    recorded = sight.as_recorded or sight
+    runs = list(recorded.runs)
+    if terms:
+        runs = [replace(run, expected=run.current - residual_with(run, terms)) for run in runs]
+    found = dropped_triggers(runs, recorded.periods)
+    if _rows_of(found) <= _rows_of(sight.losses):
+        return sight
+    before, runs, samples, losses = recorded.runs, list(recorded.runs), list(recorded.samples), list(found)
+    for k in sorted({loss.recording for loss in found}):
+        here = [loss for loss in found if loss.recording == k]
+        t, q, i = samples[k]
+        for loss in here:
+            i = realigned_rows(i, loss)
+        again = residual_run(runs[k].name, runs[k].arm, t, q, i, powered=runs[k].powered, known=sight.known[k])
+        again = unmeasured(without_skipped(again, sight.holes[k]), here)
+        # of the same rows: those that were not measured have no say in either
+        if _energy(again, terms) < _energy(unmeasured(before[k], here), terms):
+            samples[k], runs[k] = (t, q, i), again
+        else:  # another error, which follows a change of lag at some joints and contradicts it at others
+            losses = [loss for loss in losses if loss.recording != k]
+    if _rows_of(losses) <= _rows_of(sight.losses):
+        return sight
+    most = losses[0].recording
+    gain = _gain_of_realignment(before[most], runs[most], terms)
+    if any(abs(loss.count) > MOST_ROWS for loss in losses) and gain.after > MATTERS * gain.before:
+        return sight
+    event = replace(event_of(losses, runs), gain=gain)
+    events = united([*recorded.events, event])
+    return replace(recorded, events=events, runs=runs, samples=samples, losses=losses, as_recorded=recorded)
+
+
+def _rows_of(losses: Sequence[DroppedTriggers]) -> Counter[tuple[int, int]]:
+    """How many losses there are of each recording and count."""
+    return Counter((loss.recording, loss.count) for loss in losses)
+
+
+def confirmed(sight: Residuals, terms: Sequence[EffectTerm]) -> Residuals:
+    """The recordings as recorded if, with the effects ``terms``, nothing in them shows dropped triggers any more.
+
+    An effect that is not in the model may look like a change of lag until it is known.
+    """
+    before = sight.as_recorded
+    return sight if before is None or realigned(before, terms) is not before else before
+
+
+def _energy(run: Run, terms: Sequence[EffectTerm]) -> float:
+    """Mean square of a run's whitened residual over all joints, with more effects, at the constant lag that fits best.
+
+    A lag that changes looks like a time skew between both lags as long as it is not known: such a skew among the
+    ``terms`` must not speak against rows that were put where they belong.
+    """
+    y, rate = residual_with(run, terms) / run.deviation, run.current_rate / run.deviation
+    size = float(np.sum(rate**2))
+    return float(np.sum(y**2) - np.sum(y * rate) ** 2 / size if size > 0.0 else np.sum(y**2)) / y.size
+
+
+def _gain_of_realignment(original: Run, corrected: Run, terms: Sequence[EffectTerm]) -> Gain:
+    """Gain by realigned currents at the joint where it is largest."""
+    rows = comparable_rows(original) & comparable_rows(corrected)
+    before, after = (rms_where(residual_with(run, terms), rows) for run in (original, corrected))
+    most = int(np.argmax((before**2 - after**2) / corrected.noise**2))
+    return Gain(before=float(before[most]), after=float(after[most]), unit="A", joint=most + 1)
