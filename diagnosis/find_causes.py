@@ -17,15 +17,15 @@ from diagnosis.cause import Cause, EffectKey, Structure, extend
 from diagnosis.closed_loop.comparison import with_smoothing_velocities
 from diagnosis.closed_loop.friction import friction_in_loop, has_state, with_estimates_of
 from diagnosis.closed_loop.resonance import transmission_resonance, transmissions
-from diagnosis.measurements.chatter import chattering_gaps
-from diagnosis.measurements.currents.basis_functions import TWO_FACED
 from diagnosis.measurements.currents.causes import from_axis
+from diagnosis.measurements.currents.chatter import chattering_gaps
 from diagnosis.measurements.currents.columns import candidates
 from diagnosis.measurements.currents.design_matrix import Library, bounded, dataset_of, dataset_with, free_columns
 from diagnosis.measurements.currents.model import Currents
 from diagnosis.measurements.currents.model_errors import model_uncertainty
 from diagnosis.measurements.currents.search import Found
 from diagnosis.measurements.currents.shortage import Shortage, shortage
+from diagnosis.measurements.currents.structure.basis_functions import TWO_FACED
 from diagnosis.measurements.near_rest.friction import Friction, friction_causes
 from diagnosis.measurements.near_rest.passages import known_speed
 from diagnosis.measurements.near_rest.time_at_rest import with_rise_at_rest

@@ -11,7 +11,7 @@ from arm_model import Arm
 from daq.recording import Recording
 from diagnosis.measurements.currents.design_matrix import dataset_of
 from diagnosis.measurements.currents.limits import LIMITS
-from diagnosis.measurements.currents.unexplained import noise_ratio
+from diagnosis.measurements.currents.structure.noise_ratio import noise_ratio
 from diagnosis.residual.generation import residual_run
 from diagnosis.residual.noise.channels import KnownNoise, still_noise
 from diagnosis.residual.run import Run

@@ -19,7 +19,8 @@ from diagnosis.measurements.currents.design_matrix import dataset_of
 from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.measurements.currents.model import State
 from diagnosis.measurements.currents.model_errors import Significance
-from diagnosis.measurements.currents.unexplained import noise_ratio, structures_at
+from diagnosis.measurements.currents.structure.noise_ratio import noise_ratio
+from diagnosis.measurements.currents.structure.unexplained import structures_at
 from diagnosis.remainder.against_noise import runs_of
 from diagnosis.selection.design import Dataset
 from diagnosis.selection.regression import fit_together

@@ -6,7 +6,7 @@ residual.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Set
+from collections.abc import Callable, Iterable, Sequence, Set
 from dataclasses import dataclass
 
 import numpy as np
@@ -148,3 +148,23 @@ def at_joint(columns: Columns, joint: int | None, side: Dataset) -> Columns:
     if joint is None or columns.where == side.of(joint):
         return columns
     return Columns(columns.x[side.of(joint)], side.of(joint))
+
+
+def with_columns(fitted: Fitted, more: Sequence[Pair]) -> Fitted:
+    """The fit with more columns, fitted to its residual."""
+    for pair in more:
+        x, x_held_out = pair.fit.dense(len(fitted.fit)), pair.held_out.dense(len(fitted.held_out))
+        inside = fitted.basis.T @ x
+        x, x_held_out = x - fitted.basis @ inside, x_held_out - fitted.to_held_out @ inside
+        u, s, vt = np.linalg.svd(x, full_matrices=False)
+        keep = s > 1e-4 * s[0]
+        basis, to_held_out = u[:, keep], x_held_out @ (vt[keep].T / s[keep])
+        projected = basis.T @ fitted.fit
+        fitted = Fitted(
+            fitted.fit - basis @ projected,
+            fitted.held_out - to_held_out @ projected,
+            np.hstack([fitted.basis, basis]),
+            np.hstack([fitted.to_held_out, to_held_out]),
+            fitted.coefficients,
+        )
+    return fitted

@@ -18,12 +18,12 @@ from daq.recording import Recording
 from diagnosis.cause import Cause, EffectKey, Remainder, extend
 from diagnosis.closed_loop.comparison import refuted, with_smoothing_velocities
 from diagnosis.measurements.currents.causes import of_candidate
-from diagnosis.measurements.currents.dominant import dominant, remainder_of
 from diagnosis.measurements.currents.estimates import estimates_of
 from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.measurements.currents.model import Currents
 from diagnosis.measurements.currents.possible import exists, impossible
 from diagnosis.measurements.currents.search import Found, search, without
+from diagnosis.measurements.currents.structure.dominant import dominant, remainder_of
 from diagnosis.residual.run import Run
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.next_order import is_of_ripple

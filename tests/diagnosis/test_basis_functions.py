@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from arm_io.types import Array
-from diagnosis.measurements.currents.basis_functions import _plane_wave, _play
+from diagnosis.measurements.currents.structure.basis_functions import _plane_wave, _play
 from diagnosis.residual.noise.channels import QUIET_ROWS, quiet_noise
 
 

@@ -18,7 +18,7 @@ from diagnosis.measurements.currents.columns import candidates
 from diagnosis.measurements.currents.design_matrix import Library, dataset_of
 from diagnosis.measurements.currents.model import Currents
 from diagnosis.measurements.currents.refinement import is_physical
-from diagnosis.measurements.currents.unexplained import noise_ratio
+from diagnosis.measurements.currents.structure.noise_ratio import noise_ratio
 from diagnosis.residual.generation import residual_run
 from diagnosis.selection.candidate import Candidate
 from diagnosis.verification.final_gain import negligible
@@ -65,7 +65,7 @@ def test_what_is_left_below_the_noise_reads_as_it_is(arm: Arm, scale: float) -> 
 
 def _causes(state: object) -> list[Cause]:
     from diagnosis.measurements.currents.search import Found
-    from diagnosis.measurements.currents.unexplained import Unexplained
+    from diagnosis.measurements.currents.structure.unexplained import Unexplained
 
     return causes_of(Found(state, Unexplained([], [], {})))  # type: ignore[arg-type]
 

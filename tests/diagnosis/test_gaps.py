@@ -12,7 +12,7 @@ import armscope
 from arm_model import Arm, EffectTerm
 from arm_model.sensing import recorded
 from arm_model.simulation import simulate
-from diagnosis.measurements.chatter import chattering_gaps
+from diagnosis.measurements.currents.chatter import chattering_gaps
 from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.residual.comparable_rows import comparable_rows
 from diagnosis.residual.gap import Teeth, through_gap

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from arm_model import Arm
-from diagnosis.measurements.currents.basis_functions import KNOTS, _bends, _splines
 from diagnosis.measurements.currents.design_matrix import dataset_of
-from diagnosis.measurements.currents.unexplained import _predicted, likely_variable
+from diagnosis.measurements.currents.structure.basis_functions import KNOTS, _bends, _splines
+from diagnosis.measurements.currents.structure.likely_variable import _predicted, likely_variable
 from diagnosis.residual.generation import residual_run
 from diagnosis.residual.run import Run
 from identification.selection import Split

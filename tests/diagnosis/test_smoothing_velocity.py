@@ -16,7 +16,7 @@ from diagnosis.closed_loop.comparison import SMOOTHING
 from diagnosis.measurements.currents.design_matrix import Library, dataset_of
 from diagnosis.measurements.currents.model import Currents
 from diagnosis.measurements.currents.search import Found
-from diagnosis.measurements.currents.unexplained import Unexplained
+from diagnosis.measurements.currents.structure.unexplained import Unexplained
 from diagnosis.residual.generation import residual_run
 from diagnosis.residual.run import Run
 from diagnosis.selection.candidate import Candidate

@@ -25,7 +25,7 @@ from diagnosis.measurements.currents.limits import LIMITS, CurrentLimits, leakag
 from diagnosis.measurements.currents.model_errors import ModelUncertainty, Significance
 from diagnosis.measurements.currents.pairs import pair_of
 from diagnosis.measurements.currents.refinement import is_physical, refined
-from diagnosis.measurements.currents.unexplained import joints_above_noise
+from diagnosis.measurements.currents.structure.noise_ratio import joints_above_noise
 from diagnosis.selection.bodies import body_of, link_of
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Columns, Dataset, Pair

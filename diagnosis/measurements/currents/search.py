@@ -16,21 +16,16 @@ from arm_io.types import Array
 from arm_model.effects import CATALOGUE, Excitation
 from diagnosis.cause import EffectKey
 from diagnosis.measurements.currents.design_matrix import dataset_with
-from diagnosis.measurements.currents.dominant import dominant, of_own_variable
 from diagnosis.measurements.currents.estimates import estimates_of
 from diagnosis.measurements.currents.model import Currents, State, corrected, terms
 from diagnosis.measurements.currents.possible import exists
-from diagnosis.measurements.currents.unexplained import (
-    Unexplained,
-    better_than_causes,
-    noise_ratio,
-    unexplained_structure,
-    with_columns,
-)
+from diagnosis.measurements.currents.structure.dominant import dominant, of_own_variable
+from diagnosis.measurements.currents.structure.noise_ratio import noise_ratio
+from diagnosis.measurements.currents.structure.unexplained import Unexplained, better_than_causes, unexplained_structure
 from diagnosis.selection.bodies import bodies_of_link, body_of, is_body, link_of
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Columns
-from diagnosis.selection.regression import score
+from diagnosis.selection.regression import score, with_columns
 from identification.selection import Score, eliminate, select
 
 

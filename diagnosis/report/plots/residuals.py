@@ -16,8 +16,8 @@ from arm_report.palette import AFTER, BEFORE, MEASURED, PALE_AFTER, PALE_BEFORE
 from daq.recording import Recording
 from diagnosis.closed_loop.comparison import Compared
 from diagnosis.diagnose import Diagnosis
-from diagnosis.measurements.currents.basis_functions import variables
 from diagnosis.measurements.currents.design_matrix import dataset_of
+from diagnosis.measurements.currents.structure.basis_functions import variables
 from diagnosis.report.plots.motion import HELD_OUT, held_out_time
 from diagnosis.residual.filters import COMPARE_BAND, low_pass, rate_of
 from diagnosis.selection.design import Dataset

@@ -5,16 +5,11 @@ direction, or times the velocity, of the joint) is fitted together with the caus
 like a cause. What enters is structure that the catalogue does not contain. A cause that such a function makes
 superfluous approximates something else, and is removed: a spring that fits part of a wavy torque over position is no
 spring.
-
-A function that is fitted to some recordings says nothing of values that these do not reach: of a joint that turns from
-0 to 1.2 rad in the fitted recordings and from -1.2 to 1 rad in the held-out one. Where a residual is above the noise,
-that there is something to explain needs no proof: every function is then fitted to all recordings, fitted and held out,
-less some seconds of each, and predicts these. So is a drift of each recording's own.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,25 +17,17 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from arm_io.parallel import in_parallel
-from arm_io.types import Array
 from arm_model import Arm
 from diagnosis.cause import NO_VARIABLE, Signal, Structure
-from diagnosis.measurements.currents.basis_functions import Shape, shapes_of
 from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.measurements.currents.model_errors import Significance
-from diagnosis.residual.noise.channels import quiet_noise
-from diagnosis.selection.design import Columns, Dataset, Pair, joined
-from diagnosis.selection.drift import levels, own_lines
-from diagnosis.selection.regression import Fitted, fit_gain, gain_of, residual_with
+from diagnosis.measurements.currents.structure.basis_functions import Shape, shapes_of
+from diagnosis.measurements.currents.structure.likely_variable import likely_variable
+from diagnosis.measurements.currents.structure.noise_ratio import noise_ratio
+from diagnosis.selection.design import Dataset, Pair
+from diagnosis.selection.regression import Fitted, fit_gain, gain_of, residual_with, with_columns
 from diagnosis.selection.waves import wave_of
 from identification.selection import Split, p_value
-
-FOLDS = 4
-"""Parts of the rows, each predicted from all others."""
-FOLD_BLOCKS = 3
-"""Consecutive blocks (s) of a fold: longer than what a slow residual keeps of its past, short against a motion."""
-PENALTY = 1e-3
-"""Of a function that is predicted, relative to the mean Gram diagonal: decides where only the predicted rows pass."""
 
 
 @dataclass(frozen=True)
@@ -107,82 +94,6 @@ def structures_at(
     return structures, pairs, None
 
 
-def likely_variable(data: Split[Dataset], left: Split[Array], arm: Arm, joint: int) -> tuple[str, Pair, float] | None:
-    """The variable whose function explains most of what is left at a joint (from 1), its columns, and the share of it.
-
-    left: whitened residuals (n * rows,) of both sides. None where no function explains half of it
-    (``LIMITS.likely_share``).
-    """
-    every = joined(data, left)
-    own = every.of(joint)
-    y, block = every.y[own], every.block[own]
-    fold = block // FOLD_BLOCKS % FOLDS
-    best, most = None, LIMITS.likely_share * float(np.sum(y**2))
-    for name, x, bends in _functions(every, y, fold, arm, joint):
-        fall = y**2 - (y - _predicted(x, y, fold, bends)) ** 2
-        gain = float(fall.sum())
-        if gain > most and p_value(np.bincount(block, weights=fall).astype(float)) < LIMITS.likely_p:
-            best, most = (name, x), gain
-    if best is None:
-        return None
-    (fit, held_out), (name, x) = data, best
-    pair = Split(Columns(x[: fit.rows], fit.of(joint)), Columns(x[fit.rows :], held_out.of(joint)))
-    return name, pair, most / float(np.sum(y**2))
-
-
-def _functions(
-    every: Dataset, y: Array, fold: NDArray[np.intp], arm: Arm, joint: int
-) -> Iterator[tuple[str, Array, Array | None]]:
-    """Name, columns (rows, k) and ``Shape.bends`` of every function; of a drift, where a constant is not as good."""
-    for shape in shapes_of(every, every, every.y, arm, joint):
-        yield shape.name, shape.pair.fit.x, shape.bends if shape.bends.size else None
-    constants, lines = levels(every, joint), own_lines(every, joint)
-    left, left_by_lines = (float(np.sum((y - _predicted(x, y, fold)) ** 2)) for x in (constants, lines))
-    if left_by_lines < (1.0 - LIMITS.likely_share) * left:
-        yield "time", lines, None
-
-
-def _predicted(x: Array, y: Array, fold: NDArray[np.intp], bends: Array | None = None) -> Array:
-    """(rows,) of each fold from the coefficients of columns x (rows, k) in the others, by penalised least squares.
-
-    Penalised is what bends where few rows pass (Eilers & Marx, Statistical Science 11, 1996), so that a function goes
-    on straight beyond them; by default the coefficients, so that it goes to zero.
-    """
-    predicted, here = np.zeros_like(y), [fold == k for k in range(FOLDS)]
-    grams, toward = [x[k].T @ x[k] for k in here], [x[k].T @ y[k] for k in here]
-    whole = sum(grams)
-    penalty = np.eye(x.shape[1]) if bends is None else bends.T @ bends
-    penalty = PENALTY * float(np.mean(np.diag(whole))) * penalty
-    for k, rows in enumerate(here):
-        predicted[rows] = x[rows] @ np.linalg.lstsq(whole - grams[k] + penalty, sum(toward) - toward[k], rcond=None)[0]
-    return predicted
-
-
-def joints_above_noise(residual: Array, side: Dataset, arm: Arm) -> list[int]:
-    """Joints whose ``residual`` (n * rows,) exceeds the noise, the largest residual-to-noise ratio first."""
-    by_joint = {joint: noise_ratio(residual, side, joint) for joint in range(1, len(arm) + 1)}
-    return sorted(
-        (joint for joint, value in by_joint.items() if value > LIMITS.above_noise), key=lambda joint: -by_joint[joint]
-    )
-
-
-def noise_ratio(residual: Array, side: Dataset, joint: int) -> float:
-    """Residual-to-noise ratio of a joint: rms of ``residual`` (n * rows,) over the noise std, where the joint moves.
-
-    1 for noise; less where the instruments are better than their noise std says.
-
-    Only rows count in which the noise is that of the instruments. Noise correlated over longer than the initial
-    standstill is underestimated; it is as large in the quietest seconds as in all others, and then the ratio is 1.
-    """
-    known = side.comparable(joint)
-    if not known.any():
-        return 1.0
-    own, block = residual[side.of(joint)], side.block[side.of(joint)]
-    ratio = float(np.sqrt(np.mean(own[known] ** 2)))
-    quiet = float(quiet_noise(own[:, None], known[:, None], block)[0])
-    return ratio if ratio > LIMITS.far_above_noise or ratio > 1.5 * quiet else min(ratio, 1.0)
-
-
 def better_than_causes(
     data: Split[Dataset], without: Fitted, with_causes: Fitted, arm: Arm, joint: int, allowed: float
 ) -> dict[str, float]:
@@ -238,23 +149,3 @@ def _strongest(
         return None
     best = max(significant, key=lambda k: float(gains[k].sum()))
     return shapes[best], float(gains[best].sum()) / before
-
-
-def with_columns(fitted: Fitted, more: Sequence[Pair]) -> Fitted:
-    """The fit with more columns, fitted to its residual."""
-    for pair in more:
-        x, x_held_out = pair.fit.dense(len(fitted.fit)), pair.held_out.dense(len(fitted.held_out))
-        inside = fitted.basis.T @ x
-        x, x_held_out = x - fitted.basis @ inside, x_held_out - fitted.to_held_out @ inside
-        u, s, vt = np.linalg.svd(x, full_matrices=False)
-        keep = s > 1e-4 * s[0]
-        basis, to_held_out = u[:, keep], x_held_out @ (vt[keep].T / s[keep])
-        projected = basis.T @ fitted.fit
-        fitted = Fitted(
-            fitted.fit - basis @ projected,
-            fitted.held_out - to_held_out @ projected,
-            np.hstack([fitted.basis, basis]),
-            np.hstack([fitted.to_held_out, to_held_out]),
-            fitted.coefficients,
-        )
-    return fitted

@@ -1,0 +1,36 @@
+"""How far residual currents are above the noise of the instruments."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from arm_io.types import Array
+from arm_model import Arm
+from diagnosis.measurements.currents.limits import LIMITS
+from diagnosis.residual.noise.channels import quiet_noise
+from diagnosis.selection.design import Dataset
+
+
+def joints_above_noise(residual: Array, side: Dataset, arm: Arm) -> list[int]:
+    """Joints whose ``residual`` (n * rows,) exceeds the noise, the largest residual-to-noise ratio first."""
+    by_joint = {joint: noise_ratio(residual, side, joint) for joint in range(1, len(arm) + 1)}
+    return sorted(
+        (joint for joint, value in by_joint.items() if value > LIMITS.above_noise), key=lambda joint: -by_joint[joint]
+    )
+
+
+def noise_ratio(residual: Array, side: Dataset, joint: int) -> float:
+    """Residual-to-noise ratio of a joint: rms of ``residual`` (n * rows,) over the noise std, where the joint moves.
+
+    1 for noise; less where the instruments are better than their noise std says.
+
+    Only rows count in which the noise is that of the instruments. Noise correlated over longer than the initial
+    standstill is underestimated; it is as large in the quietest seconds as in all others, and then the ratio is 1.
+    """
+    known = side.comparable(joint)
+    if not known.any():
+        return 1.0
+    own, block = residual[side.of(joint)], side.block[side.of(joint)]
+    ratio = float(np.sqrt(np.mean(own[known] ** 2)))
+    quiet = float(quiet_noise(own[:, None], known[:, None], block)[0])
+    return ratio if ratio > LIMITS.far_above_noise or ratio > 1.5 * quiet else min(ratio, 1.0)
