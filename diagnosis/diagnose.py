@@ -159,6 +159,7 @@ class Measured:
 class Verified:
     """The causes with their errors in closed loop, and both models compared with the recordings; see ``Diagnosis``."""
 
+    extended: Arm
     causes: list[Cause]
     compared: dict[str, list[tuple[Compared, Compared]]]
     along: dict[str, list[tuple[Array, Array]]]
@@ -179,23 +180,11 @@ def diagnose(
     measured = measure(arm, recordings, cleaned, progress)
     recordings, cleaned = evenly(recordings, cleaned)
     named = named_causes(arm, measured.known, recordings, cleaned, progress)
-    causes, said = extend_by(arm, measured, named, recordings)
-    if idle := idle_limits(causes, said, recordings, named.found.state.data):
-        kept = [event for event in named.sight.events if (event.effect, event.joint) not in idle]
-        causes, said = extend_by(arm, measured, replace(named, sight=replace(named.sight, events=kept)), recordings)
-    extended = dissipative(said, top_speeds(named))
+    causes, as_found = extend_by(arm, measured, named, recordings)
+    extended = dissipative(as_found, top_speeds(named))
     verified = verify(arm, extended, causes, recordings, named, judged=measured.judged)
-    state, structures = named.found.state, _structures(measured, named)
-    known = known_to(state)
-    unexplained = [
-        *_judged(structures, named.shortage),
-        *(in_fit_alone(state, structures, known.fit) if measured.judged else []),
-        *(measured.link.unexplained if measured.link else []),
-        *measured.tracked.unexplained,
-        *(one.structure(arm.joints[one.joint - 1].command_unit) for one in cleaned.oscillating),
-    ]
-    reported = [one.joint for one in (*structures, *unexplained)]
-    unexplained += _in_loop(verified, extended, recordings, state.data, reported)
+    unexplained = _unexplained(cleaned, measured, named, verified, recordings)
+    state = named.found.state
     left = {one.joint: one.ratio for one in ratios(state.data.held_out.runs, state.fitted.held_out)}
     return Diagnosis(
         arm=given,
@@ -214,12 +203,12 @@ def diagnose(
         axis=named.axis,
         judged=measured.judged,
         shortage=named.shortage if measured.judged else None,
-        known_to=known.held_out if state.model.uncertain else None,
+        known_to=known_to(state).held_out if state.model.uncertain else None,
         remainders=remainders(state, unexplained) if measured.judged else [],
         warnings=(
             *cleaned.remarks,
-            *_warnings(given, measured, named, structures),
-            *friction_replaced(said, extended),
+            *_warnings(given, measured, named),
+            *friction_replaced(as_found, extended),
             *not_simulated(extended),
         ),
     )
@@ -264,9 +253,22 @@ def measure(arm: Arm, recordings: Recordings, cleaned: Screened, progress: Progr
 
 
 def extend_by(arm: Arm, measured: Measured, named: Named, recordings: Recordings) -> tuple[list[Cause], Arm]:
-    """All causes, each named once, and the model extended by them."""
-    data, known = named.found.state.data, [*measured.known, *named.beside]
-    events = [from_event(event, named.arm, data) for event in [*named.sight.events, *measured.events]]
+    """All causes, each named once, and the model extended by them; without limits at which no current ever is."""
+    events = [*named.sight.events, *measured.events]
+    causes, extended = _with_events(events, arm, measured, named, recordings)
+    idle = idle_limits(causes, extended, recordings, named.found.state.data)
+    if not idle:
+        return causes, extended
+    kept = [event for event in events if (event.effect, event.joint) not in idle]
+    return _with_events(kept, arm, measured, named, recordings)
+
+
+def _with_events(
+    raw: Sequence[Event], arm: Arm, measured: Measured, named: Named, recordings: Recordings
+) -> tuple[list[Cause], Arm]:
+    """``extend_by`` with these events of raw rows and setpoints."""
+    known = [*measured.known, *named.beside]
+    events = [from_event(event, named.arm, named.found.state.data) for event in raw]
     causes = [*events, *named.causes, *named.own]
     unknown = [cause for cause in measured.tracked.causes if cause not in known]
     together = merge(causes if measured.judged else [*causes, *measured.of_links], unknown)
@@ -296,6 +298,7 @@ def verify(
     }
     simulated = [after for _, after in compared["held_out"]]
     return Verified(
+        extended=extended,
         causes=[_shown_in_loop(cause, extended, simulated, *halves["held_out"]) for cause in causes],
         compared=compared,
         along={
@@ -304,8 +307,24 @@ def verify(
     )
 
 
-def _structures(measured: Measured, named: Named) -> list[Structure]:
-    """Unexplained structure of the currents."""
+def _unexplained(
+    cleaned: Screened, measured: Measured, named: Named, verified: Verified, recordings: Recordings
+) -> list[Structure]:
+    """Everything above the noise that no cause explains, of any instrument and in closed loop."""
+    state, of_currents = named.found.state, _of_currents(measured, named)
+    found = [
+        *(one for one in of_currents if named.shortage is None or one.joint not in named.shortage.joints),
+        *(in_fit_alone(state, of_currents, known_to(state).fit) if measured.judged else []),
+        *(measured.link.unexplained if measured.link else []),
+        *measured.tracked.unexplained,
+        *(one.structure(named.arm.joints[one.joint - 1].command_unit) for one in cleaned.oscillating),
+    ]
+    reported = [one.joint for one in (*of_currents, *found)]
+    return [*found, *_in_loop(verified, recordings, state.data, reported)]
+
+
+def _of_currents(measured: Measured, named: Named) -> list[Structure]:
+    """Unexplained structure of the currents, also where the recordings are too short to judge it."""
     if named.axis and named.axis.wave:
         return [Structure(Signal.CURRENT, 1, "position", named.axis.wave.share)]
     if not measured.judged:
@@ -315,12 +334,12 @@ def _structures(measured: Measured, named: Named) -> list[Structure]:
 
 
 def _in_loop(
-    verified: Verified, extended: Arm, recordings: Recordings, data: Split[Dataset], reported: Sequence[int | None]
+    verified: Verified, recordings: Recordings, data: Split[Dataset], reported: Sequence[int | None]
 ) -> list[Structure]:
     """What the closed loop leaves above the noise and the model's own uncertainty, if its controller is the arm's."""
     if not faithful(verified.compared["held_out"], verified.along["held_out"]):
         return []
-    runs = {"fit": data.fit.runs, "held_out": data.held_out.runs}
+    extended, runs = verified.extended, {"fit": data.fit.runs, "held_out": data.held_out.runs}
     sides = {"fit": recordings.fit, "held_out": recordings.held_out}
 
     def spread(side: str) -> list[list[Compared]]:
@@ -331,11 +350,6 @@ def _in_loop(
 
     found = clear_errors(verified.compared, runs, reported, spread, healthy(extended))
     return with_oscillations(found, (after for several in verified.compared.values() for _, after in several), extended)
-
-
-def _judged(structures: Sequence[Structure], shortage: Shortage | None) -> list[Structure]:
-    """Those for which the recordings were long enough."""
-    return [one for one in structures if shortage is None or one.joint not in shortage.joints]
 
 
 def _undetectable(measured: Measured, named: Named) -> list[Undetectable]:
@@ -349,12 +363,12 @@ def _undetectable(measured: Measured, named: Named) -> list[Undetectable]:
     return of_currents + unjudged + measured.tracked.not_visible
 
 
-def _warnings(arm: Arm, measured: Measured, named: Named, structures: Sequence[Structure]) -> Iterator[str]:
-    state = named.found.state
+def _warnings(arm: Arm, measured: Measured, named: Named) -> Iterator[str]:
+    state, of_currents = named.found.state, _of_currents(measured, named)
     if measured.judged:
         yield from mixed_up([*state.data.fit.runs, *state.data.held_out.runs])
         yield from folding_warnings([*state.data.fit.runs, *state.data.held_out.runs])
-        yield from not_held_out(state.fitted.fit, state.data.fit, structures, known_to(state).fit)
+        yield from not_held_out(state.fitted.fit, state.data.fit, of_currents, known_to(state).fit)
     else:
         yield f"{arm.name} has neither masses nor friction: its {recorded_signals(arm)} were not judged"
     for known, what in ((arm.uncertainty, "parameters are"), (arm.kinematic_uncertainty, "geometry is")):

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from diagnosis.cause import Signal
+from diagnosis.closed_loop.clear_errors import SIDES
 from diagnosis.diagnose import Diagnosis
 from diagnosis.remainder.against_noise import ratios
 from diagnosis.remainder.of_identification import Remainder
@@ -20,7 +21,6 @@ NOISE = 1.3
 """Rms over the noise floor up to which a residual is noise along the motion: the floor is known no better."""
 IN_LOOP = 2.5
 """The same in closed loop: the noise that it is held against is that along the motion, in another band."""
-SIDES = {"fit": "fitted", "held_out": "held-out"}
 
 
 @dataclass(frozen=True, kw_only=True)
