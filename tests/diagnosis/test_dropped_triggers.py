@@ -134,7 +134,7 @@ def test_steps_that_make_the_residual_larger_are_no_lost_rows(root: Path, monkey
     """What a search proposes for the lag is judged by what it leaves, at all joints together."""
     sight = _sight(root)
     made_up = [DroppedTriggers(0, 4000.0, 10.0, 300, 1.0, PERIOD)]
-    monkeypatch.setattr("diagnosis.screening.cleaned.dropped_triggers", lambda runs, periods: made_up)
+    monkeypatch.setattr("diagnosis.screening.residuals.dropped_triggers", lambda runs, periods: made_up)
     assert realigned(sight, []) is sight
 
 
@@ -146,7 +146,7 @@ def test_rows_that_lose_their_weight_are_no_gain(root: Path, monkeypatch: pytest
     run = residual_run("run", sight.runs[0].arm, t, wrong, i)
     sight = replace(sight, runs=[run], samples=[(t, wrong, i)])
     made_up = [DroppedTriggers(0, 7000.0, 10.0, 1500, 1.0, PERIOD)]
-    monkeypatch.setattr("diagnosis.screening.cleaned.dropped_triggers", lambda runs, periods: made_up)
+    monkeypatch.setattr("diagnosis.screening.residuals.dropped_triggers", lambda runs, periods: made_up)
     assert realigned(sight, []) is sight
 
 

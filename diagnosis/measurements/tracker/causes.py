@@ -75,50 +75,56 @@ def tracked_causes(
     angles: (rows, n) rad of every recording (fit, then held out) where they were cleaned of jumps; default: as
     recorded.
     """
-    cleaned = [arm.link_angles(q) for q in ([r.q for r in (*fit, *held_out)] if angles is None else angles)]
-    pairs = [
-        [(r, q) for r, q in zip(part, chosen) if points_of(r) is not None]
-        for part, chosen in ((fit, cleaned[: len(fit)]), (held_out, cleaned[len(fit) :]))
-    ]
-    if not pairs[0] or not pairs[1] or any(joint.convention == "placed" for joint in arm.joints):
-        placed = any(joint.convention == "placed" for joint in arm.joints)
-        return Tracked([], no_tracker(placed, bool(pairs[0])), 0.0, {}, [])
+    parts = _tracked(arm, fit, held_out, angles)
+    placed = any(joint.convention == "placed" for joint in arm.joints)
+    if placed or not parts.fit or not parts.held_out:
+        return Tracked([], no_tracker(placed, bool(parts.fit)), 0.0, {}, [])
     progress("comparing the tracker's points with the model")
-    recordings = [[r for r, _ in part] for part in pairs]
-    survey = _survey([r for part in recordings for r in part])
-    start = _start(arm, pairs[0], survey)
-    sides, outliers, noises = [], [], []
-    for part in pairs:
-        at = [position(start, q) for r, q in part]
-        side, wrong, noise = side_of(arm, [r for r, _ in part], [q for _, q in part], at)
-        sides.append(side)
-        outliers.append(wrong)
-        noises.append(noise)
-    steps = np.array([max(encoder_step(r.q[:, j]) for r in recordings[0]) for j in range(len(arm))])
+    survey = _survey([r for part in parts for r, _ in part])
+    start = _start(arm, parts.fit, survey)
+    points, outliers, noises = zip(*(_points_and_outliers(arm, start, part) for part in parts))
+    sides = Split(*points)
+    steps = np.array([max(encoder_step(r.q[:, j]) for r, _ in parts.fit) for j in range(len(arm))])
     noise = float(np.mean(noises))
-    level = max(float(np.hypot(noise, _zeros(start, sides[1], steps))), FINEST)
-    points = Split(sides[0], sides[1])
-    model = tracked_points(arm, points, survey, nominal=start.values, level=level, steps=steps)
+    level = max(float(np.hypot(noise, _zeros(start, sides.held_out, steps))), FINEST)
+    model = tracked_points(arm, sides, survey, nominal=start.values, level=level, steps=steps)
     state = _sparse(selected(model, progress), model)
     precise = model.precise(state)
     causes = [_cause(named, precise, state, model) for named in (model.named(state) if state.chosen else [])]
-    strays = _strays(outliers, [[r.path.name for r in part] for part in recordings])
-    moves = sizes(model.every, model.start(), sides)
-    before = [side.xyz - position(start, side.q) for side in sides]
-    after = [point_residual(state, side) for side in sides]
-    beside = [beside_zeros(state, side, steps, level) for side in sides]
-    names = ("fit", "held_out")
+    strays = _strays(outliers, [[r.path.name for r, _ in part] for part in parts])
+    moves = sizes(model.every, model.start(), points)
+    before = sides.map(lambda side: side.xyz - position(start, side.q))
+    after = sides.map(lambda side: point_residual(state, side))
+    beside = sides.map(lambda side: beside_zeros(state, side, steps, level))
+    errors = {"fit": (before.fit, after.fit), "held_out": (before.held_out, after.held_out)}
     return Tracked(
         causes=causes + ([strays] if strays else []),
         not_visible=not_visible(moves, level, {c.key for c in state.chosen}),
         shown=visible(moves, level),
         noise=noise,
-        rms={name: (_rms(b), _rms(a)) for name, b, a in zip(names, before, after)},
-        unexplained=structure(sides, after, beside, level),
-        distances={
-            name: (np.linalg.norm(b, axis=1), np.linalg.norm(a, axis=1)) for name, b, a in zip(names, before, after)
-        },
+        rms={side: (_rms(b), _rms(a)) for side, (b, a) in errors.items()},
+        unexplained=structure(points, list(after), list(beside), level),
+        distances={side: (np.linalg.norm(b, axis=1), np.linalg.norm(a, axis=1)) for side, (b, a) in errors.items()},
     )
+
+
+Part = list[tuple[Recording, Array]]
+"""Recordings with tracked points, and the angles (rows, n) rad of the links in each."""
+
+
+def _tracked(
+    arm: Arm, fit: Sequence[Recording], held_out: Sequence[Recording], angles: Sequence[Array] | None
+) -> Split[Part]:
+    """The recordings with tracked points; arguments as of ``tracked_causes``."""
+    every, first = [*fit, *held_out], len(fit)
+    links = map(arm.link_angles, [r.q for r in every] if angles is None else angles)
+    pairs = [(r, q) if points_of(r) is not None else None for r, q in zip(every, links)]
+    return Split([one for one in pairs[:first] if one], [one for one in pairs[first:] if one])
+
+
+def _points_and_outliers(arm: Arm, start: Chain, part: Part) -> tuple[Side, list[Outliers], float]:
+    """``side_of`` these recordings, whose points ``start`` has nearly where they are."""
+    return side_of(arm, [r for r, _ in part], [q for _, q in part], [position(start, q) for _, q in part])
 
 
 def _survey(recordings: Sequence[Recording]) -> Survey:
