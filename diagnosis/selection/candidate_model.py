@@ -43,6 +43,11 @@ class CandidateModel(MeasurementModel[C, tuple[C, ...]]):
         """One candidate conditional on all others."""
         return self.score(candidate, without)
 
+    @abstractmethod
+    def beyond_model(self, candidate: C, others: tuple[C, ...]) -> bool:
+        """Whether a candidate is significant beside others with the model as uncertain as it says that it is."""
+
     def needed(self, score: Score[C], state: tuple[C, ...]) -> bool:
-        """Whether the share that it explains still matters."""
-        return score.share > (self.limits.kept_gain or 0.0)
+        """Whether a candidate still matters beside all others, which enter after it and may take its part."""
+        matters = score.share > (self.limits.kept_gain or 0.0)
+        return matters and self.beyond_model(score.candidate, self.without(score.candidate, state))

@@ -94,11 +94,6 @@ class LinkEncoders(CandidateModel[LinkCandidate]):
             and self.beyond_model(candidate, state)
         )
 
-    def needed(self, score: Score[LinkCandidate], state: Chosen) -> bool:
-        """Whether a candidate still matters beside all others, which enter after it and may take its part."""
-        others = self.without(score.candidate, state)
-        return super().needed(score, state) and self.beyond_model(score.candidate, others)
-
     def beyond_model(self, candidate: LinkCandidate, others: Chosen) -> bool:
         """Whether a candidate is significant with the masses of the model free; always with them exact."""
         return not self.knows_errors or self.chance(candidate, others) < self.limits.beyond_model

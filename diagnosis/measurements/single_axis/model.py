@@ -80,10 +80,6 @@ class SingleAxis(CandidateModel[Candidate]):
             and self.beyond_model(candidate, state)
         )
 
-    def needed(self, score: Score[Candidate], state: Chosen) -> bool:
-        """Whether a candidate still matters beside all others, which enter after it and may take its part."""
-        return super().needed(score, state) and self.beyond_model(score.candidate, self.without(score.candidate, state))
-
     def beyond_model(self, candidate: Candidate, others: Chosen) -> bool:
         """Whether a candidate is significant with the parameters of the model free; always with it exact."""
         return self.errors is None or self.chance(candidate, others, self.errors) < self.limits.beyond_model
