@@ -1,8 +1,7 @@
 """The front door: turns the ways a command can end into one line and the exit status of the contract.
 
-0 done; 2 unusable input; 3 a device failed; 4 done, but samples were lost, also in a recording that the command read:
-what is missing in those is said on standard error, for every command; 5 done, and ``compare`` found a change beyond
-``--fail-above``. The commands: ``armscope.application``.
+What is missing in recordings that a command read is said on standard error, for every command. Statuses:
+``armscope.exit_status``; the commands: ``armscope.application``.
 """
 
 from __future__ import annotations
@@ -11,9 +10,9 @@ import os
 import sys
 from collections.abc import Sequence
 
+from armscope.exit_status import DEVICE_FAILED, DONE, INTERRUPTED, NOBODY_READS, UNUSABLE_INPUT
 from armscope.overview import answer
 
-NOBODY_READS, UNUSABLE_INPUT, DEVICE_FAILED, INTERRUPTED = 1, 2, 3, 130
 BLAS_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 """What numpy's linear algebra reads once, when it is loaded."""
 
@@ -40,7 +39,7 @@ def run(arguments: list[str]) -> int:
     """Runs one command line and returns its exit status."""
     if (said := answer(arguments)) is not None:
         print(said)
-        return 0
+        return DONE
     # the overview above needs none of these, which cost ten times its time
     from typer.exceptions import TyperException
 

@@ -12,6 +12,7 @@ import typer
 from arm_io import InputError
 from armscope import allocation
 from armscope.commands.options import Pdf, Png, pictures
+from armscope.exit_status import CHANGED, DONE
 from armscope.progress import shown
 
 if TYPE_CHECKING:
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
 
 MANY = ("--before", "--after")
 """Options that take several values."""
-_DONE, _CHANGED = 0, 5
 
 
 def command(
@@ -72,7 +72,7 @@ def command(
         print(json.dumps(table))
     else:
         print(wrapped(str(result) if out is None else f"{result}\n{out / 'compare.html'}"))
-    return _DONE if threshold is None else _status(threshold.exceeded(result.changes), str(fail_above))
+    return DONE if threshold is None else _status(threshold.exceeded(result.changes), str(fail_above))
 
 
 def _sides(pair: list[str], before: list[str], after: list[str]) -> tuple[list[str], list[str]]:
@@ -93,7 +93,7 @@ def _listed(text: str) -> list[str]:
 
 def _status(above: list[Change], limit: str) -> int:
     if not above:
-        return _DONE
+        return DONE
     names = ", ".join(one.quantity.name for one in above[:5]) + (" ..." if len(above) > 5 else "")
     print(f"changed beyond --fail-above {limit}: {len(above)} quantities: {names}", file=sys.stderr)
-    return _CHANGED
+    return CHANGED

@@ -14,6 +14,7 @@ from arm_io import InputError
 from armscope import allocation
 from armscope.api.reading import note_gaps
 from armscope.commands.options import HeldOut, Json, Pdf, Png, pictures
+from armscope.exit_status import DONE, SAMPLES_LOST
 from armscope.progress import Display, shown
 
 if TYPE_CHECKING:
@@ -25,7 +26,6 @@ if TYPE_CHECKING:
 
 MANY = ("--fit", "--held-out")
 """Options that take several values."""
-_DONE, _SAMPLES_LOST = 0, 4
 
 
 class Output(NamedTuple):
@@ -70,7 +70,7 @@ def command(
     if rig is None and model is not None and floats(model):
         refuse(model, {"--distort": distort is not None})
         _diagnose_base(fit, model, held_out or [], Output(out, pictures(png, pdf)), as_json)
-        return _DONE
+        return DONE
     nominal = _model(model, rig)
     arm, kinds = fixed_model(nominal, "'armscope diagnose'"), pictures(png, pdf)
     note_gaps(nominal, "dynamics")
@@ -96,7 +96,7 @@ def command(
         from diagnosis.report import diagnosis_text
 
         print(wrapped(f"{diagnosis_text(case.result, table)}\n\n{out / 'report.html'}"))
-    return _SAMPLES_LOST if case.lost else _DONE
+    return SAMPLES_LOST if case.lost else DONE
 
 
 def _diagnose_base(fit: list[Path], model: Path, held_out: list[Path], out: Output, as_json: bool) -> None:
@@ -119,7 +119,7 @@ def _distorted(arm: Arm, name: str, recordings: list[Recording], out: Output, as
     found = distort(arm, name, residuals_of(arm, screened(arm, recordings)).runs, recordings)
     table = write_distortion(out.folder, found, out.pictures)
     print(json.dumps(table) if as_json else f"{table['verdict']}\n{out.folder / 'distortion.html'}")
-    return _DONE
+    return DONE
 
 
 def _model(model: Path | None, rig: Path | None) -> Path:

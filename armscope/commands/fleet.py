@@ -11,9 +11,8 @@ import typer
 
 from arm_io import InputError, check_folder
 from armscope.commands.options import Json
+from armscope.exit_status import DONE, SAMPLES_LOST
 from armscope.progress import shown
-
-_DONE, _RESULTS_MISSING = 0, 4
 
 
 def command(
@@ -43,4 +42,4 @@ def command(
         print(json.dumps(found.to_json(), allow_nan=False))
     else:
         print(wrapped(f"{found}\n{out / 'fleet.html'}"))
-    return _RESULTS_MISSING if found.failed else _DONE
+    return SAMPLES_LOST if found.failed else DONE

@@ -15,10 +15,10 @@ from armscope.api.reading import note_gaps
 from armscope.api.recording import record
 from armscope.commands.fetch import transfer_shown
 from armscope.commands.options import Json, RigOption
+from armscope.exit_status import DEVICE_FAILED, DONE, SAMPLES_LOST
 from experiment import read_experiment
 
 Table = dict[str, Any]
-_DONE, _DEVICE_FAILED, _SAMPLES_LOST = 0, 3, 4
 
 
 def command(
@@ -53,8 +53,8 @@ def command(
 def status_of(result: Table) -> int:
     """The exit status of a run's result."""
     if result["ending"]["fault"]:
-        return _DEVICE_FAILED
-    return _SAMPLES_LOST if result["ledger"]["lost"] else _DONE
+        return DEVICE_FAILED
+    return SAMPLES_LOST if result["ledger"]["lost"] else DONE
 
 
 @contextmanager

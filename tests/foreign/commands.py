@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from armscope.application import DONE
-from armscope.cli import UNUSABLE_INPUT
+from armscope.exit_status import UNUSABLE_INPUT
 from tests.foreign.ended import Ended, called
 from tests.foreign.logged_elsewhere import as_logged_elsewhere
 from tests.foreign.options import SHARE, Options

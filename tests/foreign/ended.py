@@ -26,7 +26,8 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from armscope.application import DONE
-from armscope.cli import UNUSABLE_INPUT, run
+from armscope.cli import run
+from armscope.exit_status import UNUSABLE_INPUT
 
 CHANGED = 5
 """Exit status of ``compare --fail-above``."""

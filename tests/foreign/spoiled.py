@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from armscope.cli import UNUSABLE_INPUT
+from armscope.exit_status import UNUSABLE_INPUT
 from tests.foreign.ended import Ended, called, unrendered
 
 Generator = np.random.Generator
