@@ -33,7 +33,7 @@ from diagnosis.closed_loop.comparison import (
 from diagnosis.closed_loop.model_errors import healthy, spreads
 from diagnosis.closed_loop.oscillation import with_oscillations
 from diagnosis.confidence import stated
-from diagnosis.find_causes import Named, Recordings, has_dynamics, named_causes
+from diagnosis.find_causes import Named, Recordings, named_causes
 from diagnosis.measurements.currents.causes import from_event
 from diagnosis.measurements.currents.detectability import not_judged, not_visible, not_warm
 from diagnosis.measurements.currents.shortage import Shortage
@@ -46,6 +46,7 @@ from diagnosis.origins import Suspect, evidence_of, suspects
 from diagnosis.remainder.against_noise import ratios
 from diagnosis.remainder.fitted_only import in_fit_alone, known_to, not_held_out
 from diagnosis.remainder.of_identification import Remainder, remainders
+from diagnosis.residual.expected_current import has_dynamics
 from diagnosis.residual.folding_warnings import folding_warnings
 from diagnosis.residual.noise.channels import angle_noise
 from diagnosis.residual.other_effects import with_own

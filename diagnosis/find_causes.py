@@ -6,8 +6,9 @@ loop: each of the last three is found in what the search leaves, and the search 
 
 from __future__ import annotations
 
-from collections.abc import Sequence, Set
+from collections.abc import Iterable, Sequence, Set
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 from arm_io.types import Progress
 from arm_model import Arm
@@ -32,6 +33,7 @@ from diagnosis.measurements.near_rest.time_at_rest import with_rise_at_rest
 from diagnosis.measurements.single_axis.causes import AxisSide, axis_side, with_sharp_friction
 from diagnosis.per_recording.search import per_recording
 from diagnosis.per_recording.values import cause_of
+from diagnosis.residual.expected_current import has_dynamics
 from diagnosis.residual.run import Run
 from diagnosis.residual.warmth import depends, not_warmed
 from diagnosis.screening.cleaned import Screened
@@ -85,11 +87,48 @@ class Named:
 Recordings = Split[Sequence[Recording]]
 
 
+@dataclass(frozen=True, kw_only=True)
+class Search:
+    """One search for causes in the currents of recordings.
+
+    model, known  the model, and causes that are known before the search
+    excluded      effects that it may not choose
+    """
+
+    model: Arm
+    known: tuple[Cause, ...]
+    excluded: frozenset[EffectKey]
+    recordings: Recordings
+    screened: Screened
+    progress: Progress
+
+    @cached_property
+    def arm(self) -> Arm:
+        """The model with the known causes."""
+        return extend(self.model, self.known) if self.known else self.model
+
+    def residuals(self) -> Residuals:
+        """Of the recordings under ``arm``."""
+        return residuals_of(self.arm, self.screened, self.progress)
+
+    def knowing(self, causes: Sequence[Cause], excluded: Iterable[EffectKey]) -> Search:
+        """The same with more known causes, and more effects that it may not choose."""
+        return replace(self, known=(*self.known, *causes), excluded=self.excluded.union(excluded))
+
+
 def named_causes(
     model: Arm, known: Sequence[Cause], recordings: Recordings, screened: Screened, progress: Progress
 ) -> Named:
     """Causes that the currents show conditional on the ``known`` ones of encoders and tracker."""
-    named = _named(model, known, recordings, screened, progress)
+    search = Search(
+        model=model,
+        known=tuple(known),
+        excluded=frozenset(cause.key for cause in known if not cause.by_tracker),
+        recordings=recordings,
+        screened=screened,
+        progress=progress,
+    )
+    named = _named(search)
     if named.axis or named.arm.uncertainty is not None:
         return named
     state = named.found.state
@@ -101,51 +140,45 @@ def named_causes(
     )
 
 
-def _named(model: Arm, known: Sequence[Cause], recordings: Recordings, screened: Screened, progress: Progress) -> Named:
-    excluded = {cause.key for cause in known if not cause.by_tracker}
-    arm = extend(model, known) if known else model
-    sight = residuals_of(arm, screened, progress)
-    named, refused = _settled(arm, sight, recordings, excluded, progress), set[EffectKey]()
+def _named(search: Search) -> Named:
+    """The search, repeated with whatever is found beside it."""
+    recordings, progress, given = search.recordings, search.progress, search.excluded
+    named = _settled(search)
     while named.axis is None and (other := other_smoothing(named.found.state, named.causes)) is not None:
         # searched again with that smoothing velocity, and without the law that explained nothing else
-        model, refused = other.of(model), refused | {other.cause}
-        arm = extend(model, known) if known else model
-        sight = residuals_of(arm, screened, progress)
-        named = _settled(arm, sight, recordings, excluded | refused, progress)
+        search = replace(search, model=other.of(search.model), excluded=search.excluded | {other.cause})
+        named = _settled(search)
     progress("judging friction near rest")
-    friction = _near_rest(named, recordings, excluded)
+    friction = _near_rest(named, recordings, given)
     near_rest, undetermined = tuple(friction.causes), tuple(friction.undetermined)
-    excluded |= refused | {cause.key for cause in near_rest}
     if near_rest:
         # the others are searched for again, with that friction in the model
-        known = [*known, *near_rest]
-        arm = extend(model, known)
-        sight = residuals_of(arm, screened, progress)
-        named = replace(_settled(arm, sight, recordings, excluded, progress), near_rest=near_rest)
-    if (of_recordings := _by_recording(named, recordings, excluded, progress)) is not None:
+        search = search.knowing(near_rest, (cause.key for cause in near_rest))
+        named = replace(_settled(search), near_rest=near_rest)
+    if (of_recordings := _by_recording(search, named)) is not None:
         # the closed loops of a search for resonances are of one arm for all recordings
         return of_recordings
     progress("searching for transmission resonances in closed loop")
-    resonance = _resonance(named, recordings) if has_dynamics(model) else None
+    resonance = _resonance(named, recordings) if has_dynamics(search.model) else None
     # of a gap that the arm has, residuals know how uncertain they are while teeth meet
-    found = (resonance,) if resonance else _gaps(named, excluded)
+    found = (resonance,) if resonance else _gaps(named, search.excluded)
     if not found:
         return replace(named, undetermined=undetermined)
     # ... and with what was found
-    arm = extend(model, [*known, *found])
+    search = search.knowing(found, ((effect, one.joint) for effect in transmissions() for one in found))
     terms = [term for term in named.found.state.terms if (term.name, term.joint) not in {one.key for one in found}]
-    sight = confirmed(realigned(residuals_of(arm, screened, progress), terms), terms)
-    excluded |= {(effect, one.joint) for effect in transmissions() for one in found}
-    return replace(_searched(arm, sight, recordings, excluded, progress), near_rest=near_rest, transmissions=found)
+    sight = confirmed(realigned(search.residuals(), terms), terms)
+    return replace(_searched(search, sight), near_rest=near_rest, transmissions=found)
 
 
-def _settled(arm: Arm, sight: Residuals, recordings: Recordings, excluded: Set[EffectKey], progress: Progress) -> Named:
+def _settled(search: Search) -> Named:
     """What is named once dropped triggers are found, or found to be another effect."""
-    named = _searched(arm, sight, recordings, excluded, progress)
+    sight = search.residuals()
+    named = _searched(search, sight)
     if (behind := realigned(sight, named.found.state.terms)) is not sight:
-        named = _searched(arm, behind, recordings, excluded, progress)
+        named = _searched(search, behind)
     if (as_recorded := confirmed(named.sight, named.found.state.terms)) is not named.sight:
-        named = _searched(arm, as_recorded, recordings, excluded, progress)
+        named = _searched(search, as_recorded)
     return named
 
 
@@ -184,10 +217,9 @@ def _in_loop(named: Named, recordings: Recordings, taken: Sequence[EffectKey]) -
     return [with_estimates_of(cause, again[cause.key]) if cause.key in again else cause for cause in found]
 
 
-def _searched(
-    arm: Arm, sight: Residuals, recordings: Recordings, excluded: Set[EffectKey], progress: Progress
-) -> Named:
-    """Names causes in the residuals of recordings, those held out last; none of ``excluded``."""
+def _searched(search: Search, sight: Residuals) -> Named:
+    """Names causes in the residuals of the recordings, those held out last."""
+    arm, recordings, excluded, progress = search.arm, search.recordings, search.excluded, search.progress
     first, parts = len(recordings.fit), recordings.two_fold
     progress("computing the columns of every effect")
     every = (*candidates(arm), *of_shafts(arm)) if has_dynamics(arm) else ()
@@ -223,14 +255,14 @@ def _searched(
     )
 
 
-def _by_recording(named: Named, recordings: Recordings, excluded: Set[EffectKey], progress: Progress) -> Named | None:
+def _by_recording(search: Search, named: Named) -> Named | None:
     """What is named with causes whose values differ between recordings, if that explains what nothing else does."""
     if named.axis:
         return None
 
     def again(runs: Sequence[Run], taken: Set[EffectKey]) -> Named:
-        progress("comparing the recordings with each other")
-        return _searched(named.arm, replace(named.sight, runs=list(runs)), recordings, excluded | taken, progress)
+        search.progress("comparing the recordings with each other")
+        return _searched(search.knowing((), taken), replace(named.sight, runs=list(runs)))
 
     if (result := per_recording(named, named.sight.runs, again)) is None:
         return None
@@ -268,11 +300,3 @@ def _gaps(named: Named, excluded: Set[EffectKey]) -> tuple[Cause, ...]:
         return found
     state, taken = named.found.state, {*excluded, *(cause.key for cause in named.causes)}
     return (*found, *chattering_gaps(state.data.map(lambda part: part.runs), state.terms, taken))
-
-
-def has_dynamics(arm: Arm) -> bool:
-    """Whether the model expects any torque at all."""
-    return any(
-        joint.mass or joint.rotor_inertia or any(joint.coulomb) or any(joint.viscous) or joint.friction_curve
-        for joint in arm.joints
-    )

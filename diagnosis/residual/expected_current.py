@@ -173,3 +173,11 @@ def _twist(effect: Effect, values: Values, links: Links, j: int, teeth: Teeth) -
 def may_be(arm: Arm) -> tuple[Teeth, ...]:
     """What teeth of an arm may do instead of what the law says; nothing where no joint has play."""
     return AS_MAY_BE if any(effect.gap is not None for effect, _, _ in terms_of(arm)) else ()
+
+
+def has_dynamics(arm: Arm) -> bool:
+    """Whether the model expects any torque at all."""
+    return any(
+        joint.mass or joint.rotor_inertia or any(joint.coulomb) or any(joint.viscous) or joint.friction_curve
+        for joint in arm.joints
+    )
