@@ -9,7 +9,7 @@ the currents' and positions' errors.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import linalg
@@ -63,28 +63,19 @@ def tune_friction(
     _check_closed_loop(recordings, motions, arm)
     moving = [j for j in range(len(arm)) if any(motion.moves(j) for motion in motions)]
     names = tuple(f"joint{j + 1}.{kind}" for j in moving for kind in ("viscous", *DIRECTIONS))
-    values = np.array([parameter(arm, name) for name in names])
-    floor = _floors(arm, names, motions)
-    values = np.maximum(values, floor)
-    damping, count = 1e-3, 0
-    scale = _scales(motions)
-    error = _stable(_errors(recordings, motions, arm, names, values[None], scale))[0]
-    first = _relative(recordings, motions, arm, names, values)
+    loops, floor = _Loops(recordings, motions, arm, names), _floors(arm, names, motions)
+    values = np.maximum(np.array([parameter(arm, name) for name in names]), floor)
+    error, before = _stable(loops.errors(values[None]))[0], loops.relative_error(values)
     jacobian = np.zeros((len(error), len(names)))
+    damping, simulations = 1e-3, 0
     for number in range(iterations):
         progress(Step("friction", number, detail=f"error {np.linalg.norm(error) / np.sqrt(len(error)):.4g}"))
-        nudge = STEP * np.maximum(values, floor)
-        lanes = values + np.concatenate([np.diag(nudge), -np.diag(nudge)])
-        lanes = np.maximum(lanes, 0.0)
-        found = _stable(_errors(recordings, motions, arm, names, lanes, scale))
-        count += len(lanes)
-        width = np.diag(lanes[: len(names)] - lanes[len(names) :])
-        jacobian = ((found[: len(names)] - found[len(names) :]) / width[:, None]).T
+        jacobian = loops.jacobian(values, STEP * np.maximum(values, floor))
         gram, slope = jacobian.T @ jacobian, jacobian.T @ error
         dampings = damping * 10.0 ** np.arange(-1, 4)
         trials = np.array([np.maximum(values - _step(gram, slope, d), 0.0) for d in dampings])
-        errors = _errors(recordings, motions, arm, names, trials, scale)
-        count += len(trials)
+        errors = loops.errors(trials)
+        simulations += 2 * len(names) + len(trials)
         # of an unstable loop NaN
         costs = np.nan_to_num(np.sum(errors**2, axis=1), nan=np.inf)
         best = int(np.argmin(costs))
@@ -99,10 +90,54 @@ def tune_friction(
             ", ".join(str(recording.path) for recording in recordings),
             "show no joint's friction in the closed loop; they must move a joint for longer, and both ways",
         )
-    rows = _rows(motions, jacobian, error, names)
-    spread = uncertainty(jacobian, rows, Fit(values, np.ones(len(error)), error, jacobian * values))
-    tuned = with_parameters(arm, dict(zip(names, map(float, values))))
-    return Tuning(names, values, spread, tuned, first, _relative(recordings, motions, arm, names, values), count)
+    return Tuning(
+        names=names,
+        values=values,
+        uncertainty=uncertainty(
+            jacobian,
+            _rows(motions, jacobian, error, names),
+            Fit(values, np.ones(len(error)), error, jacobian * values),
+        ),
+        arm=with_parameters(arm, dict(zip(names, map(float, values)))),
+        before=before,
+        after=replace(loops, names=names).relative_error(values),
+        simulations=simulations,
+    )
+
+
+@dataclass(frozen=True)
+class _Loops:
+    """Closed loops of an arm on the demands of recordings, with values of p of its parameters (``names``)."""
+
+    recordings: Sequence[Recording]
+    motions: Sequence[Motion]
+    arm: Arm
+    names: tuple[str, ...]
+
+    def errors(self, lanes: Array) -> Array:
+        """(lanes, rows) filtered torque errors over their scale, of the trusted rows of all runs; lanes (lanes, p)."""
+        return self._errors(lanes, _scales(self.motions))
+
+    def relative_error(self, values: Array) -> float:
+        """Norm of the filtered torque error with values (p,) over that of the measured torque."""
+        off = self._errors(values[None], np.ones(len(self.arm)))
+        measured = [parallel_filter(motion, motion.torque)[parallel_rows(motion)[1]] for motion in self.motions]
+        return float(np.linalg.norm(off) / np.linalg.norm(np.concatenate(measured)))
+
+    def jacobian(self, values: Array, nudge: Array) -> Array:
+        """(rows, p) of the errors, by central differences of ``nudge`` (p,); none of the values below 0."""
+        lanes = np.maximum(values + np.concatenate([np.diag(nudge), -np.diag(nudge)]), 0.0)
+        up, down = np.split(_stable(self.errors(lanes)), 2)
+        width = np.diag(lanes[: len(values)] - lanes[len(values) :])
+        return np.asarray(((up - down) / width[:, None]).T)
+
+    def _errors(self, lanes: Array, scale: Array) -> Array:
+        parts = []
+        for recording, motion in zip(self.recordings, self.motions):
+            simulated = _simulated(recording, motion, self.arm, self.names, lanes)
+            filtered = parallel_filter(motion, np.moveaxis((simulated - motion.torque) / scale, 0, -1))
+            parts.append(filtered[parallel_rows(motion)[1]].T)
+        return np.concatenate(parts, axis=1)
 
 
 def _check_closed_loop(recordings: Sequence[Recording], motions: Sequence[Motion], arm: Arm) -> None:
@@ -134,7 +169,7 @@ def _stable(errors: Array) -> Array:
 
 
 def _rows(motions: Sequence[Motion], jacobian: Array, error: Array, names: Sequence[str]) -> Equations:
-    """What ``_errors`` strings together, as rows that know their run, joint and time."""
+    """What ``_Loops.errors`` strings together, as rows that know their run, joint and time."""
     run, joint, t, unseen = [], [], [], []
     scale = _scales(motions)
     for number, motion in enumerate(motions):
@@ -191,34 +226,6 @@ def _simulated(recording: Recording, motion: Motion, arm: Arm, names: Sequence[s
         parameters={name: lanes[:, k] for k, name in enumerate(names)},
     )
     return run.torque
-
-
-def _errors(
-    recordings: Sequence[Recording],
-    motions: Sequence[Motion],
-    arm: Arm,
-    names: Sequence[str],
-    lanes: Array,
-    scale: Array,
-) -> Array:
-    """(lanes, rows) filtered torque errors over their scale, of the trusted rows of all runs."""
-    parts = []
-    for recording, motion in zip(recordings, motions):
-        trusted = parallel_rows(motion)[1]
-        simulated = _simulated(recording, motion, arm, names, lanes)
-        off = (simulated - motion.torque) / scale
-        filtered = parallel_filter(motion, np.moveaxis(off, 0, -1))
-        parts.append(filtered[trusted].T)
-    return np.concatenate(parts, axis=1)
-
-
-def _relative(
-    recordings: Sequence[Recording], motions: Sequence[Motion], arm: Arm, names: Sequence[str], values: Array
-) -> float:
-    """Norm of the filtered torque error of the closed loop over that of the measured torque."""
-    off = _errors(recordings, motions, arm, names, values[None], np.ones(len(arm)))
-    measured = [parallel_filter(motion, motion.torque)[parallel_rows(motion)[1]] for motion in motions]
-    return float(np.linalg.norm(off) / np.linalg.norm(np.concatenate(measured)))
 
 
 def simulated_error(recording: Recording, motion: Motion, arm: Arm, held_out: bool) -> Prediction:
