@@ -7,9 +7,6 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from arm_io.parallel import in_parallel
 from arm_io.whole_folder import whole_folder
 from arm_model import write_model
 from arm_model.effects import CATALOGUE
@@ -21,23 +18,20 @@ from diagnosis.diagnose import Diagnosis
 from diagnosis.experiments.discriminating import Separation, separations
 from diagnosis.experiments.revealing import Showing, shown_by
 from diagnosis.measurements.currents import limits as currents
-from diagnosis.measurements.currents.design_matrix import dataset_of
 from diagnosis.measurements.demands import wrist_coupling
 from diagnosis.measurements.link_encoders import model as link_encoders
 from diagnosis.measurements.near_rest import friction as near_rest
 from diagnosis.measurements.single_axis import model as single_axis
 from diagnosis.measurements.tracker import model as tracker
 from diagnosis.origins import JUDGEMENT
-from diagnosis.remainder.against_noise import ratios
 from diagnosis.remainder.of_identification import Remainder
-from diagnosis.remainder.predictable import predictable
 from diagnosis.report.html import report
 from diagnosis.report.joint_verdicts import remaining
 from diagnosis.report.origins import of_cause, origin_row
-from diagnosis.units import unit_at
+from diagnosis.report.signals import signal_rows
 from experiment import Experiment, write_experiment
 from identification.experiment_design import Limits
-from identification.selection import Split, Thresholds
+from identification.selection import Thresholds
 
 SCHEMA = "armscope.diagnosis/1"
 LIMITS: dict[str, Thresholds] = {
@@ -63,7 +57,7 @@ def table_of(result: Diagnosis, fit: list[Recording], held_out: list[Recording])
         "fit": list(dict.fromkeys(str(r.path) for r in fit)),  # each once, however many stretches of it were examined
         "held_out": list(dict.fromkeys(str(r.path) for r in held_out)),
         "recorded": min((r.date for r in fit if r.date), default=None),
-        "signals": _signals(result),
+        "signals": signal_rows(result),
         "joints": [
             {"joint": one.joint, "verdict": one.verdict, "noise_ratio": one.along, "closed_loop": one.in_loop}
             | ({} if one.known_to is None else {"known_to": one.known_to})
@@ -94,82 +88,6 @@ def table_of(result: Diagnosis, fit: list[Recording], held_out: list[Recording])
     }
 
 
-def _signals(result: Diagnosis) -> list[dict[str, Any]]:
-    """Errors of simulated current and position with the noise of the instruments.
-
-    In the band and at the rows that ``closed_loop`` compares.
-    """
-    rows, in_loop = [], result.in_closed_loop
-    fit, held_out = dataset_of(result.fit), dataset_of(result.held_out)
-    residuals = [Split(fit.y, held_out.y), result.left] if result.judged else []
-    shares = in_parallel(lambda of: predictable(fit, held_out, of.fit, of.held_out, result.arm).round(4), residuals)
-    noise = np.mean([run.noise for run in result.held_out], axis=0)
-    over_noise = [
-        {one.joint: one.ratio for one in ratios(result.held_out, y)} for y in (held_out.y, result.left.held_out)
-    ]
-    of_loop = {
-        signal: {
-            half: [(b.error_rms(signal), a.error_rms(signal)) for b, a in pairs]
-            for half, pairs in result.compared.items()
-        }
-        for signal in ("current", "angle")
-    }
-    currents = of_loop["current"] if in_loop else result.along if result.judged else {}
-    for name, errors, own, unit in (
-        ("current", currents, noise, "A"),
-        ("position", of_loop["angle"], result.encoder_noise, "rad"),
-    ):
-        for j in range(len(result.arm)):
-            errors_rms = {
-                half: {
-                    when: float(np.sqrt(np.mean([pair[k][j] ** 2 for pair in pairs])))
-                    for k, when in enumerate(("before", "after"))
-                }
-                for half, pairs in errors.items()
-                if pairs
-            }
-            if errors_rms:
-                here = unit_at(result.arm.joints[j], unit)
-                row = {"signal": name, "joint": j + 1, "unit": here, "error_rms": errors_rms}
-                along = "demands" if in_loop or name == "position" else "measured motion"
-                row |= {"noise_rms": float(own[j]), "along": along}
-                if name == "current" and result.judged:
-                    before, after = (by_joint.get(j + 1) for by_joint in over_noise)
-                    row["noise_ratio"] = {"before": before, "after": after}
-                    row["predictable"] = {"before": float(shares[0][j]), "after": float(shares[1][j])}
-                rows.append(row)
-    return rows + _link_signals(result) + _tracker_signal(result)
-
-
-def _link_signals(result: Diagnosis) -> list[dict[str, Any]]:
-    """Motor minus link encoder without its constant, held out, without and with the causes."""
-    if result.link is None:
-        return []
-    link, rows = result.link, []
-    for k, joint in enumerate(int(j) for j in link.held_out.joints):
-        before, after = (float(np.sqrt(np.mean(values[:, k] ** 2))) for values in (link.without, link.residual))
-        unit = unit_at(result.arm.joints[joint - 1], "rad")
-        errors = {"held_out": {"before": before, "after": after}}
-        rows.append(
-            {
-                "signal": "link angle",
-                "joint": joint,
-                "unit": unit,
-                "error_rms": errors,
-                "noise_rms": float(link.held_out.noise[k]),
-            }
-        )
-    return rows
-
-
-def _tracker_signal(result: Diagnosis) -> list[dict[str, Any]]:
-    """Tracked points against the model at the measured angles, m rms per coordinate."""
-    if result.tracked is None or not result.tracked.rms:
-        return []
-    errors = {side: {"before": before, "after": after} for side, (before, after) in result.tracked.rms.items()}
-    return [{"signal": "position", "joint": None, "unit": "m", "error_rms": errors, "noise_rms": result.tracked.noise}]
-
-
 def _values(parameters: Sequence[Estimate]) -> dict[str, dict[str, Any]]:
     return {
         p.name: {"value": p.value, "std": p.std, "unit": p.unit}
@@ -191,20 +109,21 @@ def _remainder(one: Remainder) -> dict[str, Any]:
 
 
 def _cause(cause: Cause) -> dict[str, Any]:
-    of_joints = [{"joint": joint, "parameters": _values(own)} for joint, own in cause.of_joints.items()]
-    of_recordings = [{"file": name, "parameters": _values(own)} for name, own in cause.of_recordings.items()]
+    where_any = {
+        "joints": [{"joint": joint, "parameters": _values(own)} for joint, own in cause.of_joints.items()],
+        "recordings": [{"file": name, "parameters": _values(own)} for name, own in cause.of_recordings.items()],
+        "harmonics": [asdict(term) for term in cause.harmonics],
+        "lost_rows": [asdict(one) for one in cause.lost_rows],
+        "encoder_jumps": [asdict(one) for one in cause.encoder_jumps],
+        "terms": _terms(cause) if cause.next_orders else [],
+        "remainder": asdict(cause.remainder) if cause.remainder else None,
+        "rise_at_rest": asdict(cause.rise_at_rest) if cause.rise_at_rest else None,
+    }
     return {
         "effect": cause.effect,
         "joint": cause.joint,
         "parameters": _values(cause.parameters),
-        **({"joints": of_joints} if of_joints else {}),
-        **({"recordings": of_recordings} if of_recordings else {}),
-        **({"harmonics": [asdict(term) for term in cause.harmonics]} if cause.harmonics else {}),
-        **({"lost_rows": [asdict(one) for one in cause.lost_rows]} if cause.lost_rows else {}),
-        **({"encoder_jumps": [asdict(one) for one in cause.encoder_jumps]} if cause.encoder_jumps else {}),
-        **({"terms": _terms(cause)} if cause.next_orders else {}),
-        **({"remainder": asdict(cause.remainder)} if cause.remainder else {}),
-        **({"rise_at_rest": asdict(cause.rise_at_rest)} if cause.rise_at_rest else {}),
+        **{name: value for name, value in where_any.items() if value},
         "confidence": round(cause.confidence, 4),
         **({"deviations": dict(zip(("exact", "known"), cause.deviations))} if cause.deviations else {}),
         "support": asdict(cause.support) if cause.support else None,

@@ -32,7 +32,7 @@ def _subclasses(of: type[Thresholds]) -> Iterator[type[Thresholds]]:
 
 
 def test_the_file_has_every_threshold(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("diagnosis.report.write._signals", lambda result: [])
+    monkeypatch.setattr("diagnosis.report.write.signal_rows", lambda result: [])
     block = json.loads(json.dumps(table_of(_nothing_found(), [], [])))["limits"]
     assert set(block) == {
         "currents",
