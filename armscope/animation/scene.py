@@ -13,7 +13,7 @@ from arm_io import InputError, check_file, whole_path
 from arm_io.types import Array
 from arm_report.palette import AFTER, AXIS, BEFORE
 from armscope.animation.animated_page import write_animated_page
-from armscope.surfaces import Drawn, Surface
+from armscope.animation.surfaces import Drawn, Surface
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

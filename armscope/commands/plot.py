@@ -85,7 +85,7 @@ def _animate(
     """The first recording's arm beside the second's, or beside what was demanded of it."""
     from arm_model.collision import chain_of
     from armscope.animation import Movement, animate, check_animation, instants, movements
-    from armscope.surfaces import capsule_surfaces, read_surfaces
+    from armscope.animation.surfaces import capsule_surfaces, read_surfaces
 
     check_animation(path)
     arm = _arm(data[0], model)

@@ -13,8 +13,8 @@ from arm_io import InputError
 from arm_model import read_model
 from arm_model.meshes import TRIANGLE
 from armscope.animation import MEASURED
+from armscope.animation.surfaces import MOST, capsule_surfaces, capsule_triangles, read_surfaces, thinned
 from armscope.cli import run
-from armscope.surfaces import MOST, capsule_surfaces, capsule_triangles, read_surfaces, thinned
 from daq.recording import Attachments, write_table
 
 URDF = """<robot name="one"><link name="world"/>
