@@ -15,6 +15,7 @@ import numpy as np
 from arm_io import DeviceFault, InputError, read_text, toml_of
 from daq.acquisition.acquisition import Acquisition
 from daq.acquisition.states import End, State
+from daq.recording.mcap_file.pages import ACTIVE
 from daq.recording.parts import Attachments, ledger_table, loss_tables
 from daq.recording.provenance import provenance
 from daq.recording.recorder import Recorder, rows_layout
@@ -178,14 +179,16 @@ class Run:
             "notes": acquisition.notes,
             "clocks": [fit.as_table() for fit in acquisition.clocks()] if acquisition.rows_made else [],
         }
+        file = self.request.out
         try:
             ledger = self._recorder.finish(triggers=account.triggers, losses=account.losses, closing=closing)
         except DeviceFault as fault:
+            file = file.with_name(file.name + ACTIVE)
             ledger = self._recorder.balance(account.triggers, account.losses)
             ending = {"reason": str(End.RECORDER), "sentence": str(fault), "fault": True}
         return {
             "schema": "armscope.record/1",
-            "file": str(self.request.out),
+            "file": str(file),
             "experiment": self.request.experiment.name,
             "rig": self._bench.rig.name,
             "seconds": demand_of(self.request.experiment).duration,

@@ -17,6 +17,7 @@ from typing import Any
 
 import pytest
 
+import armscope
 from arm_io import DeviceFault, InputError
 from daq.acquisition.ledger import LossReason
 from daq.recording import open_recording
@@ -46,6 +47,21 @@ def test_record_without_daemon(lab: Lab) -> None:
     assert recording.rig["name"] == lab.rig.name
     assert holder_of(lab.rig.name) is None
     assert abs(recording.q[-1, 1] - 0.05) < 0.01
+
+
+def test_where_the_end_of_the_file_does_not_fit_the_one_that_is_there_is_named(
+    lab: Lab, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("daq.recording.recorder.finish_file", full)
+    lab.patient()
+    recorded = armscope.record(lab.rig_file, lab.folder / "experiment.toml", lab.folder / "run.mcap")
+    result = recorded.to_json()
+    assert result["file"] == str(lab.folder / f"run.mcap{ACTIVE}") and str(recorded).startswith(result["file"])
+    assert result["ending"]["fault"] and "No space left" in result["ending"]["sentence"]
+    assert len(open_recording(Path(result["file"]))) == result["rows"] > 100
 
 
 def test_record_through_daemon_with_a_subscriber(lab: Lab) -> None:
