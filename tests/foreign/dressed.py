@@ -71,7 +71,9 @@ def _frame(robot: xml.Element, rng: Generator) -> None:
 
 
 def _hand(robot: xml.Element, _: Generator) -> None:
-    """Two fingers, of which one follows the other."""
+    """Two fingers, of which one follows the other; beside one or two joints nobody could say which are the arm."""
+    if len(_moving(robot)) < 3:
+        return
     for side in ("left", "right"):
         xml.SubElement(robot, "link", name=side)
         joint = xml.SubElement(robot, "joint", name=f"{side}_finger", type="prismatic")
