@@ -20,7 +20,7 @@ BESIDE = 8
 
 
 def zero_phase(sections: Array, values: Array, *, pad: int | None = None) -> Array:
-    """Values (m,) or (m, n), filtered along the first axis by second-order ``sections`` (k, 6), forwards and back.
+    """Values (m, ...), filtered along the first axis by second-order ``sections`` (k, 6), forwards and back.
 
     pad: rows by which the ends are continued, odd about the first and the last; by default as many as scipy takes.
     """
@@ -34,7 +34,7 @@ def zero_phase(sections: Array, values: Array, *, pad: int | None = None) -> Arr
         2 * rows[..., -1:] - rows[..., -2 : -(pad + 2) : -1],
     )
     continued = np.concatenate([ends[0], rows, ends[1]], axis=-1) if pad else rows
-    smooth = _both_ways(sections, np.atleast_2d(continued)).reshape(continued.shape)
+    smooth = _both_ways(sections, continued.reshape(-1, continued.shape[-1])).reshape(continued.shape)
     return np.asarray((smooth[..., pad:-pad] if pad else smooth).T, float)
 
 

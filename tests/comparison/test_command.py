@@ -131,7 +131,10 @@ BAD = {
     "threshold": (["first.mcap", "again.mcap", "--fail-above", "much"], "--fail-above: must be a size"),
     "negative threshold": (["first.mcap", "again.mcap", "--fail-above=-1"], "--fail-above: must be a size"),
     "threshold without a number": (["first.mcap", "again.mcap", "--fail-above", "nan%"], "--fail-above: must be"),
-    "out is a file": (["first.mcap", "again.mcap", *MODEL, "--out", "model.toml"], "model.toml: is a file"),
+    "out is a file": (
+        ["first.mcap", "again.mcap", *MODEL, "--out", "model.toml"],
+        "model.toml: is read here, and would be replaced",
+    ),
 }
 
 

@@ -19,7 +19,7 @@ FILTERS: tuple[tuple[int, Any, str], ...] = (
 
 
 @pytest.mark.parametrize("design", FILTERS)
-@pytest.mark.parametrize("shape", [(300,), (300, 6), (301, 1)])
+@pytest.mark.parametrize("shape", [(300,), (300, 6), (301, 1), (300, 3, 4)])
 @pytest.mark.parametrize("pad", [None, 0, 50, 299])
 def test_every_row_is_that_of_scipy(design: tuple[int, Any, str], shape: tuple[int, ...], pad: int | None) -> None:
     order, edge, kind = design
