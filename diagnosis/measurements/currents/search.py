@@ -99,8 +99,9 @@ def _superfluous(found: Found, kept: Container[Candidate]) -> list[Candidate]:
 
     None of the ``kept`` where that structure depends on the variable of its own law.
     Where the residual is above the noise and depends on no known variable, a cause that explains less than is left is
-    part of it. Where it most likely depends on one, that says so of causes of that joint alone: what one joint leaves
-    does not judge a load of the arm.
+    part of it. So it is where the residual most likely depends on the variable of the cause's own law: a function of
+    that variable follows any such law, also a right one. Where it most likely depends on another, that says so of
+    causes of that joint alone: what one joint leaves does not judge a load of the arm.
     """
     state, shares = found.state, dict[Candidate, float]()
     model, held_out = state.model, state.data.held_out
@@ -114,9 +115,12 @@ def _superfluous(found: Found, kept: Container[Candidate]) -> list[Candidate]:
         alone = score(c, own, others.fitted, held_out).gain
         if touching:
             shares[c] = score(c, own, with_columns(others.fitted, touching), held_out).gain / alone
-        elif c.joint is not None and (likely := found.unexplained.likely.get(c.joint)) is not None:
+        if touching or c.joint is None:
+            continue
+        likely = found.unexplained.likely.get(c.joint)
+        if likely is not None and not of_own_variable(c, against):
             shares[c] = score(c, own, with_columns(others.fitted, [likely]), held_out).gain / alone
-        elif c.joint is not None and c.joint in unknown:
+        elif likely is not None or c.joint in unknown:
             energy = float(np.sum(state.fitted.held_out[held_out.of(c.joint)] ** 2))
             shares[c] = model.limits.superfluous * alone / energy
     least = min(shares, key=lambda c: shares[c], default=None)
