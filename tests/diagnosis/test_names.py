@@ -180,6 +180,7 @@ def test_a_dominant_cause_keeps_its_name_beside_what_no_effect_explains(tmp_path
     assert f"beside it, {100 * left['share']:.0f} % of its excess is unexplained, against position" in str(result)
 
 
+@pytest.mark.slow
 def test_a_cable_is_no_spring(tmp_path: Path) -> None:
     """A spring follows the cube of an angle to 84 to 91 %: neither is that dominant, nor the cube its next order."""
     result = _diagnosed(NumpyArm(HEALTHY, torque=_spring(0.0, 2.0, 0.2)), tmp_path)

@@ -53,7 +53,7 @@ def test_a_large_payload_shows_in_few_seconds(arm: Arm, root: Path, tmp_path: Pa
     assert cause.parameters[0].value == pytest.approx(3.0, abs=2.0 * cause.parameters[0].std)
 
 
-@pytest.mark.parametrize("seconds", [2.5, 3.5])
+@pytest.mark.parametrize("seconds", [2.5, pytest.param(3.5, marks=pytest.mark.slow)])
 def test_too_few_seconds_are_no_unexplained_structure(
     arm: Arm, root: Path, tmp_path: Path, seconds: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:

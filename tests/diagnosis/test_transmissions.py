@@ -153,6 +153,7 @@ def _through_the_vertical(path: Path, speed: float, half_gap: float, seed: int) 
     return open_recording(path)
 
 
+@pytest.mark.slow
 def test_backlash_of_joint_2_at_the_vertical_is_found_from_currents_and_motor_angles(
     root: Path, tmp_path: Path
 ) -> None:
