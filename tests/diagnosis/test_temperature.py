@@ -61,7 +61,6 @@ def test_friction_over_temperature_is_named_and_written(tmp_path: Path) -> None:
     assert errors[0] < 0.2 * errors[1]
 
 
-@pytest.mark.slow
 def test_temperatures_too_much_alike_show_nothing(tmp_path: Path) -> None:
     result = _judged(tmp_path, (day(30.0, 3.0), day(30.5, 3.0)), healthy())
     assert "temperature_friction" not in {cause.effect for cause in result.causes}
