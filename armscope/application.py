@@ -153,7 +153,7 @@ def _guarded(command: Callable[..., Any], infinite: Sequence[str]) -> Callable[.
             option = f"--{name.replace('_', '-')}"
             if isinstance(value, float) and not (math.isfinite(value) or (option in infinite and value == math.inf)):
                 raise InputError(option, f"must be a finite number (is {value:g})")
-        _keep_inputs(given)
+        _keep_measurements(given)
         with warnings_on(sys.stderr) as lacking:
             status = command(**given)
         return status or (SAMPLES_LOST if lacking else DONE)
@@ -163,8 +163,8 @@ def _guarded(command: Callable[..., Any], infinite: Sequence[str]) -> Callable[.
     return guarded
 
 
-def _keep_inputs(given: Mapping[str, Any]) -> None:
-    """InputError where ``--out`` is a file that the command reads: measured data would be replaced by the result."""
+def _keep_measurements(given: Mapping[str, Any]) -> None:
+    """InputError where the result would replace a file that the command reads, or a recording of a rig."""
     out = given.get("out")
     # os.path, not Path: of what no file can be called, these say False
     if not isinstance(out, Path) or not os.path.isfile(out):
@@ -173,6 +173,10 @@ def _keep_inputs(given: Mapping[str, Any]) -> None:
         several = [one for one in (value if isinstance(value, list) else [value]) if isinstance(one, Path)]
         if name != "out" and any(os.path.isfile(one) and os.path.samefile(one, out) for one in several):
             raise InputError(out, "is read here, and would be replaced; --out must name another file")
+    from daq.recording.provenance import is_measured
+
+    if not given.get("force") and is_measured(out):
+        raise InputError(out, "exists already, and no recording of a rig is overwritten; use another name")
 
 
 def _without_colours(asked: bool) -> None:

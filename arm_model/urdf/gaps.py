@@ -30,7 +30,7 @@ def urdf_gaps(path: str | Path, uses: Collection[Use], *, tip: str | None = None
     path = Path(path)
     if path.suffix != ".urdf":
         return []
-    found = _beside(path, tip) if Use.DYNAMICS in uses else []
+    found = _beside(path, tip) + _mimics(path, tip) if Use.DYNAMICS in uses else []
     if Use.DYNAMICS in uses and (massless := _massless(path, tip)):
         found.append(
             f"{_names('link', massless)} no <inertial>: mass and inertia count as 0 until the file or "
@@ -95,6 +95,17 @@ def _beside(path: Path, tip: str | None) -> list[str]:
         else:
             found.append(f"{listed(names)} {are(names)} beside the arm on its base: left out")
     return found
+
+
+def _mimics(path: Path, tip: str | None) -> list[str]:
+    """One sentence per joint of the chain that follows another one: here every joint of an arm moves for itself."""
+    chain = Tree.of(path, robot_of(path, read_file(path))).chain(tip)
+    return [
+        f"{joint.get('name')} follows {mimic.get('joint')} (<mimic>): read as a joint of its own, with an angle and a "
+        "motor of its own in each recording; if one motor turns both, its torques here are not those of the motor"
+        for joint in chain
+        if joint.get("type") != "fixed" and (mimic := joint.find("mimic")) is not None
+    ]
 
 
 def _names(what: str, names: Sequence[str]) -> str:

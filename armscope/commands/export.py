@@ -10,6 +10,7 @@ from typing import Annotated
 
 import typer
 
+from arm_io import InputError
 from armscope.commands.options import Json
 from armscope.progress import shown
 from daq.recording import LongRecording, open_long, write_csv
@@ -39,7 +40,7 @@ def command(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    form = to or Format(out.suffix[1:].lower() if out.suffix.lower() in (".parquet", ".mat") else "csv")
+    form = to or _by_ending(out)
     with shown(as_json) as progress:
         data = open_long(recording)
         progress("writing")
@@ -55,6 +56,14 @@ def command(
     else:
         what = "topics" if form in (Format.ROS2, Format.ROS2_MCAP) else "columns"
         print(f"{out}: {len(data)} rows, {what} {', '.join(columns)}")
+
+
+def _by_ending(out: Path) -> Format:
+    """The format that a name ends with; CSV for endings that say nothing. InputError for one that says another."""
+    ending = out.suffix.lower()
+    if ending in (".mcap", ".db3"):
+        raise InputError(out, "a bag is a folder: --to ros2-mcap or ros2, and --out FOLDER")
+    return Format(ending[1:]) if ending in (".parquet", ".mat") else Format.CSV
 
 
 def _write(form: Format, out: Path, data: LongRecording) -> list[str]:

@@ -12,7 +12,11 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from mcap.reader import make_reader
+
 from arm_io.files import open_regular
+from daq.recording.mcap_file.checksums import MAGIC
+from daq.recording.messages.row_format import format_of
 
 _PACKAGES = ("armscope", "numpy", "scipy", "mcap", "zstandard", "eclipse-zenoh")
 
@@ -39,6 +43,25 @@ def file_identity(path: str | Path) -> dict[str, Any]:
             "sha256": hashlib.file_digest(file, "sha256").hexdigest(),
             "bytes": os.fstat(file.fileno()).st_size,
         }
+
+
+def is_measured(path: str | Path) -> bool:
+    """Whether a file is an MCAP file of measured rows, which cannot be made again, unlike imported and simulated ones.
+
+    True also of one that is damaged, and of an MCAP file of another program. InputError where it cannot be read.
+    """
+    with os.fdopen(open_regular(path), "rb") as file:
+        if file.read(len(MAGIC)) != MAGIC:
+            return False
+        file.seek(0)
+        try:
+            summary = make_reader(file).get_summary()
+        except Exception:  # the library raises anything over a damaged file
+            return True
+    layouts = (
+        [one.metadata["layout"] for one in summary.channels.values() if "layout" in one.metadata] if summary else []
+    )
+    return not layouts or any(format_of(layout).layout.raw for layout in layouts)
 
 
 def _version(package: str) -> str:

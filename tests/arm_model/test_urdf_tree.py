@@ -90,6 +90,16 @@ def test_fingers_count_as_fixed_where_the_file_places_them(tmp_path: Path) -> No
     assert read_urdf(path) == read_urdf(path, tip="hand")
 
 
+def test_a_joint_of_the_chain_that_follows_another_is_said(tmp_path: Path) -> None:
+    following = joint("upper", "fore", "revolute", "0 1 0").replace("</joint>", '<mimic joint="base_upper"/></joint>')
+    path = written(tmp_path, [part if "upper_fore" not in part else following for part in ARM])
+    assert read_urdf(path, tip="tool0") == read_urdf(written(tmp_path, ARM), tip="tool0")
+    path = written(tmp_path, [part if "upper_fore" not in part else following for part in ARM])
+    (said,) = urdf_gaps(path, {Use.DYNAMICS}, tip="tool0")
+    assert said.startswith("upper_fore follows base_upper (<mimic>): read as a joint of its own")
+    assert urdf_gaps(written(tmp_path, ARM), {Use.DYNAMICS}, tip="tool0") == []
+
+
 def test_a_camera_that_turns_beside_the_wrist_is_no_hand(tmp_path: Path) -> None:
     path = written(tmp_path, [*ARM, link("lens", 0.3), joint("upper", "lens", "revolute")])
     with pytest.raises(InputError, match=r"branches into tool0, lens; name the tip: armscope model FILE --tip LINK"):

@@ -1,4 +1,4 @@
-"""No command replaces a file that it reads: ``--out`` of a table or recording that is an input is refused."""
+"""No command replaces a file that it reads, or a recording of a rig; what was imported can be imported again."""
 
 from __future__ import annotations
 
@@ -8,6 +8,9 @@ from pathlib import Path
 import pytest
 
 from armscope.cli import run
+from daq.recording import Attachments
+from daq.recording.recorder import Recorder
+from tests.daq.recorded import LAYOUT, make_rows
 
 TABLE = "t,q1,i1\n0,0,1\n0.01,0.1,1\n0.02,0.2,1\n"
 
@@ -43,3 +46,42 @@ def test_what_is_read_is_not_replaced(
         == f"error: {arguments[-1]}: is read here, and would be replaced; --out must name another file\n"
     )
     assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
+
+
+@pytest.mark.parametrize("whole", [True, False], ids=["whole", "damaged"])
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["import", "table.csv"],
+        ["export", "run.mcap", "--to", "csv"],
+        ["simulate", "--model", "emps.toml", "--like", "run.mcap"],
+        ["excite", "--model", "emps.toml"],
+    ],
+)
+def test_a_recording_of_a_rig_is_not_replaced(
+    folder: Path, root: Path, arguments: list[str], whole: bool, capfd: pytest.CaptureFixture[str]
+) -> None:
+    shutil.copy(root / "config/models/emps.toml", folder)
+    with Recorder(Path("monday.mcap"), LAYOUT, Attachments()) as recorder:
+        recorder.append(make_rows(0, 20))
+    data = Path("monday.mcap").read_bytes()
+    data = data if whole else data[:-30]
+    Path("monday.mcap").write_bytes(data)
+    capfd.readouterr()
+    assert run([*arguments, "--out", "monday.mcap"]) == 2
+    assert (
+        capfd.readouterr().err
+        == "error: monday.mcap: exists already, and no recording of a rig is overwritten; use another name\n"
+    )
+    assert Path("monday.mcap").read_bytes() == data
+
+
+def test_what_was_imported_is_imported_again(folder: Path) -> None:
+    assert run(["import", "table.csv", "--out", "run.mcap"]) == 0
+
+
+@pytest.mark.parametrize("name", ["bag.mcap", "bag.db3"])
+def test_a_table_is_not_called_a_bag(folder: Path, name: str, capfd: pytest.CaptureFixture[str]) -> None:
+    assert run(["export", "run.mcap", "--out", name]) == 2
+    assert capfd.readouterr().err == f"error: {name}: a bag is a folder: --to ros2-mcap or ros2, and --out FOLDER\n"
+    assert not Path(name).exists()
