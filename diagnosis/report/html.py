@@ -16,10 +16,12 @@ from arm_report import Chart, Report
 from daq.recording import Recording
 from diagnosis.cause import Cause, Signal, in_words
 from diagnosis.diagnose import Diagnosis
+from diagnosis.measurements.near_rest.friction import AGAINST
 from diagnosis.report.origins import origins_table
 from diagnosis.report.plots import overview as plots
 from diagnosis.report.plots.link_encoders import link_overview
 from diagnosis.report.plots.motion import motion_of
+from diagnosis.report.plots.near_rest import near_rest_chart
 from diagnosis.report.plots.residuals import against_all, left_against, side_by_side
 from diagnosis.report.plots.single_axis import wave_chart
 from diagnosis.report.tables import errors, left, rough, summary, unseen
@@ -125,7 +127,9 @@ def _left_charts(result: Diagnosis) -> list[Chart]:
     if result.axis is not None and result.axis.wave is not None:
         return [wave_chart(result.axis, result.arm.joints[0])]
     drawn = (
-        left_against(result, one.joint, one.against)
+        near_rest_chart(f"near_rest_{one.joint}", result, one.joint)
+        if one.against == AGAINST
+        else left_against(result, one.joint, one.against)
         for one in result.unexplained
         if one.joint and one.signal is Signal.CURRENT
     )

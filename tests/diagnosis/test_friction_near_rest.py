@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -14,10 +16,12 @@ import pytest
 from arm_model import Arm, EffectTerm
 from arm_model.effects import CATALOGUE, Variable
 from diagnosis.cause import Cause, Estimate
+from diagnosis.diagnose import Diagnosis
 from diagnosis.measurements.near_rest.friction import AGAINST, LIMITS, Friction, _rises, friction_causes
 from diagnosis.measurements.near_rest.laws import fitted_to_all, law_of
 from diagnosis.measurements.near_rest.passages import NearRest, near_rest, seen
 from diagnosis.measurements.near_rest.time_at_rest import rise_at_rest
+from diagnosis.report.plots.near_rest import near_rest_chart
 from diagnosis.report.wording import rise_at_rest as words
 from diagnosis.residual.expected_current import reading
 from diagnosis.residual.generation import residual_run
@@ -100,6 +104,19 @@ def test_friction_that_builds_up_gradually_is_named_with_its_stiffness() -> None
     assert cause.key == ("presliding_friction", 1)
     found = {p.name: p for p in cause.parameters}
     assert abs(found["stiffness"].value - 2000.0) < 2 * found["stiffness"].std < 1000.0
+
+
+def test_the_chart_shows_the_passages_and_what_the_law_leaves_of_them() -> None:
+    hump = EffectTerm("stribeck_friction", 1, {"breakaway": 4.0, "stribeck_velocity": 0.05})
+    runs, extended = _runs(_hump(4.0, 0.05)), replace(_axis(), effects=(hump,))
+    known = SimpleNamespace(arm=_axis(), extended=extended, causes=[hump], fit=runs.fit, held_out=runs.held_out)
+    chart = near_rest_chart("near_rest_1", cast(Diagnosis, known), 1)
+    assert chart is not None and [panel.title for panel in chart.panels] == ["without any cause", "with all causes"]
+    before, after = (panel.series[0] for panel in chart.panels)
+    assert np.array_equal(before.x, after.x) and np.abs(before.x).max() < 1.0 and len(before.x) > 300
+    hump_there = (np.abs(before.x) > 0.03) & (np.abs(before.x) < 0.06)
+    assert np.mean((before.y * np.sign(before.x))[hump_there]) > 5.0
+    assert np.sqrt(np.mean(after.y**2)) < 0.2 * np.sqrt(np.mean(before.y**2))
 
 
 def test_friction_of_late_currents_turns_as_late() -> None:

@@ -26,7 +26,7 @@ from diagnosis.residual.filters import COMPARE_BAND, MOTION_BAND, kept, low_pass
 from diagnosis.residual.generation import CREEP
 from diagnosis.residual.integration import integrated
 from diagnosis.residual.noise.channels import angle_noise
-from diagnosis.residual.other_effects import residual_with
+from diagnosis.residual.other_effects import residual_under
 from diagnosis.residual.run import Run
 
 TURN = 0.3
@@ -122,18 +122,19 @@ class Seen:
 
 def seen(runs: Sequence[Run], terms: Sequence[EffectTerm]) -> list[Seen]:
     """The ``runs`` with drives on, each under its arm with ``terms``."""
-    return [_seen(run, terms) for run in runs if run.powered]
+    return [seen_under(run, (*run.arm.effects, *terms)) for run in runs if run.powered]
 
 
-def _seen(run: Run, terms: Sequence[EffectTerm]) -> Seen:
+def seen_under(run: Run, effects: Sequence[EffectTerm]) -> Seen:
+    """A recording under its arm with these effects instead of the arm's own."""
     t, q = run.raw
-    arm = replace(run.arm, effects=(*run.arm.effects, *terms, *run.own))
+    arm = replace(run.arm, effects=(*effects, *run.own))
     rate, angle = rate_of(t), between_steps(q)
     shown = motion_of(true_angle(arm, q), MOTION_BAND, rate)
     stands = np.stack([standing(v, rate) for v in shown[1].T], axis=1)
     late = np.sum([lateness(effect, values, t) for effect, _, values in terms_of(arm)], axis=0) + np.zeros_like(t)
     if np.array_equal(angle, q):
-        return Seen(run, shown[1], residual_with(run, terms), stands, late)
+        return Seen(run, shown[1], residual_under(run, effects), stands, late)
     motion = motion_of(true_angle(arm, angle), MOTION_BAND, rate)
     expected = low_pass(reading(arm, t, angle, motion=motion), COMPARE_BAND, rate)[kept(rate)]
     return Seen(run, motion[1], run.current - expected, stands, late)

@@ -15,6 +15,7 @@ from diagnosis.measurements.currents.structure.basis_functions import variables
 from diagnosis.report.plots.closed_loop import loop_chart
 from diagnosis.report.plots.link_encoders import link_chart
 from diagnosis.report.plots.motion import HELD_OUT, held_out_time
+from diagnosis.report.plots.near_rest import near_rest_chart
 from diagnosis.report.plots.residuals import unit_of
 from diagnosis.report.plots.single_axis import axis_chart
 from diagnosis.report.plots.tracker import tracker_chart
@@ -54,7 +55,7 @@ def overview(result: Diagnosis) -> Chart:
                 # the names stand in the first panel only
                 levels=borders if j == 1 else tuple(Level(value=b.value, axis="x", colour=EDGE) for b in borders),
                 y_range=robust_range(side.y[side.of(j)][shown], 4.0, room=1.2),
-                title=f"joint {j}",
+                title=f"joint {j}" if shown.any() else f"joint {j}: at standstill in every held-out recording",
                 x="time in the held-out recordings, s",
                 y="residual over noise",
                 joint=j,
@@ -89,7 +90,8 @@ def cause_chart(result: Diagnosis, cause: Cause, number: int) -> Chart:
         return loop_chart(picture, result.compared["held_out"], joint, result.arm.joints[joint - 1])
     if result.axis is not None and any(one.effect == cause.effect for one in result.axis.causes):
         return axis_chart(picture, result.axis, cause.effect, result.arm.joints[0])
-    return _current_chart(picture, result, cause, joint)
+    chart = near_rest_chart(picture, result, joint) if CATALOGUE[cause.effect].near_rest else None
+    return chart or _current_chart(picture, result, cause, joint)
 
 
 def _current_chart(picture: str, result: Diagnosis, cause: Cause, joint: int) -> Chart:
