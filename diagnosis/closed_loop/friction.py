@@ -26,7 +26,7 @@ from arm_model.simulation import simulate_batch
 from daq.recording import Recording
 from diagnosis.cause import Cause, EffectKey, Estimate, Signal, confidence_of
 from diagnosis.closed_loop.comparison import SMOOTHING, has_demand
-from diagnosis.closed_loop.resonance import late
+from diagnosis.closed_loop.loop_errors import late
 from diagnosis.residual.filters import COMPARE_BAND, TRANSIENT, kept, low_pass, rate_kept, rate_of
 from diagnosis.residual.noise.channels import angle_noise
 from diagnosis.residual.run_setup import set_up

@@ -11,33 +11,23 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cache
 
 import numpy as np
-from scipy import signal
 
 from arm_io.types import Array
-from arm_model import Arm, EffectTerm
+from arm_model import Arm
 from arm_model.effects import CATALOGUE, Effect, Instrument, observed_by
 from arm_model.rigid_body import drive_mass_matrix
-from arm_model.sensing import recorded
-from arm_model.simulation import simulate_batch
 from daq.recording import Recording
 from diagnosis.cause import Cause, Estimate, Signal, confidence_of
 from diagnosis.closed_loop.comparison import has_demand
-from diagnosis.closed_loop.model_errors import drawn
-from diagnosis.residual.filters import TRANSIENT
-from diagnosis.residual.noise.channels import scatter
-from diagnosis.residual.run_setup import set_up
+from diagnosis.closed_loop.loop_errors import BAND, Trial, loop_errors, noise_floor
 from diagnosis.units import recorded_quantity, unit_at
-from identification.preprocessing import demand_of_run, zero_phase
 from identification.selection import BLOCK_SECONDS, Thresholds, p_value
 from identification.selection.cluster_covariance import cluster_covariance
 
-BAND = (10.0, 100.0)
-"""Hz."""
 SEARCHED_IN = 2
 """Recordings of the fit set in which values are searched: those with the largest closed-loop error."""
 LANES = 40
@@ -78,18 +68,6 @@ class ResonanceLimits(Thresholds):
 LIMITS = ResonanceLimits()
 
 
-@dataclass(frozen=True)
-class Trial:
-    """One effect at one joint with values of its parameters."""
-
-    effect: str
-    joint: int
-    values: Mapping[str, float]
-
-    def added_to(self, arm: Arm) -> Arm:
-        return replace(arm, effects=(*arm.effects, EffectTerm(self.effect, self.joint, dict(self.values))))
-
-
 def transmission_resonance(
     arm: Arm,
     fit: Sequence[Recording],
@@ -107,8 +85,8 @@ def transmission_resonance(
     fit, held_out = [r for r in fit if has_demand(r)], [r for r in held_out if has_demand(r)]
     if arm.controller is None or not fit or not held_out:
         return None
-    missed = [_errors(arm, r)[0] for r in fit]
-    noise = _floor(arm, fit, missed)
+    missed = [loop_errors(arm, r)[0] for r in fit]
+    noise = noise_floor(arm, fit, missed)
     noise_ratio = np.sqrt(np.mean(np.concatenate(missed) ** 2, axis=0)) / noise
     moving = np.any([np.ptp(r.q, axis=0) > LIMITS.moves for r in fit], axis=0)
     if not np.isfinite(noise_ratio).all() or not _at_few_joints(noise_ratio[moving]):
@@ -143,42 +121,6 @@ def _at_few_joints(noise_ratio: Array) -> bool:
     worst = float(noise_ratio.max(initial=0.0))
     missed = noise_ratio > max(LIMITS.above_noise, worst / LIMITS.carried)
     return worst >= LIMITS.above_noise and float(np.mean(missed)) <= LIMITS.followed
-
-
-def left_in_loop(arm: Arm, recordings: Sequence[Recording]) -> Array:
-    """(n,) N m (N) rms in ``BAND`` by which closed loops of an arm miss recordings beyond the noise of their currents.
-
-    0 where no loop can be compared: no controller, no demands, or none that is stable.
-    """
-    looped = [r for r in recordings if has_demand(r)] if arm.controller is not None else []
-    if not looped:
-        return np.zeros(len(arm))
-    missed = np.mean(np.concatenate([_errors(arm, r)[0] for r in looped]) ** 2, axis=0)
-    beyond = np.nan_to_num(np.maximum(missed - _white(looped) ** 2, 0.0))
-    return np.asarray(arm.joint_array("drive_constant") * np.sqrt(beyond))
-
-
-def _white(recordings: Sequence[Recording]) -> Array:
-    """(n,) A: noise of the measured currents in the band."""
-    return np.asarray(np.sqrt(np.mean([scatter(r.i) ** 2 * _white_share(r) for r in recordings], axis=0)))
-
-
-def _floor(arm: Arm, recordings: Sequence[Recording], missed: Sequence[Array]) -> Array:
-    """(n,) A: what a loop misses with nothing wrong: noise, and what is known to be off in an identified model.
-
-    missed: (m, n) A per recording, by the loops of ``arm``.
-    """
-    noise, known = _white(recordings), arm.uncertainty
-    if known is None:
-        return noise
-    left = np.array(known.in_loop or [0.0] * len(arm)) / arm.joint_array("drive_constant")
-    apart = [
-        np.mean(np.concatenate([_errors(other, r)[0] - own for r, own in zip(recordings, missed)]) ** 2, axis=0)
-        for other in drawn(arm)
-    ]
-    # the loop of an arm that was drawn may not be stable
-    known_to = [one for one in apart if np.isfinite(one).all()] or [np.zeros(len(arm))]
-    return np.asarray(np.sqrt(noise**2 + left**2 + np.mean(known_to, axis=0)))
 
 
 def _searched(
@@ -234,58 +176,10 @@ def _shares(arm: Arm, trials: Sequence[Trial], missed: Sequence[tuple[Recording,
     """(trials,) share of the energy above the noise that each explains at its joint."""
     j = trials[0].joint - 1
     before = np.concatenate([by_arm[:, j] for _, by_arm in missed])
-    after = np.concatenate([_errors(arm, r, trials, at=[j])[:, :, 0] for r, _ in missed], axis=1)
+    after = np.concatenate([loop_errors(arm, r, trials, at=[j])[:, :, 0] for r, _ in missed], axis=1)
     floor = noise[j] ** 2
     shares: Array = 1.0 - (np.mean(after**2, axis=1) - floor) / (np.mean(before**2) - floor)
     return shares
-
-
-def _errors(arm: Arm, recording: Recording, trials: Sequence[Trial] = (), *, at: Sequence[int] | None = None) -> Array:
-    """(lanes, m, n) A: measured minus simulated current in the band, of the arm or with each of the trials.
-
-    trials: of one effect and joint. at: the joints (from 0) that are asked for; default: all. NaN in lanes with an
-    unstable loop. A delay of the recorded demand is estimated from the angles and corrected.
-    """
-    carrying = set_up(arm, recording)
-    lanes = {}
-    if trials:
-        carrying = trials[0].added_to(carrying)
-        prefix = f"joint{trials[0].joint}.{trials[0].effect}"
-        lanes = {f"{prefix}.{name}": np.array([t.values[name] for t in trials]) for name in trials[0].values}
-    t, rate = recording.t, 1.0 / recording.dt
-    demand = demand_of_run(recording, carrying)
-    motion = simulate_batch(carrying, demand, t - t[0], parameters=lanes)
-    shown = recorded(carrying, motion)
-    end, asked = round(TRANSIENT * rate), list(range(len(arm)) if at is None else at)
-    errors = []
-    for q, i in zip(shown.q, shown.current):
-        delay = late(recording.q - q, np.gradient(q, recording.dt, axis=0)) if np.isfinite(i).all() else 0.0
-        moved = np.column_stack([np.interp(t - delay, t, column) for column in i.T[asked]])
-        errors.append(
-            zero_phase(_sections(rate), recording.i[:, asked] - moved)[end:-end]
-            if np.isfinite(i).all()
-            else np.full((len(t) - 2 * end, len(asked)), np.nan)
-        )
-    return np.stack(errors)
-
-
-def late(difference: Array, speed: Array) -> float:
-    """s by which measured angles are behind simulated ones, of the fastest joint."""
-    j = int(np.argmax(np.sum(speed**2, axis=0)))
-    return -float(difference[:, j] @ speed[:, j] / max(float(speed[:, j] @ speed[:, j]), 1e-12))
-
-
-@cache
-def _sections(rate: float) -> Array:
-    half = rate / 2
-    sections: Array = signal.butter(3, [BAND[0] / half, min(BAND[1] / half, 0.9)], btype="band", output="sos")
-    return sections
-
-
-def _white_share(recording: Recording) -> float:
-    """Share of the power of white noise that lies in the band."""
-    _, response = signal.sosfreqz(_sections(1.0 / recording.dt), 2000)
-    return float(np.mean(np.abs(response) ** 4))
 
 
 def _judged(
@@ -293,7 +187,7 @@ def _judged(
 ) -> Cause | None:
     """The cause, if it explains most of the held-out error of all joints above the noise, and significantly so."""
     j = trial.joint - 1
-    pairs = [(_errors(arm, r)[0], _errors(arm, r, [trial])[0]) for r in held_out]
+    pairs = [(loop_errors(arm, r)[0], loop_errors(arm, r, [trial])[0]) for r in held_out]
     before, after = (np.sqrt(np.mean(np.concatenate(errors) ** 2, axis=0)) for errors in zip(*pairs))
     excess = np.sum(np.maximum((before**2 - noise**2), 0.0)), np.sum(np.maximum(after**2 - noise**2, 0.0))
     rows = [round(BLOCK_SECONDS / r.dt) for r in held_out]
@@ -331,7 +225,7 @@ def _estimates(arm: Arm, trial: Trial, fit: Sequence[Recording], noise: Array) -
     moved = [trial] + [replace(trial, values={**trial.values, n: trial.values[n] * (1 + step)}) for n in names]
     sensitivity, residual, block, first = [], [], [], 0
     for r in fit:
-        errors = _errors(arm, r, moved, at=[j])[:, :, 0] / noise[j]
+        errors = loop_errors(arm, r, moved, at=[j])[:, :, 0] / noise[j]
         # (m, k), by a relative change
         sensitivity.append((errors[0] - errors[1:]).T / step)
         residual.append(errors[0])

@@ -14,7 +14,7 @@ import numpy as np
 from arm_model import Arm
 from daq.recording import Recording
 from diagnosis.cause import NO_VARIABLE, Structure
-from diagnosis.closed_loop.resonance import left_in_loop
+from diagnosis.closed_loop.loop_errors import left_in_loop
 from diagnosis.measurements.currents.design_matrix import dataset_of
 from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.measurements.currents.model import State

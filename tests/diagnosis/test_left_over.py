@@ -16,7 +16,7 @@ from arm_model import Arm, parameter
 from arm_model.tables import uncertainty_of
 from daq.recording import Recording
 from diagnosis import left_over
-from diagnosis.closed_loop.resonance import _errors, _floor, left_in_loop
+from diagnosis.closed_loop.loop_errors import left_in_loop, loop_errors, noise_floor
 from tests.diagnosis import two_link
 from tests.diagnosis.two_link import Day, recorded
 
@@ -88,10 +88,10 @@ def test_a_loop_is_held_against_what_it_missed_when_the_model_was_identified(roo
     torque = 0.1 / np.sqrt(2.0) * arm.joint_array("drive_constant")[1]
     assert missed[0] < 0.1 * torque and missed[1] == pytest.approx(torque, rel=0.05)
 
-    own = [_errors(arm, noisy)[0]]
-    exact = _floor(arm, [noisy], own)
+    own = [loop_errors(arm, noisy)[0]]
+    exact = noise_floor(arm, [noisy], own)
     coulomb = parameter(arm, "joint1.coulomb")
     for std, in_loop, joint in ((1e-6, tuple(missed.tolist()), 1), (3.0 * coulomb, (), 0)):
         stated = uncertainty_of("model_uncertainty.json", ("joint1.coulomb",), np.array([[std**2]]))
-        known = _floor(replace(arm, uncertainty=replace(stated, in_loop=in_loop)), [noisy], own)
+        known = noise_floor(replace(arm, uncertainty=replace(stated, in_loop=in_loop)), [noisy], own)
         assert known[joint] > 1.5 * exact[joint] and known[1 - joint] == pytest.approx(exact[1 - joint], rel=0.3)

@@ -12,7 +12,7 @@ from arm_model import Joint
 from arm_report import Chart, Panel, Series, Zone
 from arm_report.palette import AFTER, BEFORE, SHADE
 from diagnosis.closed_loop.comparison import Compared
-from diagnosis.closed_loop.resonance import BAND
+from diagnosis.closed_loop.loop_errors import BAND
 from diagnosis.residual.filters import rate_of
 from diagnosis.units import recorded_quantity
 

@@ -1,0 +1,125 @@
+"""Errors of closed loops in the band of transmission resonances: measured minus simulated current.
+
+Simulated on the recorded demands, by the arm or with an effect added to it. What is left over without anything wrong
+are the noise of the currents and, of an identified model, what is known to be off in it (``noise_floor``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+
+import numpy as np
+from scipy import signal
+
+from arm_io.types import Array
+from arm_model import Arm, EffectTerm
+from arm_model.sensing import recorded
+from arm_model.simulation import simulate_batch
+from daq.recording import Recording
+from diagnosis.closed_loop.comparison import has_demand
+from diagnosis.closed_loop.model_errors import drawn
+from diagnosis.residual.filters import TRANSIENT
+from diagnosis.residual.noise.channels import scatter
+from diagnosis.residual.run_setup import set_up
+from identification.preprocessing import demand_of_run, zero_phase
+
+BAND = (10.0, 100.0)
+"""Hz: up to here the model in closed loop follows measured currents to the transducers' noise."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One effect at one joint with values of its parameters."""
+
+    effect: str
+    joint: int
+    values: Mapping[str, float]
+
+    def added_to(self, arm: Arm) -> Arm:
+        """The arm with the effect."""
+        return replace(arm, effects=(*arm.effects, EffectTerm(self.effect, self.joint, dict(self.values))))
+
+
+def loop_errors(
+    arm: Arm, recording: Recording, trials: Sequence[Trial] = (), *, at: Sequence[int] | None = None
+) -> Array:
+    """(lanes, m, n) A: measured minus simulated current in the band, of the arm or with each of the trials.
+
+    trials: of one effect and joint. at: the joints (from 0) that are asked for; default: all. NaN in lanes with an
+    unstable loop. A delay of the recorded demand is estimated from the angles and corrected.
+    """
+    carrying = set_up(arm, recording)
+    lanes = {}
+    if trials:
+        carrying = trials[0].added_to(carrying)
+        prefix = f"joint{trials[0].joint}.{trials[0].effect}"
+        lanes = {f"{prefix}.{name}": np.array([t.values[name] for t in trials]) for name in trials[0].values}
+    t, rate = recording.t, 1.0 / recording.dt
+    demand = demand_of_run(recording, carrying)
+    motion = simulate_batch(carrying, demand, t - t[0], parameters=lanes)
+    shown = recorded(carrying, motion)
+    end, asked = round(TRANSIENT * rate), list(range(len(arm)) if at is None else at)
+    errors = np.full((len(shown.q), len(t) - 2 * end, len(asked)), np.nan)
+    for own, q, i in zip(errors, shown.q, shown.current):
+        if np.isfinite(i).all():
+            delay = late(recording.q - q, np.gradient(q, recording.dt, axis=0))
+            moved = np.column_stack([np.interp(t - delay, t, column) for column in i.T[asked]])
+            own[:] = zero_phase(_sections(rate), recording.i[:, asked] - moved)[end:-end]
+    return errors
+
+
+def late(difference: Array, speed: Array) -> float:
+    """s by which measured angles are behind simulated ones, of the fastest joint."""
+    j = int(np.argmax(np.sum(speed**2, axis=0)))
+    return -float(difference[:, j] @ speed[:, j] / max(float(speed[:, j] @ speed[:, j]), 1e-12))
+
+
+def noise_floor(arm: Arm, recordings: Sequence[Recording], missed: Sequence[Array]) -> Array:
+    """(n,) A: what a loop misses with nothing wrong: noise, and what is known to be off in an identified model.
+
+    missed: (m, n) A per recording, by the loops of ``arm``.
+    """
+    noise, known = _noise_in_band(recordings), arm.uncertainty
+    if known is None:
+        return noise
+    left = np.array(known.in_loop or [0.0] * len(arm)) / arm.joint_array("drive_constant")
+    apart = [
+        np.mean(np.concatenate([loop_errors(other, r)[0] - own for r, own in zip(recordings, missed)]) ** 2, axis=0)
+        for other in drawn(arm)
+    ]
+    # the loop of an arm that was drawn may not be stable
+    known_to = [one for one in apart if np.isfinite(one).all()] or [np.zeros(len(arm))]
+    return np.asarray(np.sqrt(noise**2 + left**2 + np.mean(known_to, axis=0)))
+
+
+def left_in_loop(arm: Arm, recordings: Sequence[Recording]) -> Array:
+    """(n,) N m (N) rms in ``BAND`` by which closed loops of an arm miss recordings beyond the noise of their currents.
+
+    0 where no loop can be compared: no controller, no demands, or none that is stable.
+    """
+    looped = [r for r in recordings if has_demand(r)] if arm.controller is not None else []
+    if not looped:
+        return np.zeros(len(arm))
+    missed = np.mean(np.concatenate([loop_errors(arm, r)[0] for r in looped]) ** 2, axis=0)
+    beyond = np.nan_to_num(np.maximum(missed - _noise_in_band(looped) ** 2, 0.0))
+    return np.asarray(arm.joint_array("drive_constant") * np.sqrt(beyond))
+
+
+def _noise_in_band(recordings: Sequence[Recording]) -> Array:
+    """(n,) A: noise of the measured currents in the band."""
+    return np.asarray(np.sqrt(np.mean([scatter(r.i) ** 2 * _share_of_white_noise(r) for r in recordings], axis=0)))
+
+
+@cache
+def _sections(rate: float) -> Array:
+    half = rate / 2
+    sections: Array = signal.butter(3, [BAND[0] / half, min(BAND[1] / half, 0.9)], btype="band", output="sos")
+    return sections
+
+
+def _share_of_white_noise(recording: Recording) -> float:
+    """Share of the power of white noise that lies in the band."""
+    _, response = signal.sosfreqz(_sections(1.0 / recording.dt), 2000)
+    return float(np.mean(np.abs(response) ** 4))
