@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from arm_io.types import Array
 from diagnosis.distortion.random_walk import STEP
+from diagnosis.selection.binned_means import quantile_edges
 
 BINS = 12
 DRAWS = 400
@@ -70,7 +71,7 @@ def shares_of(paths: Sequence[Path], memory: float) -> tuple[Share, ...]:
         if name not in names:
             continue
         x = np.concatenate([p.against[name][p.seen] for p in paths])
-        edges = np.unique(np.quantile(x, np.linspace(0, 1, BINS + 1)[1:-1])) if name != "direction" else np.array([0.0])
+        edges = quantile_edges(x, BINS) if name != "direction" else np.array([0.0])
         bins = np.digitize(x, edges)
         share = _explained(value, weight, bins)
         chance = np.array(

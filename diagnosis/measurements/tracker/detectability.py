@@ -15,6 +15,7 @@ from diagnosis.measurements.tracker.model import LIMITS
 from diagnosis.measurements.tracker.over_time import over_time
 from diagnosis.measurements.tracker.points import Side
 from diagnosis.measurements.tracker.regression import Linear, columns_of, good, linear
+from diagnosis.selection.binned_means import predicted_by_bins
 
 BINS = 24
 
@@ -124,11 +125,7 @@ def _against(sides: Sequence[Side], residuals: Sequence[Array], level: float) ->
     generator = np.random.default_rng(0)
     block = np.unique(sides[1].block[kept[1]], return_inverse=True)[1]
     for (name, x_fit), (_, x) in zip(*(_variables(side, keep) for side, keep in zip(sides, kept))):
-        edges = np.unique(np.quantile(x_fit, np.linspace(0, 1, BINS + 1)[1:-1]))
-        which = np.digitize(x_fit, edges)
-        count = np.maximum(np.bincount(which, minlength=len(edges) + 1), 1)
-        means = np.stack([np.bincount(which, weights=c, minlength=len(edges) + 1) / count for c in fit.T], axis=1)
-        predicted = means[np.digitize(x, edges)]
+        predicted = predicted_by_bins(x_fit, fit, x, BINS)
         share = 1.0 - float(np.sum((held_out - predicted) ** 2)) / total
         if share > LIMITS.structure_share and (best is None or share > best.share):
             inner = np.bincount(block, weights=np.sum(held_out * predicted, axis=1))

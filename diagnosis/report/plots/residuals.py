@@ -20,6 +20,7 @@ from diagnosis.measurements.currents.design_matrix import dataset_of
 from diagnosis.measurements.currents.structure.basis_functions import variables
 from diagnosis.report.plots.motion import HELD_OUT, held_out_time
 from diagnosis.residual.filters import COMPARE_BAND, low_pass, rate_of
+from diagnosis.selection.binned_means import quantile_edges
 from diagnosis.selection.design import Dataset
 from diagnosis.units import recorded_quantity, recorded_signals, unit_at, variable_in_words
 
@@ -134,7 +135,7 @@ def _cloud(x: Array, y: Array, at: Array, colours: tuple[str, str], label: str) 
         shown = x + 0.25 * np.random.default_rng(0).uniform(-1, 1, len(x))
         bins = np.searchsorted(values, x)
     else:
-        bins = np.digitize(x, np.unique(np.quantile(x, np.linspace(0, 1, BINS + 1)[1:-1])))
+        bins = np.digitize(x, quantile_edges(x, BINS))
     places = [np.flatnonzero(bins == k) for k in np.unique(bins)]
     middle, mean = (np.array([values_[k].mean() for k in places]) for values_ in (x, y))
     order = np.argsort(middle)
