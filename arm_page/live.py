@@ -16,10 +16,9 @@ from typing import Any
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from arm_page.access import Access, Role
-from arm_page.link import RigLink
+from arm_page.link import STATE_SECONDS, RigLink
 
 DRAW_SECONDS = 0.02
-STATE_SECONDS = 0.25
 AHEAD = 2
 """Messages that a browser is sent before it has drawn the first of them."""
 MOST_BYTES = 1000

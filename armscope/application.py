@@ -23,11 +23,11 @@ from typer.core import TyperCommand, TyperGroup
 
 from arm_io import InputError
 from armscope import __version__
+from armscope.exit_status import DONE, SAMPLES_LOST
 from armscope.overview import overview
 from armscope.shipped import shipped_file
 from armscope.usage import COMMANDS, epilog
 
-DONE, SAMPLES_LOST = 0, 4
 _HELP = {"help_option_names": ["-h", "--help"]}
 
 NoColor = Annotated[bool, typer.Option("--no-color", help="no colours, as with the variable NO_COLOR")]

@@ -25,7 +25,8 @@ from dataclasses import dataclass
 from arm_model.description import Arm, Joint
 from arm_model.rigid_body import hydrodynamics, newton_euler, scalar
 from arm_model.rigid_body.newton_euler import Body, Chain, Motion, chain_from, chain_of
-from arm_model.rigid_body.vectors import Scalar, Triple, add, cross, dot, mul, plus, sub
+from arm_model.rigid_body.scalar import Scalar
+from arm_model.rigid_body.vectors import Triple, add, cross, dot, mul, plus, sub
 from arm_model.tables.fields import IDENTITY
 
 DOF = 6

@@ -19,7 +19,8 @@ import numpy as np
 from arm_io.types import Array
 from arm_model.description import Arm, Joint
 from arm_model.rigid_body.kinematics import placement
-from arm_model.rigid_body.vectors import Scalar, Triple, add, apply, cross, dot, floats, mul, plus, sub
+from arm_model.rigid_body.scalar import Scalar
+from arm_model.rigid_body.vectors import Triple, add, apply, cross, dot, floats, mul, plus, sub
 from arm_model.tables.fields import Pose
 
 Body = tuple[Scalar, ...]

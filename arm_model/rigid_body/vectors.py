@@ -8,11 +8,10 @@ Products by the float 0 vanish, which keeps the generated equations short and nu
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 from arm_io.types import Array
+from arm_model.rigid_body.scalar import Scalar
 
-Scalar = Any
 Triple = tuple[Scalar, Scalar, Scalar]
 
 

@@ -7,9 +7,9 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 
 from arm_model.rigid_body.inertia import PARAMETERS
+from arm_model.symbolic.printing import ATOM, POWER, PRODUCT, SUM
 from arm_model.symbolic.tape import Expr, Node, Tape, needed
 
-_SUM, _PRODUCT, _POWER, _ATOM = 1, 2, 3, 4
 _MOMENTS = {"mass": "m", "mx": "mx", "my": "my", "mz": "mz"}
 _OF_JOINT = {
     "tau": r"\tau_{{{}}}",
@@ -89,7 +89,7 @@ def equations(tape: Tape, outputs: Mapping[str, Expr], symbols: Callable[[str], 
         if uses[index] > 1 and node.operation not in ("const", "input"):
             name = f"t_{{{len(lines) + 1}}}"
             lines.append(f"{name} &= {text[index][0]}")
-            text[index] = name, _ATOM
+            text[index] = name, ATOM
     lines += [f"{name} &= {text[expr.index][0]}" for name, expr in outputs.items()]
     return "\\begin{align*}\n" + " \\\\\n".join(lines) + "\n\\end{align*}\n"
 
@@ -99,35 +99,35 @@ def _value(node: Node, values: list[tuple[str, int]], symbols: Callable[[str], s
     plain = [value for value, _ in values]
     match node.operation:
         case "const":
-            return _number(node.value), _ATOM if node.value >= 0 else _SUM
+            return _number(node.value), ATOM if node.value >= 0 else SUM
         case "input":
-            return symbols(node.name), _ATOM
+            return symbols(node.name), ATOM
         case "add":
-            return f"{plain[0]} + {_bound(values[1], _PRODUCT) if plain[1][0] == '-' else plain[1]}", _SUM
+            return f"{plain[0]} + {_bound(values[1], PRODUCT) if plain[1][0] == '-' else plain[1]}", SUM
         case "sub":
-            return f"{plain[0]} - {_bound(values[1], _PRODUCT)}", _SUM
+            return f"{plain[0]} - {_bound(values[1], PRODUCT)}", SUM
         case "mul" if node.arguments[0] == node.arguments[1]:
-            return f"{{{_bound(values[0], _ATOM)}}}^2", _POWER
+            return f"{{{_bound(values[0], ATOM)}}}^2", POWER
         case "mul":
-            parts = sorted((_bound(value, _PRODUCT) for value in values), key=lambda part: not part[0].isdigit())
-            return (r" \cdot " if parts[1][0].isdigit() else r"\, ").join(parts), _PRODUCT
+            parts = sorted((_bound(value, PRODUCT) for value in values), key=lambda part: not part[0].isdigit())
+            return (r" \cdot " if parts[1][0].isdigit() else r"\, ").join(parts), PRODUCT
         case "div":
-            return rf"\frac{{{plain[0]}}}{{{plain[1]}}}", _POWER
+            return rf"\frac{{{plain[0]}}}{{{plain[1]}}}", POWER
         case "neg":
-            return f"-{_bound(values[0], _PRODUCT)}", _SUM
+            return f"-{_bound(values[0], PRODUCT)}", SUM
         case "rsqrt":
-            return rf"\frac{{1}}{{\sqrt{{{plain[0]}}}}}", _POWER
+            return rf"\frac{{1}}{{\sqrt{{{plain[0]}}}}}", POWER
         case "sqrt":
-            return rf"\sqrt{{{plain[0]}}}", _ATOM
+            return rf"\sqrt{{{plain[0]}}}", ATOM
         case "exp":
-            return rf"e^{{{plain[0]}}}", _POWER
+            return rf"e^{{{plain[0]}}}", POWER
         case "log":
-            return rf"\ln\left({plain[0]}\right)", _ATOM
+            return rf"\ln\left({plain[0]}\right)", ATOM
         case "abs":
-            return rf"\left|{plain[0]}\right|", _ATOM
+            return rf"\left|{plain[0]}\right|", ATOM
         case "min" | "max":
-            return rf"\{node.operation}\left({plain[0]}, {plain[1]}\right)", _ATOM
-    return rf"\{node.operation}\left({plain[0]}\right)", _ATOM
+            return rf"\{node.operation}\left({plain[0]}, {plain[1]}\right)", ATOM
+    return rf"\{node.operation}\left({plain[0]}\right)", ATOM
 
 
 def _bound(value: tuple[str, int], at_least: int) -> str:

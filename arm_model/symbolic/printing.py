@@ -14,7 +14,8 @@ from arm_model.rigid_body.inertia import PARAMETERS
 from arm_model.symbolic.tape import Expr, Tape, needed
 
 _INFIX = {"add": ("+", 1), "sub": ("-", 1), "mul": ("*", 2), "div": ("/", 2)}
-_SUM, _PRODUCT, _ATOM = 1, 2, 4
+SUM, PRODUCT, POWER, ATOM = 1, 2, 3, 4
+"""How strongly a printed expression binds: what binds less than its surroundings stands in parentheses."""
 
 
 def shown(name: str) -> str:
@@ -70,7 +71,7 @@ def assignments(
         if uses[index] > 1 and tape.nodes[index].operation not in ("const", "input"):
             name = f"t{len(lines) + 1}"
             lines.append(language.assign.format(name=name, value=value[0]))
-            value = (name, _ATOM)
+            value = (name, ATOM)
         text[index] = value
     return lines, {name: text[expr.index][0] for name, expr in outputs.items()}
 
@@ -81,9 +82,9 @@ def _value(
     """Source of one node and how tightly it binds."""
     node = tape.nodes[index]
     if node.operation == "const":
-        return repr(node.value), _ATOM if node.value >= 0 else _SUM
+        return repr(node.value), ATOM if node.value >= 0 else SUM
     if node.operation == "input":
-        return names.get(node.name, node.name), _ATOM
+        return names.get(node.name, node.name), ATOM
     values = [text[a] for a in node.arguments]
     if node.operation in _INFIX:
         sign, binds = _INFIX[node.operation]
@@ -91,10 +92,10 @@ def _value(
         right = _bound(values[1], binds + (node.operation in ("sub", "div")))
         return f"{left} {sign} {right}", binds
     if node.operation == "neg":
-        return f"-{_bound(values[0], _PRODUCT)}", _SUM
+        return f"-{_bound(values[0], PRODUCT)}", SUM
     if node.operation == "rsqrt":
-        return f"1.0 / {language.functions['sqrt']}({values[0][0]})", _PRODUCT
-    return f"{language.functions[node.operation]}({', '.join(value for value, _ in values)})", _ATOM
+        return f"1.0 / {language.functions['sqrt']}({values[0][0]})", PRODUCT
+    return f"{language.functions[node.operation]}({', '.join(value for value, _ in values)})", ATOM
 
 
 def _bound(value: tuple[str, int], at_least: int) -> str:

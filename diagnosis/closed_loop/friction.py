@@ -27,6 +27,7 @@ from daq.recording import Recording
 from diagnosis.cause import Cause, EffectKey, Estimate, Signal, confidence_of
 from diagnosis.closed_loop.comparison import SMOOTHING, has_demand
 from diagnosis.closed_loop.loop_errors import late
+from diagnosis.measurements.near_rest.laws import RESOLVED, SOFTEST
 from diagnosis.residual.filters import COMPARE_BAND, TRANSIENT, kept, low_pass, rate_kept, rate_of
 from diagnosis.residual.noise.channels import angle_noise
 from diagnosis.residual.run_setup import set_up
@@ -35,8 +36,6 @@ from identification.preprocessing import demand_of_run
 from identification.selection import Thresholds, p_value
 from identification.selection.cluster_covariance import cluster_covariance
 
-SOFTEST, RESOLVED = 0.2, 2.0
-"""Friction builds up over at most this share of the travel, and at least this number of std of a counted angle."""
 STIFFNESSES, DAMPINGS = 10, np.array([0.0, 0.5, 2.0, 8.0])
 """Number of stiffnesses that are tried, each with these dampings, as multiples of friction over the highest speed."""
 STEPS, STEP, FARTHEST = 4, 0.05, 0.5

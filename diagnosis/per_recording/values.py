@@ -30,6 +30,7 @@ from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.contradiction import CHANCE, SAME, Alone, chance_of
 from diagnosis.selection.design import Pair
 from diagnosis.selection.estimates import estimates
+from diagnosis.selection.regression import INDEPENDENT
 from diagnosis.units import recorded_quantity
 from identification.selection import p_value, scaled_lstsq
 from identification.selection.cluster_covariance import cluster_covariance
@@ -46,8 +47,6 @@ QUIET = 1.5
 """Times the noise that may remain at a joint: values per recording also follow what no effect explains, in part."""
 MOVED = 0.02
 """Relative step of a nonlinear parameter by which columns are differentiated."""
-INDEPENDENT = 1e-3
-"""Relative singular value below which columns of one recording are dependent."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -35,8 +35,8 @@ def low_pass(values: Array, band: float, rate: float) -> Array:
     return zero_phase(_sections(band, rate), values, pad=min(len(values) - 1, int(3 * rate / band)))
 
 
-def passed(frequency: Array, band: float) -> Array:
-    """Share of the amplitude that ``low_pass`` lets through at frequencies (m,) Hz: a Butterworth filter, both ways."""
+def low_pass_gain(frequency: Array, band: float) -> Array:
+    """(m,) amplitude that ``low_pass`` leaves of 1 at frequencies (m,) Hz: a Butterworth filter, both ways."""
     return np.asarray(1.0 / (1.0 + (frequency / band) ** (2 * ORDER)))
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from arm_io.types import Array
 from arm_model import Arm, GearStage, Joint
 from arm_model.effects import CATALOGUE, Instrument
-from diagnosis.residual.noise.instruments import passed
+from diagnosis.residual.noise.instruments import residual_gain
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Dataset
 
@@ -153,7 +153,7 @@ def detectable(side: Dataset, residual: Array, arm: Arm, joint: int, ripples: Se
     cycles, of_motor = orders * ratio * np.ptp(q) / (2 * np.pi), _whole(orders)
     for own in (of_motor, ~of_motor & (cycles > LEAST_CYCLES)):
         for row, wave in zip(np.flatnonzero(own), _waves(orders[own], ratio * q)):
-            through = passed(orders[row] * ratio * np.abs(v) / (2 * np.pi))
+            through = residual_gain(orders[row] * ratio * np.abs(v) / (2 * np.pi))
             cosine_and_sine = (wave * through).view(float).reshape(-1, 2).T @ weighted
             power[row] = np.sum(cosine_and_sine**2, axis=0) / np.maximum(through**2 @ squared, 1e-300)
     kept: set[float] = set()

@@ -13,7 +13,7 @@ from identification.regression.conclusion import SPLIT
 from identification.regression.equations import Equations
 from identification.regression.least_squares import Fit
 from identification.regression.problem import Problem
-from identification.selection import p_value
+from identification.selection import BLOCK_SECONDS, p_value
 
 REDUCED = 0.05
 """Of the rms error of a joint while it slides on held-out rows: what a richer law must take away to stay."""
@@ -26,8 +26,6 @@ LARGE, BY_CHANCE_IF_LARGE = 0.5, 0.05
 blocks that all of them gain more often than ``BY_CHANCE``: eight, at each of four joints, in one of 64 cases."""
 SLOWEST = 2.0
 """Times the lowest speed of a joint: slower rows are not free of the reversals beside them, and do not decide."""
-BLOCK = 1.0
-"""s of the blocks of time in which gains are counted."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,7 +62,7 @@ def trial_of(j: int, before: Solved, after: Solved, slowest: float, tried: int) 
     if not mine.any():
         return Trial(joint=j + 1, straight=None, curve=None, p=1.0, stays=False, why="it slides on no held-out row")
     gain = (one[1] ** 2 - other[1] ** 2)[mine]
-    _, block = np.unique(np.stack([rows.run[mine], rows.t[mine] // BLOCK]), axis=1, return_inverse=True)
+    _, block = np.unique(np.stack([rows.run[mine], rows.t[mine] // BLOCK_SECONDS]), axis=1, return_inverse=True)
     p = p_value(np.bincount(block.ravel(), weights=gain).astype(float))
     size, left = (float(np.sqrt(np.mean(each[mine] ** 2))) for each in (one[1], other[1]))
     removed = np.sqrt(max(size**2 - left**2, 0.0)) / friction_sizes(before.problem, before.best)[j]

@@ -16,13 +16,13 @@ import numpy as np
 
 from arm_io.types import Array
 from identification.regression.equations import model_values
+from identification.regression.identifiability import LEAST
 from identification.regression.least_squares import Fit
 from identification.regression.problem import Problem
 from identification.result import unit_of
 
 WEAK = 0.1  # of the model's size
 SURE = 3.0  # standard deviations, with the residual's colour in them
-LEAST = 0.1  # of the largest of its unit: the size of a parameter that the model has as nothing
 
 
 def held_to_the_model(problem: Problem, fit: Fit, information: Array) -> tuple[Fit, int]:

@@ -17,16 +17,13 @@ from numpy.typing import NDArray
 from arm_io.types import Array
 from arm_model import Arm
 from identification.preprocessing.signals import Motion, equation_rows, equation_weight, parallel_filter, spared
+from identification.regression.conclusion import SPLIT
 from identification.regression.equations import Equations, equations, with_effects
 from identification.regression.least_squares import joint_noise
 from identification.regression.problem import Problem
 from identification.ripples.scan import wide
-from identification.selection import scaled_lstsq
+from identification.selection import BLOCK_SECONDS, scaled_lstsq
 
-BLOCK = 1.0
-"""s of the blocks of time in which residuals count as independent."""
-SPLIT = 0.7
-"""Share of the time of each recording that is fitted where none is held out."""
 DETERMINED = 1e-9
 """Singular value of scaled columns below which a direction of the arm is not determined in the wider band."""
 
@@ -48,7 +45,7 @@ class Side:
     @cached_property
     def block(self) -> NDArray[np.intp]:
         """(k,) number of each row's block of time, from 0."""
-        where = np.stack([self.equations.run, self.equations.t // BLOCK])
+        where = np.stack([self.equations.run, self.equations.t // BLOCK_SECONDS])
         return np.asarray(np.unique(where, axis=1, return_inverse=True)[1], np.intp).ravel()
 
     def seen(self, arm: Arm, joint: int, torques: Sequence[Array]) -> Array:

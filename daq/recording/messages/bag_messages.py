@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-JOINT_STATE, POINT = "sensor_msgs/msg/JointState", "geometry_msgs/msg/PointStamped"
+from daq.recording.messages.ros2_messages import JOINT_STATE
+
+POINT = "geometry_msgs/msg/PointStamped"
 ARRAYS = ("position", "velocity", "effort")
 
 

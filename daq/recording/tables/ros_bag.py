@@ -16,7 +16,8 @@ import numpy as np
 from arm_io import InputError
 from arm_io.files import open_regular
 from arm_io.optional import optional
-from daq.recording.messages.bag_messages import JOINT_STATE, columns_of, fields_of, parts, stamp_of
+from daq.recording.messages.bag_messages import columns_of, fields_of, parts, stamp_of
+from daq.recording.messages.ros2_messages import JOINT_STATE
 from daq.recording.tables.columns import Chunk, Exact
 from daq.recording.tables.mapping import Mapping
 

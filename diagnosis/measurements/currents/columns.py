@@ -22,7 +22,7 @@ from arm_model.system import inverse_dynamics
 from diagnosis.residual.filters import COMPARE_BAND, kept, low_pass
 from diagnosis.residual.gap import AS_FOUND, Teeth, gap_of, through_gap
 from diagnosis.residual.integration import integrated, spring_of, wound_up
-from diagnosis.residual.noise.instruments import passed
+from diagnosis.residual.noise.instruments import residual_gain
 from diagnosis.residual.run import Run
 from diagnosis.residual.signals import signals_of
 from diagnosis.selection.candidate import Candidate
@@ -81,7 +81,7 @@ def _torque(effect: Effect, p: Values, s: Signals, run: Run) -> Array:
 
 def _through(effect: Effect, p: Values, drive: Joint, s: Signals) -> Array:
     """(m,) share of a wave that passes the filters."""
-    return passed(effect.cycles(p) * drive.ratio * np.abs(s.v) / (2 * np.pi))
+    return residual_gain(effect.cycles(p) * drive.ratio * np.abs(s.v) / (2 * np.pi))
 
 
 def _law(run: Run, candidate: Candidate, p: Values, s: Signals, at: slice) -> Array:

@@ -16,12 +16,11 @@ from arm_io.types import Array
 from diagnosis.cause import Signal, Structure
 from diagnosis.measurements.tracker.points import Side
 from diagnosis.measurements.tracker.regression import good
+from diagnosis.selection.waves import SLOWEST
 from identification.selection import BLOCK_SECONDS
 
 LEAST = 0.35
 """Rms of a wave or a drift over the noise of a coordinate from which it is told: an eighth of the noise's energy."""
-SLOWEST = 2.0
-"""Hz: waves below may be errors of the arm, which follow its motion."""
 NEIGHBOURS, OVER_FLOOR = 61, 20.0
 """Bins around a line whose median power is the floor, and the power over it: a bin of noise exceeds it in e^-14."""
 SHARP = 4.0

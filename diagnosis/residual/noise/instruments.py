@@ -10,8 +10,8 @@ from diagnosis.residual.noise.beats import beat_variance, steps_of
 from diagnosis.residual.noise.channels import KnownNoise, angle_noise, floor, scatter
 
 
-def passed(frequency: Array) -> Array:
-    """Share of an oscillation at ``frequency`` Hz that passes the filters of motion and comparison."""
+def residual_gain(frequency: Array) -> Array:
+    """(m,) amplitude that the filters of motion and of comparison leave of 1 at frequencies (m,) Hz."""
     # the eighth power by squaring: numpy's takes ten times as long
     compare, motion = (np.square(np.square(np.square(frequency / band))) for band in (COMPARE_BAND, MOTION_BAND))
     share: Array = 1.0 / (1.0 + compare) / (1.0 + motion)
@@ -28,7 +28,7 @@ def channel_noise(q: Array, i: Array, inertia: Array, rate: float, known: KnownN
     """
     white = floor(i) if period else scatter(i)
     frequency = np.linspace(0.0, rate / 2, 2000)
-    through = passed(frequency)
+    through = residual_gain(frequency)
     share = np.trapezoid(1.0 / (1.0 + (frequency / COMPARE_BAND) ** 8) ** 2, frequency) / (rate / 2)
     wobble = np.trapezoid(((2 * np.pi * frequency) ** 2 * through) ** 2, frequency) / (rate / 2)
     own = inertia.diagonal(axis1=1, axis2=2).mean(axis=0)
@@ -43,5 +43,5 @@ def row_by_row(noise: Array, q: Array, v: Array, inertia: Array, rate: float, kn
     inertia: as of ``channel_noise``.
     An acceleration that is wrong at one joint is wrong in the currents of all that its inertia couples.
     """
-    beats = beat_variance(v, steps_of(q, known.steps), rate, lambda f: (2 * np.pi * f) ** 2 * passed(f))
+    beats = beat_variance(v, steps_of(q, known.steps), rate, lambda f: (2 * np.pi * f) ** 2 * residual_gain(f))
     return np.sqrt(np.maximum(noise**2, beats @ np.mean(inertia**2, axis=0).T))

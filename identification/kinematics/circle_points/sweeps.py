@@ -11,7 +11,7 @@ from identification.kinematics.circle_points.circle_point import LEAST_ARC, Circ
 
 _STILL = 4e-4
 """rad: over a window, an arm of which no joint moves more than this stands."""
-_ALONE = 0.1
+ALONE = 0.1
 """A joint moves alone while every other moves less than this share of its travel: servos give way a little."""
 
 
@@ -37,7 +37,7 @@ def find_sweeps(q: Array, *, window: int = 50) -> list[Sweep]:
         part = q[first : first + window]
         travel = np.sort(np.nan_to_num(np.fmax.reduce(part) - np.fmin.reduce(part)))
         which = int(np.nan_to_num(np.fmax.reduce(part) - np.fmin.reduce(part)).argmax()) + 1
-        alone = len(travel) == 1 or travel[-2] < _ALONE * travel[-1]
+        alone = len(travel) == 1 or travel[-2] < ALONE * travel[-1]
         owner.append(0 if travel[-1] < _STILL else which if alone else -1)
     sweeps: list[Sweep] = []
     start, current = 0, 0

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.stats import ks_2samp
 
 from arm_io.types import Array
+from identification.kinematics.circle_points.sweeps import ALONE
 from identification.kinematics.models.chain import Index, Mask
 
 LEAST = 3
@@ -20,8 +21,6 @@ CHANCE = 1e-3
 """Probability that all tests together find a pattern where there is none."""
 _MOST = 0.8
 """Share of the outliers in one sweep that makes it theirs, unless that many of the other points are in it."""
-_ALONE = 0.1
-"""A joint moves alone while every other moves less than this share of its travel."""
 
 
 def shared(q: Array, xyz: Array, outlier: Mask, runs: Sequence[Index]) -> str | None:
@@ -54,6 +53,6 @@ def _swept(q: Array) -> Index:
         return np.zeros(len(q), int)
     step = np.abs(np.diff(q, axis=0))
     order = np.sort(step, axis=1)
-    alone = (order[:, -1] > 0) & ((order[:, -2] if q.shape[1] > 1 else 0.0) <= _ALONE * order[:, -1])
+    alone = (order[:, -1] > 0) & ((order[:, -2] if q.shape[1] > 1 else 0.0) <= ALONE * order[:, -1])
     joint = np.where(alone, step.argmax(axis=1) + 1, 0)
     return np.asarray(np.where(np.r_[joint, 0] > 0, np.r_[joint, 0], np.r_[0, joint]), int)

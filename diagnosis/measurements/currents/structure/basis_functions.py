@@ -14,7 +14,7 @@ from scipy.linalg import block_diag
 from arm_io.types import Array
 from arm_model import Arm
 from arm_model.effects import Variable
-from diagnosis.residual.filters import COMPARE_BAND, passed
+from diagnosis.residual.filters import COMPARE_BAND, low_pass_gain
 from diagnosis.residual.run import Run
 from diagnosis.residual.signals import signals_of
 from diagnosis.selection.design import Columns, Dataset, Pair
@@ -182,7 +182,9 @@ def _wave(
     columns = []
     for side in (fit, held_out):
         phase, speed = (sum(k * side.at_joint(of, j) for j, k in along.items()) for of in ("q", "v"))
-        size = factor(side) * passed(np.abs(speed) / (2 * np.pi), COMPARE_BAND) / side.at_joint("deviation", joint)
+        size = (
+            factor(side) * low_pass_gain(np.abs(speed) / (2 * np.pi), COMPARE_BAND) / side.at_joint("deviation", joint)
+        )
         columns.append(Columns(np.stack([np.sin(phase), np.cos(phase)], axis=1) * size[:, None], side.of(joint)))
     return Shape(name, Split(columns[0], columns[1]), np.ones(held_out.rows, bool))
 
