@@ -33,7 +33,7 @@ RATE = 1000.0
 class Diagnosis:
     """What ``diagnose`` returns.
 
-    details        everything that was found: ``diagnosis.diagnose.Diagnosis``
+    details        everything that was found: ``diagnosis.Diagnosis``
     fit, held_out  the recordings in which causes were found, and those that judge them
     """
 

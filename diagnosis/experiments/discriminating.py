@@ -17,10 +17,10 @@ from arm_io.progress import Progress, Step
 from arm_model.effects import CATALOGUE
 from arm_model.rigid_body import drive_rigid_torque
 from diagnosis.cause import Cause, EffectKey, Signal, in_words
-from diagnosis.diagnose import Diagnosis
 from diagnosis.experiments.motions import Kind, Stage, Trial, room, trials
 from diagnosis.experiments.t_optimality import Question, predicted_run, rival_of
 from diagnosis.measurements.currents.columns import candidates
+from diagnosis.result import Diagnosis
 from diagnosis.selection.candidate import Candidate
 from experiment import Experiment, demand_of
 from identification.experiment_design import Limits

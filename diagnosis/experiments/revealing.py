@@ -11,13 +11,13 @@ from arm_io.parallel import in_parallel
 from arm_io.types import Array
 from arm_model.effects import CATALOGUE, Excitation, Instrument
 from diagnosis.cause import EffectKey, Undetectable
-from diagnosis.diagnose import Diagnosis
 from diagnosis.experiments.discriminating import further, stage_of
 from diagnosis.experiments.motions import Stage, Trial, of_joint, with_payload
 from diagnosis.experiments.t_optimality import predicted_run
 from diagnosis.measurements.currents.columns import candidates
 from diagnosis.measurements.currents.design_matrix import columns_of, dataset_of
 from diagnosis.measurements.currents.detectability import felt, is_typical, times_noise
+from diagnosis.result import Diagnosis
 from diagnosis.selection.candidate import Candidate
 from experiment import Experiment, demand_of
 from identification.experiment_design import Limits

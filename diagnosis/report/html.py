@@ -15,7 +15,6 @@ from arm_model.effects import CATALOGUE
 from arm_report import Chart, Report
 from daq.recording import Recording
 from diagnosis.cause import Cause, Signal, in_words
-from diagnosis.diagnose import Diagnosis
 from diagnosis.measurements.near_rest.friction import AGAINST
 from diagnosis.report.origins import origins_table
 from diagnosis.report.plots import overview as plots
@@ -36,6 +35,7 @@ from diagnosis.report.wording import (
     value,
     values_of,
 )
+from diagnosis.result import Diagnosis
 from diagnosis.units import readable, recorded_quantities, recorded_signals, rounded
 
 MOST_CHARTS = {"held_out": 2, "fit": 1}

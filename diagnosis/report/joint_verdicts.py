@@ -13,9 +13,9 @@ import numpy as np
 
 from diagnosis.cause import Signal
 from diagnosis.closed_loop.clear_errors import SIDES
-from diagnosis.diagnose import Diagnosis
 from diagnosis.remainder.against_noise import ratios
 from diagnosis.remainder.of_identification import Remainder
+from diagnosis.result import Diagnosis
 
 NOISE = 1.3
 """Rms over the noise floor up to which a residual is noise along the motion: the floor is known no better."""

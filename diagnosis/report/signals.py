@@ -9,10 +9,10 @@ import numpy as np
 
 from arm_io.parallel import in_parallel
 from arm_io.types import Array
-from diagnosis.diagnose import Diagnosis
 from diagnosis.measurements.currents.design_matrix import dataset_of
 from diagnosis.remainder.against_noise import ratios
 from diagnosis.remainder.predictable import predictable
+from diagnosis.result import Diagnosis
 from diagnosis.units import unit_at
 from identification.selection import Split
 

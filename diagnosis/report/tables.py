@@ -10,11 +10,11 @@ from markupsafe import Markup
 
 import arm_report
 from diagnosis.cause import in_words
-from diagnosis.diagnose import Diagnosis
 from diagnosis.measurements.currents.design_matrix import dataset_of
 from diagnosis.remainder.predictable import FROM
 from diagnosis.report.wording import gain, place, title, values_of
 from diagnosis.residual.comparable_rows import comparable_rows
+from diagnosis.result import Diagnosis
 from diagnosis.units import readable, rounded, variable_in_words
 
 

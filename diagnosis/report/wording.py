@@ -10,8 +10,8 @@ import numpy as np
 from arm_model import Arm
 from arm_model.effects import CATALOGUE
 from diagnosis.cause import NO_VARIABLE, Cause, EncoderJump, Estimate, LostRows, Signal, in_words
-from diagnosis.diagnose import Diagnosis
 from diagnosis.report.joint_verdicts import remaining
+from diagnosis.result import Diagnosis
 from diagnosis.units import readable, recorded_quantity, rounded, variable_in_words
 
 

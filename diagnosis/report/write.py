@@ -14,7 +14,6 @@ from arm_report import write_report
 from daq.recording import Recording
 from diagnosis.cause import Cause, Estimate, in_words
 from diagnosis.closed_loop import clear_errors, friction, resonance
-from diagnosis.diagnose import Diagnosis
 from diagnosis.experiments.discriminating import Separation, separations
 from diagnosis.experiments.revealing import Showing, shown_by
 from diagnosis.measurements.currents import limits as currents
@@ -29,6 +28,7 @@ from diagnosis.report.html import report
 from diagnosis.report.joint_verdicts import remaining
 from diagnosis.report.origins import of_cause, origin_row
 from diagnosis.report.signals import signal_rows
+from diagnosis.result import Diagnosis
 from experiment import Experiment, write_experiment
 from identification.experiment_design import Limits
 from identification.selection import Thresholds

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from diagnosis.cause import Cause
-from diagnosis.diagnose import Diagnosis
+from diagnosis.result import Diagnosis
 from tests.blind.cases import SAME
 from tests.blind.unmodelled import EXPLANATORY
 

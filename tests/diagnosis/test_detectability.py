@@ -14,7 +14,6 @@ import pytest
 from arm_model.description import Arm
 from arm_model.model_file import read_model
 from diagnosis.cause import Undetectable
-from diagnosis.diagnose import Diagnosis
 from diagnosis.experiments.motions import Stage, Trial, room
 from diagnosis.experiments.revealing import shown_by
 from diagnosis.experiments.t_optimality import predicted_run
@@ -22,6 +21,7 @@ from diagnosis.measurements.currents.columns import candidates
 from diagnosis.measurements.currents.design_matrix import Library, dataset_of
 from diagnosis.measurements.currents.detectability import not_visible
 from diagnosis.residual.run import Run
+from diagnosis.result import Diagnosis
 from diagnosis.selection.ripple_orders import order_of
 from identification.selection.split import Split
 from tests.diagnosis.runs import seen

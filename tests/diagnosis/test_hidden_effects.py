@@ -16,7 +16,8 @@ import numpy as np
 import pytest
 
 from arm_model.model_file import read_model
-from diagnosis.diagnose import Diagnosis, diagnose
+from diagnosis.diagnose import diagnose
+from diagnosis.result import Diagnosis
 
 pytest.importorskip("numba", reason="the plant of the hidden-effect tests is compiled by numba")
 from tests.blind.cases import Case, cases

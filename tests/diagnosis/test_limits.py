@@ -12,8 +12,8 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from diagnosis.diagnose import Diagnosis
 from diagnosis.report.write import LIMITS, table_of
+from diagnosis.result import Diagnosis
 from identification.selection import Limits, Thresholds
 
 

@@ -23,9 +23,9 @@ from armscope import adaptive_diagnosis
 from armscope.adaptive_diagnosis import Bench, Case, go_on, limits_of
 from daq.recording import open_recording
 from daq.rig.rig_file import read_rig
-from diagnosis.diagnose import Diagnosis
 from diagnosis.experiments.discriminating import Separation
 from diagnosis.experiments.motions import Kind, Stage, room, trials
+from diagnosis.result import Diagnosis
 from tests.diagnosis.runs import group_of, seen
 from tests.sim_backend.recordings import record
 

@@ -14,7 +14,6 @@ import pytest
 from arm_model.description import Arm, EffectTerm
 from arm_model.model_file import read_model
 from arm_model.simulation.simulation import simulate
-from diagnosis.diagnose import Diagnosis
 from diagnosis.experiments.discriminating import Separation, separation
 from diagnosis.experiments.motions import Kind, Stage, room, trials
 from diagnosis.experiments.t_optimality import Question, predicted_run, rival_of
@@ -22,6 +21,7 @@ from diagnosis.measurements.currents.columns import candidates, columns
 from diagnosis.measurements.currents.design_matrix import dataset_of, free_columns
 from diagnosis.residual.filters import ROWS_PER_SECOND
 from diagnosis.residual.run import COMPARE_BAND, Run
+from diagnosis.result import Diagnosis
 from diagnosis.selection.candidate import Candidate
 from experiment import demand_of, read_experiment, write_experiment
 from tests.diagnosis.runs import Seen, group_of, seen

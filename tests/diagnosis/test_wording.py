@@ -16,13 +16,13 @@ import pytest
 from arm_model import Arm, Joint
 from arm_model.model_file import read_model
 from diagnosis.cause import NO_VARIABLE, Estimate, Signal, Structure
-from diagnosis.diagnose import Diagnosis
 from diagnosis.measurements.currents.design_matrix import dataset_of
 from diagnosis.measurements.currents.shortage import Shortage
 from diagnosis.remainder.predictable import predictable
 from diagnosis.report.joint_verdicts import Remaining
 from diagnosis.report.tables import unseen
 from diagnosis.report.wording import either, estimate, gain, sentence
+from diagnosis.result import Diagnosis
 from diagnosis.units import rounded
 from tests.diagnosis.runs import group_of, seen
 

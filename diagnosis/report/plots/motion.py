@@ -7,7 +7,7 @@ import numpy as np
 from arm_io.types import Array
 from arm_model.collision import chain_of
 from arm_report.motion import Motion, clip_of
-from diagnosis.diagnose import Diagnosis
+from diagnosis.result import Diagnosis
 
 HELD_OUT = "held out"
 """The clip of the held-out recordings, one after the other."""

@@ -1,0 +1,87 @@
+"""Result of a diagnosis: everything that the report and diagnosis.json say."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from arm_io.types import Array
+from arm_model import Arm
+from arm_model.effects import Instrument
+from diagnosis.cause import Cause, Structure, Undetectable
+from diagnosis.closed_loop.comparison import Compared, faithful
+from diagnosis.measurements.currents.shortage import Shortage
+from diagnosis.measurements.link_encoders.causes import LinkSide
+from diagnosis.measurements.single_axis.causes import AxisSide
+from diagnosis.measurements.tracker.causes import Tracked
+from diagnosis.origins import Suspect, evidence_of, suspects
+from diagnosis.remainder.of_identification import Remainder
+from diagnosis.residual.run import Run
+from identification.selection import Split
+
+
+@dataclass(frozen=True, kw_only=True)
+class Diagnosis:
+    """Everything that the report and diagnosis.json say.
+
+    arm, extended  the model, and the model with every cause as an effect
+    fit, held_out  residuals of the recordings; left: (N,) whitened, with all causes
+    compared       of "fit" and "held_out", each recording's closed loop by the model and by the extended one
+    along          ... and (n,) A rms of its residual under both along the measured motion
+    judged         whether the currents were compared: not with a model that predicts none
+    shortage       what the held-out recordings are too short for
+    known_to       (n,) times the noise that held-out residuals may be by what the model says of its own uncertainty
+    remainders     what is above the noise within that, joint by joint
+    """
+
+    arm: Arm
+    extended: Arm
+    fit: tuple[Run, ...]
+    held_out: tuple[Run, ...]
+    left: Split[Array]
+    causes: list[Cause]
+    not_visible: list[Undetectable]
+    unexplained: list[Structure]
+    compared: dict[str, list[tuple[Compared, Compared]]] = field(repr=False)
+    along: dict[str, list[tuple[Array, Array]]]
+    encoder_noise: Array
+    link: LinkSide | None = None
+    tracked: Tracked | None = None
+    axis: AxisSide | None = None
+    judged: bool = True
+    shortage: Shortage | None = None
+    known_to: Array | None = None
+    remainders: list[Remainder] = field(default_factory=list)
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def in_closed_loop(self) -> bool:
+        """Whether current errors are those of the closed loop on the same demands; else along the measured motion."""
+        return faithful(self.compared["held_out"], self.along["held_out"])
+
+    @property
+    def verdict(self) -> str:
+        """``consistent``, ``explained`` or ``unexplained``; with a ``shortage``, of what could be judged."""
+        if self.unexplained:
+            return "unexplained"
+        return "explained" if self.causes else "consistent"
+
+    @property
+    def origins(self) -> list[Suspect]:
+        """Physical origins of the causes, per joint and of the arm; none where unexplained structure remains."""
+        places = evidence_of(
+            self.causes, self.arm, self._searched, {(one.effect, one.joint) for one in self.not_visible}
+        )
+        unexplained = {one.joint for one in self.unexplained}
+        return suspects([place for place in places if place.joint not in unexplained])
+
+    @property
+    def _searched(self) -> set[Instrument]:
+        """Instruments whose effects would have been found."""
+        found = {Instrument.RAW}
+        if self.judged:
+            found |= {Instrument.SINGLE_AXIS} if self.axis else {Instrument.CURRENT, Instrument.LAG}
+        if self.link:
+            found.add(Instrument.LINK_ENCODER)
+        if self.tracked and self.tracked.rms:
+            found.add(Instrument.TRACKER)
+        return found

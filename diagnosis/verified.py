@@ -1,0 +1,68 @@
+"""Causes with their errors in closed loop, and both models compared with the recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from arm_io.types import Array
+from arm_model import Arm
+from daq.recording import Recording
+from diagnosis.cause import Cause
+from diagnosis.closed_loop.comparison import Compared, along_motion, before_and_after, compare
+from diagnosis.find_causes import Named, Recordings
+from diagnosis.residual.run import Run
+
+
+@dataclass(frozen=True, kw_only=True)
+class Verified:
+    """The causes with their errors in closed loop, and both models compared with the recordings; see ``Diagnosis``."""
+
+    extended: Arm
+    causes: list[Cause]
+    compared: dict[str, list[tuple[Compared, Compared]]]
+    along: dict[str, list[tuple[Array, Array]]]
+
+
+def verify(
+    arm: Arm, extended: Arm, causes: Sequence[Cause], recordings: Recordings, named: Named, *, judged: bool
+) -> Verified:
+    """The model and the extended one in closed loop on the recorded setpoints, and along the measured motion."""
+    runs = named.found.state.data.map(lambda part: part.runs)
+    halves = {"fit": (recordings.fit, runs.fit), "held_out": (recordings.held_out, runs.held_out)}
+    pairs = before_and_after([*recordings.fit, *recordings.held_out], [*runs.fit, *runs.held_out], arm, extended)
+    first = len(runs.fit)
+    compared = {
+        half: [pair for pair in several if pair is not None]
+        for half, several in (("fit", pairs[:first]), ("held_out", pairs[first:]))
+    }
+    simulated = [after for _, after in compared["held_out"]]
+    return Verified(
+        extended=extended,
+        causes=[_shown_in_loop(cause, extended, simulated, *halves["held_out"]) for cause in causes],
+        compared=compared,
+        along={
+            half: [along_motion(run, arm, extended) for run in seen if judged] for half, (_, seen) in halves.items()
+        },
+    )
+
+
+def _shown_in_loop(
+    cause: Cause, extended: Arm, having: Sequence[Compared], recordings: Sequence[Recording], runs: Sequence[Run]
+) -> Cause:
+    """A cause that shows in closed loop only, with the errors of that loop.
+
+    Such as a current limit: the measured motion obeys it, and along that motion nothing is missing.
+    """
+    joint = cause.felt_at
+    if joint is None or cause.before != cause.after or len(having) != len(recordings):
+        return cause
+    others = tuple(term for term in extended.effects if term not in cause.terms)
+    without = [compare(r, replace(extended, effects=others), run) for r, run in zip(recordings, runs)]
+    before, after = (
+        float(np.sqrt(np.mean([one.error_rms("current")[joint - 1] ** 2 for one in several if one])))
+        for several in (without, having)
+    )
+    return replace(cause, before=before, after=after) if all(without) else cause
