@@ -18,9 +18,9 @@ from arm_model import EffectTerm
 from arm_model.effects import CATALOGUE, same_columns
 from diagnosis.cause import EffectKey
 from diagnosis.measurements.currents.columns import columns
-from diagnosis.measurements.currents.model import State
 from diagnosis.measurements.currents.possible import exists
 from diagnosis.measurements.currents.search import Found
+from diagnosis.measurements.currents.state import State
 from diagnosis.per_recording.values import OwnValues, contradicted, own_values, promising, quiet
 from diagnosis.residual.other_effects import with_own
 from diagnosis.residual.run import Run, with_free

@@ -20,8 +20,8 @@ from arm_model import EffectTerm
 from arm_model.effects import Instrument
 from diagnosis.cause import Cause, Estimate, confidence_of
 from diagnosis.measurements.currents.design_matrix import columns_of
-from diagnosis.measurements.currents.model import State
 from diagnosis.measurements.currents.possible import exists
+from diagnosis.measurements.currents.state import State
 from diagnosis.remainder.against_noise import ratios
 from diagnosis.residual.comparable_rows import comparable_rows
 from diagnosis.residual.other_effects import with_own

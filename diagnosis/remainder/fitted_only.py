@@ -9,7 +9,7 @@ import numpy as np
 from arm_io.types import Array
 from diagnosis.cause import NO_VARIABLE, Signal, Structure
 from diagnosis.measurements.currents.limits import LIMITS
-from diagnosis.measurements.currents.model import State
+from diagnosis.measurements.currents.state import State
 from diagnosis.measurements.currents.structure.likely_variable import likely_variable
 from diagnosis.measurements.currents.structure.noise_ratio import noise_ratio
 from diagnosis.selection.design import Dataset

@@ -17,8 +17,8 @@ from diagnosis.cause import NO_VARIABLE, Structure
 from diagnosis.closed_loop.loop_errors import left_in_loop
 from diagnosis.measurements.currents.design_matrix import dataset_of
 from diagnosis.measurements.currents.limits import LIMITS
-from diagnosis.measurements.currents.model import State
 from diagnosis.measurements.currents.model_errors import Significance
+from diagnosis.measurements.currents.state import State
 from diagnosis.measurements.currents.structure.noise_ratio import noise_ratio
 from diagnosis.measurements.currents.structure.unexplained import structures_at
 from diagnosis.remainder.against_noise import runs_of

@@ -15,8 +15,8 @@ from arm_io.types import Array
 from arm_model import EffectTerm
 from diagnosis.cause import Cause
 from diagnosis.measurements.currents.limits import LIMITS
-from diagnosis.measurements.currents.model import State
 from diagnosis.measurements.currents.model_errors import Significance
+from diagnosis.measurements.currents.state import State
 from diagnosis.residual.comparable_rows import comparable_rows
 from diagnosis.residual.other_effects import residual_under
 from diagnosis.residual.run import Run

@@ -19,7 +19,7 @@ from arm_model.effects import friction_near_rest
 from diagnosis.cause import Cause, EffectKey
 from diagnosis.closed_loop.comparison import SMOOTHING
 from diagnosis.measurements.currents.limits import LIMITS
-from diagnosis.measurements.currents.model import State
+from diagnosis.measurements.currents.state import State
 from diagnosis.residual.comparable_rows import comparable_rows
 from diagnosis.residual.expected_current import reading
 from diagnosis.residual.filters import COMPARE_BAND, kept, low_pass, rate_of

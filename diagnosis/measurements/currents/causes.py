@@ -12,7 +12,7 @@ from arm_model import Arm, Joint
 from arm_model.effects import CATALOGUE, Instrument
 from diagnosis.cause import Cause, EffectKey, Estimate, Signal, confidence_of
 from diagnosis.measurements.currents.limits import LIMITS
-from diagnosis.measurements.currents.model import State
+from diagnosis.measurements.currents.state import State
 from diagnosis.measurements.single_axis.causes import AxisCause
 from diagnosis.screening.event import Event, Gain
 from diagnosis.selection.aliasing import confusability, span_of

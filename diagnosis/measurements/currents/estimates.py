@@ -7,7 +7,7 @@ import numpy as np
 from arm_io.types import Array
 from diagnosis.cause import Estimate
 from diagnosis.measurements.currents.design_matrix import columns_of
-from diagnosis.measurements.currents.model import State
+from diagnosis.measurements.currents.state import State
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Columns
 from diagnosis.selection.estimates import estimates

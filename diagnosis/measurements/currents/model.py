@@ -1,100 +1,33 @@
-"""The currents of all joints as a measurement model of the selection.
-
-Columns are first order in their effects. After every round the model extended by the chosen causes is evaluated exactly
-(``diagnosis.residual.expected_current``), and what its first-order columns had wrong is taken out of the data (deferred
-correction: Stetter, Numerische Mathematik 29, 1978), so that it is not taken for another cause. Linear algebra stays as
-it is; its solution is that of the exact model.
-"""
+"""The currents of all joints as a measurement model of the selection: candidates, their scores, and what may enter."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Sequence, Set
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
-from arm_io import InputError
 from arm_io.parallel import in_parallel
 from arm_io.types import Array
-from arm_model import Arm, EffectTerm
+from arm_model import Arm
 from arm_model.effects import same_columns
 from diagnosis.cause import EffectKey
-from diagnosis.measurements.currents.design_matrix import Library, columns_of, dataset_with
+from diagnosis.measurements.currents.design_matrix import Library, columns_of
 from diagnosis.measurements.currents.limits import LIMITS, CurrentLimits, leakage, matters
-from diagnosis.measurements.currents.model_errors import ModelUncertainty, Significance
+from diagnosis.measurements.currents.model_errors import ModelUncertainty
 from diagnosis.measurements.currents.pairs import pair_of
 from diagnosis.measurements.currents.refinement import is_physical, refined
+from diagnosis.measurements.currents.state import Rivals, State, corrected
 from diagnosis.measurements.currents.structure.noise_ratio import joints_above_noise
 from diagnosis.selection.bodies import body_of, link_of
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Columns, Dataset, Pair
 from diagnosis.selection.next_order import is_of_ripple, next_orders, of_last_term, of_ripples, small_term, term_share
-from diagnosis.selection.regression import Fitted, best_of_each, fit_together, score
+from diagnosis.selection.regression import best_of_each, score
 from diagnosis.selection.ripple_orders import detectable
 from diagnosis.selection.unseen_inertia import explained, unseen_inertia
 from identification.selection import MeasurementModel, Score, Split, p_value
-
-Rivals = Mapping[EffectKey, Sequence[Score[Candidate]]]
-
-
-@dataclass(frozen=True)
-class State:
-    """Chosen candidates in the order of acceptance, fitted together.
-
-    data    residuals, corrected for what the chosen do beyond first order
-    rivals  for each of the chosen, the candidates that gained as much
-    """
-
-    model: Currents = field(repr=False)
-    chosen: tuple[Candidate, ...]
-    data: Split[Dataset] = field(repr=False)
-    rivals: Rivals = field(repr=False)
-
-    @cached_property
-    def free(self) -> list[Pair]:
-        """The free columns of the model, without those that make held-out residuals clearly worse.
-
-        What they fit is then no smoothing of friction: correlated noise of a few fast moves, say, which at a tenth of
-        their speed is a hundred times as large.
-        """
-        allowed, every = self.model.limits.min_gain * self.data.held_out.rows, self._with_every_free
-        return [
-            pair
-            for pair, c in zip(self.model.free, every.coefficients)
-            if _harm(pair.held_out.x[:, 0] * c, every.held_out[pair.held_out.where]) < allowed
-        ]
-
-    @cached_property
-    def fitted(self) -> Fitted:
-        """All chosen candidates with the free columns; the coefficients of these come first."""
-        return self._with_every_free if len(self.free) == len(self.model.free) else self._with(self.free)
-
-    @cached_property
-    def _with_every_free(self) -> Fitted:
-        return self._with(self.model.free)
-
-    def _with(self, free: Sequence[Pair]) -> Fitted:
-        return fit_together(self.data, [*free, *(self.model.columns(c) for c in self.chosen)])
-
-    @property
-    def coefficients(self) -> list[Array]:
-        """(k,) of each chosen candidate."""
-        widths = [self.model.columns(c).fit.x.shape[1] for c in self.chosen]
-        own = self.fitted.coefficients[len(self.free) :]
-        return np.split(own, np.cumsum(widths)[:-1]) if self.chosen else []
-
-    @property
-    def terms(self) -> list[EffectTerm]:
-        """The chosen candidates as effects of a model."""
-        return terms(self.chosen, self.coefficients)
-
-    @cached_property
-    def significance(self) -> Significance:
-        """Of further columns conditional on the chosen ones, with the model as uncertain as it is."""
-        model = self.model
-        chosen = [*self.free, *(model.columns(c) for c in self.chosen)]
-        return Significance(self.data, chosen, model.uncertain)
 
 
 @dataclass(frozen=True)
@@ -342,11 +275,6 @@ class Currents(MeasurementModel[Candidate, State]):
                 self.library.add(c)
 
 
-def _harm(explained: Array, left: Array) -> float:
-    """Squared residual that a column costs: where it explains ``explained`` (rows,) and leaves ``left`` (rows,)."""
-    return float(left @ left - (left + explained) @ (left + explained))
-
-
 def _replaced(state: State, old: Candidate, new: Candidate) -> State:
     return replace(state, chosen=tuple(new if c is old else c for c in state.chosen))
 
@@ -354,45 +282,3 @@ def _replaced(state: State, old: Candidate, new: Candidate) -> State:
 def _left(state: State) -> float:
     """Squared residual, fitted and held out, in units of the noise variance."""
     return float(np.sum(state.fitted.fit**2) + np.sum(state.fitted.held_out**2))
-
-
-def terms(chosen: Sequence[Candidate], coefficients: Sequence[Array]) -> list[EffectTerm]:
-    """Candidates with coefficients (k,) each, as effects of a model."""
-    return [EffectTerm(c.effect, c.joint, c.parameters(own.tolist())) for c, own in zip(chosen, coefficients)]
-
-
-def corrected(state: State) -> State:
-    """The state with y = (residual of the exact extended model) + (first-order columns times their coefficients).
-
-    Where the exact model leaves more than its first order did, or there is no such arm (parameters out of its range),
-    nothing is corrected.
-    """
-    model = state.model
-    for _ in range(model.limits.corrections):
-        own, extended = state.coefficients, state.terms
-        # as the exact model has them
-        first_order = [np.ones_like(c) if candidate.unit_amplitude else c for candidate, c in zip(state.chosen, own)]
-
-        columns = [model.columns(c) for c in state.chosen]
-        try:
-            data = Split(
-                _exact(model.data.fit, [pair.fit for pair in columns], first_order, extended),
-                _exact(model.data.held_out, [pair.held_out for pair in columns], first_order, extended),
-                model.data.two_fold,
-            )
-        except InputError:
-            return state
-        trial = replace(state, data=data)
-        if np.sum(trial.fitted.fit**2) > model.limits.worse * np.sum(state.fitted.fit**2):
-            return state
-        state = trial
-    return state
-
-
-def _exact(
-    data: Dataset, columns: Sequence[Columns], first_order: Sequence[Array], extended: Sequence[EffectTerm]
-) -> Dataset:
-    y = dataset_with(data, extended)
-    for own, c in zip(columns, first_order):
-        y[own.where] += own.x @ c
-    return replace(data, y=y, corrected=data.by_joint((y - data.y) ** 2))

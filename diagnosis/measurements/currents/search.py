@@ -17,8 +17,9 @@ from arm_model.effects import CATALOGUE, Excitation
 from diagnosis.cause import EffectKey
 from diagnosis.measurements.currents.design_matrix import dataset_with
 from diagnosis.measurements.currents.estimates import estimates_of
-from diagnosis.measurements.currents.model import Currents, State, corrected, terms
+from diagnosis.measurements.currents.model import Currents
 from diagnosis.measurements.currents.possible import exists
+from diagnosis.measurements.currents.state import State, corrected, terms
 from diagnosis.measurements.currents.structure.dominant import dominant, of_own_variable
 from diagnosis.measurements.currents.structure.noise_ratio import noise_ratio
 from diagnosis.measurements.currents.structure.unexplained import Unexplained, better_than_causes, unexplained_structure

@@ -8,10 +8,10 @@ import numpy as np
 
 from arm_io.types import Array
 from arm_model import Arm
+from diagnosis.binned_means import predicted_by_bins
 from diagnosis.cause import NO_VARIABLE, Signal, Structure
 from diagnosis.measurements.link_encoders.columns import standing_orders, turns
 from diagnosis.measurements.link_encoders.model import LIMITS, Chosen, LinkEncoders
-from diagnosis.selection.binned_means import predicted_by_bins
 from diagnosis.units import unit_at
 
 BINS = 16

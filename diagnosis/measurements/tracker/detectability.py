@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 
 from arm_io.types import Array
 from arm_model.effects import CATALOGUE, Instrument, observed_by
+from diagnosis.binned_means import predicted_by_bins
 from diagnosis.cause import NO_VARIABLE, EffectKey, Signal, Structure, Undetectable
 from diagnosis.measurements.tracker.columns import State, TrackedCandidate
 from diagnosis.measurements.tracker.model import LIMITS
 from diagnosis.measurements.tracker.over_time import over_time
 from diagnosis.measurements.tracker.points import Side
 from diagnosis.measurements.tracker.regression import Linear, columns_of, good, linear
-from diagnosis.selection.binned_means import predicted_by_bins
 
 BINS = 24
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from arm_io.types import Array
 from arm_model.effects import Instrument
-from diagnosis.measurements.currents.model import State
+from diagnosis.measurements.currents.state import State
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Dataset
 
