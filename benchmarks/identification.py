@@ -49,9 +49,10 @@ from identification.experiment_design.excitation import design_excitation
 from identification.preprocessing import setpoints_of
 from identification.preprocessing.setpoint_ripple import folded_torque
 from identification.preprocessing.signals import Motion, smooth_motion, with_reversals
-from identification.regression.base_parameters import base_parameters
-from identification.regression.equations import Equations, equations, model_values, structural_base
+from identification.regression.base_parameters import base_parameters, structural_base
+from identification.regression.equations import Equations, equations
 from identification.regression.least_squares import joint_triangles, least_squares, relative_error, weighted_by_joint
+from identification.regression.model_parameters import model_values
 from identification.regression.uncertainty import uncertainty
 
 ROOT = Path(__file__).resolve().parent.parent

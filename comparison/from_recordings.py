@@ -24,7 +24,7 @@ from comparison.summary import summaries
 from daq.recording import Recording
 from diagnosis.residual.run_setup import set_up, setup_of
 from identification.preprocessing.signals import Motion
-from identification.regression.equations import structural_base
+from identification.regression.base_parameters import structural_base
 from identification.regression.problem import motions_of
 from identification.ripples import wide
 

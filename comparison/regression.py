@@ -22,8 +22,9 @@ from comparison.load_friction import EFFECT, load_columns, loaded_joints, mean_l
 from identification.preprocessing.signals import Motion, equation_rows, equation_weight, parallel_filter
 from identification.regression.base_parameters import BaseParameters, base_parameters
 from identification.regression.effect_columns import is_effect
-from identification.regression.equations import Equations, equations, model_values
+from identification.regression.equations import Equations, equations
 from identification.regression.least_squares import least_squares
+from identification.regression.model_parameters import model_values
 from identification.regression.uncertainty import uncertainty
 
 EXCITED = 1e-3

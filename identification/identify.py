@@ -19,7 +19,7 @@ from identification.methods.inverse_dynamics import Shape, identify
 from identification.preprocessing.attenuation import attenuation_warnings
 from identification.preprocessing.readiness import Readiness
 from identification.regression.conclusion import warnings_of_fit
-from identification.regression.equations import Friction
+from identification.regression.model_parameters import Friction
 from identification.regression.problem import excitation_of, motions_of, prepare
 from identification.result import Identification, Prediction, Value, unit_of
 

@@ -28,8 +28,8 @@ from arm_model.system import inverse_dynamics
 from experiment import Experiment, demand_of
 from experiment.segments import Fourier, Hold
 from identification.experiment_design.keep_clear import SMALLEST, clear_share, clear_start, is_clear, none_is_clear
-from identification.regression.base_parameters import BaseParameters
-from identification.regression.equations import model_columns, model_values, structural_base
+from identification.regression.base_parameters import BaseParameters, structural_base
+from identification.regression.model_parameters import model_columns, model_values
 
 Criterion = Literal["d", "condition"]
 Progress = Callable[[float, str], None]

@@ -18,9 +18,9 @@ from identification.methods.friction_trial import Trial
 from identification.methods.load_and_temperature import Dependence
 from identification.methods.solved import fitted_arm, friction_sizes, solved
 from identification.regression.conclusion import conclude
-from identification.regression.equations import Friction
 from identification.regression.friction_band import bands_of
 from identification.regression.least_squares import Method
+from identification.regression.model_parameters import Friction
 from identification.regression.problem import prepare
 from identification.regression.weak_directions import held_note
 from identification.result import Identification

@@ -21,8 +21,8 @@ from arm_model import Arm
 from daq.recording import Recording
 from identification.methods.joint_by_joint import own_run
 from identification.regression.conclusion import conclude
-from identification.regression.equations import Friction, model_values
 from identification.regression.least_squares import Fit, least_squares
+from identification.regression.model_parameters import Friction, model_values
 from identification.regression.problem import Problem, prepare
 from identification.regression.uncertainty import uncertainty
 from identification.result import Identification

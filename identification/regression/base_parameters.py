@@ -8,8 +8,8 @@ tip inwards), the columns that no earlier one makes up. Every other column is a 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -17,10 +17,17 @@ from numpy.typing import NDArray
 from scipy.linalg import lapack
 
 from arm_io.types import Array
-from identification.regression.effect_columns import is_effect
+from arm_model import Arm, Joint, parameter, with_parameters
+from arm_model.tables import Temperatures
+from identification.regression.effect_columns import definition, effect_parameters, is_effect
+from identification.regression.model_parameters import Friction, column_names, lifts, model_columns
 from identification.regression.qr import pivoted_triangle, triangle_of
 
 NEGLIGIBLE = 1e-8  # of the size of a column: a smaller remainder counts as rounding
+GENERIC_ARMS = 2
+"""Arms beside the model: a dependence between columns that holds on all of them is one of structure."""
+SIZE = 0.1
+"""m: of such arms, centres of mass are this far off, radii of gyration this large."""
 
 
 @dataclass(frozen=True)
@@ -129,3 +136,62 @@ def reading_order(names: tuple[str, ...]) -> list[int]:
         return (0, 0, number, 0)
 
     return sorted(range(len(names)), key=rank)
+
+
+def structural_base(arm: Arm, friction: Friction = "symmetric", *, states: int = 0, seed: int = 1) -> BaseParameters:
+    """What any motion of this arm could show: base parameters from random states within its limits.
+
+    Columns of effects depend on the other parameters, so that arms with other bodies decide too (``_generic_arms``).
+    """
+    # Where friction only turns about, Coulomb's magnitudes and an offset are not the same: let it turn at once.
+    arm = replace(arm, joints=tuple(replace(joint, sign_velocity=1e-7) for joint in arm.joints))
+    names = column_names(arm, friction)
+    random = np.random.default_rng(seed)
+    count = states or 4 * len(names)
+    limits = [joint.limits or ((-np.pi, np.pi) if joint.revolute else (-1.0, 1.0)) for joint in arm.joints]
+    q = random.uniform([low for low, _ in limits], [high for _, high in limits], (count, len(arm)))
+    qd, qdd = random.uniform(-2, 2, q.shape), random.uniform(-5, 5, q.shape)
+    for j, joint in enumerate(arm.joints):
+        if joint.friction_curve is not None:  # most of its speeds are low
+            speed = np.array([0.0, *joint.friction_curve.speed, 2 * joint.friction_curve.speed[-1]])
+            qd[:, j] = np.sign(qd[:, j]) * np.interp(random.uniform(size=count), np.linspace(0, 1, len(speed)), speed)
+    t = random.uniform(0.0, 60.0, count)
+    arm = replace(arm, temperatures=_any_temperatures(arm, random))
+    columns = [model_columns(one, q, qd, qdd, friction, t) for one in _generic_arms(arm, random)]
+    # what lifts has a weight, an offset only beside it: sums of masses and rotors read better than sums of offsets
+    last = {f"joint{j + 1}.offset" for j in range(len(arm)) if lifts(arm, j)}
+    order = sorted(reading_order(tuple(names)), key=lambda column: names[column] in last)
+    return base_parameters(np.concatenate(columns).reshape(-1, len(names)), names, order=order)
+
+
+def _generic_arms(arm: Arm, random: np.random.Generator) -> Iterator[Arm]:
+    """The arm itself; of one with effects, GENERIC_ARMS more with bodies and effects of other sizes.
+
+    The columns of effects depend on the other parameters: a wrist coupling is felt by what the coupled links weigh, so
+    that in front of a link that the model has as massless its column is zero, though the real arm's is not.
+    """
+    yield arm
+    for _ in range(GENERIC_ARMS if arm.effects else 0):
+        mean = float(np.mean(arm.joint_array("mass"))) or 1.0
+        other = replace(arm, joints=tuple(_other_body(joint, mean, random) for joint in arm.joints))
+        sizes = {
+            name: parameter(arm, name) + random.uniform(0.3, 1.0) * definition(name).typical[1]
+            for name in effect_parameters(arm)
+        }
+        yield with_parameters(other, sizes)
+
+
+def _other_body(joint: Joint, mean: float, random: np.random.Generator) -> Joint:
+    """A joint with a body of some ``mean`` kg behind it."""
+    mass = mean * random.uniform(0.5, 1.5)
+    x, y, z = (random.uniform(0.5, 1.0, 3) * mass * SIZE**2).tolist()
+    com = tuple((np.array(joint.com) + SIZE * random.uniform(-1.0, 1.0, 3)).tolist())
+    # triangle inequality of principal inertias: sums of two halves each
+    return replace(joint, mass=mass, com=com, inertia=(y + z, x + z, x + y, 0.0, 0.0, 0.0))
+
+
+def _any_temperatures(arm: Arm, random: np.random.Generator) -> Temperatures:
+    """Of motors that warm up and cool down within the minute of ``structural_base``, each in its own way."""
+    usual = [joint.temperature or 0.0 for joint in arm.joints]
+    courses = tuple(tuple((one + random.uniform(-20.0, 20.0, 6)).tolist()) for one in usual)
+    return Temperatures(tuple(np.linspace(0.0, 60.0, 6).tolist()), courses)

@@ -22,9 +22,10 @@ from identification.preprocessing.attenuation import attenuation_warnings
 from identification.preprocessing.signals import parallel_filter, sliding_rows, with_reversals
 from identification.preprocessing.spectrum import Band
 from identification.regression.effect_columns import is_effect, shown_torque
-from identification.regression.equations import Equations, lifted_masses, lifts, model_values, shown_rows
+from identification.regression.equations import Equations, shown_rows
 from identification.regression.identifiability import named
 from identification.regression.least_squares import Fit, least_squares, relative_error
+from identification.regression.model_parameters import lifted_masses, lifts, model_values
 from identification.regression.parameter_covariance import known_to
 from identification.regression.physical_consistency import consistent_parameters, friction_rows
 from identification.regression.problem import Problem

@@ -19,7 +19,9 @@ from arm_model import Arm, EffectTerm
 from arm_model.effects import CATALOGUE, Excitation, Signals, Values
 from arm_model.system import rigid_torque_along
 from identification.preprocessing.signals import Motion, equation_rows, equation_weight, parallel_filter, with_reversals
-from identification.regression.equations import Equations, column_names, structural_base, with_effects
+from identification.regression.base_parameters import structural_base
+from identification.regression.equations import Equations, with_effects
+from identification.regression.model_parameters import column_names
 from identification.regression.problem import Problem, excited_of, unexcited
 
 _CONDITIONAL = [effect for effect in CATALOGUE.values() if effect.conditional]

@@ -27,8 +27,10 @@ from identification.preprocessing.signals import (
     parallel_window,
     with_reversals,
 )
-from identification.regression.equations import Equations, column_names, curve_names, structural_base
+from identification.regression.base_parameters import structural_base
+from identification.regression.equations import Equations
 from identification.regression.least_squares import Fit
+from identification.regression.model_parameters import column_names, curve_names
 from identification.regression.problem import Problem, excited_of
 from identification.regression.uncertainty import Uncertainty
 

@@ -15,8 +15,8 @@ import numpy as np
 from arm_io.types import Array
 from arm_model import parameter
 from identification.regression.effect_columns import definition, is_effect
-from identification.regression.equations import model_values
 from identification.regression.least_squares import Fit
+from identification.regression.model_parameters import model_values
 from identification.regression.problem import Problem
 from identification.regression.uncertainty import Uncertainty
 from identification.result import Value, unit_of

@@ -16,7 +16,7 @@ from arm_io.types import Array
 from arm_model import Arm
 from arm_model.friction_split import departures
 from arm_model.tables import Uncertainty, uncertainty_of
-from identification.regression.equations import curve_names
+from identification.regression.model_parameters import curve_names
 from identification.regression.problem import Problem
 from identification.regression.uncertainty import Uncertainty as Spread
 

@@ -24,20 +24,11 @@ from identification.preprocessing.run_warnings import said_once
 from identification.preprocessing.setpoint_ripple import folded_torque
 from identification.preprocessing.setpoints import Setpoints, setpoints_of
 from identification.preprocessing.signals import Motion, smooth_motion, spared, with_reversals
-from identification.regression.base_parameters import BaseParameters, base_parameters
+from identification.regression.base_parameters import BaseParameters, base_parameters, structural_base
 from identification.regression.effect_columns import left_to_the_model, repeated, true_readings
-from identification.regression.equations import (
-    Equations,
-    Friction,
-    described_rows,
-    equations,
-    equations_of,
-    freed_rotors,
-    model_values,
-    structural_base,
-    with_effects,
-)
+from identification.regression.equations import Equations, described_rows, equations, equations_of, with_effects
 from identification.regression.least_squares import weighted
+from identification.regression.model_parameters import Friction, freed_rotors, model_values
 
 TREMBLE = 20.0  # rms of its angle's noise: a joint whose whole travel is less has not left its place;
 SHAKEN = 0.01  # of the travel of the liveliest joint of its kind: nor has one that the others shake

@@ -15,9 +15,9 @@ from __future__ import annotations
 import numpy as np
 
 from arm_io.types import Array
-from identification.regression.equations import model_values
 from identification.regression.identifiability import LEAST
 from identification.regression.least_squares import Fit
+from identification.regression.model_parameters import model_values
 from identification.regression.problem import Problem
 from identification.result import unit_of
 

@@ -22,7 +22,7 @@ NAMES_OF_SOMETHING_ELSE = {
     "torque_constant",
     "diagnosis/experiments/motions.py": "the key of a known mass in the [setup] table of an experiment",
     "identification/floating_base/joints.py": "a parameter of an arm: a joint's rotor_inertia",
-    "identification/regression/equations.py": "a parameter of an arm: a joint's rotor_inertia",
+    "identification/regression/model_parameters.py": "a parameter of an arm: a joint's rotor_inertia",
     "identification/regression/physical_consistency.py": "a parameter of an arm: a joint's rotor_inertia",
     "diagnosis/closed_loop/friction.py": "a parameter of an arm: a joint's rotor_inertia",
 }

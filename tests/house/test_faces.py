@@ -60,6 +60,7 @@ PUBLIC = {
         "effect_columns",
         "equations",
         "least_squares",
+        "model_parameters",
         "problem",
         "uncertainty",
     ),

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from arm_model.model_file import read_model
-from identification.regression.base_parameters import base_parameters
-from identification.regression.equations import column_names, model_columns, model_values, structural_base
+from identification.regression.base_parameters import base_parameters, structural_base
+from identification.regression.model_parameters import column_names, model_columns, model_values
 
 
 def test_puma_has_the_thirty_six_inertial_base_parameters_of_the_literature(root: Path) -> None:

@@ -20,7 +20,8 @@ from experiment import demand_of
 from identification.experiment_design.excitation import Series, design_excitation
 from identification.identify import identify_by
 from identification.preprocessing.demands import demand_of_run
-from identification.regression.equations import model_values, structural_base
+from identification.regression.base_parameters import structural_base
+from identification.regression.model_parameters import model_values
 from tests.arm_model.pumas import three_links
 
 RATE = 14.4 / 0.028  # Hz, no multiple of the setpoints' rate

@@ -16,7 +16,7 @@ from daq.rig.preflight import check_motion
 from daq.rig.rig_file import read_rig
 from experiment import demand_of, read_experiment
 from identification.experiment_design.excitation import Limits, design_excitation, excitation_scores, singular_values
-from identification.regression.equations import structural_base
+from identification.regression.base_parameters import structural_base
 from tests.arm_model.pumas import three_links
 
 

@@ -18,7 +18,7 @@ from daq.recording import Recording, open_recording
 from daq.recording.parts import Attachments
 from daq.recording.tables.table import write_table
 from identification.identify import identify_by
-from identification.regression.equations import structural_base
+from identification.regression.base_parameters import structural_base
 from identification.result import Identification, Value
 from tests.arm_model.pumas import three_links
 from tests.identification.test_effects import motor_motion

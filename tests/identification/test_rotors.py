@@ -16,7 +16,8 @@ from arm_model.urdf import read_urdf, write_urdf
 from daq.recording import Recording, open_recording
 from daq.recording.parts import Attachments
 from daq.recording.tables.table import write_table
-from identification.regression.equations import freed_rotors, structural_base
+from identification.regression.base_parameters import structural_base
+from identification.regression.model_parameters import freed_rotors
 from identification.report.html import _no_rotors
 
 GEARS = (32.0, -48.0, 40.0, 36.0, 44.0, 48.0)

@@ -18,8 +18,10 @@ from identification.methods.motor_link import motor_link_of
 from identification.preprocessing.setpoint_ripple import folded_torque, rate_beside, whole_rows
 from identification.preprocessing.setpoints import setpoints_of
 from identification.preprocessing.signals import Motion, smooth_motion
-from identification.regression.equations import equations, model_values, structural_base
+from identification.regression.base_parameters import structural_base
+from identification.regression.equations import equations
 from identification.regression.least_squares import least_squares
+from identification.regression.model_parameters import model_values
 from identification.regression.uncertainty import uncertainty
 from tests.arm_model.pumas import three_links
 
