@@ -24,9 +24,10 @@ from daq.recording import Recording
 from diagnosis.cause import Cause, extend, merge
 from diagnosis.closed_loop.comparison import with_smoothing_velocities
 from diagnosis.confidence import stated
-from diagnosis.find_causes import Named, Recordings, named_causes
+from diagnosis.find_causes import named_causes
 from diagnosis.measurements.currents.causes import from_event
 from diagnosis.measurements.single_axis.remarks import remarks
+from diagnosis.named import Named, Recordings
 from diagnosis.not_explained import undetectable, unexplained_of_currents, unexplained_structure
 from diagnosis.other_instruments import OtherInstruments, measure
 from diagnosis.remainder.against_noise import ratios
@@ -125,7 +126,7 @@ def evenly(recordings: Recordings, cleaned: Screened) -> tuple[Recordings, Scree
 
 def extend_by(arm: Arm, measured: OtherInstruments, named: Named, recordings: Recordings) -> tuple[list[Cause], Arm]:
     """All causes, each named once, and the model extended by them; without limits at which no current ever is."""
-    events = [*named.sight.events, *measured.events]
+    events = [*named.residuals.events, *measured.events]
     causes, extended = _with_events(events, arm, measured, named, recordings)
     idle = idle_limits(causes, extended, recordings, named.found.state.data)
     if not idle:

@@ -9,8 +9,8 @@ from diagnosis.closed_loop.clear_errors import clear_errors
 from diagnosis.closed_loop.comparison import Compared, faithful, has_demand
 from diagnosis.closed_loop.model_errors import healthy, spreads
 from diagnosis.closed_loop.oscillation import with_oscillations
-from diagnosis.find_causes import Named, Recordings
 from diagnosis.measurements.currents.detectability import not_judged, not_visible, not_warm
+from diagnosis.named import Named, Recordings
 from diagnosis.other_instruments import OtherInstruments
 from diagnosis.remainder.fitted_only import in_fit_alone, known_to
 from diagnosis.screening.cleaned import Screened

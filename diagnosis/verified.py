@@ -12,7 +12,7 @@ from arm_model import Arm
 from daq.recording import Recording
 from diagnosis.cause import Cause
 from diagnosis.closed_loop.comparison import Compared, along_motion, before_and_after, compare
-from diagnosis.find_causes import Named, Recordings
+from diagnosis.named import Named, Recordings
 from diagnosis.residual.run import Run
 
 

@@ -78,39 +78,39 @@ def residuals_of(arm: Arm, screened: Screened, progress: Progress = lambda sente
     return realigned(Residuals(screened.events, runs, screened.samples, periods, screened.known, screened.holes), [])
 
 
-def realigned(sight: Residuals, terms: Sequence[EffectTerm]) -> Residuals:
+def realigned(residuals: Residuals, terms: Sequence[EffectTerm]) -> Residuals:
     """The recordings with dropped triggers corrected; the same object where there are none, or no others.
 
     terms: effects conditional on which the lags are estimated. Strong effects that are not in the model mask a change
     of lag, so that it is searched for again once they are known, in all recordings as they were recorded: what one
     shows is judged beside the others.
     """
-    recorded = sight.as_recorded or sight
+    recorded = residuals.as_recorded or residuals
     runs = list(recorded.runs)
     if terms:
         runs = [replace(run, expected=run.current - residual_with(run, terms)) for run in runs]
     found = dropped_triggers(runs, recorded.periods)
-    if _rows_of(found) <= _rows_of(sight.losses):
-        return sight
+    if _rows_of(found) <= _rows_of(residuals.losses):
+        return residuals
     before, runs, samples, losses = recorded.runs, list(recorded.runs), list(recorded.samples), list(found)
     for k in sorted({loss.recording for loss in found}):
         here = [loss for loss in found if loss.recording == k]
         t, q, i = samples[k]
         for loss in here:
             i = realigned_rows(i, loss)
-        again = residual_run(runs[k].name, runs[k].arm, t, q, i, powered=runs[k].powered, known=sight.known[k])
-        again = unmeasured(without_skipped(again, sight.holes[k]), here)
+        again = residual_run(runs[k].name, runs[k].arm, t, q, i, powered=runs[k].powered, known=residuals.known[k])
+        again = unmeasured(without_skipped(again, residuals.holes[k]), here)
         # of the same rows: those that were not measured have no say in either
         if _energy(again, terms) < _energy(unmeasured(before[k], here), terms):
             samples[k], runs[k] = (t, q, i), again
         else:  # another error, which follows a change of lag at some joints and contradicts it at others
             losses = [loss for loss in losses if loss.recording != k]
-    if _rows_of(losses) <= _rows_of(sight.losses):
-        return sight
+    if _rows_of(losses) <= _rows_of(residuals.losses):
+        return residuals
     most = losses[0].recording
     gain = _gain_of_realignment(before[most], runs[most], terms)
     if any(abs(loss.count) > MOST_ROWS for loss in losses) and gain.after > MATTERS * gain.before:
-        return sight
+        return residuals
     event = replace(event_of(losses, runs), gain=gain)
     events = united([*recorded.events, event])
     return replace(recorded, events=events, runs=runs, samples=samples, losses=losses, as_recorded=recorded)
@@ -121,13 +121,13 @@ def _rows_of(losses: Sequence[DroppedTriggers]) -> Counter[tuple[int, int]]:
     return Counter((loss.recording, loss.count) for loss in losses)
 
 
-def confirmed(sight: Residuals, terms: Sequence[EffectTerm]) -> Residuals:
+def confirmed(residuals: Residuals, terms: Sequence[EffectTerm]) -> Residuals:
     """The recordings as recorded if, with the effects ``terms``, nothing in them shows dropped triggers any more.
 
     An effect that is not in the model may look like a change of lag until it is known.
     """
-    before = sight.as_recorded
-    return sight if before is None or realigned(before, terms) is not before else before
+    before = residuals.as_recorded
+    return residuals if before is None or realigned(before, terms) is not before else before
 
 
 def _energy(run: Run, terms: Sequence[EffectTerm]) -> float:

@@ -51,7 +51,7 @@ def _truth(hidden: tuple[Hidden, ...], seed: int) -> Truth:
     return replace(TRUE[key], signals=hide_in_signals(TRUE[key].signals, edges))
 
 
-def _sight(root: Path, *hidden: Hidden, seed: int = 3) -> Residuals:
+def _residuals(root: Path, *hidden: Hidden, seed: int = 3) -> Residuals:
     what = _truth(hidden, seed)
     rows = recorded(what, LABORATORY, seed)
     samples = what.signals.t, rows.q, rows.i
@@ -60,7 +60,7 @@ def _sight(root: Path, *hidden: Hidden, seed: int = 3) -> Residuals:
 
 
 def _seen(root: Path, *hidden: Hidden, seed: int = 3) -> Run:
-    return _sight(root, *hidden, seed=seed).runs[0]
+    return _residuals(root, *hidden, seed=seed).runs[0]
 
 
 def _found(*runs: Run) -> list[DroppedTriggers]:
@@ -118,36 +118,36 @@ def test_lost_edges_beside_a_lag(root: Path) -> None:
 def test_lost_edges_are_found_behind_an_effect_that_hides_them(root: Path) -> None:
     loss = {"row": 4975, "count": 2}
     payload = {"mass": 0.6, "x": 0.015, "y": 0.0, "z": 0.05}
-    sight = _sight(root, Hidden("payload", None, payload), Hidden("dropped_trigger", None, loss))
-    assert realigned(sight, []) is sight
+    residuals = _residuals(root, Hidden("payload", None, payload), Hidden("dropped_trigger", None, loss))
+    assert realigned(residuals, []) is residuals
     terms = [EffectTerm("payload", None, payload)]
-    found = realigned(sight, terms)
+    found = realigned(residuals, terms)
     (event,) = found.events
     values = {p.name: p for p in event.parameters}
     assert values["count"].value == 2
     assert abs(values["row"].value - 4975) < 3 * values["row"].std
     # and the other way round: without the payload nothing shows, and the recording stays as it was
-    assert confirmed(found, terms) is found and confirmed(found, []) is sight
+    assert confirmed(found, terms) is found and confirmed(found, []) is residuals
 
 
 def test_steps_that_make_the_residual_larger_are_no_lost_rows(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """What a search proposes for the lag is judged by what it leaves, at all joints together."""
-    sight = _sight(root)
+    residuals = _residuals(root)
     made_up = [DroppedTriggers(0, 4000.0, 10.0, 300, 1.0, PERIOD)]
     monkeypatch.setattr("diagnosis.screening.residuals.dropped_triggers", lambda runs, periods: made_up)
-    assert realigned(sight, []) is sight
+    assert realigned(residuals, []) is residuals
 
 
 def test_rows_that_lose_their_weight_are_no_gain(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Angles that are wrong where a made-up loss leaves no weight: what it leaves elsewhere is worse."""
-    sight = _sight(root)
-    t, q, i = sight.samples[0]
+    residuals = _residuals(root)
+    t, q, i = residuals.samples[0]
     wrong = q + 0.3 * ((t > 7.2) & (t < 8.3))[:, None] * (np.arange(6) == 1)
-    run = residual_run("run", sight.runs[0].arm, t, wrong, i)
-    sight = replace(sight, runs=[run], samples=[(t, wrong, i)])
+    run = residual_run("run", residuals.runs[0].arm, t, wrong, i)
+    residuals = replace(residuals, runs=[run], samples=[(t, wrong, i)])
     made_up = [DroppedTriggers(0, 7000.0, 10.0, 1500, 1.0, PERIOD)]
     monkeypatch.setattr("diagnosis.screening.residuals.dropped_triggers", lambda runs, periods: made_up)
-    assert realigned(sight, []) is sight
+    assert realigned(residuals, []) is residuals
 
 
 def test_steps_of_lost_rows_follow_one_another() -> None:
@@ -221,9 +221,9 @@ def test_currents_are_put_back_where_they_belong() -> None:
 
 def test_a_skew_named_in_their_place_does_not_keep_lost_edges_from_being_found(root: Path) -> None:
     """A search that did not know of the loss named the mean lag; with it in the model, the loss is found."""
-    sight = _sight(root, Hidden("dropped_trigger", None, {"row": 4975, "count": 4}))
+    residuals = _residuals(root, Hidden("dropped_trigger", None, {"row": 4975, "count": 4}))
     between = [EffectTerm("time_skew", None, {"delay": -2e-3})]
-    (event,) = realigned(sight, between).events
+    (event,) = realigned(residuals, between).events
     assert {p.name: p.value for p in event.parameters}["count"] == 4
 
 

@@ -1,0 +1,81 @@
+"""Causes that show beside the search in the currents: friction near rest, transmissions in closed loop, chatter."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence, Set
+from dataclasses import replace
+
+from arm_model.effects import CATALOGUE, Variable
+from diagnosis.cause import Cause, EffectKey, extend
+from diagnosis.closed_loop.comparison import with_smoothing_velocities
+from diagnosis.closed_loop.friction import friction_in_loop, has_state, with_estimates_of
+from diagnosis.closed_loop.resonance import transmission_resonance, transmissions
+from diagnosis.measurements.currents.chatter import chattering_gaps
+from diagnosis.measurements.currents.structure.basis_functions import TWO_FACED
+from diagnosis.measurements.near_rest.friction import Friction, friction_causes
+from diagnosis.measurements.near_rest.passages import known_speed
+from diagnosis.named import Named, Recordings
+
+
+def friction_near_rest(named: Named, recordings: Recordings, excluded: Set[EffectKey]) -> Friction:
+    """Friction that shows where joints turn or creep, beside what the search named.
+
+    Of an arm whose model is exact: what an identified model leaves over there is not known.
+    """
+    state = named.found.state
+    if named.axis or named.arm.uncertainty is not None or not named.library:
+        return Friction([], [])
+    taken = [*excluded, *(cause.key for cause in named.causes)]
+    # what load or position predict is another law: friction is judged beside any function of them
+    given: dict[int, list[Variable]] = {}
+    for one in named.found.unexplained.structures:
+        if one.joint is not None and one.against in TWO_FACED:
+            given.setdefault(one.joint, []).append(Variable(one.against))
+    found = friction_causes(state.data.map(lambda part: part.runs), state.terms, taken, tuple(named.library), given)
+    in_loop = _in_loop(named, recordings, [*taken, *(cause.key for cause in found.causes)])
+    return replace(found, causes=[*found.causes, *in_loop])
+
+
+def _in_loop(named: Named, recordings: Recordings, taken: Sequence[EffectKey]) -> list[Cause]:
+    """The same by closed loops, at joints whose encoder does not show the speed that currents are judged at.
+
+    What the search named there of currents is judged again, and estimated by both.
+    """
+    runs = [run for part in named.found.state.data for run in part.runs]
+    coarse = [j for j in range(1, len(named.arm) + 1) if not any(known_speed(run, j) for run in runs)]
+    if not coarse:
+        return []
+    every = [
+        replace(r, q=q, i=i) for r, (_, q, i) in zip((*recordings.fit, *recordings.held_out), named.residuals.samples)
+    ]
+    again = {cause.key: cause for cause in named.causes if cause.joint in coarse and has_state(cause.effect)}
+    beside = [cause for cause in named.causes if cause.key not in again]
+    found = friction_in_loop(extend(named.base, beside), every, coarse, set(taken) - set(again))
+    return [with_estimates_of(cause, again[cause.key]) if cause.key in again else cause for cause in found]
+
+
+def resonance_in_loop(named: Named, recordings: Recordings) -> Cause | None:
+    """A spring or a gap that closed loops show: in the place of one that the search named, or in addition."""
+    springs: list[Cause | None] = [one for one in named.causes if one.effect in transmissions()]
+    for spring in springs or [None]:
+        arm = with_smoothing_velocities(
+            extend(named.base, [one for one in named.causes if one is not spring]), recordings.fit
+        )
+        joints = [spring.joint] if spring and spring.joint else range(1, len(arm) + 1)
+        if (cause := transmission_resonance(arm, recordings.fit, recordings.held_out, joints, spring)) is not None:
+            return cause
+    return None
+
+
+def gaps(named: Named, excluded: Set[EffectKey]) -> tuple[Cause, ...]:
+    """The gaps that the search named, and those whose teeth chatter.
+
+    Of an arm whose model is exact: an error of its load moves the instant at which teeth part.
+    """
+    if named.axis:
+        return ()
+    found = tuple(one for one in named.causes if CATALOGUE[one.effect].gap is not None)
+    if named.arm.uncertainty is not None or not named.library:
+        return found
+    state, taken = named.found.state, {*excluded, *(cause.key for cause in named.causes)}
+    return (*found, *chattering_gaps(state.data.map(lambda part: part.runs), state.terms, taken))
