@@ -61,13 +61,15 @@ def loop_errors(
     motion = simulate_batch(carrying, demand, t - t[0], parameters=lanes)
     shown = recorded(carrying, motion)
     end, asked = round(TRANSIENT * rate), list(range(len(arm)) if at is None else at)
-    errors = np.full((len(shown.q), len(t) - 2 * end, len(asked)), np.nan)
-    for own, q, i in zip(errors, shown.q, shown.current):
-        if np.isfinite(i).all():
-            delay = late(recording.q - q, np.gradient(q, recording.dt, axis=0))
-            moved = np.column_stack([np.interp(t - delay, t, column) for column in i.T[asked]])
-            own[:] = zero_phase(_sections(rate), recording.i[:, asked] - moved)[end:-end]
-    return errors
+    errors = []
+    for q, i in zip(shown.q, shown.current):
+        if not np.isfinite(i).all():
+            errors.append(np.full((len(t) - 2 * end, len(asked)), np.nan))
+            continue
+        delay = late(recording.q - q, np.gradient(q, recording.dt, axis=0))
+        moved = np.column_stack([np.interp(t - delay, t, column) for column in i.T[asked]])
+        errors.append(zero_phase(_sections(rate), recording.i[:, asked] - moved)[end:-end])
+    return np.stack(errors)
 
 
 def late(difference: Array, speed: Array) -> float:
