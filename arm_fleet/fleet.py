@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -19,6 +18,7 @@ from arm_fleet.report.tables import tables_in
 from arm_fleet.tasks.cluster import Cluster
 from arm_fleet.tasks.store import TaskLine
 from arm_io import write_text
+from arm_io.json_text import write_json
 from arm_io.progress import Progress, Step
 
 SCHEMA = "armscope.fleet/1"
@@ -127,7 +127,7 @@ def fleet_of(
         notes=(*notes, *missing(plan, verdicts, lines, judged_nights)),
     )
     write_text(folder / "fleet.html", fleet_page(fleet).html())
-    write_text(folder / "fleet.json", json.dumps(fleet.to_json(), indent=1, default=float) + "\n")
+    write_json(folder / "fleet.json", fleet.to_json(), indent=1)
     return fleet
 
 

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Collection
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
 from arm_io import make_folder, whole_path, write_text
+from arm_io.json_text import json_text
 from arm_report.chart import Chart
 from arm_report.page import Report
 from arm_report.paper import PICTURE_DPI, figure
+from arm_report.picture_file import save_picture
 
 
 def write_report(
@@ -23,15 +24,18 @@ def write_report(
 ) -> dict[str, Any]:
     """Writes ``names`` (page, JSON file) into ``folder``, made if need be, each whole or not at all; returns content.
 
+    InputError where a number of the content is not finite: then nothing is written.
+
     pictures  kinds of files, "png" or "pdf": every chart as DIR/pictures/CHART.KIND
     """
     folder = Path(folder)
+    text = json_text(content, folder / names[1], indent=1)
     make_folder(folder)
     html, charts = report.render()
     write_text(folder / names[0], html)
     if pictures:
         write_pictures(folder / "pictures", charts, pictures)
-    write_text(folder / names[1], json.dumps(content, indent=1, default=float) + "\n")
+    write_text(folder / names[1], text + "\n")
     return content
 
 
@@ -44,6 +48,6 @@ def write_pictures(folder: Path, charts: list[Chart], kinds: Collection[str]) ->
         for kind in kinds:
             path = folder / f"{chart.name}.{kind}"
             with whole_path(path) as part:
-                drawn.savefig(part, format=kind, dpi=PICTURE_DPI)
+                save_picture(drawn, part, PICTURE_DPI)
             written.append(path)
     return written

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from arm_io import InputError
-from armscope.picture import save_picture
+from arm_report.picture_file import save_picture
 
 if TYPE_CHECKING:
     from arm_clearance import Chain, Pairs, Space

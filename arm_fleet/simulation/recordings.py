@@ -18,7 +18,8 @@ from scipy import signal
 
 from arm_fleet.simulation.wear import Life, Wear
 from arm_fleet.simulation.weather import Weather, friction_at
-from arm_io import InputError, make_folder, whole_file, write_toml
+from arm_io import InputError, make_folder, write_toml
+from arm_io.json_text import write_json
 from arm_io.progress import Progress, Step
 from arm_io.types import Array
 from arm_model import Arm, Motion, write_model
@@ -90,7 +91,6 @@ def write_fleet(
 
     InputError where they cannot be written, or the arm has no controller.
     """
-    import json
 
     if scene.arm.controller is None:
         raise InputError(scene.arm.name, "has no [controller]; following demanded positions needs one")
@@ -113,8 +113,7 @@ def write_fleet(
             _write(path, scene, shown, model, moment, draw)
             progress(Step("recordings", night + 1, nights, detail=f"{life.arm}, run {run + 1} of {scene.runs}"))
     truth = _truth(lives, nights, ratios)
-    with whole_file(folder / "truth.json") as file:
-        file.write(json.dumps(truth, indent=1) + "\n")
+    write_json(folder / "truth.json", truth, indent=1)
     write_toml(
         folder / "plan.toml", plan_table(lives), heading="The plan of a simulated fleet: armscope fleet plan.toml"
     )

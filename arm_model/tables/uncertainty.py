@@ -22,6 +22,7 @@ import numpy as np
 from pydantic import Field
 
 from arm_io import InputError, check_table, read_text, write_text
+from arm_io.json_text import json_text
 from arm_io.table import Table
 from arm_io.types import Array
 
@@ -120,10 +121,12 @@ def read_uncertainty(path: str | Path) -> Uncertainty:
 
 def write_uncertainty(path: str | Path, known: Uncertainty) -> None:
     """Writes a file that ``read_uncertainty`` reads back; whole or not at all."""
-    rows = ",\n  ".join(json.dumps(row) for row in known.covariance)
-    text = (
-        f'{{"schema": "{SCHEMA}",\n "parameters": {json.dumps(known.parameters)},\n "covariance": [\n  {rows}],\n'
-        f' "left_over": {json.dumps(known.left_over)},\n "left_over_in_loop": {json.dumps(known.in_loop)},\n'
-        f' "left_over_against": {json.dumps(known.against)}}}\n'
-    )
+    rows = ",\n  ".join(json_text(row, path) for row in known.covariance)
+    others = {
+        "left_over": known.left_over,
+        "left_over_in_loop": known.in_loop,
+        "left_over_against": known.against,
+    }
+    text = f'{{"schema": "{SCHEMA}",\n "parameters": {json_text(known.parameters)},\n "covariance": [\n  {rows}],\n'
+    text += ",\n".join(f' "{name}": {json_text(values, path)}' for name, values in others.items()) + "}\n"
     write_text(path, text)

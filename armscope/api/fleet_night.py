@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 from collections.abc import Mapping, Sequence
 from importlib import import_module
@@ -12,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from arm_fleet import fetched
-from arm_io import InputError, toml_of, write_text
+from arm_io import InputError, toml_of
+from arm_io.json_text import write_json
 from arm_model import Arm, arm_of, write_model
 from armscope.api.calibration import calibrate
 from armscope.api.diagnosis import diagnose
@@ -118,7 +118,7 @@ def _identify(
         shutil.move(folder / "identified/identification.json", folder / "identification.json")
     else:
         table = found.to_json()
-        write_text(folder / "identification.json", json.dumps(table, default=float))
+        write_json(folder / "identification.json", table)
     write_model(folder / BASELINE_MODEL, found.arm)
     value["relative_error"] = table["relative_error"]
     value["parameters"] = [one for one in table["parameters"] if one["identifiable"] and one["value"] is not None]
@@ -133,7 +133,7 @@ def _diagnose(
         shutil.move(folder / "diagnosed/diagnosis.json", folder / "diagnosis.json")
     else:
         table = found.to_json()
-        write_text(folder / "diagnosis.json", json.dumps(table, default=float))
+        write_json(folder / "diagnosis.json", table)
     value["verdict"] = table["verdict"]
     value["too_short"] = table["too_short"]
     value["signals"] = table["signals"]
@@ -151,7 +151,7 @@ def _calibrate(
     table = found.to_json()
     if report == "all":
         found.write(folder / "calibrated")
-    write_text(folder / "kinematics.json", json.dumps(table, default=float))
+    write_json(folder / "kinematics.json", table)
     value["position_rms"] = table["position_rms"]
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,9 +12,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from arm_io import InputError
+from arm_io.json_text import json_text
 from arm_io.progress import Step
+from arm_report.picture_file import check_picture, save_picture
 from armscope.commands.options import Json
-from armscope.picture import check_picture, save_picture
 from armscope.progress import shown
 
 if TYPE_CHECKING:
@@ -116,7 +116,7 @@ def _list(archive: Archive, filters: Filters, as_json: bool) -> None:
 
     rows = archive.rows(filters)
     if as_json:
-        print(json.dumps(rows, indent=1, allow_nan=False))
+        print(json_text(rows, indent=1))
         return
     head = ("date (UTC)", "arm", "experiment", "rows", "lost", "error", "result", "path")
     cells = [
@@ -157,7 +157,7 @@ def _parameters(archive: Archive, as_json: bool) -> None:
 
     rows = archive.parameters()
     if as_json:
-        print(json.dumps(rows, indent=1))
+        print(json_text(rows, indent=1))
         return
     cells = [(row["name"], row["unit"], str(row["results"])) for row in rows]
     print(wrapped("\n".join(text_table(cells, ("parameter", "unit", "results"), numbers=(2,), keep=None))))
@@ -173,7 +173,7 @@ def _plot(archive: Archive, filters: Filters, name: str, out: Path | None, as_js
     if out is not None:
         save_picture(history_figure(rows), out)
     if as_json:
-        print(json.dumps(rows, indent=1, allow_nan=False))
+        print(json_text(rows, indent=1))
         return
     cells = [
         (
@@ -201,7 +201,7 @@ def _compare(archive: Archive, names: list[str], model: Path | None, out: Path |
     result = compare(before, after, model)
     table = result.to_json() if out is None else result.write(out)
     if as_json:
-        print(json.dumps(table))
+        print(json_text(table))
     else:
         print(wrapped(str(result) if out is None else f"{result}\n{out / 'compare.html'}"))
 
@@ -213,7 +213,7 @@ def _open(archive: Archive, name: str, as_json: bool) -> None:
     reports = [str(archive.folder / one["report"]) for one in (row, *results) if one["report"]]
     if as_json:
         parameters = archive.parameters(row["path"])
-        print(json.dumps({**row, "parameters": parameters, "reports": reports}, indent=1, allow_nan=False))
+        print(json_text({**row, "parameters": parameters, "reports": reports}, indent=1))
         return
     _describe(row)
     for report in reports:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from arm_io import InputError, check_folder, make_folder
+from arm_io.json_text import json_text
 from arm_io.plain_data import point_of
 from armscope.commands.options import Pdf, Png, pictures
 from armscope.progress import shown
@@ -124,7 +124,7 @@ def command(
         if cube:
             _write_cubes(out, cubes, written)
     if as_json:
-        print(json.dumps(written, indent=1, default=float))
+        print(json_text(written, indent=1))
     else:
         _say(out, calibration, written, poses is not None, cube)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from arm_io import InputError
+from arm_io.json_text import json_text
 from armscope import allocation
 from armscope.commands.options import Pdf, Png, pictures
 from armscope.exit_status import CHANGED, DONE
@@ -69,7 +69,7 @@ def command(
         result = compare(*sides, model, progress=progress)
         table = result.to_json() if out is None else result.write(out, pictures=pictures(png, pdf))
     if as_json:
-        print(json.dumps(table))
+        print(json_text(table))
     else:
         print(wrapped(str(result) if out is None else f"{result}\n{out / 'compare.html'}"))
     return DONE if threshold is None else _status(threshold.exceeded(result.changes), str(fail_above))

@@ -18,6 +18,7 @@ from typing import Annotated, Any
 import typer
 
 from arm_io import DeviceFault, InputError, check_folder, make_folder, read_text, read_toml, write_toml
+from arm_io.json_text import json_text
 from armscope.commands.options import Json
 from armscope.display import has_display
 from armscope.shipped import shipped_folder
@@ -48,7 +49,7 @@ def command(
     with contextlib.redirect_stdout(sys.stderr):
         _tell(folder, fit, held_out)
     results = {path.stem: json.loads(read_text(folder / path)) for path in RESULTS}
-    print(json.dumps({"folder": str(folder)} | results))
+    print(json_text({"folder": str(folder)} | results))
 
 
 def _tell(folder: Path, fit: str, held_out: str) -> Path:

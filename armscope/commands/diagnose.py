@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 import typer
 
 from arm_io import InputError
+from arm_io.json_text import json_text
 from armscope import allocation
 from armscope.api.reading import note_gaps
 from armscope.commands.options import HeldOut, Json, Pdf, Png, pictures
@@ -90,7 +90,7 @@ def command(
             file=sys.stderr,
         )
     if as_json:
-        print(json.dumps(table))
+        print(json_text(table))
     else:
         from arm_report import wrapped
         from diagnosis.report import diagnosis_text
@@ -107,7 +107,7 @@ def _diagnose_base(fit: list[Path], model: Path, held_out: list[Path], out: Outp
         result = diagnose_base(fit, model, held_out=held_out, progress=progress)
         progress("report")
         table = write_base_diagnosis(out.folder, result, out.pictures)
-    print(json.dumps(table) if as_json else f"{result}\n{out.folder / 'report.html'}, diagnosis.json, model.toml")
+    print(json_text(table) if as_json else f"{result}\n{out.folder / 'report.html'}, diagnosis.json, model.toml")
 
 
 def _distorted(arm: Arm, name: str, recordings: list[Recording], out: Output, as_json: bool) -> int:
@@ -118,7 +118,7 @@ def _distorted(arm: Arm, name: str, recordings: list[Recording], out: Output, as
     named_parameter(arm, name)
     found = distort(arm, name, residuals_of(arm, screened(arm, recordings)).runs, recordings)
     table = write_distortion(out.folder, found, out.pictures)
-    print(json.dumps(table) if as_json else f"{table['verdict']}\n{out.folder / 'distortion.html'}")
+    print(json_text(table) if as_json else f"{table['verdict']}\n{out.folder / 'distortion.html'}")
     return DONE
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from arm_io.json_text import json_text
 from arm_io.progress import Step
 from armscope.commands.options import Json
 from armscope.progress import shown
@@ -68,8 +68,8 @@ def command(
     ] = 125.0,
     as_json: Json = False,
 ) -> None:
+    from arm_report.picture_file import check_picture
     from armscope.motion import clearance_in_words, clearance_of, draw
-    from armscope.picture import check_picture
     from experiment import check_trajectory, demand_of, write_experiment, write_trajectory
     from identification.experiment_design import Series
 
@@ -89,7 +89,7 @@ def command(
     if as_json:
         table = {"file": str(out), "duration": duration, "joints": len(task.arm), "harmonics": harmonics}
         clearance = clearance_of(demand, task.chain, task.pairs)
-        print(json.dumps(table | {"trajectories": points, "rate": designed.rate, "clearance": clearance}))
+        print(json_text(table | {"trajectories": points, "rate": designed.rate, "clearance": clearance}))
         return
     sampled = f", {designed.rate:g} rows/s (not a multiple of the setpoint rate)" if designed.rate else ""
     joints = f"{len(task.arm)} joint{'s' * (len(task.arm) > 1)}"

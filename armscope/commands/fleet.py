@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -10,6 +9,7 @@ from typing import Annotated
 import typer
 
 from arm_io import InputError, check_folder
+from arm_io.json_text import json_text
 from armscope.commands.options import Json
 from armscope.exit_status import DONE, SAMPLES_LOST
 from armscope.progress import shown
@@ -39,7 +39,7 @@ def command(
     if as_json:
         for note in found.notes:
             print(f"note: {note}", file=sys.stderr)
-        print(json.dumps(found.to_json(), allow_nan=False))
+        print(json_text(found.to_json()))
     else:
         print(wrapped(f"{found}\n{out / 'fleet.html'}"))
     return SAMPLES_LOST if found.failed else DONE

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from arm_io import check_folder
+from arm_io.json_text import json_text
 from armscope.commands.options import Json
 from armscope.progress import shown
 from armscope.shipped import found
@@ -51,7 +51,7 @@ def command(
     with shown(as_json) as progress:
         truth = write_fleet(out, scene, lives(arms, nights, worn=worn, seed=seed), nights, seed=seed, progress=progress)
     if as_json:
-        print(json.dumps(truth, allow_nan=False))
+        print(json_text(truth))
         return
     for one in truth["arms"]:
         if one["wear"]:

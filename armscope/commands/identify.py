@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from arm_io.json_text import json_text
 from armscope import allocation
 from armscope.api.reading import note_gaps
 from armscope.commands.options import HeldOut, Json, Pdf, Png, pictures
@@ -134,9 +134,7 @@ def _identify(
         result = identify(run, model, **chosen, progress=progress)
         progress("report")
         table = result.write(out, pictures=kinds)
-    print(
-        json.dumps(table) if as_json else wrapped(f"{result}\n{out / 'report.html'}, identification.json, model.toml")
-    )
+    print(json_text(table) if as_json else wrapped(f"{result}\n{out / 'report.html'}, identification.json, model.toml"))
 
 
 def _identify_base(
@@ -157,7 +155,7 @@ def _identify_base(
         result = identify_base(run, model, held_out=held_out, progress=progress)
         progress("report")
         table = result.write(out, pictures=kinds)
-    print(json.dumps(table) if as_json else f"{result}\n{out / 'report.html'}, identification.json, model.toml")
+    print(json_text(table) if as_json else f"{result}\n{out / 'report.html'}, identification.json, model.toml")
 
 
 _READINESS = (
@@ -176,7 +174,7 @@ def _print_readiness(ready: Readiness, as_json: bool) -> None:
     from arm_report import text_table, wrapped
 
     if as_json:
-        print(json.dumps(ready.to_json()))
+        print(json_text(ready.to_json()))
         return
     lines = []
     for run in ready.runs:

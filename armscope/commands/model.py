@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from dataclasses import asdict
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Annotated
 import typer
 
 from arm_io import InputError
+from arm_io.json_text import json_text
 from arm_model import Arm, on_fixed_base, read_model, write_model
 from arm_model.mjcf import SUFFIXES
 from arm_report import wrapped
@@ -79,7 +79,7 @@ def command(
         _compare(arm, as_json)
         return
     found = summary(arm)
-    print(json.dumps(found) if as_json else wrapped(summary_text(found)))
+    print(json_text(found) if as_json else wrapped(summary_text(found)))
 
 
 def _motors(out: Path, arm: Arm) -> str:
@@ -141,7 +141,7 @@ def _write(path: Path, arm: Arm) -> None:
 def _catalogue(as_json: bool) -> None:
     from armscope.model_text.catalogue import catalogue, catalogue_text
 
-    print(json.dumps(catalogue(), allow_nan=False) if as_json else catalogue_text())
+    print(json_text(catalogue()) if as_json else catalogue_text())
 
 
 def _compare(arm: Arm, as_json: bool) -> None:
@@ -152,6 +152,6 @@ def _compare(arm: Arm, as_json: bool) -> None:
         progress("generating the equations, several ways")
         rows = compare(arm)
     if as_json:
-        print(json.dumps({"name": arm.name, "formulations": [asdict(row) for row in rows]}))
+        print(json_text({"name": arm.name, "formulations": [asdict(row) for row in rows]}))
     else:
         print(formulations_text(arm, rows))

@@ -11,10 +11,10 @@ import typer
 
 from arm_io import InputError
 from arm_io.progress import Step
+from arm_report.picture_file import check_picture, save_picture
 from armscope.api.reading import note_gaps
 from armscope.commands.options import Json
 from armscope.motion import draw, space_of
-from armscope.picture import check_picture, save_picture
 from armscope.progress import shown
 from daq.recording import LongRecording, open_long, plot
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from arm_io import InputError
+from arm_io.json_text import json_text
 from arm_io.plain_data import point_of
 from armscope.api.reading import note_gaps
 from armscope.commands.options import Json, RecordingOut
@@ -43,4 +43,4 @@ def command(
         progress("writing")
         simulation.write(out)
     note_gaps(model, "dynamics")
-    print(json.dumps({"file": str(out)} | simulation.to_json()) if as_json else f"{out}: {simulation}")
+    print(json_text({"file": str(out)} | simulation.to_json()) if as_json else f"{out}: {simulation}")

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from arm_io import check_folder
+from arm_io.json_text import json_text
 from armscope.commands.options import Json, Pdf, Png, pictures
 from armscope.progress import shown
 
@@ -55,6 +55,6 @@ def command(
         result = trend(results, limits, filters=filters, progress=progress)
         table = result.to_json() if out is None else result.write(out, pictures=pictures(png, pdf))
     if as_json:
-        print(json.dumps(table, allow_nan=False))
+        print(json_text(table))
     else:
         print(wrapped(str(result) if out is None else f"{result}\n{out / 'trend.html'}"))

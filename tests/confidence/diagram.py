@@ -9,6 +9,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.stats import beta
 
+from arm_report.picture_file import save_picture
+
 Array = np.ndarray
 
 
@@ -34,4 +36,4 @@ def draw(path: Path, rows: Sequence[tuple[str, str, list[tuple[float, int, int]]
     axes.set(xlim=(start, 1.03), ylim=(start, 1.03))
     axes.set(xlabel="stated confidence", ylabel="share of names that were right")
     axes.legend(loc="upper left", frameon=False, fontsize=8)
-    figure.savefig(path, metadata={"Date": None})
+    save_picture(figure, path)

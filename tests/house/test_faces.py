@@ -24,6 +24,7 @@ PUBLIC = {
         "entries",
         "files",
         "handles",
+        "json_text",
         "optional",
         "parallel",
         "plain_data",
@@ -33,7 +34,7 @@ PUBLIC = {
         "types",
         "whole_folder",
     ),
-    "arm_report": ("chart", "motion", "palette", "vendor"),
+    "arm_report": ("chart", "motion", "palette", "picture_file", "vendor"),
     "arm_model": (
         "collision",
         "friction_split",
