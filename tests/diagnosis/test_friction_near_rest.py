@@ -16,7 +16,6 @@ import pytest
 from arm_model import Arm, EffectTerm
 from arm_model.effects import CATALOGUE, Variable
 from diagnosis.cause import Cause, Estimate
-from diagnosis.diagnose import Diagnosis
 from diagnosis.measurements.near_rest.friction import AGAINST, LIMITS, Friction, _rises, friction_causes
 from diagnosis.measurements.near_rest.laws import fitted_to_all, law_of
 from diagnosis.measurements.near_rest.passages import NearRest, near_rest, seen
@@ -26,6 +25,7 @@ from diagnosis.report.wording import rise_at_rest as words
 from diagnosis.residual.expected_current import reading
 from diagnosis.residual.generation import residual_run
 from diagnosis.residual.run import Run
+from diagnosis.result import Diagnosis
 from identification.selection import Split
 from tests.diagnosis.one_axis import built_up, vertical_joint
 

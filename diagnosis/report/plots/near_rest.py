@@ -11,10 +11,10 @@ from arm_model import EffectTerm
 from arm_report import Chart, Panel, Series, Zone
 from arm_report.chart import robust_range
 from arm_report.palette import AFTER, BEFORE
-from diagnosis.diagnose import Diagnosis
 from diagnosis.measurements.near_rest.passages import SLIDES, near_rest, seen_under
 from diagnosis.report.plots.residuals import UNITS
 from diagnosis.residual.filters import kept, rate_of
+from diagnosis.result import Diagnosis
 from diagnosis.units import recorded_quantity, unit_at
 
 
