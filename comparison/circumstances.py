@@ -79,15 +79,21 @@ def _means(recordings: Sequence[Recording], which: NDArray[np.bool_]) -> Array |
     return np.asarray(np.mean(found, axis=0))
 
 
+def warmer(recordings: Sequence[Recording], side: NDArray[np.bool_], joints: int) -> Array:
+    """(J,) K by which the side after was warmer; NaN where a recording has no temperature."""
+    before, after = _means(recordings, side), _means(recordings, ~side)
+    return np.full(joints, np.nan) if before is None or after is None else after - before
+
+
 def _temperature(recordings: Sequence[Recording], side: NDArray[np.bool_]) -> Iterator[Circumstance]:
     before, after = _means(recordings, side), _means(recordings, ~side)
     if before is None or after is None:
         return
-    for j, warmer in enumerate(after - before):
-        if abs(warmer) >= WARMER:
-            word = "warmer" if warmer > 0 else "colder"
+    for j, by in enumerate(after - before):
+        if abs(by) >= WARMER:
+            word = "warmer" if by > 0 else "colder"
             sentence = (
-                f"motor {j + 1} is {abs(warmer):.1f} K {word} ({before[j]:.1f} to {after[j]:.1f} degC): a change of "
+                f"motor {j + 1} is {abs(by):.1f} K {word} ({before[j]:.1f} to {after[j]:.1f} degC): a change of "
                 f"friction of joint {j + 1} may be due to it"
             )
             yield Circumstance("temperature", (j + 1,), sentence)

@@ -13,8 +13,9 @@ from arm_io.progress import Step
 from arm_io.types import Array, Progress
 from arm_model import Arm
 from comparison.change import Change, Estimate, Quantity
-from comparison.circumstances import circumstances
+from comparison.circumstances import circumstances, warmer
 from comparison.current_limits import limit_changes
+from comparison.friction_drift import assumed, friction_drift
 from comparison.joint_fit.fewest import Recorded, with_fewest
 from comparison.outcome import Comparison
 from comparison.quantities import friction_maps, values_quantities
@@ -50,16 +51,17 @@ def compare_recordings(
     quantities, maps = _quantities(structure, fits, shown, side, names)
     progress("changes")
     estimates = [_estimate(name, each, maps) for name, each in zip(names, fits)]
+    drift = friction_drift(structure, _mean_values(fits), warmer(recordings, side, len(arm)))
     alone = changes(
         quantities,
         [one for one, mine in zip(estimates, side) if mine],
         [one for one, mine in zip(estimates, side) if not mine],
-        _leaked(structure, fits, maps, side),
+        np.hypot(_leaked(structure, fits, maps, side), np.linalg.norm(np.nan_to_num(maps) @ drift, axis=1)),
     )
     band = [wide(motion) for motion in motions]
     in_band, _, rows = _fits(structure, recordings, band, motions, progress)
     progress("the fewest changes")
-    decided, added, found = with_fewest(Recorded(structure, band, rows, in_band, side), alone)
+    decided, added, found = with_fewest(Recorded(structure, band, rows, in_band, side, drift), alone)
     return Comparison(
         what="recordings",
         arm=arm,
@@ -68,8 +70,17 @@ def compare_recordings(
         changes=[*decided, *added, *limit_changes(before, after, arm)],
         circumstances=circumstances(recordings, motions, side, arm),
         summaries=summaries(structure, fits, side, _as_decided(alone, decided), found, added),
+        assumptions=[assumed(len(recordings))],
         warnings=[warning for run in runs for warning in run.warnings],
     )
+
+
+def _mean_values(fits: Sequence[Fitted]) -> Array:
+    """(c,) of all recordings that show them; NaN where none does."""
+    values = np.array([one.values for one in fits])
+    seen = np.isfinite(values)
+    total = np.where(seen, values, 0.0).sum(axis=0)
+    return np.where(seen.any(axis=0), total / np.maximum(seen.sum(axis=0), 1), np.nan)
 
 
 def _as_decided(alone: Sequence[Change], decided: Sequence[Change]) -> list[Change]:

@@ -65,6 +65,7 @@ class Comparison:
     before, after  paths of both sides
     changes        every quantity, comparable or not
     circumstances  differences of the recordings themselves
+    assumptions    of recordings: sentences about what their deviations contain beside what the recordings show
     causes         of diagnoses: sentences about causes that appeared or vanished
     summaries      of recordings: causes that sum up several changes
     """
@@ -75,6 +76,7 @@ class Comparison:
     after: tuple[str, ...]
     changes: list[Change]
     circumstances: list[Circumstance] = field(default_factory=list)
+    assumptions: list[str] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
     causes: list[str] = field(default_factory=list)
     summaries: list[Summary] = field(default_factory=list)
@@ -135,6 +137,7 @@ class Comparison:
             "false_discovery_rate": SIGNIFICANT,
             "tested": self.tested,
             "circumstances": [one.to_json() for one in self.circumstances],
+            "assumptions": self.assumptions,
             "changes": [one.to_json() for one in self.changes],
             "causes": self.causes,
             "summaries": [one.to_json() for one in self.summaries],

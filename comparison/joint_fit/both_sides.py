@@ -7,7 +7,8 @@ G the normal matrices of the sides and e the residual of the shared fit, its coe
     D^T M D c = D^T s,    M = G_after - G_after (G_before + G_after)^-1 G_after,    s = sum of x e over the rows after
 
 (the parallel sum of both sides' information). Their covariance is that of sums over blocks of time, times what the sums
-over whole recordings scatter beyond it.
+over whole recordings scatter beyond it; and what friction differs by between the sides of any arm (``friction_drift``)
+moves them, as the change d of the values does: c = (D^T M D)^-1 D^T M d.
 """
 
 from __future__ import annotations
@@ -39,6 +40,7 @@ class Both:
     x, y       (n, c) columns and (n,) torques less the model's, over the noise
     block      (n,) the block of time of each row; recording, after  (b,) of each block
     total, late  (c, c) normal matrices of all rows, and of the side after
+    drift      (c, d) changes of the values by one standard deviation each of what differs where nothing changed
     """
 
     x: Array
@@ -49,6 +51,7 @@ class Both:
     scale: Array
     total: Array
     late: Array
+    drift: Array
 
     @property
     def recordings(self) -> int:
@@ -70,7 +73,8 @@ class Both:
 class Tested:
     """What a hypothesis explains.
 
-    directions, coefficients, covariance  (c, k), (k,) and (k, k): the combinations of it that both sides show
+    directions, coefficients, covariance  (c, k), (k,) and (k, k): the combinations of it that both sides show, the last
+             with what the drift does to them
     gain     squared residual, in units of the noise of white rows, that it removes
     log_p    of its chance
     """
@@ -98,21 +102,26 @@ class Tested:
 class _Raw:
     """Coefficients (k,) of independent directions (c, k), scaled; covariance (k, k) by blocks; scatter over it.
 
+    drift    (k, d) change of the coefficients by one standard deviation each of what differs where nothing changed
     freedom  degrees of freedom by the blocks of both sides that show the coefficients
     """
 
     directions: Array
     coefficients: Array
     covariance: Array
+    drift: Array
     scatter: float
     gain: float
     freedom: float
 
 
-def both_sides(structure: Structure, data: Sequence[Rows], fits: Sequence[Fitted], side: NDArray[np.bool_]) -> Both:
+def both_sides(
+    structure: Structure, data: Sequence[Rows], fits: Sequence[Fitted], side: NDArray[np.bool_], drift: Array
+) -> Both:
     """Of recordings with their own fits; ``side`` (n,) is True for those before.
 
-    Columns beyond those of the compared values are zero in the model.
+    drift: (c, d) as of ``friction_drift``. Columns beyond those of the compared values are zero in the model, and do
+    not drift.
     """
     size, joints = data[0].columns.shape[1], len(structure.arm)
     model = np.concatenate([structure.model(), np.zeros(size - structure.size)])
@@ -131,7 +140,8 @@ def both_sides(structure: Structure, data: Sequence[Rows], fits: Sequence[Fitted
     of, block = np.array(recording, np.intp), np.concatenate(blocks)
     x, y = np.concatenate([one * scale for one, _ in parts]), np.concatenate([one for _, one in parts])
     late = x[~side[of][block]]
-    return Both(x, y, block, of, ~side[of], scale, x.T @ x, late.T @ late)
+    drift = np.pad(drift, ((0, size - structure.size), (0, 0))) / scale[:, None]
+    return Both(x, y, block, of, ~side[of], scale, x.T @ x, late.T @ late, drift)
 
 
 def _spread(rows: Rows, fitted: Fitted, joints: int) -> Array:
@@ -188,7 +198,7 @@ def tested(both: Both, every: Sequence[Hypothesis], chosen: Sequence[Hypothesis]
     for one in every:
         directions = one.directions / both.scale[:, None]
         shapes.append(_shape(scores, directions - known @ (apart @ (m @ directions)), m))
-    return _judged(both, every, _raws(both, left, shapes, inverse, share))
+    return _judged(both, every, _raws(both, left, shapes, inverse, share, m @ both.drift))
 
 
 def _shape(scores: Array, directions: Array, m: Array) -> tuple[Array, Array, Array]:
@@ -203,9 +213,17 @@ def _shape(scores: Array, directions: Array, m: Array) -> tuple[Array, Array, Ar
 
 
 def _raws(
-    both: Both, left: Array, shapes: Sequence[tuple[Array, Array, Array]], inverse: Array, share: Array
+    both: Both,
+    left: Array,
+    shapes: Sequence[tuple[Array, Array, Array]],
+    inverse: Array,
+    share: Array,
+    drifting: Array,
 ) -> list[_Raw | None]:
-    """Of each hypothesis, from what the shared fit leaves (n,); None where the sides do not show it."""
+    """Of each hypothesis, from what the shared fit leaves (n,); None where the sides do not show it.
+
+    drifting: (c, d) M times the drift.
+    """
     after, blocks = both.rows_after, len(both.recording)
     along = np.concatenate([one for one, _, _ in shapes], axis=1)
     changed = np.stack([one @ coefficients for one, _, coefficients in shapes], axis=1)
@@ -220,11 +238,12 @@ def _raws(
         own = slice(end, end := end + len(size))
         moves = np.where(after[:, None], shown[:, own], 0.0) - shared[:, own]
         parts = into @ (remaining[:, k, None] * moves), into @ (shown[:, own] ** 2)
-        found.append(_raw(both, (one, size, coefficients), *parts) if len(size) else None)
+        drift = one.T @ drifting / size[:, None]
+        found.append(_raw(both, (one, size, coefficients), *parts, drift) if len(size) else None)
     return found
 
 
-def _raw(both: Both, shape: tuple[Array, Array, Array], sums: Array, shown: Array) -> _Raw:
+def _raw(both: Both, shape: tuple[Array, Array, Array], sums: Array, shown: Array, drift: Array) -> _Raw:
     """``sums`` (b, k) of blocks at the fit with the change, and the information (b, k) of each."""
     along, size, coefficients = shape
     blocks = len(sums)
@@ -233,10 +252,11 @@ def _raw(both: Both, shape: tuple[Array, Array, Array], sums: Array, shown: Arra
     covariance += np.diag(np.maximum(1.0 / size - np.diag(covariance), 0.0))
     whole = np.zeros((both.recordings, len(size)))
     np.add.at(whole, both.recording, sums / size)
-    freedom = max(both.recordings - 2, 1)
-    scatter = float(np.mean(np.sum(whole**2, axis=0) * both.recordings / freedom / np.diag(covariance)))
+    spare = max(both.recordings - 2, 1)
+    scatter = float(np.mean(np.sum(whole**2, axis=0) * both.recordings / spare / np.diag(covariance)))
     gains = coefficients**2 * size
-    return _Raw(along, coefficients, covariance, scatter, float(gains.sum()), _effective(shown, both.after, gains))
+    freedom = _effective(shown, both.after, gains)
+    return _Raw(along, coefficients, covariance, drift, scatter, float(gains.sum()), freedom)
 
 
 def _effective(shown: Array, after: NDArray[np.bool_], gains: Array) -> float:
@@ -263,7 +283,7 @@ def _judged(both: Both, every: Sequence[Hypothesis], raw: Sequence[_Raw | None])
         scatter[mine], freedom[mine] = moderate(scatter[mine], freedom[mine])
     found = []
     for (one, of), more, degrees in zip(pairs, scatter, freedom):
-        covariance, count = of.covariance * max(more, 1.0), len(of.coefficients)
+        covariance, count = of.covariance * max(more, 1.0) + of.drift @ of.drift.T, len(of.coefficients)
         square = float(of.coefficients @ np.linalg.pinv(covariance, hermitian=True) @ of.coefficients)
         left = min(of.freedom, degrees) if more > 1.0 else of.freedom
         left = max(left - count + 1, 1.0)

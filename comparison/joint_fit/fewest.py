@@ -41,6 +41,7 @@ class Recorded:
     """The recordings in the band of the joint fit, and what each says alone.
 
     side   (n,) True for those before
+    drift  (c, d) as of ``friction_drift``
     """
 
     structure: Structure
@@ -48,6 +49,7 @@ class Recorded:
     rows: Sequence[Rows]
     fits: Sequence[Fitted]
     side: NDArray[np.bool_]
+    drift: Array
 
 
 @dataclass(frozen=True)
@@ -143,7 +145,7 @@ def _with(
     structure, fits, side = recorded.structure, recorded.fits, recorded.side
     new = [one for k, one in enumerate(proposed) if all(not one.same(other) for other in [*added, *proposed[:k]])]
     data = [with_columns(own, added_rows(new, structure.arm, motion)) for own, motion in zip(rows, recorded.motions)]
-    both, every = both_sides(structure, data, fits, side), [*added, *new]
+    both, every = both_sides(structure, data, fits, side, recorded.drift), [*added, *new]
     late = [one for one, mine in zip(fits, side) if not mine]
     tried = hypotheses(structure, late, every)
     return _Joint(both, every, tried, selected(both, tried)), data

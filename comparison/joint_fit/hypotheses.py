@@ -14,6 +14,7 @@ import numpy as np
 
 from arm_io.types import Array
 from comparison.change import Quantity
+from comparison.friction_drift import friction_shapes
 from comparison.joint_fit.effects import Added
 from comparison.load_friction import loaded_joints
 from comparison.quantities import values_quantities
@@ -68,7 +69,7 @@ def _of_added(structure: Structure, added: Sequence[Added]) -> Iterator[Hypothes
     for one in added:
         own = np.eye(size)[:, first : (first := first + len(one.units))]
         if one.effect == "gravity_spring":
-            constant = _shapes(structure, one.joint - 1)[2]
+            constant = friction_shapes(structure, one.joint - 1)[2]
             own = np.column_stack([own, np.pad(constant, (0, size - structure.size))])
         yield Hypothesis("effect beyond the model", one.joint, own, added=one, tries=one.tries)
 
@@ -87,17 +88,8 @@ def _unit(structure: Structure, k: int, quantity: Quantity) -> Hypothesis:
 def _of_friction(structure: Structure) -> Iterator[Hypothesis]:
     for joint in range(len(structure.arm)):
         names = [f"joint{joint + 1}.{name}" for name in ("coulomb", "viscous", "offset")]
-        for shape, name in zip(_shapes(structure, joint), [*names, ""]):
+        for shape, name in zip(friction_shapes(structure, joint), [*names, ""]):
             yield Hypothesis("friction", joint + 1, shape[:, None], name)
-
-
-def _shapes(structure: Structure, joint: int) -> Array:
-    """(4, c) level, slope, asymmetry and hump of the friction of a joint (from 0), in the compared values."""
-    start, shapes = len(structure.rows), np.zeros((4, structure.size))
-    for k, (curve, place) in enumerate(structure.points):
-        if curve.joint == joint:
-            shapes[:, start + k] = 1.0, curve.speeds[place], curve.direction, float(place == 0)
-    return shapes
 
 
 def _of_bodies(structure: Structure) -> Iterator[Hypothesis]:

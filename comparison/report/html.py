@@ -31,6 +31,7 @@ def report(result: Comparison) -> Report:
             "causes": result.causes,
             "changed_sentences": changed_sentences(result),
             "circumstances": [one.sentence for one in result.circumstances],
+            "assumptions": result.assumptions,
             "overview": plots.overview(result),
             "curves": plots.curves(result),
             "of_recordings": result.what == "recordings",

@@ -23,7 +23,7 @@ MOST = 12
 
 def text(result: Comparison) -> str:
     """The circumstances, a table of the largest changes, the significant ones in words, and the verdict."""
-    lines = [f"note: {one.sentence}" for one in result.circumstances]
+    lines = [f"note: {one}" for one in (*(each.sentence for each in result.circumstances), *result.assumptions)]
     tested = [one for one in result.changes if one.corrected is not None and one.quantity.kind != "curve"]
     tested.sort(key=lambda one: -abs(one.z or 0.0))
     shown = tested[: max(MOST, sum(one.significant for one in tested))]

@@ -31,7 +31,17 @@ def both_of(
     late = recording[block] >= RECORDINGS // 2
     uneven = differs * made[0] * (-1.0) ** recording[block] * x[:, 0] * ~in_part
     y = rng.normal(size=n) + late * (x[:, :3] @ made + uneven)
-    both = Both(x, y, block, recording, recording >= RECORDINGS // 2, np.ones(size), x.T @ x, x[late].T @ x[late])
+    both = Both(
+        x,
+        y,
+        block,
+        recording,
+        recording >= RECORDINGS // 2,
+        np.ones(size),
+        x.T @ x,
+        x[late].T @ x[late],
+        np.zeros((size, 0)),
+    )
     names = ["cause", "part", "other", *(f"quiet {k}" for k in range(QUIET))]
     kinds = ["scale", *["friction"] * (size - 1)]
     every = [Hypothesis(what, 1, one[:, None], name, tries=300) for what, one, name in zip(kinds, np.eye(size), names)]

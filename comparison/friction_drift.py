@@ -1,0 +1,70 @@
+"""How friction differs between two sides of an arm in which nothing changed: its temperature is never quite the same.
+
+Recordings of one side show how they scatter among themselves, and one recording shows not even that; what differs from
+day to day no recording of a single day shows. It is assumed: a difference of temperature, and what it does to friction
+by the published law of a greased robot joint (Bittencourt, Gunnarsson, J. Dyn. Sys. Meas. Control 134(5), 2012).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from arm_io.types import Array
+from comparison.circumstances import WARMER
+from comparison.regression import Structure
+
+UNTOLD = WARMER / 2
+"""K, standard deviation of a difference of temperature that is not told: ``WARMER`` is two of it."""
+COULOMB = 0.005
+"""Share by which Coulomb friction differs per K, as in ``arm_fleet.simulation.weather``; by the published law none."""
+VISCOUS = 0.03
+"""Share by which viscous friction differs per K: of the law's 1.29e-4 + 1.31e-3 exp(-T / 20.7), at T = 40 degC."""
+NEAR_REST = 0.056
+"""Friction near rest differs by this share of the Coulomb friction per K: 1.69e-3 of 3.04e-2 of the published law."""
+
+
+def friction_shapes(structure: Structure, joint: int) -> Array:
+    """(4, c) level, slope, asymmetry and hump of the friction of a joint (from 0), in the compared values."""
+    start, shapes = len(structure.rows), np.zeros((4, structure.size))
+    for k, (curve, place) in enumerate(structure.points):
+        if curve.joint == joint:
+            shapes[:, start + k] = 1.0, curve.speeds[place], curve.direction, float(place == 0)
+    return shapes
+
+
+def friction_drift(structure: Structure, values: Array, warmer: Array) -> Array:
+    """(c, 3 J) changes of the compared values by one standard deviation each of independent differences of friction.
+
+    values  (c,) of the arm, NaN where they are not known
+    warmer  (J,) K by which the side after was warmer; NaN where it was not recorded. The standard deviation of the
+            temperature is that, and ``UNTOLD`` at least: it is measured at the motor, and friction is in the gear
+    """
+    kelvin = np.fmax(np.abs(warmer), UNTOLD)
+    points = np.zeros(structure.size, bool)
+    points[len(structure.rows) : len(structure.rows) + len(structure.points)] = True
+    drift = []
+    for joint in range(len(structure.arm)):
+        level, slope, _, hump = friction_shapes(structure, joint)
+        seen = points & (level > 0.0) & np.isfinite(values)
+        size = np.zeros(2)
+        if seen.any():
+            columns = np.column_stack([level, slope, hump])[seen]
+            size = np.abs(np.linalg.lstsq(columns, values[seen], rcond=None)[0][:2])
+        shares = COULOMB * size[0], VISCOUS * size[1], NEAR_REST * size[0]
+        drift += [kelvin[joint] * share * shape for share, shape in zip(shares, (level, slope, hump))]
+    return np.column_stack(drift)
+
+
+def assumed(recordings: int) -> str:
+    """What is assumed, in a sentence; ``recordings`` of both sides together."""
+    shares = [f"{100 * UNTOLD * share:.2g} %" for share in (COULOMB, VISCOUS, NEAR_REST)]
+    unknown = (
+        "one recording per side: how much friction differs from one recording to the next cannot be estimated"
+        if recordings == 2
+        else "recordings of one day do not show how much friction differs from day to day"
+    )
+    return (
+        f"{unknown}; assumed is a temperature that differs by {UNTOLD:g} K (std), or by as much as was recorded: "
+        f"{shares[0]} of Coulomb friction, {shares[1]} of viscous friction, near rest {shares[2]} of Coulomb friction "
+        "(Bittencourt, Gunnarsson 2012)"
+    )
