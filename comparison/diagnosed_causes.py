@@ -77,19 +77,21 @@ def entries_of(
         for name in names:
             mine = [one.get(key, {}).get(name) for one in causes]
             quantity = _quantity(key, name, next(entry for entry in mine if entry is not None)[2])
-            why = ""
-            for k, entry in enumerate(mine):
-                if entry is None:
-                    reason = _blind(tables[k], key)
-                    if reason or name not in size_parameters(key[0]):
-                        why = why or f"{reason or f'{cause_in_words(key)} is not named'} in {paths[k]}"
-                        continue
-                    stds = [other[1] for other in mine if other is not None and other[1] is not None]
-                    entry = (0.0, float(np.sqrt(np.mean(np.square(stds)))) if stds else None, quantity.unit)
-                entries[k][quantity.name] = entry
+            stds = [entry[1] for entry in mine if entry is not None and entry[1] is not None]
+            absent = (0.0, float(np.sqrt(np.mean(np.square(stds)))) if stds else None, quantity.unit)
+            missing = ["" if entry else _why_missing(key, name, table) for entry, table in zip(mine, tables)]
+            for own, entry, why in zip(entries, mine, missing):
+                if not why:
+                    own[quantity.name] = entry or absent
             quantities.append(quantity)
-            whys.append(why)
+            whys.append(next((f"{why} in {path}" for why, path in zip(missing, paths) if why), ""))
     return quantities, entries, whys
+
+
+def _why_missing(key: Key, name: str, table: Mapping[str, Any]) -> str:
+    """Why a parameter of a cause that a diagnosis does not name is unknown there; "" where it is zero."""
+    reason = _blind(table, key)
+    return reason or ("" if name in size_parameters(key[0]) else f"{cause_in_words(key)} is not named")
 
 
 def cause_sentences(

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from arm_io.types import Array
 from arm_model import Arm, GearStage, Joint
-from arm_model.effects import CATALOGUE, Instrument
+from arm_model.effects import CATALOGUE, Effect, Instrument
 from diagnosis.residual.noise.instruments import residual_gain
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Dataset
@@ -58,20 +58,17 @@ def of_shafts(arm: Arm) -> Iterator[Candidate]:
     """
     for number, joint in enumerate(arm.joints, 1):
         for effect in CATALOGUE.values():
-            if (
-                not effect.wave
-                or Instrument.CURRENT not in effect.observed_by
-                or not (effect.deflection or effect.angle)
-            ):
-                continue
-            name = next(p.name for p in effect.parameters if p.whole)
-            orders = (
-                _teeth(joint) if effect.deflection else _of_joint(joint, (*RUN_OUT, *range(TEETH[0], TEETH[1] + 1)))
-            )
-            amplitudes = ["", *(p.name for p in effect.linear[1:])]
-            for order in orders:
-                for amplitude in amplitudes:
-                    yield Candidate(effect.name, number, ((name, order),), amplitude=amplitude)
+            if effect.wave and Instrument.CURRENT in effect.observed_by and (effect.deflection or effect.angle):
+                yield from _of_wheels(effect, number, joint)
+
+
+def _of_wheels(effect: Effect, number: int, joint: Joint) -> Iterator[Candidate]:
+    """Waves of an effect at joint ``number`` (from 1), of every order and every amplitude."""
+    name = next(p.name for p in effect.parameters if p.whole)
+    orders = _teeth(joint) if effect.deflection else _of_joint(joint, (*RUN_OUT, *range(TEETH[0], TEETH[1] + 1)))
+    for order in orders:
+        for amplitude in ("", *(p.name for p in effect.linear[1:])):
+            yield Candidate(effect.name, number, ((name, order),), amplitude=amplitude)
 
 
 def _teeth(joint: Joint) -> list[float]:

@@ -14,6 +14,7 @@ from arm_report import Chart, Level, Panel, Series
 from arm_report.palette import AFTER, AXIS, BEFORE, MEASURED, joint_colour
 
 if TYPE_CHECKING:
+    from identification.preprocessing.spectrum import Band
     from identification.result import Identification, Prediction
 
 FINE = 8
@@ -69,7 +70,18 @@ def predictions(result: Identification) -> Iterator[Chart]:
 
 def spectra(result: Identification) -> Chart:
     """Residual against torque, and where the cut-off frequencies come from."""
-    run = _worth_showing(result)[-1]
+    panels = [_torque_spectra(_worth_showing(result)[-1]), *map(_acceleration_spectra, result.bands[:1])]
+    return Chart(
+        name="spectra",
+        title="spectra of torque, residual and acceleration",
+        panels=tuple(panels),
+        columns=len(panels),
+        height=3.1,
+    )
+
+
+def _torque_spectra(run: Prediction) -> Panel:
+    """Spectral densities of measured torque and residual, joint by joint."""
     lines = []
     for j in np.unique(run.joint):
         mine, joint = run.joint == j, int(j) + 1
@@ -80,49 +92,39 @@ def spectra(result: Identification) -> Chart:
             Series(x=f, y=torque, colour=colour, width=0.8, dashed=True, joint=joint),
             Series(x=f, y=residual, colour=colour, width=1.4, label=f"joint {joint}", joint=joint),
         ]
-    unit = "(N m)²/Hz or N²/Hz"
-    panels = [
-        Panel(
-            series=tuple(lines),
-            title="torque (dashed) and residual",
-            x="frequency, Hz",
-            y=f"density, {unit}",
-            log_y=True,
+    return Panel(
+        series=tuple(lines),
+        title="torque (dashed) and residual",
+        x="frequency, Hz",
+        y="density, (N m)²/Hz or N²/Hz",
+        log_y=True,
+    )
+
+
+def _acceleration_spectra(band: Band) -> Panel:
+    """Spectral density of the angles differenced twice, with the cut-off frequencies that follow from it."""
+    low = float(np.min(band.density[1:].max(axis=1)))
+    columns = [
+        Series(
+            x=band.frequency[1:],
+            y=np.maximum(column[1:], max(low * 1e-3, 1e-300)),
+            colour=joint_colour(joint),
+            joint=joint,
         )
+        for joint, column in enumerate(band.density.T, 1)
     ]
-    if result.bands:
-        band = result.bands[0]
-        low = float(np.min(band.density[1:].max(axis=1)))
-        columns = [
-            Series(
-                x=band.frequency[1:],
-                y=np.maximum(column[1:], max(low * 1e-3, 1e-300)),
-                colour=joint_colour(joint),
-                joint=joint,
-            )
-            for joint, column in enumerate(band.density.T, 1)
-        ]
-        cuts = (
-            Level(value=band.motion, axis="x", colour=AXIS, words=f"differentiation {band.motion:.3g} Hz"),
-            Level(value=band.parallel, axis="x", colour=AXIS, words=f"regression {band.parallel:.3g} Hz", dashed=True),
-        )
-        panels.append(
-            Panel(
-                series=tuple(columns),
-                title="acceleration, differenced twice",
-                x="frequency, Hz",
-                y="density, (rad/s²)²/Hz or (m/s²)²/Hz",
-                levels=cuts,
-                log_x=True,
-                log_y=True,
-            )
-        )
-    return Chart(
-        name="spectra",
-        title="spectra of torque, residual and acceleration",
-        panels=tuple(panels),
-        columns=len(panels),
-        height=3.1,
+    cuts = (
+        Level(value=band.motion, axis="x", colour=AXIS, words=f"differentiation {band.motion:.3g} Hz"),
+        Level(value=band.parallel, axis="x", colour=AXIS, words=f"regression {band.parallel:.3g} Hz", dashed=True),
+    )
+    return Panel(
+        series=tuple(columns),
+        title="acceleration, differenced twice",
+        x="frequency, Hz",
+        y="density, (rad/s²)²/Hz or (m/s²)²/Hz",
+        levels=cuts,
+        log_x=True,
+        log_y=True,
     )
 
 

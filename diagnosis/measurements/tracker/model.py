@@ -206,15 +206,18 @@ class TrackedPoints(MeasurementModel[TrackedCandidate, State]):
                 for score in self.linear_scores([c for c in self.every if _new(c, others)], without)
                 if score.gain > self.limits.ambiguity * own.gain
             ]
-            equals = [candidate]
-            for other in alike + _of_the_same_errors(alike, candidate):
-                if other.key != candidate.key:
-                    swapped = self.refit([*others, other], without)
-                    fits = is_physical(other, swapped.coefficients(other)[0])
-                    if fits and energy(point_residual(swapped, held_out)) < enough:
-                        equals.append(other)
-            named.append(Named(candidate, _distinct(equals), own, point_residual(without, held_out)))
+            rivals = [c for c in alike + _of_the_same_errors(alike, candidate) if c.key != candidate.key]
+            equals = [c for c in rivals if self._leaves_less(enough, c, others, without)]
+            named.append(Named(candidate, _distinct([candidate, *equals]), own, point_residual(without, held_out)))
         return sorted(named, key=lambda one: -one.score.gain)
+
+    def _leaves_less(
+        self, enough: float, rival: TrackedCandidate, others: Sequence[TrackedCandidate], without: State
+    ) -> bool:
+        """Whether a rival beside the other candidates is physical, and leaves less energy of held-out points."""
+        swapped = self.refit([*others, rival], without)
+        physical = is_physical(rival, swapped.coefficients(rival)[0])
+        return physical and energy(point_residual(swapped, self.points.held_out)) < enough
 
 
 def selected(model: TrackedPoints, progress: Callable[[str], None]) -> State:

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from arm_model import Arm, EffectTerm
+from arm_model import Arm, EffectTerm, Joint
 from identification.kinematics.circle_points.circle_point import Circle
 from identification.kinematics.estimation.calibration import Calibration
-from identification.kinematics.estimation.cross_validation import LIMITS
+from identification.kinematics.estimation.cross_validation import LIMITS, Trial
 from identification.kinematics.estimation.position_error import LeftOut, PositionError
 from identification.kinematics.models.parameters import calibrated_arm, target_groups, target_of, tracker_pose
 
@@ -28,15 +28,10 @@ def table_of(arm: Arm, calibration: Calibration) -> dict[str, Any]:
     """
     calibrated = calibrated_arm(arm, calibration.chain, frame_known=calibration.frame_known)
     targets = _targets(calibration)
-    parameters = []
-    for j, joint in enumerate(calibrated.joints, 1):
-        row: dict[str, Any] = {"joint": j} | {name: getattr(joint, name) for name in NAMES}
-        row["std"] = {name: calibration.std.get(f"joint{j}.{name}", 0.0) for name in NAMES}
-        parameters.append(row)
     judged_on = calibration.judged_by
     return {
         "schema": "armscope.kinematics/1",
-        "parameters": parameters,
+        "parameters": [_joint(calibration, number, joint) for number, joint in enumerate(calibrated.joints, 1)],
         "base": np.array(calibrated.base).tolist(),
         "tool": targets[0]["pose"],
         "targets": targets,
@@ -55,19 +50,7 @@ def table_of(arm: Arm, calibration: Calibration) -> dict[str, Any]:
         },
         "coupling": [vars(entry) | {"std": std} for entry, std in calibration.couplings],
         "effects": _effects(calibration),
-        "tried": [
-            {
-                "title": str(t.extension),
-                "effect": t.extension.name,
-                "joint": t.extension.joint,
-                "by": t.extension.by,
-                "unseen_rms": {"before": t.before, "after": t.after},
-                "z": t.z,
-                "accepted": t.accepted,
-                "indistinguishable": [str(e) for e in t.alike],
-            }
-            for t in calibration.trials
-        ],
+        "tried": [_tried(trial) for trial in calibration.trials],
         "limits": {"extensions": LIMITS.to_json()},
         "circles": [_circle(c) for c in calibration.circles],
         "circle_point": None if calibration.circle_point is None else {"fit": _error(calibration.circle_point)},
@@ -79,6 +62,26 @@ def table_of(arm: Arm, calibration: Calibration) -> dict[str, Any]:
         "verdict": "not calibrated" if calibration.failures else "calibrated",
         "failures": list(calibration.failures),
         "warnings": list(calibration.warnings),
+    }
+
+
+def _joint(calibration: Calibration, number: int, joint: Joint) -> dict[str, Any]:
+    """Parameters of a joint (from 1) with their std."""
+    std = {name: calibration.std.get(f"joint{number}.{name}", 0.0) for name in NAMES}
+    return {"joint": number} | {name: getattr(joint, name) for name in NAMES} | {"std": std}
+
+
+def _tried(trial: Trial) -> dict[str, Any]:
+    """An effect beside the geometry that was tried, and what it does to recordings that were not fitted."""
+    return {
+        "title": str(trial.extension),
+        "effect": trial.extension.name,
+        "joint": trial.extension.joint,
+        "by": trial.extension.by,
+        "unseen_rms": {"before": trial.before, "after": trial.after},
+        "z": trial.z,
+        "accepted": trial.accepted,
+        "indistinguishable": [str(other) for other in trial.alike],
     }
 
 
