@@ -35,6 +35,7 @@ from drivers.val_terminal import protocol as val
 from experiment import Experiment, experiment_of, read_experiment
 from experiment.segments import Chirp, Drive, Fourier, Hold, Move, Repeat, Setpoints
 from identification.kinematics.data.tracker_file import read_tracker
+from tests.house.test_arrows import MAY_IMPORT
 
 NOT_FINITE = (float("nan"), float("inf"), float("-inf"))
 Path_ = tuple[str | int, ...]
@@ -133,18 +134,7 @@ def test_every_number_of_every_kind_of_segment(kind: type, make: Callable[[dict[
 
 
 def _modules_with_models(root: Path) -> Iterator[ModuleType]:
-    packages = (
-        "arm_io",
-        "arm_model",
-        "armscope",
-        "daq",
-        "diagnosis",
-        "drivers",
-        "experiment",
-        "identification",
-        "sim_backend",
-    )
-    for path in sorted(path for package in packages for path in (root / package).rglob("*.py")):
+    for path in sorted(path for package in MAY_IMPORT for path in (root / package).rglob("*.py")):
         if re.search("pydantic|arm_io.table", path.read_text()):
             yield importlib.import_module(".".join(path.relative_to(root).with_suffix("").parts))
 

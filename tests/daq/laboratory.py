@@ -42,6 +42,12 @@ class Lab:
         self.write_rig()
         self.experiment(0.3)
 
+    def close(self) -> None:
+        """Ends its processes, however they are."""
+        for process in self.processes:
+            process.kill()
+            process.communicate()
+
     def write_rig(self, more: str = "") -> None:
         text = (self.root / "config/puma560_sim.toml").read_text()
         text = text.replace('"puma560_sim"', f'"{self.folder.name}-{os.getpid()}"', 1)

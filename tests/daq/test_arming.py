@@ -7,8 +7,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
-from pathlib import Path
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -18,15 +17,6 @@ from armscope.cli import run
 from daq.recording import open_recording
 from daq.service.client import call, claim
 from tests.daq.laboratory import Lab, finished
-
-
-@pytest.fixture
-def lab(root: Path, tmp_path: Path) -> Iterator[Lab]:
-    lab = Lab(root, tmp_path)
-    yield lab
-    for process in lab.processes:
-        process.kill()
-        process.communicate()
 
 
 def order(lab: Lab, **more: Any) -> dict[str, Any]:

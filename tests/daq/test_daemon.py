@@ -11,7 +11,6 @@ import signal
 import socket
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -26,15 +25,6 @@ from daq.service.client import call
 from daq.service.rig_lock import holder_of
 from daq.service.subscriber import Subscriber
 from tests.daq.laboratory import Lab, finished
-
-
-@pytest.fixture
-def lab(root: Path, tmp_path: Path) -> Iterator[Lab]:
-    lab = Lab(root, tmp_path)
-    yield lab
-    for process in lab.processes:
-        process.kill()
-        process.communicate()
 
 
 def test_record_without_daemon(lab: Lab) -> None:

@@ -36,9 +36,7 @@ def lab(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Lab]:
     lab.experiment(1000)
     lab.daemon()
     yield lab
-    for process in lab.processes:
-        process.kill()
-        process.communicate()
+    lab.close()
 
 
 @pytest.fixture(scope="module")

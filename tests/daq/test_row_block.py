@@ -12,28 +12,9 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from daq.acquisition.rows import Rows
 from daq.service.row_block import columns_of, decode, describe, encode
 from daq.service.subscriber import Tally
-
-JOINTS = ("shoulder", "elbow")
-
-
-def rows(first: int, count: int, seed: int = 0, tracker: bool = True) -> Rows:
-    random = np.random.default_rng([seed, first])
-    number = np.arange(first, first + count)
-    return Rows(
-        number=number,
-        host_ns=number * 1_000_000,
-        wall_ns=number * 1_000_000 + 10**18,
-        tick=number * 3,
-        counts=random.integers(-(2**40), 2**40, (count, 3)),
-        volts=random.normal(size=(count, 8)),
-        quality=random.integers(0, 64, (count, 12)).astype(np.uint8),
-        q=random.normal(size=(count, 2)),
-        i=random.normal(size=(count, 2)),
-        points=random.normal(size=(count, 3)) if tracker else None,
-    )
+from tests.daq.two_joints import JOINTS, rows
 
 
 @given(

@@ -7,10 +7,6 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
-from pathlib import Path
-
-import pytest
 
 from daq.service.client import call
 from tests.daq.laboratory import Lab
@@ -29,15 +25,6 @@ while True:
                 congestion_control=zenoh.CongestionControl.BLOCK)
     time.sleep(0.0002)
 """
-
-
-@pytest.fixture
-def lab(root: Path, tmp_path: Path) -> Iterator[Lab]:
-    lab = Lab(root, tmp_path)
-    yield lab
-    for process in lab.processes:
-        process.kill()
-        process.communicate()
 
 
 def test_a_client_that_does_not_read_its_answers(lab: Lab) -> None:

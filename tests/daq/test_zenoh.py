@@ -26,31 +26,13 @@ from daq.service.publisher import Publisher
 from daq.service.row_block import columns_of
 from daq.service.subscriber import Subscriber
 from daq.service.zenoh_session import keys_of, open_session
+from tests.daq.two_joints import JOINTS, rows
 from tests.ports import free_endpoint
-
-JOINTS = ("shoulder", "elbow")
 
 
 def rig(**zenoh_table: Any) -> Rig:
     table = {"endpoint": free_endpoint()} | zenoh_table
     return Rig.model_validate({"name": "Test rig 1", "joint": [{"name": name} for name in JOINTS], "zenoh": table})
-
-
-def rows(first: int, count: int, seed: int = 0, tracker: bool = True) -> Rows:
-    random = np.random.default_rng([seed, first])
-    number = np.arange(first, first + count)
-    return Rows(
-        number=number,
-        host_ns=number * 1_000_000,
-        wall_ns=number * 1_000_000 + 10**18,
-        tick=number * 3,
-        counts=random.integers(-(2**40), 2**40, (count, 3)),
-        volts=random.normal(size=(count, 8)),
-        quality=random.integers(0, 64, (count, 12)).astype(np.uint8),
-        q=random.normal(size=(count, 2)),
-        i=random.normal(size=(count, 2)),
-        points=random.normal(size=(count, 3)) if tracker else None,
-    )
 
 
 @pytest.fixture

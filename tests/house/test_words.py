@@ -7,22 +7,10 @@ import tokenize
 from collections.abc import Iterator
 from pathlib import Path
 
+from tests.house.test_arrows import MAY_IMPORT
+
 ROOT = Path(__file__).parents[2]
-PACKAGES = (
-    "arm_clearance",
-    "arm_fleet",
-    "arm_io",
-    "arm_model",
-    "arm_report",
-    "armscope",
-    "comparison",
-    "daq",
-    "diagnosis",
-    "drivers",
-    "experiment",
-    "identification",
-    "sim_backend",
-)
+PACKAGES = sorted(MAY_IMPORT)
 INSTEAD = {
     r"wants?( to be)?\b(?! to (know|use|read))": "must be, needs",
     r"(is|are) wanted\b": "must be, is required",
