@@ -25,8 +25,8 @@ _UNWRITABLE = re.compile("[\0\ud800-\udfff]")
 def check_plain(where: str | Path, data: Any) -> None:
     """Raises InputError naming the first entry that is not plain.
 
-    a number that is not finite or larger than ``LARGEST``, an integer of more than 64 bits, text that is no UTF-8 or
-    holds a NUL, anything nested more than ``DEEPEST`` deep.
+    Not plain are a number that is not finite or larger than ``LARGEST``, an integer of more than 64 bits, text that is
+    no UTF-8 or holds a NUL, and anything nested more than ``DEEPEST`` deep.
 
     data  tables (dict), lists, text, numbers, truth values, None and dates; ``where`` names their source
     """

@@ -17,9 +17,7 @@ LONGEST_NAME = 230
 
 
 def check_file(path: str | Path) -> None:
-    """Raises InputError where no regular file can be at ``path``.
-
-    a name that is empty, too long or none, a folder, a device, a pipe.
+    """Raises InputError where no regular file can be at ``path``: at a folder, a device, a pipe, a name that is none.
 
     For ahead of long work; makes nothing. A file that is there is no error: who must not replace it asks for itself.
     """

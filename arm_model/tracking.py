@@ -19,9 +19,7 @@ from arm_model.rigid_body.numeric import rigid_torque
 
 
 def target_at(arm: Arm, q: Array, point: Sequence[float] | Array) -> Array:
-    """(R, 3) m in the base frame.
-
-    a ``point`` (3,) m of the last link's frame, at link-side joint angles q (R, n) rad (m).
+    """(R, 3) m in the base frame: a ``point`` (3,) m of the last link's frame, at link-side angles q (R, n) rad (m).
 
     With the arm's geometry as its effects make it, and its links hanging (effects with a ``bend``) under their weight.
     """

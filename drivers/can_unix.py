@@ -1,6 +1,4 @@
-"""A CAN bus that stays on this machine.
-
-a python-can interface over Unix sockets, for simulators and rigs without a CAN adapter.
+"""A CAN bus that stays on this machine: python-can over Unix sockets, for simulators and rigs without a CAN adapter.
 
 The channel is a folder of this user's alone (mode 0700). Whoever is on the bus listens there on a socket of its own
 (SOCK_SEQPACKET) and connects to every other one to send: there is no hub whose end would be the bus's. A link is one

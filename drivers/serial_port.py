@@ -1,7 +1,4 @@
-"""A serial port, read without waiting.
-
-a thin layer over pyserial that distinguishes an unplugged cable from silence.
-"""
+"""A serial port, read without waiting: pyserial, with an unplugged cable distinguished from silence."""
 
 from __future__ import annotations
 

@@ -25,18 +25,22 @@ def _call(name: str, x: Scalar) -> Scalar:
 
 
 def sin(x: Scalar) -> Scalar:
+    """Sine of an angle, rad."""
     return _call("sin", x)
 
 
 def cos(x: Scalar) -> Scalar:
+    """Cosine of an angle, rad."""
     return _call("cos", x)
 
 
 def sqrt(x: Scalar) -> Scalar:
+    """Square root."""
     return _call("sqrt", x)
 
 
 def exp(x: Scalar) -> Scalar:
+    """Exponential function."""
     return _call("exp", x)
 
 
@@ -46,6 +50,7 @@ def log(x: Scalar) -> Scalar:
 
 
 def absolute(x: Scalar) -> Scalar:
+    """Magnitude."""
     return abs(x)
 
 

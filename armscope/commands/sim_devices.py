@@ -1,7 +1,4 @@
-"""``armscope sim-devices``.
-
-a simulator of every device of a rig, on its own protocol, with one simulated arm behind all of them.
-"""
+"""``armscope sim-devices``: a simulator of every device of a rig on its own protocol, with one arm behind them all."""
 
 from __future__ import annotations
 

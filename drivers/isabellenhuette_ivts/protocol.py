@@ -34,6 +34,7 @@ def stop_command() -> bytes:
 
 
 def run_command() -> bytes:
+    """Results from now on, and after power-up."""
     return bytes([SET_MODE, 1, 1, 0, 0, 0, 0, 0])
 
 

@@ -34,14 +34,17 @@ class Reply:
 
 
 def read_command(register: int) -> bytes:
+    """Asks for the value of a register once."""
     return b"R%02X\r" % register
 
 
 def write_command(register: int, value: int, digits: int = 0) -> bytes:
+    """Sets a register; the value with at least so many hex digits."""
     return b"W%02X%0*X\r" % (register, digits, value)
 
 
 def stream_command(register: int) -> bytes:
+    """Asks for the value of a register again and again, as the register INTERVAL says."""
     return b"S%02X\r" % register
 
 

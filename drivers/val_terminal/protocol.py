@@ -74,6 +74,8 @@ class Done:
 
 
 class State(Enum):
+    """Of the command that is being typed."""
+
     IDLE = "idle"
     TYPED = "typed"  # waiting for the echo
     GARBLED = "echoed wrongly"  # the line is to be cancelled, and typed again once the controller has fallen silent

@@ -47,7 +47,7 @@ def identify_joints(
 ) -> Identification:
     """Each joint from the runs in which it moves as far as others.
 
-    state-variable filter, and the integrated equation for comparison.
+    By a state-variable filter, and by the integrated equation for comparison. InputError where the runs are unusable.
     """
     motions, held_motions, seen = motions_of(fit, held_out, arm, progress)
     own = _Results(warnings=[text for run in seen[: len(fit)] for text in run.warnings if "never moves" not in text])

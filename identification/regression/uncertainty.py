@@ -185,7 +185,7 @@ def _blocks(rows: Equations, length: float) -> NDArray[np.intp]:
 def _normal_equations(columns: Array, fit: Fit, block: NDArray[np.intp], count: int, by: Array) -> tuple[Array, Array]:
     """Per block: W^T W (count, b, b) and W^T e (count, b) of the weighted rows.
 
-    e the residual, so that a solve gives the change; Z^T W and Z^T e where Z = ``by`` are instruments.
+    With the residual as e, so that a solve gives the change; Z^T W and Z^T e where Z = ``by`` are instruments.
     """
     weighted, residual = columns * fit.weight[:, None], fit.weight * fit.residual
     by = by * fit.weight[:, None]

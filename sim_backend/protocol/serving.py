@@ -138,9 +138,7 @@ class Terminal:
                 self._free_at += int(due / self._pace * 1e9)
 
     def until_due(self) -> float:
-        """s for which the simulator may sleep: until shortly before all that waits can be on the wire.
-
-        a millisecond where nothing waits.
+        """s for which the simulator may sleep: until shortly before all that waits can be on the wire; else 1 ms.
 
         Around that instant not at all: a device's UART is not woken up late, nor does it notice the next command late.
         """

@@ -50,10 +50,7 @@ class Command:
         return strict_json.parse(b"" if payload is None else payload.to_bytes(), f"daemon: {self.verb}")
 
     def answer(self, result: dict[str, Any] | bytes) -> None:
-        """Sends the result: a table as JSON.
-
-        a piece of a file as it is, and at once, on the thread that has read it.
-        """
+        """Sends the result: a table as JSON; a piece of a file as it is, at once, on the thread that has read it."""
         key = self._query.key_expr
         if isinstance(result, bytes):
             self._send(lambda: self._query.reply(key, result, encoding="application/octet-stream"))

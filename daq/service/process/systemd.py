@@ -1,8 +1,8 @@
-"""Tells the service manager how we are.
+"""Tells the service manager (systemd) that the daemon is ready, alive or stopping.
 
-systemd's sd_notify protocol, datagrams of ``NAME=value`` lines to ``$NOTIFY_SOCKET``.
+Datagrams of ``NAME=value`` lines to ``$NOTIFY_SOCKET``. Without the variables every call does nothing.
 
-Source: sd_notify(3), sd_watchdog_enabled(3). Without the variables every call does nothing.
+Source: sd_notify(3), sd_watchdog_enabled(3).
 """
 
 from __future__ import annotations

@@ -100,6 +100,7 @@ def _rms_in_amperes(whitened: Array, side: Dataset, joint: int) -> float:
 
 
 def from_event(event: Event, arm: Arm, data: Split[Dataset]) -> Cause:
+    """An event of raw rows as a cause; without a gain of its own, before and after are the noise of the currents."""
     joint = event.joint or (event.gain.joint if event.gain else 1)
     noise = float(np.mean([run.noise[joint - 1] for run in data.held_out.runs]))
     gain = event.gain or Gain(before=noise, after=noise, unit="A", joint=joint)
@@ -128,6 +129,7 @@ def from_event(event: Event, arm: Arm, data: Split[Dataset]) -> Cause:
 
 
 def from_axis(axis_cause: AxisCause, arm: Arm) -> Cause:
+    """A cause of a single axis in the words and units of its drive."""
     joint = 1 if CATALOGUE[axis_cause.effect].per_joint else None
     unit, values = arm.joints[0].command_unit, {p.name: p.value for p in axis_cause.parameters}
     effect, drive = CATALOGUE[axis_cause.effect], arm.joints[0]

@@ -93,6 +93,7 @@ def _fitted(yy: Array, xy: Array, xx: Array) -> tuple[int, float]:
 
 
 def smoothing(every: Sequence[NearRest]) -> Law:
+    """Trials of other smoothing velocities (``WIDTHS``) of the model's own friction, without another law."""
     widths = WIDTHS * every[0].run.arm.joints[every[0].joint - 1].sign_velocity
     offset = [one.of(one.smoothed(widths)).T for one in every]
     return Law(None, [{"width": float(w)} for w in widths], offset, [np.zeros_like(part) for part in offset])

@@ -61,6 +61,7 @@ class Linear:
 
 
 def linear(state: State, side: Side) -> Linear:
+    """The points of one side linearised about a state; free values in units of their prior deviations."""
     points, extension = points_of(state.chosen, side), state.estimate.extension
     chain = state.parameters.chain.at(state.values)
     at, every = position_jacobian(chain, points.bent(extension))

@@ -1,6 +1,4 @@
-"""Rows that belong to another trigger.
-
-a delay between points and joint angles, in rows, that is constant or changes in a run.
+"""Rows that belong to another trigger: a delay between points and joint angles, constant or changing in a run.
 
 The point moves with velocity v = J(q) q'. If it is recorded ``delay`` too late, the residual is -v delay; so in every
 window with enough motion, delay = -sum(v . r) / sum(v . v). A dropped edge makes all later rows one early or late: a
