@@ -23,6 +23,8 @@ from scipy import linalg, stats
 from arm_io.types import Array
 from diagnosis.selection.regression import INDEPENDENT
 
+BEYOND_MODEL = 1e-3
+"""Probability that an effect looks as it does while only the model is wrong, within what is known of it, at most."""
 SUREST = 1e-300
 """Probability below which numbers end."""
 

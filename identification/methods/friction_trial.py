@@ -13,14 +13,11 @@ from identification.regression.conclusion import SPLIT
 from identification.regression.equations import Equations
 from identification.regression.least_squares import Fit
 from identification.regression.problem import Problem
+from identification.ripples.search import BY_CHANCE, MATTERS
 from identification.selection import BLOCK_SECONDS, p_value
 
 REDUCED = 0.05
 """Of the rms error of a joint while it slides on held-out rows: what a richer law must take away to stay."""
-MATTERS = 0.005
-"""Of a joint's Coulomb friction: rms of the error that it takes away, at least."""
-BY_CHANCE = 0.01
-"""Probability, over all joints that were tried, that blocks of noise gain as much."""
 LARGE, BY_CHANCE_IF_LARGE = 0.5, 0.05
 """Share of the error that a law leaves, at most, that may gain so by that chance: a short held-out recording has so few
 blocks that all of them gain more often than ``BY_CHANCE``: eight, at each of four joints, in one of 64 cases."""

@@ -33,11 +33,11 @@ NEIGHBOURS = 41
 MOST = 8
 """Waves that are judged at a joint."""
 BY_CHANCE = 0.01
-"""Probability, over all joints and waves judged, that blocks of noise gain as much on held-out rows."""
+"""Probability, over all that was judged, that blocks of noise gain as much on held-out rows as a law that stays."""
 CLEARLY = 4.0
 """Deviations from zero of the torque of a ripple that stays."""
 MATTERS = 0.005
-"""Of a joint's Coulomb friction: rms of a ripple that stays, at least."""
+"""Of a joint's Coulomb friction: rms of what a ripple that stays explains, or another friction law, at least."""
 FINER = np.linspace(-1.0, 1.0, 17)
 """Orders about the best, in distances of those that are tried."""
 APART = 1.5

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from arm_io.types import Array
+from diagnosis.selection.beyond_model import BEYOND_MODEL
 from diagnosis.selection.design import Dataset
 from diagnosis.selection.regression import INDEPENDENT, Fitted
 from identification.selection import Limits
@@ -102,7 +103,7 @@ class CurrentLimits(Limits):
     structures: int = 3
     above_noise: float = 2.5
     far_above_noise: float = 6.0
-    beyond_model: float = 1e-3
+    beyond_model: float = BEYOND_MODEL
     likely_p: float = 0.05
     likely_share: float = 0.5
 

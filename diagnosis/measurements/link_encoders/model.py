@@ -26,7 +26,7 @@ from diagnosis.measurements.link_encoders.columns import (
     standing_waves,
 )
 from diagnosis.measurements.link_encoders.model_errors import directions
-from diagnosis.selection.beyond_model import Evidence
+from diagnosis.selection.beyond_model import BEYOND_MODEL, Evidence
 from diagnosis.selection.candidate_model import CandidateModel
 from identification.selection import BLOCK_SECONDS, Limits, Score, Split, p_value, scaled
 
@@ -51,7 +51,7 @@ class LinkLimits(Limits):
     offset: float = 1e-3
     offset_stds: float = 5.0
     predicted: float = 0.3
-    beyond_model: float = 1e-3
+    beyond_model: float = BEYOND_MODEL
 
 
 LIMITS = LinkLimits(

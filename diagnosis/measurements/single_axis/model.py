@@ -18,6 +18,7 @@ from arm_io.types import Array
 from arm_model.effects import driven
 from diagnosis.measurements.single_axis.columns import Rows, candidates, columns, waves
 from diagnosis.measurements.single_axis.model_errors import ModelErrors
+from diagnosis.selection.beyond_model import BEYOND_MODEL
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.candidate_model import CandidateModel
 from identification.selection import Limits, Score, Split, p_value, scaled_lstsq
@@ -39,7 +40,7 @@ class AxisLimits(Limits):
 
     presliding: tuple[float, float] = (0.6, 1.6)
     encoder_noise: float = 1 / 30
-    beyond_model: float = 1e-3
+    beyond_model: float = BEYOND_MODEL
 
 
 LIMITS = AxisLimits(
