@@ -12,7 +12,7 @@ from arm_io import InputError
 from arm_io.types import Array
 from arm_model.control.computed_torque import Reference
 from arm_model.description import Arm
-from arm_model.simulation.simulation import Stepper
+from arm_model.simulation.stepper import Stepper
 
 
 class TorqueController(Protocol):

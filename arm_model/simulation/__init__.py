@@ -5,16 +5,9 @@ from typing import TYPE_CHECKING
 from arm_io import lazy
 
 if TYPE_CHECKING:
-    from arm_model.simulation.simulation import (
-        Demand,
-        Sampled,
-        Stepper,
-        references,
-        servo_period,
-        simulate,
-        simulate_batch,
-        system_of,
-    )
+    from arm_model.simulation.references import Demand, Sampled, references, servo_period
+    from arm_model.simulation.simulation import simulate, simulate_batch, system_of
+    from arm_model.simulation.stepper import Stepper
 else:
     __getattr__ = lazy(__name__)
 

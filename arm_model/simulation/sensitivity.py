@@ -12,7 +12,8 @@ from arm_io.types import Array
 from arm_model.description import Arm
 from arm_model.motion import BaseTrack, Motion
 from arm_model.parameters import parameter
-from arm_model.simulation.simulation import Demand, simulate_batch, single
+from arm_model.simulation.references import Demand
+from arm_model.simulation.simulation import simulate_batch, single
 
 
 def sensitivities(

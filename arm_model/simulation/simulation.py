@@ -1,13 +1,12 @@
-"""Simulations of an arm under its servos.
+"""Simulations of an arm under its servos: one, or many at once (lanes = parameter sets).
 
-One, many at once (lanes = parameter sets), or block by block for a simulated rig.
+Block by block, for a simulated rig: ``stepper``.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from copy import copy
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,18 +21,13 @@ from arm_model.geometry import relinked
 from arm_model.motion import BaseTrack, Motion
 from arm_model.simulation.engine import Program, aligned, run_blocks
 from arm_model.simulation.programs import program_for, zeros
+from arm_model.simulation.references import Demand, references, row_times, servo_period
 from arm_model.symbolic.tape import evaluate
 from arm_model.system.closed_loop_system import System, build
 from arm_model.system.floating_base import POSE, VELOCITY
 from arm_model.system.initial_state import base_memories, standing, start_memories
 from arm_model.system.kernel_inputs import numbers
 from arm_model.system.step_size import fastest, joint_without_inertia
-
-Demand = Callable[[Array], Array]
-"""t (k,) s -> demanded positions (k, n) rad (m); motor currents for an arm without controller.
-
-Behind them, where the base floats and they are given: (k, thrusters) N, added to what the base's controller asks for.
-"""
 
 BASE = len(POSE) + len(VELOCITY)
 """States of a floating base: position (3), attitude (4), velocity (6)."""
@@ -45,7 +39,7 @@ PART = 200_000
 
 
 @dataclass
-class _Run:
+class Lanes:
     """Lanes in the middle of a simulation: everything blocked as (blocks, ..., width)."""
 
     arm: Arm
@@ -62,49 +56,13 @@ class _Run:
 
     @property
     def step(self) -> float:
+        """s of one Runge-Kutta step."""
         return self.period / self.substeps
-
-
-def servo_period(arm: Arm) -> float:
-    """s between two ticks of the servos; of the current table for an arm without controller."""
-    return arm.servo_period
-
-
-@dataclass(frozen=True)
-class Sampled:
-    """A demand recorded at the servo's ticks: taken as it is, without interpolation between the setpoints of a host."""
-
-    demand: Demand
-
-    def __call__(self, t: Array) -> Array:
-        """t (k,) s -> demanded positions (k, n) rad (m)."""
-        return self.demand(t)
-
-
-def references(arm: Arm, demand: Demand, first: int, count: int) -> Array:
-    """(count, n) references of the servos at ticks first, first + 1, ...
-
-    The host sends demand(k setpoint_period); the servos interpolate linearly in between. A ``Sampled`` demand is taken
-    at the ticks themselves.
-    """
-    times: Array = np.arange(first, first + count, dtype=np.float64) * servo_period(arm)
-    if arm.controller is None or isinstance(demand, Sampled):
-        return np.asarray(demand(times), dtype=np.float64)
-    period = arm.controller.setpoint_period
-    start, end = math.floor(times[0] / period + 1e-9), math.ceil(times[-1] / period + 1e-9) + 1
-    knots = np.arange(start, end + 1) * period
-    setpoints = np.asarray(demand(knots), dtype=np.float64)
-    return np.column_stack([np.interp(times, knots, setpoints[:, j]) for j in range(setpoints.shape[1])])
-
-
-def row_times(duration: float, rate: float) -> Array:
-    """(R,) s: rows at ``rate`` per second from 0 to ``duration``, both ends included."""
-    return np.asarray(np.arange(int(np.floor(duration * rate + 1e-9)) + 1) / rate)
 
 
 def prepared(
     arm: Arm, variations: Mapping[str, Array] | None, start: Array, substeps: int | None, *, single: bool = False
-) -> _Run:
+) -> Lanes:
     """Lanes standing still at ``start`` ((n,) or (lanes, n) rad of the motors), held by their motors.
 
     (n + 13,) rad, m, m/s: a floating base begins with the position, attitude and velocity that come last.
@@ -138,7 +96,7 @@ def prepared(
 
     params = evaluate(system.tape, program.params, inputs)
     flowing = [current[:, j] for j in range(len(arm))] + [np.zeros(lanes)] * system.thrusters
-    return _Run(
+    return Lanes(
         arm=arm,
         program=program,
         inputs=inputs,
@@ -162,7 +120,7 @@ def needed_substeps(arm: Arm, inputs: Mapping[str, Array], period: float) -> int
     return max(1, math.ceil(period * fastest(arm, inputs)))
 
 
-def _advance(run: _Run, demands: Array, times: Array) -> Array:
+def advance(run: Lanes, demands: Array, times: Array) -> Array:
     """Runs len(demands) ticks; ``times`` (R,) s from the start, within them.
 
     Returns (lanes, R, X + n): states, then currents.
@@ -193,17 +151,17 @@ def _advance(run: _Run, demands: Array, times: Array) -> Array:
     return np.asarray(lanes_first[: run.lanes], float)
 
 
-def _advance_in_parts(run: _Run, demands: Array, times: Array) -> Array:
-    """``_advance``, which says in between how far it is; all rows are the same."""
+def _advance_in_parts(run: Lanes, demands: Array, times: Array) -> Array:
+    """``advance``, which says in between how far it is; all rows are the same."""
     ticks = len(demands)
     if ticks <= PART:
-        return _advance(run, demands, times)
+        return advance(run, demands, times)
     tick_of_row = np.floor(times / run.period + 1e-9)
     rows: list[Array] = []
     for first in range(0, ticks, PART):
         report("simulating", first, ticks)
         low, high = np.searchsorted(tick_of_row, (first, first + PART))
-        rows.append(_advance(run, demands[first : first + PART], times[low:high]))
+        rows.append(advance(run, demands[first : first + PART], times[low:high]))
     return np.concatenate(rows, axis=1)
 
 
@@ -232,7 +190,7 @@ def _row_table(
     return np.append(substep, -1), np.ascontiguousarray(weights)
 
 
-def _motion(run: _Run, rows: Array, times: Array, demand: Array) -> Motion:
+def motion_of_rows(run: Lanes, rows: Array, times: Array, demand: Array) -> Motion:
     system, n = run.program.system, len(run.arm)
     lanes = {name: value[:, None] for name, value in run.inputs.items()}
     states = {name: rows[..., k] for k, name in enumerate(system.states)}
@@ -294,7 +252,7 @@ def simulate_batch(
         rows = np.where(np.abs(rows) < BEYOND, rows, np.nan)
     grid = np.arange(ticks) * period
     shown = np.column_stack([np.interp(times, grid, given[:, j]) for j in range(len(arm))])
-    return _motion(run, rows, times, shown)
+    return motion_of_rows(run, rows, times, shown)
 
 
 def simulate(
@@ -332,61 +290,6 @@ def single(motion: Motion, lane: int = 0) -> Motion:
     names = ("q", "qd", "qm", "qmd", "current", "torque")
     base = None if motion.base is None else motion.base.lane(lane)
     return replace(motion, base=base, **{name: getattr(motion, name)[lane] for name in names})
-
-
-class Stepper:
-    """A simulation that is run on block by block, for a simulated rig. The same however time is cut into blocks.
-
-    Starts at rest at q0 (n,) rad, held by its motors ((n + 13,): as ``simulate_batch``). Time is counted in servo ticks
-    of ``period`` s.
-    """
-
-    def __init__(self, arm: Arm, q0: Array, *, substeps: int | None = None) -> None:
-        self.arm = arm
-        self._run = prepared(arm, None, np.asarray(q0, float), substeps)
-        self.period = self._run.period
-
-    @property
-    def tick(self) -> int:
-        """Ticks run so far; time is tick period."""
-        return self._run.tick
-
-    @property
-    def motors(self) -> tuple[Array, Array]:
-        """(n,) rad (m), (n,) rad/s: where the motors stand now, over their gear ratios, and their speeds."""
-        n = len(self.arm)
-        now = self._run.states[0, :, 0]
-        return now[:n].copy(), now[n : 2 * n].copy()
-
-    @property
-    def base(self) -> Array:
-        """(13,) position, attitude and velocity of a floating base now."""
-        place = self._run.program.system.states.index(POSE[0])
-        return self._run.states[0, place : place + BASE, 0].copy()
-
-    def copy(self) -> Stepper:
-        """An independent copy that continues from here; the machine code is shared."""
-        other, run = copy(self), self._run
-        states, memories, currents = (aligned(*array.shape) for array in (run.states, run.memories, run.currents))
-        states[:], memories[:], currents[:] = run.states, run.memories, run.currents
-        other._run = replace(run, states=states, memories=memories, currents=currents)
-        return other
-
-    def advance(self, demands: Array, times: Array) -> Motion:
-        """Runs len(demands) ticks with the servos given ``demands`` (ticks, n) rad (``references``).
-
-        Returns rows at ``times``.
-
-        times (R,) s from the start of the simulation, increasing, from tick period up to (tick + len(demands)) period,
-        exclusive.
-        """
-        demands, times = np.asarray(demands, float), np.asarray(times, float)
-        if demands.ndim != 2 or demands.shape[1] not in (len(self.arm), len(self.arm) + self.arm.thrusters):
-            raise InputError("demands", f"have shape {demands.shape}; expected (ticks, {len(self.arm)})")
-        first = self._run.tick
-        rows = _advance(self._run, demands, times)
-        shown = demands[np.clip((times / self.period + 1e-9).astype(int) - first, 0, len(demands) - 1)]
-        return single(_motion(self._run, rows, times, shown[:, : len(self.arm)]))
 
 
 def system_of(arm: Arm, variations: Mapping[str, Array] | None = None) -> System:

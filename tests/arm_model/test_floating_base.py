@@ -19,7 +19,8 @@ from arm_model.moving_base.numeric import (
 from arm_model.rigid_body import kinematics
 from arm_model.rigid_body.numeric import drive_torque, rigid_torque
 from arm_model.simulation.sensitivity import sensitivities
-from arm_model.simulation.simulation import Stepper, simulate, system_of
+from arm_model.simulation.simulation import simulate, system_of
+from arm_model.simulation.stepper import Stepper
 from arm_model.symbolic.tape import evaluate
 from arm_model.system.kernel_inputs import numbers
 from arm_model.tables import FloatingBase, StationKeeping, Thruster
