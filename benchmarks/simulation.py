@@ -34,7 +34,7 @@ from arm_io.parallel import cores
 from arm_io.types import Array
 from arm_model.description import Arm, Cylinder
 from arm_model.model_file import read_model
-from arm_model.simulation.references import references, row_times, servo_period
+from arm_model.simulation.servo_references import references, row_times, servo_period
 from arm_model.simulation.simulation import prepared, simulate, simulate_batch
 from arm_model.symbolic.machine_code import LANES
 from benchmarks import simulation_peers as peers

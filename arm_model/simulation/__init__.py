@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from arm_io import lazy
 
 if TYPE_CHECKING:
-    from arm_model.simulation.references import Demand, Sampled, references, servo_period
+    from arm_model.simulation.servo_references import Demand, Sampled, references, servo_period
     from arm_model.simulation.simulation import simulate, simulate_batch, system_of
     from arm_model.simulation.stepper import Stepper
 else:

@@ -12,7 +12,7 @@ from arm_io.types import Array
 from arm_model.description import Arm
 from arm_model.motion import BaseTrack, Motion
 from arm_model.parameters import parameter
-from arm_model.simulation.references import Demand
+from arm_model.simulation.servo_references import Demand
 from arm_model.simulation.simulation import simulate_batch, single
 
 

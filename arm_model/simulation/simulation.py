@@ -21,7 +21,7 @@ from arm_model.geometry import relinked
 from arm_model.motion import BaseTrack, Motion
 from arm_model.simulation.engine import Program, aligned, run_blocks
 from arm_model.simulation.programs import program_for, zeros
-from arm_model.simulation.references import Demand, references, row_times, servo_period
+from arm_model.simulation.servo_references import Demand, references, row_times, servo_period
 from arm_model.symbolic.tape import evaluate
 from arm_model.system.closed_loop_system import System, build
 from arm_model.system.floating_base import POSE, VELOCITY

@@ -9,7 +9,8 @@ if TYPE_CHECKING:
     from daq.rig.channels import channel_names
     from daq.rig.endpoints import read_passwords
     from daq.rig.preflight import chain_of, check_motion, check_plan
-    from daq.rig.rig_file import LONGEST_RIG_NAME, DeviceTable, Rig, context_of, read_rig
+    from daq.rig.rig_file import LONGEST_RIG_NAME, Rig, context_of, read_rig
+    from daq.rig.rig_tables import DeviceTable
 else:
     __getattr__ = lazy(__name__)
 

@@ -21,7 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from daq.rig.channels import Columns
-from daq.rig.rig_file import CurrentSensor, JointTable, Rig
+from daq.rig.rig_file import Rig
+from daq.rig.rig_tables import CurrentSensor, JointTable
 from drivers.protocols import Quality
 
 NONE = -1  # column of a joint that has no such sensor

@@ -22,7 +22,8 @@ from numpy.typing import NDArray
 from arm_clearance import Chain
 from arm_io import DeviceFault, InputError
 from daq.rig.preflight import check_motion
-from daq.rig.rig_file import Output, Rig
+from daq.rig.rig_file import Rig
+from daq.rig.rig_tables import Output
 from daq.rig.speed_check import SpeedCheck
 from drivers.protocols import AnalogOutput, ArmController, Device, DigitalOutput, HostClock, OwnWatchdog
 from experiment import Experiment

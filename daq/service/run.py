@@ -20,7 +20,7 @@ from daq.recording.parts import Attachments, ledger_table, loss_tables
 from daq.recording.provenance import provenance
 from daq.recording.recorder import Recorder, rows_layout
 from daq.rig.bench import Bench
-from daq.rig.rig_file import JointTable
+from daq.rig.rig_tables import JointTable
 from daq.service.publisher import Publisher
 from daq.service.row_block import columns_of
 from drivers import SystemClock

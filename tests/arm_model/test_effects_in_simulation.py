@@ -13,7 +13,7 @@ from arm_model.effects import CATALOGUE
 from arm_model.parameters import parameter
 from arm_model.rigid_body import numeric
 from arm_model.sensing import recorded
-from arm_model.simulation.references import row_times
+from arm_model.simulation.servo_references import row_times
 from arm_model.simulation.simulation import simulate, simulate_batch
 from arm_model.system import dynamics
 from arm_model.tables import constant_temperatures

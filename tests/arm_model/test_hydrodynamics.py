@@ -19,7 +19,7 @@ from arm_model.rigid_body.hydrodynamics import COEFFICIENTS, dry, own_drag, wate
 from arm_model.rigid_body.numeric import energy, rigid_torque
 from arm_model.rigid_body.regressor import regressor
 from arm_model.rigid_body.two_links import TwoLinks, reversal
-from arm_model.simulation.references import row_times
+from arm_model.simulation.servo_references import row_times
 from arm_model.simulation.simulation import simulate, simulate_batch
 from arm_model.system.dynamics import forward_dynamics, inverse_dynamics
 from tests.arm_model.random_arms import in_water, random_arm, random_states

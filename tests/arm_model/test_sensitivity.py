@@ -8,8 +8,8 @@ import pytest
 from arm_io import InputError
 from arm_model.description import Arm, Joint
 from arm_model.parameters import parameter, with_parameters
-from arm_model.simulation.references import row_times
 from arm_model.simulation.sensitivity import sensitivities
+from arm_model.simulation.servo_references import row_times
 from arm_model.simulation.simulation import simulate
 from tests.arm_model.pumas import swing, three_links
 

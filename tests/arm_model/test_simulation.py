@@ -15,7 +15,7 @@ from arm_model.model_file import read_model
 from arm_model.parameters import with_parameters
 from arm_model.rigid_body import numeric
 from arm_model.servo import servo_gains
-from arm_model.simulation.references import references, row_times
+from arm_model.simulation.servo_references import references, row_times
 from arm_model.simulation.simulation import simulate, simulate_batch
 from arm_model.simulation.stepper import Stepper
 from arm_model.system import dynamics

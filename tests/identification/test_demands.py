@@ -12,7 +12,7 @@ import pytest
 
 from arm_model.description import Arm
 from arm_model.model_file import read_model
-from arm_model.simulation.references import Sampled
+from arm_model.simulation.servo_references import Sampled
 from arm_model.simulation.simulation import simulate
 from daq.recording import Recording, open_recording
 from daq.recording.parts import Attachments

@@ -12,7 +12,7 @@ from arm_io import InputError
 from arm_model.description import Arm
 from arm_model.model_file import read_model
 from arm_model.parameters import parameter, with_parameters
-from arm_model.simulation.references import Sampled
+from arm_model.simulation.servo_references import Sampled
 from arm_model.simulation.simulation import simulate
 from arm_model.system.dynamics import inverse_dynamics
 from daq.recording import Recording, open_recording
