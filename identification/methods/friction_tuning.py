@@ -64,24 +64,9 @@ def tune_friction(
     moving = [j for j in range(len(arm)) if any(motion.moves(j) for motion in motions)]
     names = tuple(f"joint{j + 1}.{kind}" for j in moving for kind in ("viscous", *DIRECTIONS))
     loops, floor = _Loops(recordings, motions, arm, names), _floors(arm, names, motions)
-    values = np.maximum(np.array([parameter(arm, name) for name in names]), floor)
-    error, before = _stable(loops.errors(values[None]))[0], loops.relative_error(values)
-    jacobian = np.zeros((len(error), len(names)))
-    damping, simulations = 1e-3, 0
-    for number in range(iterations):
-        progress(Step("friction", number, detail=f"error {np.linalg.norm(error) / np.sqrt(len(error)):.4g}"))
-        jacobian = loops.jacobian(values, STEP * np.maximum(values, floor))
-        gram, slope = jacobian.T @ jacobian, jacobian.T @ error
-        dampings = damping * 10.0 ** np.arange(-1, 4)
-        trials = np.array([np.maximum(values - _step(gram, slope, d), 0.0) for d in dampings])
-        errors = loops.errors(trials)
-        simulations += 2 * len(names) + len(trials)
-        # of an unstable loop NaN
-        costs = np.nan_to_num(np.sum(errors**2, axis=1), nan=np.inf)
-        best = int(np.argmin(costs))
-        if not costs[best] < np.sum(error**2) * (1 - 1e-6):
-            break
-        values, error, damping = trials[best], errors[best], float(np.clip(dampings[best], 1e-9, 1e3))
+    start = np.maximum(np.array([parameter(arm, name) for name in names]), floor)
+    before = loops.relative_error(start)
+    values, error, jacobian, simulations = _minimised(loops, start, floor, iterations, progress)
     # a joint whose friction no row shows keeps that of the model
     seen = np.linalg.norm(jacobian, axis=0) > 0.0
     names, values, jacobian = tuple(n for n, there in zip(names, seen) if there), values[seen], jacobian[:, seen]
@@ -138,6 +123,34 @@ class _Loops:
             filtered = parallel_filter(motion, np.moveaxis((simulated - motion.torque) / scale, 0, -1))
             parts.append(filtered[parallel_rows(motion)[1]].T)
         return np.concatenate(parts, axis=1)
+
+
+def _minimised(
+    loops: _Loops, values: Array, floor: Array, iterations: int, progress: Progress
+) -> tuple[Array, Array, Array, int]:
+    """Values (p,) that leave the least error, from ``values`` on; that error (rows,), its Jacobian, loops simulated.
+
+    In every iteration the best of five dampings, of which each is a lane. floor (p,): least values in the step of a
+    derivative.
+    """
+    error = _stable(loops.errors(values[None]))[0]
+    jacobian = np.zeros((len(error), len(values)))
+    damping, simulations = 1e-3, 0
+    for number in range(iterations):
+        progress(Step("friction", number, detail=f"error {np.linalg.norm(error) / np.sqrt(len(error)):.4g}"))
+        jacobian = loops.jacobian(values, STEP * np.maximum(values, floor))
+        gram, slope = jacobian.T @ jacobian, jacobian.T @ error
+        dampings = damping * 10.0 ** np.arange(-1, 4)
+        trials = np.array([np.maximum(values - _step(gram, slope, d), 0.0) for d in dampings])
+        errors = loops.errors(trials)
+        simulations += 2 * len(values) + len(trials)
+        # of an unstable loop NaN
+        costs = np.nan_to_num(np.sum(errors**2, axis=1), nan=np.inf)
+        best = int(np.argmin(costs))
+        if not costs[best] < np.sum(error**2) * (1 - 1e-6):
+            break
+        values, error, damping = trials[best], errors[best], float(np.clip(dampings[best], 1e-9, 1e3))
+    return values, error, jacobian, simulations
 
 
 def _check_closed_loop(recordings: Sequence[Recording], motions: Sequence[Motion], arm: Arm) -> None:
