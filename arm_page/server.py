@@ -30,6 +30,8 @@ from daq.rig import Rig, read_passwords, read_rig
 if TYPE_CHECKING:
     import uvicorn
 
+    from arm_page.application import Parts
+
 NICE = 5
 """Drawing gives way to the sampler."""
 
@@ -57,26 +59,11 @@ class Page:
         the port is taken.
         """
         uvicorn = _installed()
-        from arm_page.application import Parts, Server
+        from arm_page.application import Server
 
         rig = read_rig(self.rig, drivers=False)
-        chain = chain_of_rig(rig)
-        visuals = read_visuals(rig.model_path) if rig.model_path is not None else ()
-        link = RigLink(rig)
-        access = _access(rig)
-        recordings, experiments = Recordings(self.recordings), Experiments(self.experiments)
-        parts = Parts(
-            scene=scene_of(rig, chain, visuals),
-            meshes=[visual.file for visual in visuals],
-            link=link,
-            access=access,
-            experiments=experiments,
-            recordings=recordings,
-            archive=FolderArchive(recordings),
-            fleets=Fleets(recordings),
-            analyses=Analyses(self.analyses, rig.model_path, recordings.folder / "results"),
-            steering=Steering(link, experiments, recordings, chain, hashlib.sha256(read_file(self.rig)).hexdigest()),
-        )
+        link, access = RigLink(rig), _access(rig)
+        parts = self._parts(rig, link, access)
         with contextlib.suppress(OSError):
             os.nice(NICE)
         listener = _listener(rig.page.host, rig.page.port if self.port is None else self.port)
@@ -103,6 +90,26 @@ class Page:
             parts.analyses.close()
             link.close()
             listener.close()
+
+    def _parts(self, rig: Rig, link: RigLink, access: Access) -> Parts:
+        """What the application serves of the rig."""
+        from arm_page.application import Parts
+
+        chain = chain_of_rig(rig)
+        visuals = read_visuals(rig.model_path) if rig.model_path is not None else ()
+        recordings, experiments = Recordings(self.recordings), Experiments(self.experiments)
+        return Parts(
+            scene=scene_of(rig, chain, visuals),
+            meshes=[visual.file for visual in visuals],
+            link=link,
+            access=access,
+            experiments=experiments,
+            recordings=recordings,
+            archive=FolderArchive(recordings),
+            fleets=Fleets(recordings),
+            analyses=Analyses(self.analyses, rig.model_path, recordings.folder / "results"),
+            steering=Steering(link, experiments, recordings, chain, hashlib.sha256(read_file(self.rig)).hexdigest()),
+        )
 
 
 def _access(rig: Rig) -> Access:

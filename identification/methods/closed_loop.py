@@ -48,13 +48,7 @@ def identify_closed_loop(
 
     InputError where demands or controller are missing, or do not fit.
     """
-    for recording in problem.fit:
-        if recording.qref is None:
-            raise InputError(
-                recording.path, f"has no demanded positions (qref); method {method} simulates the closed loop from them"
-            )
-    if problem.arm.controller is None:
-        raise InputError("model", f"has no [controller]; method {method} simulates the closed loop with it")
+    _check_closed_loop(problem, method)
     columns, torque = _regression(problem, problem.rows)
     fit = least_squares(columns, torque, problem.rows.joint, "wls")
     weight = 1.0 / joint_noise(fit.residual, problem.rows.joint)[problem.rows.joint]
@@ -96,6 +90,17 @@ def identify_closed_loop(
     if problem.held is None:
         result.notes.append("the split's held-out error is that of weighted least squares")
     return result
+
+
+def _check_closed_loop(problem: Problem, method: ClosedLoopMethod) -> None:
+    """InputError where demands or controller are missing."""
+    for recording in problem.fit:
+        if recording.qref is None:
+            raise InputError(
+                recording.path, f"has no demanded positions (qref); method {method} simulates the closed loop from them"
+            )
+    if problem.arm.controller is None:
+        raise InputError("model", f"has no [controller]; method {method} simulates the closed loop with it")
 
 
 def _regression(problem: Problem, rows: Equations) -> tuple[Array, Array]:

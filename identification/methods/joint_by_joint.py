@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -73,13 +73,10 @@ def identify_joints(
         "inertia and gravity of a motor-link pair include what the joint carries in this pose; model.toml takes the "
         "friction only"
     )
-    physical = {name: max(value, 0.0) for name, value in own.friction.items()}
-    # The Coulomb friction of the two directions carries the offset already.
-    physical |= {name.replace("viscous", "offset"): 0.0 for name in own.friction if name.endswith("viscous")}
     return Identification(
         method="motor-link",
         friction="per direction",
-        arm=with_parameters(arm, physical),
+        arm=_with_friction(arm, own.friction),
         fit=[str(recording.path) for recording in fit],
         held_out=[str(recording.path) for recording in held_out] if held_out else "split",
         parameters=own.parameters,
@@ -91,6 +88,14 @@ def identify_joints(
         runs=seen,
         extra={"integrated_equation": own.integrated},
     )
+
+
+def _with_friction(arm: Arm, friction: Mapping[str, float]) -> Arm:
+    """The arm with identified friction by parameter name; none is negative."""
+    physical = {name: max(value, 0.0) for name, value in friction.items()}
+    # The Coulomb friction of the two directions carries the offset already.
+    physical |= {name.replace("viscous", "offset"): 0.0 for name in friction if name.endswith("viscous")}
+    return with_parameters(arm, physical)
 
 
 def _identify_joint(arm: Arm, j: int, runs: Sequence[Run], held_out: Sequence[Run], own: _Results) -> None:
