@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy import signal
+from scipy import ndimage, signal
 
 from arm_io.types import Array
 from arm_model import Arm
@@ -30,6 +30,9 @@ HALF_GAPS = (5e-4, 2e-3)
 """rad (m) at which a gap is tried: what it does is in proportion, but for the time in which the link crosses it."""
 NEAR = 0.1
 """Relative difference of the orders of two ripples of which one looks like the other."""
+ABOVE, LINES = 10.0, 9
+"""Power of an acceleration over that of its noise up to which it is a motion, by the median of so many lines of the
+spectrum: rates of it are in proportion at every frequency."""
 STEP = 1e-3
 """Of an angle (rad) and its rates: of the central differences by which an error of an angle moves the torques."""
 
@@ -97,7 +100,7 @@ def added_rows(every: Sequence[Added], arm: Arm, motion: Motion) -> Array:
     """(k, e) columns of all of them in the rows of one recording."""
     joint, row = np.nonzero(equation_rows(motion)[1].T)
     weight = equation_weight(motion)[..., None]
-    load = _smooth(rigid_torque_along(arm, motion.q, motion.qd, motion.qdd), motion)
+    load = _smooth(rigid_torque_along(arm, *_above_noise(motion)), motion)
     inertia = mass_matrix_along(arm, motion.q, rotors=False).diagonal(axis1=1, axis2=2)
     parts = [parallel_filter(motion, torque_of(one, arm, motion, load, inertia) * weight)[row, joint] for one in every]
     return np.concatenate([np.empty((len(row), 0)), *parts], axis=1)
@@ -139,6 +142,26 @@ def _twist(one: Added, p: Values, load: Array, inertia: Array, motion: Motion) -
     gap = _smooth(through_gap(load, inertia, p["half_gap"], motion.dt)[:, None], motion)[:, 0]
     speed = np.gradient(gap, motion.dt)
     return gap, speed, np.gradient(speed, motion.dt)
+
+
+def _above_noise(motion: Motion) -> tuple[Array, Array, Array]:
+    """Angles (m, J), speeds and accelerations of each joint up to where its motion is lost in the noise of its encoder.
+
+    Beyond, a load is what the encoder's noise makes of accelerations. The torque that these ask for is wrong by the
+    same noise, and the twist of a soft gear, whose link would not follow it, explains that error.
+    """
+    band = motion.band
+    noise = (2.0 * np.pi * band.frequency[:, None]) ** 4 * band.noise_rms**2 / band.frequency[-1]
+    found = [motion.q.copy(), motion.qd.copy(), motion.qdd.copy()]
+    for j in range(motion.q.shape[1]):
+        smooth = ndimage.median_filter(band.density[:, j], LINES)
+        lost = np.flatnonzero((smooth < ABOVE * noise[:, j]) & (band.frequency > 0.0))
+        cut = float(band.frequency[lost[0]]) if len(lost) else np.inf
+        if 2.0 * cut * motion.dt < 0.98:
+            low_pass = signal.butter(2, 2.0 * cut * motion.dt, output="sos")
+            for values in found:
+                values[:, j] = zero_phase(low_pass, values[:, j])
+    return found[0], found[1], found[2]
 
 
 def _smooth(values: Array, motion: Motion) -> Array:

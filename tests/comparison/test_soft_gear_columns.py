@@ -1,0 +1,54 @@
+"""The twist of a soft gear, by which two sides are compared, is made by the motion and not by noise of the encoders."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from arm_model.rigid_body.numeric import rigid_torque
+from comparison.joint_fit.effects import Added, added_rows
+from identification.preprocessing.signals import equation_rows, equation_weight, parallel_filter, smooth_motion
+from identification.preprocessing.spectrum import choose_band
+from identification.ripples import wide
+from tests.comparison.second_day import motion, puma
+
+SOFT = 1e3
+"""N m/rad: the softest gear that is tried."""
+
+
+def compliance(root: Path, seed: int, speed: float, noise: float, true: float) -> float:
+    """Compliance of joint 1 over 1 / SOFT that explains what the rigid torque of a measured motion lacks.
+
+    noise: rad, of the encoders. true: compliance of the arm that was measured; its torques are those of the links, and
+    its encoders, at the motors, lead by the twist.
+    """
+    arm = puma(root, 2)
+    t = np.arange(int(16.0 * 250.0)) / 250.0
+    q, qd, qdd = motion(t, 2, seed, speed)
+    torque = rigid_torque(arm, q, qd, qdd)
+    measured = q + noise * np.random.default_rng(seed).standard_normal(q.shape)
+    measured[:, 0] += true * torque[:, 0]
+    for j, joint in enumerate(arm.joints):
+        lead = true * np.gradient(np.gradient(torque[:, 0], t), t) if j == 0 else 0.0
+        torque[:, j] += joint.ratio**2 * joint.rotor_inertia * (qdd[:, j] + lead)
+    # as where a servo shakes the arm now and then: what is above a slow motion is not cut off
+    band = replace(choose_band(measured, float(t[1])), motion=40.0, parallel=3.0)
+    seen = wide(smooth_motion(t, measured, torque, band=band))
+    asked = rigid_torque(arm, seen.q, seen.qd, seen.qdd)
+    for j, joint in enumerate(arm.joints):
+        asked[:, j] += joint.ratio**2 * joint.rotor_inertia * seen.qdd[:, j]
+    place, row = np.nonzero(equation_rows(seen)[1].T)
+    left = parallel_filter(seen, (seen.torque - asked) * equation_weight(seen))[row, place]
+    (column,) = added_rows([Added("joint_compliance", 1, {"stiffness": SOFT, "damping": 80.0})], arm, seen).T
+    return float(column @ left / (column @ column))
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-5, 3e-5])
+@pytest.mark.parametrize("true", [0.0, 0.2])
+def test_noise_of_the_encoders_is_no_soft_gear(root: Path, true: float, noise: float) -> None:
+    """As if the link did not follow it, noise of 30 urad looks like 1.5 / SOFT, whatever the gear."""
+    found = [compliance(root, seed, 1.0, noise, true / SOFT) for seed in range(2)]
+    assert found == pytest.approx([true, true], abs=0.05)
