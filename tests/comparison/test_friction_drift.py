@@ -17,7 +17,7 @@ from comparison.joint_fit import both_sides
 from comparison.joint_fit.both_sides import Both
 from comparison.joint_fit.hypotheses import Hypothesis
 from comparison.regression import Structure
-from identification.regression.equations import structural_base
+from identification.regression.base_parameters import structural_base
 from tests.comparison.second_day import LEVELS, puma, record
 
 SHORT: dict[str, Any] = {"seconds": 14.0, "rate": 125.0}
