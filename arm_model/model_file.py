@@ -86,8 +86,7 @@ def _with_uncertainty(arm: Arm, path: Path) -> Arm:
             parameter(arm, name)
         except InputError as error:
             raise InputError(beside, f"{error}; it must be of this model ({path.name}): identify again") from None
-    lists = {"left_over": known.left_over, "left_over_in_loop": known.in_loop, "left_over_against": known.against}
-    for key, values in lists.items():
+    for key, values in known.by_joint.items():
         if len(values) not in (0, len(arm)):
             raise InputError(beside, f"{key}: has {len(values)} entries, the arm has {len(arm)} joints")
     return replace(arm, uncertainty=known)

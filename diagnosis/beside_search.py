@@ -20,10 +20,10 @@ from diagnosis.named import Named, Recordings
 def friction_near_rest(named: Named, recordings: Recordings, excluded: Set[EffectKey]) -> Friction:
     """Friction that shows where joints turn or creep, beside what the search named.
 
-    Of an arm whose model is exact: what an identified model leaves over there is not known.
+    Of an identified model beyond what it left there when it was identified (``Seen.doubt``), and by currents alone.
     """
     state = named.found.state
-    if named.axis or named.arm.uncertainty is not None or not named.library:
+    if named.axis or not named.library:
         return Friction([], [])
     taken = [*excluded, *(cause.key for cause in named.causes)]
     # what load or position predict is another law: friction is judged beside any function of them
@@ -32,6 +32,8 @@ def friction_near_rest(named: Named, recordings: Recordings, excluded: Set[Effec
         if one.joint is not None and one.against in TWO_FACED:
             given.setdefault(one.joint, []).append(Variable(one.against))
     found = friction_causes(state.data.map(lambda part: part.runs), state.terms, taken, tuple(named.library), given)
+    if named.arm.uncertainty is not None:
+        return found
     in_loop = _in_loop(named, recordings, [*taken, *(cause.key for cause in found.causes)])
     return replace(found, causes=[*found.causes, *in_loop])
 

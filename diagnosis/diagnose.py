@@ -168,6 +168,11 @@ def _warnings(arm: Arm, measured: OtherInstruments, named: Named) -> Iterator[st
     for known, what in ((arm.uncertainty, "parameters are"), (arm.kinematic_uncertainty, "geometry is")):
         if known is not None and not known.parameters:
             yield f"the model names {known.file}, which is not beside it: its {what} taken for exact"
+    if measured.judged and arm.uncertainty is not None and not arm.uncertainty.near_rest:
+        yield (
+            f"friction near rest was not judged: {arm.uncertainty.file} does not say what the model left there; "
+            "a model that 'armscope identify' writes now does"
+        )
     yield from reference_taken(arm, [cause.key for cause in named.causes], state.data.fit.runs)
     yield from smoothing_replaced(arm, named.base)
     yield from remarks(named.axis, arm.joints[0]) if named.axis else ()

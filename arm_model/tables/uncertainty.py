@@ -5,7 +5,8 @@
      "covariance": [[c11], [c21, c22], ...],            of these, lower triangle, in products of their units
      "left_over": [0.03, ...],                          per joint, N m (N) rms: what the model left beyond the noise
      "left_over_in_loop": [0.02, ...],                  ... in closed loop, from 10 to 100 Hz
-     "left_over_against": ["position", "", ...]}        the variable on which most of it depends; "": not known
+     "left_over_against": ["position", "", ...],        the variable on which most of it depends; "": not known
+     "left_over_near_rest": [0.05, null, ...]}          ... where the joint turns or creeps; null: it never did
 
 A covariance says how far the numbers of the model may move. ``left_over`` says how far the arm is from any model of
 this kind: what was left on the recordings of the identification itself, after the noise of their instruments.
@@ -38,7 +39,7 @@ class Uncertainty:
     file        its name, beside the model file
     parameters  (p,) names; covariance (p, p): rows of its lower triangle
     left_over   (n,) N m (N) rms per joint; in_loop: in closed loop, from 10 to 100 Hz; against: variables, "" where
-                none is known; empty: not known
+                none is known; near_rest: where a joint turns or creeps, None where no row shows that; empty: not known
 
     Without parameters nothing is known: the file that the model names was not there.
     """
@@ -49,6 +50,17 @@ class Uncertainty:
     left_over: tuple[float, ...] = ()
     in_loop: tuple[float, ...] = ()
     against: tuple[str, ...] = ()
+    near_rest: tuple[float | None, ...] = ()
+
+    @property
+    def by_joint(self) -> dict[str, tuple[float, ...] | tuple[str, ...] | tuple[float | None, ...]]:
+        """What has one entry per joint, or none, by its key in the file."""
+        return {
+            "left_over": self.left_over,
+            "left_over_in_loop": self.in_loop,
+            "left_over_against": self.against,
+            "left_over_near_rest": self.near_rest,
+        }
 
     @property
     def matrix(self) -> Array:
@@ -89,6 +101,7 @@ class _UncertaintyFile(Table):
     left_over: list[Annotated[float, Field(ge=0)]] = Field(default=[])
     left_over_in_loop: list[Annotated[float, Field(ge=0)]] = Field(default=[])
     left_over_against: list[str] = Field(default=[])
+    left_over_near_rest: list[Annotated[float, Field(ge=0)] | None] = Field(default=[])
 
 
 def read_uncertainty(path: str | Path) -> Uncertainty:
@@ -112,6 +125,7 @@ def read_uncertainty(path: str | Path) -> Uncertainty:
         tuple(layout.left_over),
         tuple(layout.left_over_in_loop),
         tuple(layout.left_over_against),
+        tuple(layout.left_over_near_rest),
     )
     _, values, _ = _correlation(found.matrix)
     if any(row[-1] <= 0.0 for row in found.covariance) or values.min(initial=0.0) < -NEGATIVE * values.max(initial=0.0):
@@ -122,11 +136,6 @@ def read_uncertainty(path: str | Path) -> Uncertainty:
 def write_uncertainty(path: str | Path, known: Uncertainty) -> None:
     """Writes a file that ``read_uncertainty`` reads back; whole or not at all."""
     rows = ",\n  ".join(json_text(row, path) for row in known.covariance)
-    others = {
-        "left_over": known.left_over,
-        "left_over_in_loop": known.in_loop,
-        "left_over_against": known.against,
-    }
     text = f'{{"schema": "{SCHEMA}",\n "parameters": {json_text(known.parameters)},\n "covariance": [\n  {rows}],\n'
-    text += ",\n".join(f' "{name}": {json_text(values, path)}' for name, values in others.items()) + "}\n"
+    text += ",\n".join(f' "{name}": {json_text(values, path)}' for name, values in known.by_joint.items()) + "}\n"
     write_text(path, text)

@@ -85,7 +85,9 @@ def _against_noise(
         return replace(result, notes=[*result.notes, f"not compared with the noise of the instruments: {error}"])
     arm, known = result.arm, result.arm.uncertainty
     if known is not None:
-        known = replace(known, left_over=more.along, in_loop=more.in_loop, against=more.against)
+        known = replace(
+            known, left_over=more.along, in_loop=more.in_loop, against=more.against, near_rest=more.near_rest
+        )
         arm = replace(arm, uncertainty=known)
     return replace(result, arm=arm, noise=noise)
 

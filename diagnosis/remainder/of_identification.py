@@ -7,7 +7,7 @@ no news of that day, whatever it depends on.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from diagnosis.measurements.currents.model_errors import Significance
 from diagnosis.measurements.currents.state import State
 from diagnosis.measurements.currents.structure.noise_ratio import noise_ratio
 from diagnosis.measurements.currents.structure.unexplained import structures_at
+from diagnosis.measurements.near_rest.friction import left_near_rest
 from diagnosis.remainder.against_noise import runs_of
 from diagnosis.selection.design import Dataset
 from diagnosis.selection.regression import fit_together
@@ -29,15 +30,16 @@ from identification.selection import Split
 
 @dataclass(frozen=True, kw_only=True)
 class LeftOver:
-    """Per joint: rms N m (N) along the measured motion, and in closed loop from 10 to 100 Hz.
+    """Per joint: rms N m (N) along the measured motion, in closed loop from 10 to 100 Hz, and near rest.
 
     against: the variable of the first; "" where it is noise, depends on no single variable, or no other recording could
-    show on which.
+    show on which. near_rest: None where no recording shows the joint turning or creeping.
     """
 
     along: tuple[float, ...]
     in_loop: tuple[float, ...]
     against: tuple[str, ...]
+    near_rest: tuple[float | None, ...]
 
 
 def left_over(arm: Arm, recordings: Sequence[Recording], beside: Sequence[Recording] = ()) -> LeftOver:
@@ -48,10 +50,13 @@ def left_over(arm: Arm, recordings: Sequence[Recording], beside: Sequence[Record
     """
     data = dataset_of(runs_of(arm, recordings, beside))
     learned = dataset_of(runs_of(arm, beside, recordings)) if beside else None
+    every = [*data.runs, *(learned.runs if learned else ())]
+    exact = [replace(run, arm=replace(run.arm, uncertainty=None)) for run in every]
     return LeftOver(
         along=_along(arm, data),
         in_loop=tuple(left_in_loop(arm, recordings).tolist()),
         against=tuple("" if learned is None else _against(arm, learned, data, j + 1) for j in range(len(arm))),
+        near_rest=tuple(left_near_rest(exact, j + 1) for j in range(len(arm))),
     )
 
 

@@ -15,8 +15,9 @@ import pytest
 
 from arm_model import Arm, EffectTerm
 from arm_model.effects import CATALOGUE, Variable
+from arm_model.tables import uncertainty_of
 from diagnosis.cause import Cause, Estimate
-from diagnosis.measurements.near_rest.friction import AGAINST, LIMITS, Friction, _rises, friction_causes
+from diagnosis.measurements.near_rest.friction import AGAINST, LIMITS, Friction, _rises, friction_causes, left_near_rest
 from diagnosis.measurements.near_rest.laws import fitted_to_all, law_of
 from diagnosis.measurements.near_rest.passages import NearRest, near_rest, seen
 from diagnosis.measurements.near_rest.time_at_rest import rise_at_rest
@@ -328,3 +329,35 @@ def test_friction_that_builds_up_over_few_encoder_steps_is_named() -> None:
     assert cause.key == ("presliding_friction", 1)
     stiffness = cause.parameters[0]
     assert abs(stiffness.value - 20_000.0) < 2 * stiffness.std < 10_000.0
+
+
+def _identified(left: float | None) -> Arm:
+    """The axis as an identification knows it, that left so much near rest, N m."""
+    known = uncertainty_of("axis_uncertainty.json", ("joint1.viscous",), np.array([[1e-4]]))
+    return replace(_axis(), uncertainty=replace(known, near_rest=(left,)))
+
+
+def test_of_an_identified_model_a_law_near_rest_is_named_beyond_what_it_left_there() -> None:
+    before, after = _hump(2.0, 0.05), _hump(8.0, 0.05)
+    healthy = _runs(before)
+    left = left_near_rest([*healthy.fit, *healthy.held_out], 1)
+    assert left is not None and 0.05 < left < 2.0
+
+    def causes(friction: Rubbing, arm: Arm) -> list[Cause]:
+        runs = _runs(friction).map(lambda part: [replace(run, arm=arm) for run in part])
+        return friction_causes(runs, (), (), ()).causes
+
+    # the same hump on another day is no news, and nothing is judged where the model says nothing
+    assert causes(before, _identified(left)) == causes(after, _identified(None)) == []
+    assert len(causes(before, _axis())) == 1
+    (cause,) = causes(after, _identified(left))
+    assert cause.key == ("stribeck_friction", 1)
+    (breakaway,) = (p for p in cause.parameters if p.name == "breakaway")
+    assert abs(breakaway.value - 8.0) < 2 * breakaway.std < 4.0
+
+
+def test_where_nothing_turns_nothing_is_left() -> None:
+    healthy = _runs(_slides(lambda v: np.tanh(v / WIDTH)))
+    assert left_near_rest([*healthy.fit, *healthy.held_out], 1) == pytest.approx(0.0, abs=0.02)
+    smooth = replace(_axis().joints[0], coulomb=(0.0, 0.0))
+    assert left_near_rest([replace(run, arm=Arm("axis", (smooth,))) for run in healthy.fit], 1) is None

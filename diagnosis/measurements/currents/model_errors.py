@@ -60,6 +60,14 @@ def model_uncertainty(arm: Arm, data: Split[Dataset]) -> ModelUncertainty | None
     return ModelUncertainty(data.map(felt), _left_over(known.left_over, data))
 
 
+def felt_by(run: Run) -> Array:
+    """(m, n) A: std of the currents that the arm of a run predicts, by what is known of its parameters; 0: exact."""
+    known = run.arm.uncertainty
+    if known is None or not known.parameters:
+        return np.zeros_like(run.q)
+    return np.asarray(np.linalg.norm(_columns(run, known.parameters) @ known.directions, axis=-1))
+
+
 def _left_over(left_over: Sequence[float], data: Split[Dataset]) -> Array:
     runs = [run for side in data for run in side.runs]
     constant = runs[0].arm.joint_array("drive_constant")

@@ -111,6 +111,20 @@ def friction_causes(
     )
 
 
+def left_near_rest(runs: Sequence[Run], joint: int) -> float | None:
+    """N m (N) rms: what the model leaves beyond the noise where a joint (from 1) turns or creeps.
+
+    Under the smoothing velocity that explains most of it. None where no recording shows the joint there.
+    """
+    every = near_rest(seen(runs, ()), joint)
+    if not every or max(runs[0].arm.joints[joint - 1].rest_friction) <= 0.0:
+        return None
+    left = np.concatenate(in_sample(every, smoothing(every)).left)
+    std = np.concatenate([one.std for one in every])
+    beyond = max(float(np.mean((left**2 - 1.0) * std**2)), 0.0)
+    return runs[0].arm.joints[joint - 1].drive_constant * float(np.sqrt(beyond))
+
+
 def _open(arm: Arm, joint: int, taken: Sequence[EffectKey]) -> bool:
     """Whether a joint (from 1) has friction, and none of its laws near rest is known or excluded."""
     rubs = max(arm.joints[joint - 1].rest_friction) > 0.0

@@ -20,6 +20,7 @@ from scipy import ndimage
 from arm_io.types import Array
 from arm_model import EffectTerm, Joint
 from arm_model.effects import Effect, Signals, Values, Variable
+from diagnosis.measurements.currents.model_errors import felt_by
 from diagnosis.measurements.near_rest.between_steps import between_steps
 from diagnosis.residual.expected_current import coulomb_at, delayed, lateness, reading, terms_of, true_angle
 from diagnosis.residual.filters import COMPARE_BAND, MOTION_BAND, kept, low_pass, motion_of, rate_of
@@ -110,7 +111,8 @@ class Seen:
     """A recording by angles between the steps of its encoders: v (k, n) rad/s at its rate, residual (m, n) A.
 
     stands: (k, n) where joints stand, by the readings themselves: a joint that creeps shows steps. late: (k,) s by
-    which its currents are recorded after its angles.
+    which its currents are recorded after its angles. doubt: (m, n) A, std of what the model predicts where joints turn
+    or creep, by what an identification knows of it; NaN where it says nothing; 0 of an exact model.
     """
 
     run: Run
@@ -118,6 +120,7 @@ class Seen:
     residual: Array
     stands: NDArray[np.bool_]
     late: Array
+    doubt: Array
 
 
 def seen(runs: Sequence[Run], terms: Sequence[EffectTerm]) -> list[Seen]:
@@ -134,18 +137,28 @@ def seen_under(run: Run, effects: Sequence[EffectTerm]) -> Seen:
     stands = np.stack([standing(v, rate) for v in shown[1].T], axis=1)
     late = np.sum([lateness(effect, values, t) for effect, _, values in terms_of(arm)], axis=0) + np.zeros_like(t)
     if np.array_equal(angle, q):
-        return Seen(run, shown[1], residual_under(run, effects), stands, late)
+        return Seen(run, shown[1], residual_under(run, effects), stands, late, _doubt(run))
     motion = motion_of(true_angle(arm, angle), MOTION_BAND, rate)
     expected = low_pass(reading(arm, t, angle, motion=motion), COMPARE_BAND, rate)[kept(rate)]
-    return Seen(run, motion[1], run.current - expected, stands, late)
+    return Seen(run, motion[1], run.current - expected, stands, late, _doubt(run))
+
+
+def _doubt(run: Run) -> Array:
+    """(m, n) A, see ``Seen``: parameters within their covariance, and what the model left near rest."""
+    known = run.arm.uncertainty
+    if known is None:
+        return np.zeros_like(run.q)
+    left = [np.nan if value is None else value for value in known.near_rest] or [np.nan] * len(run.arm)
+    return np.hypot(felt_by(run), np.array(left) / run.arm.joint_array("drive_constant"))
 
 
 def near_rest(recordings: Sequence[Seen], joint: int, given: Collection[Variable] = ()) -> list[NearRest]:
-    """A joint near rest in each recording; none where its speed is not known so finely.
+    """A joint near rest in each recording; none where its speed is not known so finely, or its model not near rest.
 
     given: variables of another law; what functions of them, one per direction, explain is ``beside``.
     """
-    found = [_of_run(one, joint) for one in recordings if known_speed(one.run, joint)]
+    judged = (one for one in recordings if known_speed(one.run, joint) and np.isfinite(one.doubt[:, joint - 1]).all())
+    found = [_of_run(one, joint) for one in judged]
     return [_given(one, given) for one in found if one.rows.any()]
 
 
@@ -203,7 +216,7 @@ def _of_run(recording: Seen, joint: int) -> NearRest:
     )
     drive = run.arm.joints[j]
     lacking = max(drive.rest_friction) * (1.0 - np.abs(one.sign(drive.sign_velocity)))
-    std = np.hypot(instruments[rows], TURN * one.of(lacking))
+    std = np.sqrt(instruments[rows] ** 2 + (TURN * one.of(lacking)) ** 2 + recording.doubt[rows, j] ** 2)
     return replace(one, residual=recording.residual[rows, j] / std, std=std)
 
 
