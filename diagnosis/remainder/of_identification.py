@@ -20,6 +20,7 @@ from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.measurements.currents.model_errors import Significance
 from diagnosis.measurements.currents.state import State
 from diagnosis.measurements.currents.structure.noise_ratio import noise_ratio
+from diagnosis.measurements.currents.structure.shared_bases import Bases
 from diagnosis.measurements.currents.structure.unexplained import structures_at
 from diagnosis.measurements.near_rest.friction import left_near_rest
 from diagnosis.remainder.against_noise import runs_of
@@ -75,8 +76,8 @@ def _against(arm: Arm, learned: Dataset, data: Dataset, joint: int) -> str:
     """Name of the variable that predicts most of what is left at a joint (from 1), from the recordings beside."""
     if noise_ratio(data.y, data, joint) <= LIMITS.above_noise:
         return ""
-    split = Split(learned, data)
-    return _variable(structures_at(joint, split, fit_together(split, ()), arm, Significance(split, [], None))[0])
+    split, bases = Split(learned, data), Bases(learned, data)
+    return _variable(structures_at(joint, split, bases, fit_together(split, ()), arm, Significance(split, [], None))[0])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,12 +101,12 @@ def remainders(state: State, structures: Sequence[Structure]) -> list[Remainder]
         return found
     exact = Significance(state.data, [*model.free, *(model.columns(c) for c in state.chosen)], None)
     variables = model.arm.uncertainty.against or ("",) * len(model.arm)
-    reported = {one.joint for one in structures}
+    reported, bases = {one.joint for one in structures}, Bases(*state.data)
     for joint, (left, before) in enumerate(zip(model.uncertain.left_over.tolist(), variables), 1):
         sides = zip(state.data, (state.fitted.fit, state.fitted.held_out))
         if joint in reported or max(noise_ratio(y, side, joint) for side, y in sides) <= LIMITS.above_noise:
             continue
-        against = _variable(structures_at(joint, state.data, state.fitted, model.arm, exact)[0])
+        against = _variable(structures_at(joint, state.data, bases, state.fitted, model.arm, exact)[0])
         found.append(Remainder(joint=joint, against=against, before=(1.0 + left) ** 0.5, before_against=before))
     return found
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from arm_io.types import Array
 from arm_model import Arm
-from diagnosis.measurements.currents.structure.basis_functions import variables
+from diagnosis.measurements.currents.structure.shared_bases import variables
 from diagnosis.selection.design import Dataset
 
 FROM = ("position", "velocity", "load torque")

@@ -7,6 +7,7 @@ import pytest
 
 from arm_io.types import Array
 from diagnosis.measurements.currents.structure.basis_functions import _plane_wave, _play
+from diagnosis.measurements.currents.structure.shared_bases import harmonics_of
 from diagnosis.residual.noise.channels import QUIET_ROWS, quiet_noise
 
 
@@ -30,7 +31,7 @@ def test_the_strongest_wave_of_two_angles_is_found() -> None:
     own, other = np.cumsum(random.standard_normal((2, 3000)), axis=1) / 20
     for c, d in ((2.5, 1.0), (-3.0, 4.5), (0.5, 8.0)):
         wave = np.sin(c * own + d * other + 0.7) + 0.3 * random.standard_normal(3000)
-        assert _plane_wave(wave, own, other) == (c, d)
+        assert _plane_wave(wave, harmonics_of(own), harmonics_of(other)) == (c, d)
 
 
 def test_quiet_noise_is_the_scatter_about_straight_lines() -> None:

@@ -6,8 +6,8 @@ import numpy as np
 
 from arm_model import Arm
 from diagnosis.measurements.currents.design_matrix import dataset_of
-from diagnosis.measurements.currents.structure.basis_functions import KNOTS, _bends, _splines
 from diagnosis.measurements.currents.structure.likely_variable import _predicted, likely_variable
+from diagnosis.measurements.currents.structure.shared_bases import KNOTS, bends_of, splines_at
 from diagnosis.residual.generation import residual_run
 from diagnosis.residual.run import Run
 from identification.selection import Split
@@ -41,6 +41,6 @@ def test_a_function_goes_on_straight_beyond_the_rows_that_it_is_fitted_to() -> N
     x = np.linspace(0.0, 1.0, 400)
     fold = np.where(x > 0.8, 0, 1 + np.arange(400) % 3)
     knots = np.linspace(0.0, 1.0, KNOTS)
-    straight, to_zero = (_predicted(_splines(x, knots), x, fold, bends) for bends in (_bends(knots), None))
+    straight, to_zero = (_predicted(splines_at(x, knots), x, fold, bends) for bends in (bends_of(knots), None))
     assert np.abs(straight - x).max() < 0.02
     assert to_zero[-1] < 0.5

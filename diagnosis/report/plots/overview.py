@@ -10,7 +10,7 @@ from arm_report.chart import robust_range
 from arm_report.palette import AFTER, BEFORE, EDGE
 from diagnosis.cause import Cause, Signal
 from diagnosis.measurements.currents.design_matrix import dataset_of
-from diagnosis.measurements.currents.structure.basis_functions import variables
+from diagnosis.measurements.currents.structure.shared_bases import variables
 from diagnosis.report.plots.closed_loop import loop_chart
 from diagnosis.report.plots.link_encoders import link_chart
 from diagnosis.report.plots.motion import HELD_OUT, held_out_time

@@ -17,7 +17,7 @@ from daq.recording import Recording
 from diagnosis.binned_means import quantile_edges
 from diagnosis.closed_loop.comparison import Compared
 from diagnosis.measurements.currents.design_matrix import dataset_of
-from diagnosis.measurements.currents.structure.basis_functions import variables
+from diagnosis.measurements.currents.structure.shared_bases import variables
 from diagnosis.report.plots.motion import HELD_OUT, held_out_time
 from diagnosis.residual.filters import COMPARE_BAND, low_pass, rate_of
 from diagnosis.result import Diagnosis

@@ -8,20 +8,18 @@ from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 from scipy.linalg import block_diag
 
 from arm_io.types import Array
 from arm_model import Arm
 from arm_model.effects import Variable
+from diagnosis.measurements.currents.structure.shared_bases import WAVE_STEPS, Bases, bends_of
 from diagnosis.residual.filters import COMPARE_BAND, low_pass_gain
 from diagnosis.residual.run import Run
 from diagnosis.residual.signals import signals_of
 from diagnosis.selection.design import Columns, Dataset, Pair
 from identification.selection import Split
 
-KNOTS = 16
-"""Knots of a function of one variable: enough for three cycles over the range of a joint."""
 PLACES = 100
 """Knots over the range of a joint of the function for local effects, such as a damaged tooth."""
 CYCLES = (0.5, 40.0)
@@ -35,20 +33,18 @@ PLAYS = (0.004, 0.01, 0.02, 0.05, 0.1)
 """Half-widths of play operators, of the range of the current."""
 
 
-def variables(side: Dataset, arm: Arm, joint: int) -> Iterator[tuple[str, Array]]:
-    """Name and values (rows,) of every variable that the residual of this joint may depend on."""
-    yield "time", np.concatenate([run.t for run in side.runs])
-    yield "position", side.at_joint("q", joint)
-    yield "motor angle", np.mod(side.at_joint("q", joint) * arm.joints[joint - 1].ratio, 2 * np.pi)
-    yield "velocity", side.at_joint("v", joint)
-    yield "acceleration", side.at_joint("a", joint)
-    yield "load torque", side.at_joint("rigid", joint)
-    yield "current", side.at_joint("current", joint)
-    for other in range(1, len(arm) + 1):
-        if other != joint:
-            yield f"position of joint {other}", side.at_joint("q", other)
-            yield f"velocity of joint {other}", side.at_joint("v", other)
-            yield f"current of joint {other}", side.at_joint("current", other)
+@dataclass(frozen=True)
+class Functions:
+    """Functions (rows, k) of a variable at the rows ``where`` of a dataset, times each of several factors (rows,)."""
+
+    values: Array
+    factors: tuple[Array, ...]
+    where: slice
+
+    @property
+    def columns(self) -> Columns:
+        """(rows, k factors) products, computed whenever they are asked for: those of all variables are many."""
+        return Columns(_side_by_side([self.values * factor[:, None] for factor in self.factors]), self.where)
 
 
 @dataclass(frozen=True)
@@ -61,45 +57,39 @@ class Shape:
     """
 
     name: str
-    pair: Pair
+    functions: Split[Functions]
     known: NDArray[np.bool_]
     bends: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
+    @property
+    def pair(self) -> Pair:
+        """Its columns in both sets, computed whenever they are asked for."""
+        return self.functions.map(lambda functions: functions.columns)
 
-def shapes_of(fit: Dataset, held_out: Dataset, residual: Array, arm: Arm, joint: int) -> Iterator[Shape]:
+
+def shapes_of(bases: Bases, residual: Array, arm: Arm, joint: int) -> Iterator[Shape]:
     """Functions of every variable at one joint, alone and times direction and velocity, over the std of each row.
 
     residual (n * rows,): whitened, of the fit set; the ripples are those of its spectrum.
     """
-    width = arm.joints[joint - 1].sign_velocity
+    fit, held_out, width = bases.fit, bases.held_out, arm.joints[joint - 1].sign_velocity
     factors = []
     for side in (fit, held_out):
         v, over = side.at_joint("v", joint), 1.0 / side.at_joint("deviation", joint)
         factors.append((over, over * v / np.hypot(v, width), over * v))
-    for (name, x), (_, x_held_out) in zip(variables(fit, arm, joint), variables(held_out, arm, joint)):
-        if name == "motor angle":
-            continue  # by its harmonics, below
-        if np.ptp(x) == 0.0:
-            continue
-        # half where the rows are, half evenly: the ends of a range are passed rarely, and matter
-        knots = (np.quantile(x, np.linspace(0.0, 1.0, KNOTS)) + np.linspace(x.min(), x.max(), KNOTS)) / 2
-        if np.any(np.diff(knots) <= 0.0):
-            continue  # practically constant
-        in_range = (x_held_out >= knots[0]) & (x_held_out <= knots[-1])
-        splines = _splines(x, knots), _splines(x_held_out, knots) * in_range[:, None]
-        bends = _bends(knots)
+    for name, splines in bases.splines(arm, joint):
         for kinds in ((0,), (1,), (2,), (0, 1)):
             if (kinds != (0,) and name in UNMIXED) or (2 in kinds and " of joint" in name):
                 continue
             if len(kinds) > 1 and name not in TWO_FACED:
                 continue
             in_fit, in_held_out = (
-                Columns(_side_by_side([values * factor[kind][:, None] for kind in kinds]), side.of(joint))
-                for values, factor, side in zip(splines, factors, (fit, held_out))
+                Functions(values, tuple(factor[kind] for kind in kinds), side.of(joint))
+                for values, factor, side in zip((splines.fit, splines.held_out), factors, (fit, held_out))
             )
-            yield Shape(name, Split(in_fit, in_held_out), in_range, block_diag(*[bends] * len(kinds)))
+            yield Shape(name, Split(in_fit, in_held_out), splines.known, block_diag(*[splines.bends] * len(kinds)))
     yield from _places(fit, held_out, joint)
-    yield from _waves(fit, held_out, residual, arm, joint)
+    yield from _waves(bases, residual, arm, joint)
     yield from _past(fit, held_out, arm, joint)
 
 
@@ -116,34 +106,19 @@ def _places(fit: Dataset, held_out: Dataset, joint: int) -> Iterator[Shape]:
         return
     in_range = (x_held_out >= edges[0]) & (x_held_out <= edges[-1])
     in_fit, in_held_out = (
-        Columns(
-            np.maximum(1.0 - np.abs(values[:, None] - edges) / (edges[1] - edges[0]), 0.0)
-            / side.at_joint("deviation", joint)[:, None],
+        Functions(
+            np.maximum(1.0 - np.abs(values[:, None] - edges) / (edges[1] - edges[0]), 0.0),
+            (1.0 / side.at_joint("deviation", joint),),
             side.of(joint),
         )
         for values, side in ((x, fit), (x_held_out, held_out))
     )
-    yield Shape("position", Split(in_fit, in_held_out), in_range, _bends(edges))
+    yield Shape("position", Split(in_fit, in_held_out), in_range, bends_of(edges))
 
 
-def _bends(knots: Array) -> Array:
-    """(knots - 2, knots) second derivative at the inner knots of a function of these values, per mean spacing^2."""
-    below, above = np.diff(knots)[:-1], np.diff(knots)[1:]
-    second = np.zeros((len(knots) - 2, len(knots)))
-    inner = np.arange(len(knots) - 2)
-    second[inner, inner], second[inner, inner + 2] = 2.0 / (below * (below + above)), 2.0 / (above * (below + above))
-    second[inner, inner + 1] = -2.0 / (below * above)
-    return second * float(np.mean(np.diff(knots))) ** 2
-
-
-def _splines(x: Array, knots: Array) -> Array:
-    """(rows, knots) natural cubic splines, each 1 at its knot and 0 at all others; constant beyond the ends."""
-    values: Array = CubicSpline(knots, np.eye(len(knots)), bc_type="natural")(np.clip(x, knots[0], knots[-1]))
-    return values
-
-
-def _waves(fit: Dataset, held_out: Dataset, residual: Array, arm: Arm, joint: int) -> Iterator[Shape]:
+def _waves(bases: Bases, residual: Array, arm: Arm, joint: int) -> Iterator[Shape]:
     """The strongest ripples over the motor's angle, alone and times direction, and over the angles of two joints."""
+    fit, held_out = bases.fit, bases.held_out
     over, ratio = 1.0 / fit.at_joint("deviation", joint), arm.joints[joint - 1].ratio
     weighted, own = residual[fit.of(joint)] * over, fit.at_joint("q", joint)
     for direction in (_everywhere, partial(_direction, joint=joint, width=arm.joints[joint - 1].sign_velocity)):
@@ -152,7 +127,7 @@ def _waves(fit: Dataset, held_out: Dataset, residual: Array, arm: Arm, joint: in
             yield _wave("motor angle", fit, held_out, joint, {joint: ripple * ratio}, direction)
     for other in range(1, len(arm) + 1):
         if other != joint and np.ptp(fit.at_joint("q", other)) > 0.0:
-            c, d = _plane_wave(weighted, own, fit.at_joint("q", other))
+            c, d = _plane_wave(weighted, bases.harmonics(joint), bases.harmonics(other))
             name = f"position and position of joint {other}"
             yield _wave(name, fit, held_out, joint, {joint: c, other: d}, _everywhere)
 
@@ -179,14 +154,14 @@ def _wave(
 
     It is as large as the filter of the residual lets a wave through, whose frequency is that of these angles' speed.
     """
-    columns = []
+    sides = []
     for side in (fit, held_out):
         phase, speed = (sum(k * side.at_joint(of, j) for j, k in along.items()) for of in ("q", "v"))
         size = (
             factor(side) * low_pass_gain(np.abs(speed) / (2 * np.pi), COMPARE_BAND) / side.at_joint("deviation", joint)
         )
-        columns.append(Columns(np.stack([np.sin(phase), np.cos(phase)], axis=1) * size[:, None], side.of(joint)))
-    return Shape(name, Split(columns[0], columns[1]), np.ones(held_out.rows, bool))
+        sides.append(Functions(np.stack([np.sin(phase), np.cos(phase)], axis=1), (size,), side.of(joint)))
+    return Shape(name, Split(sides[0], sides[1]), np.ones(held_out.rows, bool))
 
 
 def _ripple(weighted: Array, motor: Array) -> float | None:
@@ -204,19 +179,17 @@ def _ripple(weighted: Array, motor: Array) -> float | None:
 
 
 def _plane_wave(weighted: Array, own: Array, other: Array) -> tuple[float, float]:
-    """c and d, rad/rad, of the strongest wave sin(c own + d other) that depends on both angles."""
-    steps = np.arange(0.5, 8.01, 0.5)
-    first, second = (_harmonics(np.exp(0.5j * angle), len(steps)) for angle in (own, other))
-    # -c and c differ by the conjugate
-    power = np.abs(np.concatenate([(part * weighted) @ second.T for part in (first.conj(), first)]))
-    c = np.concatenate([-steps, steps])
+    """c and d, rad/rad, of the strongest wave sin(c own + d other) that depends on both angles.
+
+    own, other: ``harmonics_of`` the angles.
+    """
+    steps = len(WAVE_STEPS)
+    products = ((own * weighted) @ other.T).reshape(2, steps, 2, steps)
+    cc, cs, sc, ss = products[0, :, 0], products[0, :, 1], products[1, :, 0], products[1, :, 1]
+    power = np.concatenate([np.hypot(cc + ss, cs - sc), np.hypot(cc - ss, cs + sc)])
+    c = np.concatenate([-WAVE_STEPS, WAVE_STEPS])
     best = np.unravel_index(int(np.argmax(power)), power.shape)
-    return float(c[best[0]]), float(steps[best[1]])
-
-
-def _harmonics(wave: Array, count: int) -> Array:
-    """(count, m) powers 1 to count of a wave (m,)."""
-    return np.multiply.accumulate(np.broadcast_to(wave, (count, len(wave))), axis=0)
+    return float(c[best[0]]), float(WAVE_STEPS[best[1]])
 
 
 def _past(fit: Dataset, held_out: Dataset, arm: Arm, joint: int) -> Iterator[Shape]:
@@ -233,7 +206,7 @@ def _past(fit: Dataset, held_out: Dataset, arm: Arm, joint: int) -> Iterator[Sha
     for side, of_side in zip((fit, held_out), currents):
         over = 1.0 / side.at_joint("deviation", joint)
         kept = [_play(current, np.array(PLAYS) * travel) - current[:, None] for current in of_side]
-        pair.append(Columns(np.concatenate(kept) * over[:, None], side.of(joint)))
+        pair.append(Functions(np.concatenate(kept), (over,), side.of(joint)))
     yield Shape("current and its past", Split(pair[0], pair[1]), np.ones(held_out.rows, bool))
 
 

@@ -17,6 +17,7 @@ from arm_io.types import Array
 from arm_model import Arm
 from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.measurements.currents.structure.basis_functions import shapes_of
+from diagnosis.measurements.currents.structure.shared_bases import Bases
 from diagnosis.selection.design import Columns, Dataset, Pair, joined
 from diagnosis.selection.drift import levels, own_lines
 from identification.selection import Split, p_value
@@ -56,8 +57,8 @@ def _functions(
     every: Dataset, y: Array, fold: NDArray[np.intp], arm: Arm, joint: int
 ) -> Iterator[tuple[str, Array, Array | None]]:
     """Name, columns (rows, k) and ``Shape.bends`` of every function; of a drift, where a constant is not as good."""
-    for shape in shapes_of(every, every, every.y, arm, joint):
-        yield shape.name, shape.pair.fit.x, shape.bends if shape.bends.size else None
+    for shape in shapes_of(Bases(every, every), every.y, arm, joint):
+        yield shape.name, shape.functions.fit.columns.x, shape.bends if shape.bends.size else None
     constants, lines = levels(every, joint), own_lines(every, joint)
     left, left_by_lines = (float(np.sum((y - _predicted(x, y, fold)) ** 2)) for x in (constants, lines))
     if left_by_lines < (1.0 - LIMITS.likely_share) * left:

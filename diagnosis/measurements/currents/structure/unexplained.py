@@ -24,6 +24,7 @@ from diagnosis.measurements.currents.model_errors import Significance
 from diagnosis.measurements.currents.structure.basis_functions import Shape, shapes_of
 from diagnosis.measurements.currents.structure.likely_variable import likely_variable
 from diagnosis.measurements.currents.structure.noise_ratio import noise_ratio
+from diagnosis.measurements.currents.structure.shared_bases import Bases
 from diagnosis.selection.design import Dataset, Pair
 from diagnosis.selection.regression import Fitted, fit_gain, gain_of, residual_with, with_columns
 from diagnosis.selection.waves import wave_of
@@ -47,8 +48,9 @@ def unexplained_structure(data: Split[Dataset], fitted: Fitted, arm: Arm, signif
 
     significance: of columns beside those fitted, with the model as uncertain as it is.
     """
-    joints = range(1, len(arm) + 1)
-    found = in_parallel(lambda joint: structures_at(joint, data, fitted, arm, significance), joints)
+    joints, bases = range(1, len(arm) + 1), Bases(*data)
+    bases.compute(arm)
+    found = in_parallel(lambda joint: structures_at(joint, data, bases, fitted, arm, significance), joints)
     return Unexplained(
         [structure for structures, _, _ in found for structure in structures],
         [pair for _, pairs, _ in found for pair in pairs],
@@ -57,17 +59,14 @@ def unexplained_structure(data: Split[Dataset], fitted: Fitted, arm: Arm, signif
 
 
 def structures_at(
-    joint: int, data: Split[Dataset], fitted: Fitted, arm: Arm, significance: Significance
+    joint: int, data: Split[Dataset], bases: Bases, fitted: Fitted, arm: Arm, significance: Significance
 ) -> tuple[list[Structure], list[Pair], Pair | None]:
-    """Structures at one joint, their columns, and those of a likely variable.
-
-    The memory of a joint's shapes is freed before the next joint.
-    """
+    """Structures at one joint, their columns, and those of a likely variable."""
     structures: list[Structure] = []
     pairs: list[Pair] = []
-    fit, held_out = data
+    held_out = data.held_out
     known = np.ones(held_out.rows, bool)
-    shapes = list(shapes_of(fit, held_out, fitted.fit, arm, joint))
+    shapes = list(shapes_of(bases, fitted.fit, arm, joint))
     for _ in range(LIMITS.structures):
         best = _strongest(shapes, with_columns(fitted, pairs), data, joint, significance, known)
         if best is None:
@@ -105,11 +104,12 @@ def better_than_causes(
     error by which the function may be worse, where there are implausibly many causes; not for the velocity, on which
     several effects depend.
     """
-    fit, held_out = data
+    held_out = data.held_out
     rows, better = held_out.of(joint), dict[str, float]()
-    for shape in shapes_of(fit, held_out, without.fit, arm, joint):
-        _, c = fit_gain(shape.pair.fit, without)
-        by_function = residual_with(shape.pair, c, without, held_out)
+    for shape in shapes_of(Bases(*data), without.fit, arm, joint):
+        pair = shape.pair
+        _, c = fit_gain(pair.fit, without)
+        by_function = residual_with(pair, c, without, held_out)
         improvement = (with_causes.held_out**2 - by_function**2)[rows] * shape.known
         blocks = np.bincount(held_out.block[rows], weights=improvement).astype(float)
         gain = float(blocks.sum())
