@@ -13,7 +13,7 @@ from diagnosis.closed_loop.resonance import transmission_resonance, transmission
 from diagnosis.measurements.currents.chatter import chattering_gaps
 from diagnosis.measurements.currents.structure.basis_functions import TWO_FACED
 from diagnosis.measurements.near_rest.friction import Friction, friction_causes
-from diagnosis.measurements.near_rest.passages import known_speed
+from diagnosis.measurements.near_rest.passages import coarse
 from diagnosis.named import Named, Recordings
 
 
@@ -39,20 +39,20 @@ def friction_near_rest(named: Named, recordings: Recordings, excluded: Set[Effec
 
 
 def _in_loop(named: Named, recordings: Recordings, taken: Sequence[EffectKey]) -> list[Cause]:
-    """The same by closed loops, at joints whose encoder does not show the speed that currents are judged at.
+    """The same by closed loops, at joints whose encoder hardly shows the speed that currents are judged at.
 
     What the search named there of currents is judged again, and estimated by both.
     """
     runs = [run for part in named.found.state.data for run in part.runs]
-    coarse = [j for j in range(1, len(named.arm) + 1) if not any(known_speed(run, j) for run in runs)]
-    if not coarse:
+    joints = [j for j in range(1, len(named.arm) + 1) if all(coarse(run, j) for run in runs)]
+    if not joints:
         return []
     every = [
         replace(r, q=q, i=i) for r, (_, q, i) in zip((*recordings.fit, *recordings.held_out), named.residuals.samples)
     ]
-    again = {cause.key: cause for cause in named.causes if cause.joint in coarse and has_state(cause.effect)}
+    again = {cause.key: cause for cause in named.causes if cause.joint in joints and has_state(cause.effect)}
     beside = [cause for cause in named.causes if cause.key not in again]
-    found = friction_in_loop(extend(named.base, beside), every, coarse, set(taken) - set(again))
+    found = friction_in_loop(extend(named.base, beside), every, joints, set(taken) - set(again))
     return [with_estimates_of(cause, again[cause.key]) if cause.key in again else cause for cause in found]
 
 

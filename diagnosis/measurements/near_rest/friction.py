@@ -116,7 +116,8 @@ def left_near_rest(runs: Sequence[Run], joint: int) -> float | None:
 
     Under the smoothing velocity that explains most of it. None where no recording shows the joint there.
     """
-    every = near_rest(seen(runs, ()), joint)
+    # what the encoder's noise hides is part of it
+    every = near_rest([replace(one, noise=0.0 * one.noise) for one in seen(runs, ())], joint)
     if not every or max(runs[0].arm.joints[joint - 1].rest_friction) <= 0.0:
         return None
     left = np.concatenate(in_sample(every, smoothing(every)).left)

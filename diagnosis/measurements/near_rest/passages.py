@@ -3,7 +3,7 @@
 The search gives a row near standstill the std of all of the joint's Coulomb friction, because what friction does there
 depends on more than the velocity. That is right where a joint stands. Where it passes through rest, or creeps, friction
 is known but for the law by which it turns, and less of it is unknown: the share ``TURN`` of what it lacks to the
-friction of sliding. Friction is evaluated at the full rate and then filtered as the residual is, because a reversal
+friction of sliding, and all of it where the encoder's noise hides the direction. Friction is evaluated at the full rate and then filtered as the residual is, because a reversal
 lasts no longer than the filters; at speeds by angles between the steps of the encoder, because a joint that creeps
 passes few of them.
 """
@@ -16,6 +16,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
+from scipy.special import ndtr
 
 from arm_io.types import Array
 from arm_model import EffectTerm, Joint
@@ -39,8 +40,9 @@ STANDS, STANDS_FOR = CREEP / 2.0, 0.12
 """rad/s (m/s) and s: a joint that is slower for longer stands."""
 SMEARED, AFTER_REST = 0.03, 0.04
 """s before and after a slow instant that filters spread it over; s about a standstill that are left out."""
-SPEED_NOISE = STANDS / 3.0
-"""rad/s (m/s): std of the speed by the encoder above which a joint is not judged near rest."""
+SPEED_NOISE, COARSE = STANDS, STANDS / 3.0
+"""rad/s (m/s): std of the speed by the encoder above which a joint is not judged near rest, and above which closed loops
+judge it as well."""
 BENDS = 9
 """Knots of a function of one variable: straight between them, so that the magnitude of a load is such a function."""
 UNMEASURED = 1e4
@@ -110,13 +112,15 @@ class NearRest:
 class Seen:
     """A recording by angles between the steps of its encoders: v (k, n) rad/s at its rate, residual (m, n) A.
 
-    stands: (k, n) where joints stand, by the readings themselves: a joint that creeps shows steps. late: (k,) s by
-    which its currents are recorded after its angles. doubt: (m, n) A, std of what the model predicts where joints turn
-    or creep, by what an identification knows of it; NaN where it says nothing; 0 of an exact model.
+    noise: (k, n) rad/s std of ``v`` that is counted beside the rest: of an identified model none, since what it left
+    near rest has it. stands: (k, n) where joints stand, by the readings themselves: a joint that creeps shows steps.
+    late: (k,) s by which its currents are recorded after its angles. doubt: (m, n) A, std of what the model predicts
+    where joints turn or creep, by what an identification knows of it; NaN where it says nothing; 0 of an exact model.
     """
 
     run: Run
     v: Array
+    noise: Array
     residual: Array
     stands: NDArray[np.bool_]
     late: Array
@@ -136,11 +140,15 @@ def seen_under(run: Run, effects: Sequence[EffectTerm]) -> Seen:
     shown = motion_of(true_angle(arm, q), MOTION_BAND, rate)
     stands = np.stack([standing(v, rate) for v in shown[1].T], axis=1)
     late = np.sum([lateness(effect, values, t) for effect, _, values in terms_of(arm)], axis=0) + np.zeros_like(t)
+    # an angle between two steps has no noise of readings
+    read = ndimage.uniform_filter1d((angle == q).astype(float), max(1, round(SMEARED * rate)), axis=0)
+    noise = np.sqrt(np.maximum(read, 0.0)) * [speed_noise(run, joint) for joint in range(1, q.shape[1] + 1)]
+    noise = noise * (arm.uncertainty is None)
     if np.array_equal(angle, q):
-        return Seen(run, shown[1], residual_under(run, effects), stands, late, _doubt(run))
+        return Seen(run, shown[1], noise, residual_under(run, effects), stands, late, _doubt(run))
     motion = motion_of(true_angle(arm, angle), MOTION_BAND, rate)
     expected = low_pass(reading(arm, t, angle, motion=motion), COMPARE_BAND, rate)[kept(rate)]
-    return Seen(run, motion[1], run.current - expected, stands, late, _doubt(run))
+    return Seen(run, motion[1], noise, run.current - expected, stands, late, _doubt(run))
 
 
 def _doubt(run: Run) -> Array:
@@ -157,7 +165,7 @@ def near_rest(recordings: Sequence[Seen], joint: int, given: Collection[Variable
 
     given: variables of another law; what functions of them, one per direction, explain is ``beside``.
     """
-    judged = (one for one in recordings if known_speed(one.run, joint) and np.isfinite(one.doubt[:, joint - 1]).all())
+    judged = (one for one in recordings if known_speed(one, joint) and np.isfinite(one.doubt[:, joint - 1]).all())
     found = [_of_run(one, joint) for one in judged]
     return [_given(one, given) for one in found if one.rows.any()]
 
@@ -178,9 +186,15 @@ def _given(one: NearRest, variables: Collection[Variable]) -> NearRest:
     return replace(one, residual=one.apart(one.residual))
 
 
-def known_speed(run: Run, joint: int) -> bool:
-    """Whether the encoder shows the speed of a joint to a fraction of that at which it stands."""
-    return speed_noise(run, joint) < SPEED_NOISE
+def known_speed(recording: Seen, joint: int) -> bool:
+    """Whether the encoder shows that a joint moves faster than it stands, or finely where its noise is not counted."""
+    counted = recording.noise[:, joint - 1].any()
+    return speed_noise(recording.run, joint) < (SPEED_NOISE if counted else COARSE)
+
+
+def coarse(run: Run, joint: int) -> bool:
+    """Whether the encoder does not show the speed of a joint to a fraction of that at which it stands."""
+    return speed_noise(run, joint) >= COARSE
 
 
 def speed_noise(run: Run, joint: int) -> float:
@@ -215,9 +229,16 @@ def _of_run(recording: Seen, joint: int) -> NearRest:
         late=recording.late,
     )
     drive = run.arm.joints[j]
-    lacking = max(drive.rest_friction) * (1.0 - np.abs(one.sign(drive.sign_velocity)))
-    std = np.sqrt(instruments[rows] ** 2 + (TURN * one.of(lacking)) ** 2 + recording.doubt[rows, j] ** 2)
+    lacking = 1.0 - np.abs(one.sign(drive.sign_velocity))
+    unknown = max(drive.rest_friction) * np.hypot(TURN * lacking, direction_noise(v, recording.noise[:, j]))
+    std = np.sqrt(instruments[rows] ** 2 + one.of(unknown) ** 2 + recording.doubt[rows, j] ** 2)
     return replace(one, residual=recording.residual[rows, j] / std, std=std)
+
+
+def direction_noise(v: Array, noise: float) -> Array:
+    """(k,) std of the direction of motion, +-1, where a speed v (k,) rad/s has that noise (k,)."""
+    other_way = ndtr(-np.abs(v) / np.maximum(noise, np.finfo(float).tiny))
+    return np.asarray(np.where(noise > 0.0, 2.0 * np.sqrt(other_way * (1.0 - other_way)), 0.0))
 
 
 def standing(v: Array, rate: float) -> NDArray[np.bool_]:
