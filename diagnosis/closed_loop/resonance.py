@@ -22,8 +22,9 @@ from arm_model.effects import CATALOGUE, Effect, Instrument, observed_by
 from arm_model.rigid_body import drive_mass_matrix
 from daq.recording import Recording
 from diagnosis.cause import Cause, Estimate, Signal, confidence_of
-from diagnosis.closed_loop.comparison import has_demand
+from diagnosis.closed_loop.comparison import has_demand, with_smoothing_velocities
 from diagnosis.closed_loop.loop_errors import BAND, Trial, loop_errors, noise_floor
+from diagnosis.closed_loop.servo_gains import with_servo_gains
 from diagnosis.units import recorded_quantity, unit_at
 from identification.selection import BLOCK_SECONDS, Thresholds, p_value
 from identification.selection.cluster_covariance import cluster_covariance
@@ -46,7 +47,7 @@ class ResonanceLimits(Thresholds):
     above_noise  residual-to-noise ratio in the band above which the closed loop does not follow a joint
     moves        rad (m) that a joint must move
     followed     largest share of moving joints above the noise: where nearly all are, the servos are not those of the
-                 arm ...
+                 arm, or have other gains ...
     carried      ... but not those whose ratio is the largest over this, or less: one joint's oscillation moves others
     promising    share of the energy above the noise that the best of the first values must explain at the joint ...
     explained    ... and the best of all at all joints, held out
@@ -85,42 +86,80 @@ def transmission_resonance(
     fit, held_out = [r for r in fit if has_demand(r)], [r for r in held_out if has_demand(r)]
     if arm.controller is None or not fit or not held_out:
         return None
-    missed = [loop_errors(arm, r)[0] for r in fit]
-    noise = noise_floor(arm, fit, missed)
-    noise_ratio = np.sqrt(np.mean(np.concatenate(missed) ** 2, axis=0)) / noise
     moving = np.any([np.ptp(r.q, axis=0) > LIMITS.moves for r in fit], axis=0)
+    missed, noise, noise_ratio = _missed(arm, fit)
+    worst = sorted(range(len(fit)), key=lambda k: -float(np.sum(missed[k] ** 2)))[:SEARCHED_IN]
+    if other_servos := _at_most_joints(noise_ratio[moving]):
+        # servos of the model by the gains that the arm's have
+        arm = with_smoothing_velocities(with_servo_gains(arm, [fit[k] for k in worst]), fit)
+        missed, noise, noise_ratio = _missed(arm, fit)
     if not np.isfinite(noise_ratio).all() or not _at_few_joints(noise_ratio[moving]):
         return None
-    worst = sorted(range(len(fit)), key=lambda k: -float(np.sum(missed[k] ** 2)))[:SEARCHED_IN]
-    searched = [(fit[k], missed[k]) for k in worst]
     strongest = [
-        joint
+        int(joint)
         for joint in np.argsort(-noise_ratio)[:3] + 1
         if joint in joints and noise_ratio[joint - 1] > max(LIMITS.above_noise, noise_ratio.max() / 2)
     ]
-    promising = [
-        trial_score
-        for joint in strongest
-        if arm.joints[joint - 1].rotor_inertia > 0.0  # without a rotor no mass remains on the side of the motor
-        for effect in transmissions()
-        if (trial_score := _searched(arm, effect, int(joint), searched, noise, near)) is not None
-    ]
-    most = max((share for share, _ in promising), default=0.0)
-    # of those that explain as much, the simpler first; one that explains its own joint may be refuted at the others
-    for _, trial in sorted(promising, key=lambda one: (one[0] < most - LIMITS.tie, len(one[1].values), -one[0])):
-        if (cause := _judged(arm, trial, fit, held_out, noise)) is not None:
+    searched = [(fit[k], missed[k]) for k in worst]
+    promising = _promising(arm, strongest, searched, noise, near)
+    bare = arm
+    if other_servos and promising:
+        # gains that were found without the spring make up for some of it
+        _, trial = promising[0]
+        beside = with_servo_gains(trial.added_to(arm), [r for r, _ in searched])
+        arm = replace(arm, controller=beside.controller)
+        searched = [(r, loop_errors(arm, r)[0]) for r, _ in searched]
+        promising = _promising(arm, [trial.joint], searched, noise, near)
+    # one that explains its own joint may be refuted at the others
+    for _, trial in promising:
+        if (cause := _judged(bare, arm, trial, fit, held_out, noise)) is not None:
             return cause
     return None
 
 
+def _promising(
+    arm: Arm, joints: Sequence[int], searched: Sequence[tuple[Recording, Array]], noise: Array, near: Cause | None
+) -> list[tuple[float, Trial]]:
+    """(share explained at the joint, values) of effects at ``joints``; of those that explain as much, simpler first.
+
+    searched: recordings, with what the loops of the arm miss.
+    """
+    found = [
+        trial_score
+        for joint in joints
+        if arm.joints[joint - 1].rotor_inertia > 0.0  # without a rotor no mass remains on the side of the motor
+        for effect in transmissions()
+        if (trial_score := _searched(arm, effect, joint, searched, noise, near)) is not None
+    ]
+    most = max((share for share, _ in found), default=0.0)
+    return sorted(found, key=lambda one: (one[0] < most - LIMITS.tie, len(one[1].values), -one[0]))
+
+
+def _missed(arm: Arm, recordings: Sequence[Recording]) -> tuple[list[Array], Array, Array]:
+    """What loops of an arm miss: (m, n) A of every recording; the noise (n,) A; its rms over the noise (n,)."""
+    missed = [loop_errors(arm, r)[0] for r in recordings]
+    noise = noise_floor(arm, recordings, missed)
+    return missed, noise, np.asarray(np.sqrt(np.mean(np.concatenate(missed) ** 2, axis=0)) / noise)
+
+
 def _at_few_joints(noise_ratio: Array) -> bool:
-    """Whether loops miss some of the moving joints, but not nearly all: residual-to-noise ratios (n,) in the band.
+    """Whether loops miss some of the moving joints, but not nearly all: residual-to-noise ratios (n,) in the band."""
+    return bool(noise_ratio.max(initial=0.0) >= LIMITS.above_noise and _share_missed(noise_ratio) <= LIMITS.followed)
+
+
+def _at_most_joints(noise_ratio: Array) -> bool:
+    """Whether loops miss nearly all of several moving joints."""
+    several = len(noise_ratio) > 1 and bool(np.isfinite(noise_ratio).all())
+    return several and _share_missed(noise_ratio) > LIMITS.followed
+
+
+def _share_missed(noise_ratio: Array) -> float:
+    """Share of joints that loops miss.
 
     An oscillation of one joint moves the others as well: those that are missed far less than the worst do not count.
     """
-    worst = float(noise_ratio.max(initial=0.0))
-    missed = noise_ratio > max(LIMITS.above_noise, worst / LIMITS.carried)
-    return worst >= LIMITS.above_noise and float(np.mean(missed)) <= LIMITS.followed
+    missed = noise_ratio > max(LIMITS.above_noise, float(noise_ratio.max(initial=0.0)) / LIMITS.carried)
+    return float(np.mean(missed))
 
 
 def _searched(
@@ -183,11 +222,14 @@ def _shares(arm: Arm, trials: Sequence[Trial], missed: Sequence[tuple[Recording,
 
 
 def _judged(
-    arm: Arm, trial: Trial, fit: Sequence[Recording], held_out: Sequence[Recording], noise: Array
+    bare: Arm, arm: Arm, trial: Trial, fit: Sequence[Recording], held_out: Sequence[Recording], noise: Array
 ) -> Cause | None:
-    """The cause, if it explains most of the held-out error of all joints above the noise, and significantly so."""
+    """The cause, if it explains most of the held-out error of all joints above the noise, and significantly so.
+
+    bare: the arm that it is compared with, whose servos may have other gains than those beside the trial.
+    """
     j = trial.joint - 1
-    pairs = [(loop_errors(arm, r)[0], loop_errors(arm, r, [trial])[0]) for r in held_out]
+    pairs = [(loop_errors(bare, r)[0], loop_errors(arm, r, [trial])[0]) for r in held_out]
     before, after = (np.sqrt(np.mean(np.concatenate(errors) ** 2, axis=0)) for errors in zip(*pairs))
     excess = np.sum(np.maximum((before**2 - noise**2), 0.0)), np.sum(np.maximum(after**2 - noise**2, 0.0))
     rows = [round(BLOCK_SECONDS / r.dt) for r in held_out]
@@ -204,6 +246,8 @@ def _judged(
         f"{trial.joint} between {BAND[0]:.0f} and {BAND[1]:.0f} Hz falls from {before[j]:.3g} to {after[j]:.3g} "
         f"{unit} rms, in {int(np.sum(gains > 0))} of {len(gains)} one-second blocks"
     )
+    if bare.controller != arm.controller:
+        sentence += ", by servos whose gains are those that the recordings show, not the model's"
     return Cause(
         effect=trial.effect,
         joint=trial.joint,

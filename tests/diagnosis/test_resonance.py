@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 from arm_model.model_file import read_model
+from arm_model.servo import servo_gains
 from daq.recording import Recording
 from diagnosis.closed_loop.resonance import _at_few_joints, transmission_resonance
+from diagnosis.closed_loop.servo_gains import with_servo_gains
 from tests.blind.hide import Hidden
 from tests.blind.laboratory import Laboratory
 from tests.blind.motions import fourier
@@ -20,12 +22,14 @@ from tests.blind.recordings import read_recordings, write_recording
 LABORATORY = Laboratory("mixed", route="table")
 
 
-def _recordings(folder: Path, hidden: tuple[Hidden, ...]) -> tuple[list[Recording], list[Recording]]:
+def _recordings(
+    folder: Path, hidden: tuple[Hidden, ...], laboratory: Laboratory = LABORATORY
+) -> tuple[list[Recording], list[Recording]]:
     for side, seeds in (("fit", (1, 2)), ("held_out", (3,))):
         for number, seed in enumerate(seeds):
             motion = fourier("run", seed, 0.12, 0.9, 8.0)
-            rows = recorded(truth(motion, hidden, LABORATORY), LABORATORY, seed)
-            write_recording(folder / f"{side}_{number}.mcap", rows, LABORATORY)
+            rows = recorded(truth(motion, hidden, laboratory), laboratory, seed)
+            write_recording(folder / f"{side}_{number}.mcap", rows, laboratory)
     return read_recordings(folder)
 
 
@@ -46,6 +50,39 @@ def test_a_spring_too_fast_for_the_currents_along_the_motion(tmp_path: Path) -> 
 def test_stiff_joints_do_not_swing(tmp_path: Path) -> None:
     fit, held_out = _recordings(tmp_path, ())
     assert transmission_resonance(read_model(MODEL), fit, held_out, range(1, 7)) is None
+
+
+def test_gains_of_the_servos_are_those_that_the_recordings_show(tmp_path: Path) -> None:
+    """Position gains 1.5 times the model's, velocity gains 1.5 ** 0.5 times; one recording of 3 s."""
+    laboratory = replace(LABORATORY, gains=1.5)
+    motion = fourier("run", 1, 0.12, 0.9, 3.0)
+    write_recording(tmp_path / "fit_0.mcap", recorded(truth(motion, (), laboratory), laboratory, 1), laboratory)
+    (recording,), _ = read_recordings(tmp_path)
+    arm = read_model(MODEL)
+
+    found, own = servo_gains(with_servo_gains(arm, [recording])), servo_gains(arm)
+
+    np.testing.assert_allclose(found.position / own.position, 1.5, rtol=0.1)
+    np.testing.assert_allclose(found.velocity / own.velocity, 1.5**0.5, rtol=0.05)
+
+
+@pytest.mark.slow
+def test_stiff_joints_behind_servos_of_other_gains_do_not_swing(tmp_path: Path) -> None:
+    fit, held_out = _recordings(tmp_path, (), replace(LABORATORY, gains=1.5))
+    assert transmission_resonance(read_model(MODEL), fit, held_out, range(1, 7)) is None
+
+
+@pytest.mark.slow
+def test_a_spring_behind_servos_of_other_gains(tmp_path: Path) -> None:
+    """The loops of the model's gains miss every joint by more than the spring makes."""
+    spring = Hidden("joint_compliance", 3, {"stiffness": 30_000.0, "damping": 27.0})
+    fit, held_out = _recordings(tmp_path, (spring,), replace(LABORATORY, gains=1.5))
+
+    cause = transmission_resonance(read_model(MODEL), fit, held_out, range(1, 7))
+
+    assert cause is not None and cause.key == ("joint_compliance", 3)
+    assert abs(cause.parameters[0].value - 30_000.0) < 2 * cause.parameters[0].std < 5_000.0
+    assert "whose gains" in cause.evidence
 
 
 @pytest.mark.slow

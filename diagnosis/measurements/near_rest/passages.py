@@ -3,9 +3,9 @@
 The search gives a row near standstill the std of all of the joint's Coulomb friction, because what friction does there
 depends on more than the velocity. That is right where a joint stands. Where it passes through rest, or creeps, friction
 is known but for the law by which it turns, and less of it is unknown: the share ``TURN`` of what it lacks to the
-friction of sliding, and all of it where the encoder's noise hides the direction. Friction is evaluated at the full rate and then filtered as the residual is, because a reversal
-lasts no longer than the filters; at speeds by angles between the steps of the encoder, because a joint that creeps
-passes few of them.
+friction of sliding, and all of it where the encoder's noise hides the direction. Friction is evaluated at the full rate
+and then filtered as the residual is, because a reversal lasts no longer than the filters; at speeds by angles between
+the steps of the encoder, because a joint that creeps passes few of them.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ STANDS, STANDS_FOR = CREEP / 2.0, 0.12
 SMEARED, AFTER_REST = 0.03, 0.04
 """s before and after a slow instant that filters spread it over; s about a standstill that are left out."""
 SPEED_NOISE, COARSE = STANDS, STANDS / 3.0
-"""rad/s (m/s): std of the speed by the encoder above which a joint is not judged near rest, and above which closed loops
+"""rad/s (m/s): std of the speed by the encoder above which a joint is not judged near rest; above which closed loops
 judge it as well."""
 BENDS = 9
 """Knots of a function of one variable: straight between them, so that the magnitude of a load is such a function."""
@@ -235,7 +235,7 @@ def _of_run(recording: Seen, joint: int) -> NearRest:
     return replace(one, residual=recording.residual[rows, j] / std, std=std)
 
 
-def direction_noise(v: Array, noise: float) -> Array:
+def direction_noise(v: Array, noise: Array) -> Array:
     """(k,) std of the direction of motion, +-1, where a speed v (k,) rad/s has that noise (k,)."""
     other_way = ndtr(-np.abs(v) / np.maximum(noise, np.finfo(float).tiny))
     return np.asarray(np.where(noise > 0.0, 2.0 * np.sqrt(other_way * (1.0 - other_way)), 0.0))

@@ -1,0 +1,60 @@
+"""Gains of servos that the recordings show, where they are not those of the model.
+
+Gains are trimmed at the drive and written down once. Where they are others than the model's, its closed loop misses
+every joint, and shows nothing of a transmission. Each joint has two unknowns, the position and the velocity gain as
+multiples of the model's (the integral goes with the position gain); what the loops miss is linear in small changes of
+them, and they are found by Gauss-Newton steps with all joints varied at once: a servo acts on its own joint first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from arm_io.types import Array
+from arm_model import Arm
+from arm_model.servo import fixed_gains, servo_gains
+from daq.recording import Recording
+from diagnosis.closed_loop.loop_errors import loop_errors
+
+STEPS, STEP, FARTHEST = 4, 0.05, 0.4
+"""Gauss-Newton steps; change of a logarithm for a derivative, and the largest in a step."""
+MOST = 4.0
+"""Times the model's that a gain may be, or its inverse: beyond it is another servo."""
+
+
+def with_servo_gains(arm: Arm, recordings: Sequence[Recording]) -> Arm:
+    """The arm with position and velocity gains under which its loops miss least of the recordings.
+
+    The arm itself where these gains are none that its servos may have, or leave no stable loop.
+    """
+    arm = fixed_gains(arm)
+    logarithm = np.zeros((2, len(arm)))
+    for _ in range(STEPS):
+        here, *moved = (
+            np.concatenate([loop_errors(scaled(arm, logarithm + by[:, None]), r)[0] for r in recordings])
+            for by in np.vstack([np.zeros(2), STEP * np.eye(2)])
+        )
+        if not all(np.isfinite(one).all() for one in (here, *moved)):
+            return arm
+        for j in range(len(arm)):
+            slopes = np.stack([one[:, j] - here[:, j] for one in moved], axis=1) / STEP
+            step = -np.linalg.lstsq(slopes, here[:, j], rcond=None)[0]
+            logarithm[:, j] += np.clip(step, -FARTHEST, FARTHEST)
+    return scaled(arm, logarithm) if np.all(np.abs(logarithm) < np.log(MOST)) else arm
+
+
+def scaled(arm: Arm, logarithm: Array) -> Arm:
+    """The arm with gains exp(logarithm (2, n)) times its own: of position with the integral, and of velocity."""
+    assert arm.controller is not None
+    gains, (position, velocity) = servo_gains(arm), np.exp(logarithm)
+    controller = replace(
+        arm.controller,
+        kind="gains",
+        position_gain=tuple(map(float, gains.position * position)),
+        velocity_gain=tuple(map(float, gains.velocity * velocity)),
+        integral_gain=tuple(map(float, gains.integral * position)),
+    )
+    return replace(arm, controller=controller)
