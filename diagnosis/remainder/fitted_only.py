@@ -30,7 +30,7 @@ def in_fit_alone(state: State, structures: Sequence[Structure], allowed: Array) 
 
     def variable_of(joint: int) -> str | None:
         likely = likely_variable(state.data, residuals, state.model.arm, joint)
-        return None if likely is None else likely[0]
+        return None if likely is None else likely.variable
 
     return structures_of_fit(state.fitted.fit, state.data.fit, structures, allowed, variable_of)
 

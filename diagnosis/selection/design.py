@@ -38,6 +38,11 @@ class Dataset:
         values: Array = np.concatenate([getattr(run, name)[:, joint - 1] for run in self.runs])
         return values
 
+    def whitened(self, values: Array, joint: int) -> Array:
+        """(rows, k): values (rows, k) A at a joint (1-based), over their std as its residual is (``Run.whiten``)."""
+        ends = np.cumsum([len(run.t) for run in self.runs])[:-1]
+        return np.concatenate([run.whiten_at(part, joint) for run, part in zip(self.runs, np.split(values, ends))])
+
     def comparable(self, joint: int) -> NDArray[np.bool_]:
         """(rows,) where the residual of a joint (1-based) is compared; see ``comparable_rows``."""
         rows: NDArray[np.bool_] = np.concatenate([comparable_rows(run)[:, joint - 1] for run in self.runs])

@@ -15,15 +15,15 @@ from diagnosis.selection.design import Dataset
 
 
 def levels(side: Dataset, joint: int) -> Array:
-    """(rows, recordings): a constant of each recording, over the std of each row."""
+    """(rows, recordings): a constant of each recording, whitened as the residual is."""
     return _of_each([np.ones((len(run.t), 1)) for run in side.runs], side, joint)
 
 
 def own_lines(side: Dataset, joint: int) -> Array:
-    """(rows, 2 recordings): a straight line over time in each recording, over the std of each row."""
+    """(rows, 2 recordings): a straight line over time in each recording, whitened as the residual is."""
     times = [np.linspace(-1.0, 1.0, len(run.t)) for run in side.runs]
     return _of_each([np.stack([np.ones_like(t), t], axis=1) for t in times], side, joint)
 
 
 def _of_each(columns: list[Array], side: Dataset, joint: int) -> Array:
-    return np.asarray(block_diag(*columns) / side.at_joint("deviation", joint)[:, None], float)
+    return side.whitened(np.asarray(block_diag(*columns), float), joint)

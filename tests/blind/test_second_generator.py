@@ -22,7 +22,7 @@ from tests.blind.second.laboratory import Laboratory, arm_of, laboratory, plant_
 from tests.blind.second.motions import HOME, SPEEDS, suite
 from tests.blind.second.plant import Plant, rates, step
 from tests.blind.second.rigid_body import mass_matrix, target, torques
-from tests.blind.second.sensing import Sensing
+from tests.blind.second.sensing import TARGET, Sensing
 from tests.blind.second.simulate import simulated
 
 CALIBRATION_ONLY = {"gravity_sag", "encoder_scale", "encoder_eccentricity", "transmission_coupling"}
@@ -180,6 +180,19 @@ def test_every_name_of_the_catalogue_is_hidden_under_its_own_parameters() -> Non
         same = [np.array_equal(a, b) for a, b in zip(plant, p)]
         # dropped triggers come with the rows of one recording
         assert not all(same) or repr(sensing) != repr(Sensing()) or name == "dropped_trigger", name
+
+
+def test_a_link_that_is_turned_is_turned_for_currents_and_tracker() -> None:
+    """For the tracker alone, currents were those of an arm whose links are where the model has them."""
+    p, q, still = _plant(), np.array([0.3, -0.4, 0.2, 0.5, -0.3, 0.1]), np.zeros(6)
+    turned, _ = KINDS["link_geometry"].apply(p, Sensing(), 2, {"d_theta": 2e-3, "d_a": 0.0})
+
+    def shown(arm: Plant, at: Array) -> Array:
+        load = torques(arm.dh, arm.bodies, arm.inertia, arm.cylinders, arm.gravity, at, still, still)
+        return np.concatenate([load, target(arm.dh, at[None], np.array(TARGET))[0]])
+
+    np.testing.assert_allclose(shown(turned, q), shown(p, q + [0.0, 2e-3, 0.0, 0.0, 0.0, 0.0]), rtol=1e-12)
+    assert not np.allclose(shown(turned, q)[:6], shown(p, q)[:6], rtol=1e-5)
 
 
 def test_cases_of_a_seed_hide_different_effects() -> None:

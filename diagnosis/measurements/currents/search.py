@@ -20,7 +20,13 @@ from diagnosis.measurements.currents.estimates import estimates_of
 from diagnosis.measurements.currents.model import Currents
 from diagnosis.measurements.currents.possible import exists
 from diagnosis.measurements.currents.state import State, corrected, terms
-from diagnosis.measurements.currents.structure.dominant import dominant, of_own_variable
+from diagnosis.measurements.currents.structure.dominant import (
+    dominant,
+    explained_alone,
+    family_dominates,
+    of_own_variable,
+)
+from diagnosis.measurements.currents.structure.likely_variable import kept_beside
 from diagnosis.measurements.currents.structure.noise_ratio import noise_ratio
 from diagnosis.measurements.currents.structure.unexplained import Unexplained, better_than_causes, unexplained_structure
 from diagnosis.selection.bodies import bodies_of_link, body_of, is_body, link_of
@@ -44,11 +50,7 @@ def search(model: Currents, progress: Callable[[str], None]) -> Found:
     if len(fewer := eliminate(model, state).chosen) < len(state.chosen):
         state = model.refitted(fewer, state.rivals)
     progress("searching for unexplained structure")
-    found = _with_unexplained(state)
-    while dissolved := _dissolved(found):
-        state = corrected(replace(state, chosen=tuple(c for c in state.chosen if c not in dissolved)))
-        found = _with_unexplained(state)
-    return found
+    return _undissolved(state)
 
 
 def named_by_body(state: State) -> State:
@@ -76,9 +78,18 @@ def _in_place(state: State, chosen: Sequence[Candidate], last: Candidate, rivals
 
 
 def without(found: Found, removed: Candidate) -> Found:
-    """What was found, less one candidate; the others fitted anew."""
+    """What was found, less one candidate; the others fitted anew, and judged anew by what is left without it."""
     state = found.state
-    return _with_unexplained(state.model.refitted([c for c in state.chosen if c is not removed], state.rivals))
+    return _undissolved(state.model.refitted([c for c in state.chosen if c is not removed], state.rivals))
+
+
+def _undissolved(state: State) -> Found:
+    """The causes of a state that are no names for parts of unexplained structure, and that structure."""
+    found = _with_unexplained(state)
+    while dissolved := _dissolved(found):
+        state = corrected(replace(state, chosen=tuple(c for c in state.chosen if c not in dissolved)))
+        found = _with_unexplained(state)
+    return found
 
 
 def _with_unexplained(state: State) -> Found:
@@ -100,9 +111,10 @@ def _superfluous(found: Found, kept: Container[Candidate]) -> list[Candidate]:
 
     None of the ``kept`` where that structure depends on the variable of its own law.
     Where the residual is above the noise and depends on no known variable, a cause that explains less than is left is
-    part of it. So it is where the residual most likely depends on the variable of the cause's own law: a function of
-    that variable follows any such law, also a right one. Where it most likely depends on another, that says so of
-    causes of that joint alone: what one joint leaves does not judge a load of the arm.
+    part of it. Where it most likely depends on one, a cause must explain beside a function of that variable what it
+    explains without. That says so of causes of that joint alone: what one joint leaves does not judge a load of the
+    arm. A function of the variable of a law follows any law of it, also a right one: laws of that variable stay if they
+    are nearly all of the excess together (``family_dominates``), or the law is another one.
     """
     state, shares = found.state, dict[Candidate, float]()
     model, held_out = state.model, state.data.held_out
@@ -118,10 +130,13 @@ def _superfluous(found: Found, kept: Container[Candidate]) -> list[Candidate]:
             shares[c] = score(c, own, with_columns(others.fitted, touching), held_out).gain / alone
         if touching or c.joint is None:
             continue
-        likely = found.unexplained.likely.get(c.joint)
-        if likely is not None and not of_own_variable(c, against):
-            shares[c] = score(c, own, with_columns(others.fitted, [likely]), held_out).gain / alone
-        elif likely is not None or c.joint in unknown:
+        if (likely := found.unexplained.likely.get(c.joint)) is not None:
+            if not of_own_variable(c, [likely.variable]):
+                beside = [*others.free, *(model.columns(one) for one in others.chosen)]
+                shares[c] = kept_beside(likely, own, beside, state.data)
+            elif not family_dominates(c, likely.variable, state):
+                shares[c] = model.limits.superfluous * explained_alone([c], state)
+        elif c.joint in unknown:
             energy = float(np.sum(state.fitted.held_out[held_out.of(c.joint)] ** 2))
             shares[c] = model.limits.superfluous * alone / energy
     least = min(shares, key=lambda c: shares[c], default=None)

@@ -205,8 +205,9 @@ def _water(p: Plant, s: Sensing, j: int, v: Mapping[str, float]) -> World:
 
 
 def _geometry(p: Plant, s: Sensing, j: int, v: Mapping[str, float]) -> World:
-    row = [v.get(name, 0.0) for name in ("d_theta", "d_d", "d_a", "d_alpha")]
-    return p, changed(s, geometry=with_joint(s.geometry, j, row))
+    # of the arm: its currents hold up the links where they are
+    row = p.dh[j - 1] + [v.get(name, 0.0) for name in ("d_theta", "d_d", "d_a", "d_alpha")]
+    return p._replace(dh=with_joint(p.dh, j, row)), s
 
 
 def _draw_geometry(rng: np.random.Generator, p: Plant, j: int, m: float) -> Values:

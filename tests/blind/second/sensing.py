@@ -28,8 +28,8 @@ class Sensing:
     """What is wrong with what the instruments say; (6,) by joint.
 
     current_read = (1 + gain) i - cubic i^3 + offset + drift (t / T - 1/2) + hum, i ``delay`` s late and, from row
-    ``lost[0]`` on, ``lost[1]`` rows early; hum (6, 3): A, Hz, phase; geometry (6, 4): errors of theta, d, a, alpha;
-    sag (6,) rad/(N m); wrong: share of the tracker's points, m; ring: m and Hz of a tripod.
+    ``lost[0]`` on, ``lost[1]`` rows early; hum (6, 3): A, Hz, phase; sag (6,) rad/(N m); wrong: share of
+    the tracker's points, m; ring: m and Hz of a tripod.
     """
 
     gain: Array = field(default_factory=lambda: _zeros(6))
@@ -39,7 +39,6 @@ class Sensing:
     hum: Array = field(default_factory=lambda: _zeros(6, 3))
     delay: float = 0.0
     lost: tuple[int, int] = (0, 0)
-    geometry: Array = field(default_factory=lambda: _zeros(6, 4))
     sag: Array = field(default_factory=lambda: _zeros(6))
     tracker_delay: float = 0.0
     wrong: tuple[float, float] = (0.0, 0.0)
@@ -106,8 +105,7 @@ def _points(plant: Plant, s: Sensing, motion: Motion, t: Array, noise: np.random
     link = _at(motion.t, motion.link, t - s.tracker_delay)
     if np.any(s.sag):
         link = link - s.sag * np.array([holding(plant, q) for q in link])
-    dh = plant.dh + s.geometry
-    points = target(dh, link, np.array(TARGET))
+    points = target(plant.dh, link, np.array(TARGET))
     if s.ring[0]:
         # a tripod that the arm's reaction moves: a light oscillator driven by the first joint's acceleration
         w, step = 2 * np.pi * s.ring[1], t[1] - t[0]

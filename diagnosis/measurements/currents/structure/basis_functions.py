@@ -35,16 +35,21 @@ PLAYS = (0.004, 0.01, 0.02, 0.05, 0.1)
 
 @dataclass(frozen=True)
 class Functions:
-    """Functions (rows, k) of a variable at the rows ``where`` of a dataset, times each of several factors (rows,)."""
+    """Functions (rows, k) of a variable at a joint of a dataset, times each of several factors (rows,)."""
 
     values: Array
     factors: tuple[Array, ...]
-    where: slice
+    side: Dataset
+    joint: int
 
     @property
     def columns(self) -> Columns:
-        """(rows, k factors) products, computed whenever they are asked for: those of all variables are many."""
-        return Columns(_side_by_side([self.values * factor[:, None] for factor in self.factors]), self.where)
+        """(rows, k factors) products, whitened as the residual is.
+
+        Computed whenever they are asked for: those of all variables are many.
+        """
+        products = _side_by_side([self.values * factor[:, None] for factor in self.factors])
+        return Columns(self.side.whitened(products, self.joint), self.side.of(self.joint))
 
 
 @dataclass(frozen=True)
@@ -68,15 +73,15 @@ class Shape:
 
 
 def shapes_of(bases: Bases, residual: Array, arm: Arm, joint: int) -> Iterator[Shape]:
-    """Functions of every variable at one joint, alone and times direction and velocity, over the std of each row.
+    """Functions of every variable at one joint, alone and times direction and velocity, whitened as the residual is.
 
     residual (n * rows,): whitened, of the fit set; the ripples are those of its spectrum.
     """
     fit, held_out, width = bases.fit, bases.held_out, arm.joints[joint - 1].sign_velocity
     factors = []
     for side in (fit, held_out):
-        v, over = side.at_joint("v", joint), 1.0 / side.at_joint("deviation", joint)
-        factors.append((over, over * v / np.hypot(v, width), over * v))
+        v = side.at_joint("v", joint)
+        factors.append((np.ones_like(v), v / np.hypot(v, width), v))
     for name, splines in bases.splines(arm, joint):
         for kinds in ((0,), (1,), (2,), (0, 1)):
             if (kinds != (0,) and name in UNMIXED) or (2 in kinds and " of joint" in name):
@@ -84,7 +89,7 @@ def shapes_of(bases: Bases, residual: Array, arm: Arm, joint: int) -> Iterator[S
             if len(kinds) > 1 and name not in TWO_FACED:
                 continue
             in_fit, in_held_out = (
-                Functions(values, tuple(factor[kind] for kind in kinds), side.of(joint))
+                Functions(values, tuple(factor[kind] for kind in kinds), side, joint)
                 for values, factor, side in zip((splines.fit, splines.held_out), factors, (fit, held_out))
             )
             yield Shape(name, Split(in_fit, in_held_out), splines.known, block_diag(*[splines.bends] * len(kinds)))
@@ -108,8 +113,9 @@ def _places(fit: Dataset, held_out: Dataset, joint: int) -> Iterator[Shape]:
     in_fit, in_held_out = (
         Functions(
             np.maximum(1.0 - np.abs(values[:, None] - edges) / (edges[1] - edges[0]), 0.0),
-            (1.0 / side.at_joint("deviation", joint),),
-            side.of(joint),
+            (np.ones(side.rows),),
+            side,
+            joint,
         )
         for values, side in ((x, fit), (x_held_out, held_out))
     )
@@ -157,10 +163,8 @@ def _wave(
     sides = []
     for side in (fit, held_out):
         phase, speed = (sum(k * side.at_joint(of, j) for j, k in along.items()) for of in ("q", "v"))
-        size = (
-            factor(side) * low_pass_gain(np.abs(speed) / (2 * np.pi), COMPARE_BAND) / side.at_joint("deviation", joint)
-        )
-        sides.append(Functions(np.stack([np.sin(phase), np.cos(phase)], axis=1), (size,), side.of(joint)))
+        size = factor(side) * low_pass_gain(np.abs(speed) / (2 * np.pi), COMPARE_BAND)
+        sides.append(Functions(np.stack([np.sin(phase), np.cos(phase)], axis=1), (size,), side, joint))
     return Shape(name, Split(sides[0], sides[1]), np.ones(held_out.rows, bool))
 
 
@@ -204,9 +208,8 @@ def _past(fit: Dataset, held_out: Dataset, arm: Arm, joint: int) -> Iterator[Sha
         return
     pair = []
     for side, of_side in zip((fit, held_out), currents):
-        over = 1.0 / side.at_joint("deviation", joint)
         kept = [_play(current, np.array(PLAYS) * travel) - current[:, None] for current in of_side]
-        pair.append(Functions(np.concatenate(kept), (over,), side.of(joint)))
+        pair.append(Functions(np.concatenate(kept), (np.ones(side.rows),), side, joint))
     yield Shape("current and its past", Split(pair[0], pair[1]), np.ones(held_out.rows, bool))
 
 

@@ -9,7 +9,7 @@ friction of one direction explains 95 % of a torque that a drive loses in propor
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -26,7 +26,7 @@ def dominant(state: State) -> list[Candidate]:
     found = []
     for joint in sorted({c.joint for c in state.chosen if c.joint}):
         own = [c for c in state.chosen if c.joint == joint]
-        shares = {c: explained_alone(c, state) for c in own}
+        shares = {c: explained_alone([c], state) for c in own}
         best = max(own, key=lambda c: shares[c])
         if shares[best] > state.model.limits.dominant:
             found.append(best)
@@ -43,22 +43,32 @@ def of_own_variable(candidate: Candidate, variables: Iterable[str]) -> bool:
     return own_law and all(variable == effect.observed_by[Instrument.CURRENT].against for variable in variables)
 
 
-def explained_alone(candidate: Candidate, state: State) -> float:
-    """Share of the excess at its joint that a candidate explains without others that act there.
+def family_dominates(candidate: Candidate, variable: str, state: State) -> bool:
+    """Whether the chosen laws of one variable, a candidate's among them, explain ``LIMITS.dominant`` of its excess.
+
+    Level and slope of friction are two laws of the velocity: a friction curve that grew is nearly all of it in both.
+    """
+    own = [c for c in state.chosen if c.joint == candidate.joint and of_own_variable(c, [variable])]
+    return candidate in own and explained_alone(own, state) > state.model.limits.dominant
+
+
+def explained_alone(own: Sequence[Candidate], state: State) -> float:
+    """Share of the excess at their joint that candidates explain without others that act there.
 
     The smaller one of fitted and held-out recordings.
     """
-    assert candidate.joint is not None
-    others = tuple(c for c in state.chosen if c.joint not in (candidate.joint, None))
+    joint = own[0].joint
+    assert joint is not None
+    others = tuple(c for c in state.chosen if c.joint not in (joint, None))
     without = replace(state, chosen=others).fitted
-    alone = replace(state, chosen=(*others, candidate)).fitted
+    alone = replace(state, chosen=(*others, *own)).fitted
     shares = []
     for side, before, after in (
         (state.data.fit, without.fit, alone.fit),
         (state.data.held_out, without.held_out, alone.held_out),
     ):
-        allowed = state.significance.allowed(side, candidate.joint)
-        excess, left = (_excess(y, side, candidate.joint, allowed) for y in (before, after))
+        allowed = state.significance.allowed(side, joint)
+        excess, left = (_excess(y, side, joint, allowed) for y in (before, after))
         shares.append(1.0 - left / excess if excess > 0.0 else 0.0)
     return min(shares)
 

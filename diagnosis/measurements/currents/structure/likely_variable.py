@@ -3,12 +3,14 @@
 A function that is fitted to some recordings says nothing of values that these do not reach: of a joint that turns from
 0 to 1.2 rad in the fitted recordings and from -1.2 to 1 rad in the held-out one. Where a residual is above the noise,
 that there is something to explain needs no proof: every function is then fitted to all recordings, fitted and held out,
-less some seconds of each, and predicts these. So is a drift of each recording's own.
+less some seconds of each, and predicts these. So is a drift of each recording's own. A cause is held against such a
+function in the same way: fitted to some recordings alone, a drift of another one's own is never taken out of that one.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,8 +32,24 @@ PENALTY = 1e-3
 """Of a function that is predicted, relative to the mean Gram diagonal: decides where only the predicted rows pass."""
 
 
-def likely_variable(data: Split[Dataset], left: Split[Array], arm: Arm, joint: int) -> tuple[str, Pair, float] | None:
-    """The variable whose function explains most of what is left at a joint (from 1), its columns, and the share of it.
+NEGLIGIBLE = 1e-6
+"""The same of columns of causes, whose scales differ: decides nothing but what no row determines."""
+
+
+class Likely(NamedTuple):
+    """A variable on which a residual most likely depends: columns of its function, and the share that it explains.
+
+    bends: ``Shape.bends`` of the columns, if they are values at knots.
+    """
+
+    variable: str
+    pair: Pair
+    share: float
+    bends: Array | None = None
+
+
+def likely_variable(data: Split[Dataset], left: Split[Array], arm: Arm, joint: int) -> Likely | None:
+    """The variable whose function explains most of what is left at a joint (from 1).
 
     left: whitened residuals (n * rows,) of both sides. None where no function explains half of it
     (``LIMITS.likely_share``).
@@ -45,12 +63,47 @@ def likely_variable(data: Split[Dataset], left: Split[Array], arm: Arm, joint: i
         fall = y**2 - (y - _predicted(x, y, fold, bends)) ** 2
         gain = float(fall.sum())
         if gain > most and p_value(np.bincount(block, weights=fall).astype(float)) < LIMITS.likely_p:
-            best, most = (name, x), gain
+            best, most = (name, x, bends), gain
     if best is None:
         return None
-    (fit, held_out), (name, x) = data, best
+    (fit, held_out), (name, x, bends) = data, best
     pair = Split(Columns(x[: fit.rows], fit.of(joint)), Columns(x[fit.rows :], held_out.of(joint)))
-    return name, pair, most / float(np.sum(y**2))
+    return Likely(name, pair, most / float(np.sum(y**2)), bends)
+
+
+def kept_beside(likely: Likely, own: Pair, others: Sequence[Pair], data: Split[Dataset]) -> float:
+    """Share of what a cause explains that it still explains beside the function of a likely variable.
+
+    By predictions of all recordings, less some seconds of each, beside the ``others``; 0 where it predicts nothing.
+    """
+    every = joined(data, data.map(lambda side: side.y))
+    fold = every.block // FOLD_BLOCKS % FOLDS
+    causes = [_scaled(_dense(pair, data)) for pair in others]
+    cause, function = _scaled(_dense(own, data)), _dense(likely.pair, data)
+
+    def left(*columns: Array, beside: bool) -> float:
+        x = np.hstack([*causes, *columns, function if beside else function[:, :0]])
+        penalty = np.zeros((x.shape[1], x.shape[1]))
+        first = x.shape[1] - function.shape[1] if beside else x.shape[1]
+        penalty[:first, :first] = NEGLIGIBLE * np.eye(first)
+        penalty[first:, first:] = _penalty(function, likely.bends) if beside else 0.0
+        return float(np.sum((every.y - _by_folds(x, every.y, fold, penalty)) ** 2))
+
+    alone, kept = (left(beside=beside) - left(cause, beside=beside) for beside in (False, True))
+    return kept / alone if alone > 0.0 else 0.0
+
+
+def _dense(pair: Pair, data: Split[Dataset]) -> Array:
+    """(n * rows, k): columns over all rows of ``joined``."""
+    sides = (columns.dense(len(side.y)).reshape(-1, side.rows, columns.x.shape[1]) for columns, side in zip(pair, data))
+    both = np.concatenate(list(sides), axis=1)
+    return both.reshape(-1, both.shape[2])
+
+
+def _scaled(x: Array) -> Array:
+    """Columns of unit length."""
+    length = np.sqrt(np.sum(x**2, axis=0))
+    return np.asarray(x / np.where(length > 0.0, length, 1.0))
 
 
 def _functions(
@@ -71,11 +124,20 @@ def _predicted(x: Array, y: Array, fold: NDArray[np.intp], bends: Array | None =
     Penalised is what bends where few rows pass (Eilers & Marx, Statistical Science 11, 1996), so that a function goes
     on straight beyond them; by default the coefficients, so that it goes to zero.
     """
+    return _by_folds(x, y, fold, _penalty(x, bends))
+
+
+def _penalty(x: Array, bends: Array | None) -> Array:
+    """(k, k) of the coefficients of a function's columns x (rows, k)."""
+    penalty = np.eye(x.shape[1]) if bends is None else bends.T @ bends
+    return np.asarray(PENALTY * float(np.mean(np.sum(x**2, axis=0))) * penalty)
+
+
+def _by_folds(x: Array, y: Array, fold: NDArray[np.intp], penalty: Array) -> Array:
+    """(rows,) of each fold from the coefficients in the others, with a ``penalty`` (k, k)."""
     predicted, here = np.zeros_like(y), [fold == k for k in range(FOLDS)]
     grams, toward = [x[k].T @ x[k] for k in here], [x[k].T @ y[k] for k in here]
     whole = sum(grams)
-    penalty = np.eye(x.shape[1]) if bends is None else bends.T @ bends
-    penalty = PENALTY * float(np.mean(np.diag(whole))) * penalty
     for k, rows in enumerate(here):
         predicted[rows] = x[rows] @ np.linalg.lstsq(whole - grams[k] + penalty, sum(toward) - toward[k], rcond=None)[0]
     return predicted

@@ -22,7 +22,7 @@ from diagnosis.cause import NO_VARIABLE, Signal, Structure
 from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.measurements.currents.model_errors import Significance
 from diagnosis.measurements.currents.structure.basis_functions import Shape, shapes_of
-from diagnosis.measurements.currents.structure.likely_variable import likely_variable
+from diagnosis.measurements.currents.structure.likely_variable import Likely, likely_variable
 from diagnosis.measurements.currents.structure.noise_ratio import noise_ratio
 from diagnosis.measurements.currents.structure.shared_bases import Bases
 from diagnosis.selection.design import Dataset, Pair
@@ -35,12 +35,13 @@ from identification.selection import Split, p_value
 class Unexplained:
     """Structures, and the columns that describe them.
 
-    likely: joint -> columns of the variable on which a residual above the noise most likely depends.
+    likely: joint -> the variable on which a residual above the noise most likely depends, in held-out or in fitted
+    recordings; of the latter alone there is no structure (``diagnosis.remainder.fitted_only``).
     """
 
     structures: list[Structure]
     pairs: list[Pair]
-    likely: dict[int, Pair]
+    likely: dict[int, Likely]
 
 
 def unexplained_structure(data: Split[Dataset], fitted: Fitted, arm: Arm, significance: Significance) -> Unexplained:
@@ -60,11 +61,11 @@ def unexplained_structure(data: Split[Dataset], fitted: Fitted, arm: Arm, signif
 
 def structures_at(
     joint: int, data: Split[Dataset], bases: Bases, fitted: Fitted, arm: Arm, significance: Significance
-) -> tuple[list[Structure], list[Pair], Pair | None]:
+) -> tuple[list[Structure], list[Pair], Likely | None]:
     """Structures at one joint, their columns, and those of a likely variable."""
     structures: list[Structure] = []
     pairs: list[Pair] = []
-    held_out = data.held_out
+    fit, held_out = data
     known = np.ones(held_out.rows, bool)
     shapes = list(shapes_of(bases, fitted.fit, arm, joint))
     for _ in range(LIMITS.structures):
@@ -78,15 +79,19 @@ def structures_at(
         shapes = [one for one in shapes if one.name != shape.name]
     beside = with_columns(fitted, pairs).held_out
     ratio = noise_ratio(beside, held_out, joint)
-    if ratio <= LIMITS.above_noise * significance.allowed(held_out, joint):
+    quiet = ratio <= LIMITS.above_noise * significance.allowed(held_out, joint)
+    if quiet and (
+        pairs or noise_ratio(fitted.fit, fit, joint) <= LIMITS.above_noise * significance.allowed(fit, joint)
+    ):
         return structures, pairs, None
     likely = likely_variable(data, Split(fitted.fit, fitted.held_out), arm, joint)
+    if quiet:
+        return [], [], likely
     if likely is not None:
-        name, pair, share = likely
         rows = held_out.of(joint)
         left = float(np.sum(beside[rows] ** 2)) / float(np.sum(fitted.held_out[rows] ** 2))
-        if not pairs or 1.0 - share < LIMITS.swapped * left:
-            return [Structure(Signal.CURRENT, joint, name, share)], [], pair
+        if not pairs or 1.0 - likely.share < LIMITS.swapped * left:
+            return [Structure(Signal.CURRENT, joint, likely.variable, likely.share)], [], likely
     if not pairs:
         against = wave_of(fitted.held_out, held_out, joint) or NO_VARIABLE
         structures.append(Structure(Signal.CURRENT, joint, against, 0.0, f"{ratio:.1f} times the noise"))
