@@ -56,12 +56,11 @@ def is_measured(path: str | Path) -> bool:
         file.seek(0)
         try:
             summary = make_reader(file).get_summary()
+            channels = summary.channels.values() if summary else []
+            layouts = [format_of(one.metadata["layout"]).layout for one in channels if "layout" in one.metadata]
         except Exception:  # the library raises anything over a damaged file
             return True
-    layouts = (
-        [one.metadata["layout"] for one in summary.channels.values() if "layout" in one.metadata] if summary else []
-    )
-    return not layouts or any(format_of(layout).layout.raw for layout in layouts)
+    return not layouts or any(layout.raw for layout in layouts)
 
 
 def _version(package: str) -> str:

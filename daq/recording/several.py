@@ -86,5 +86,8 @@ def extent_of(path: Path) -> Extent:
         return Extent(size // BYTES, 1, 0.0)
     seen = summary.statistics
     rows = seen.channel_message_counts.get(rows_of[0].id, 0)
-    joints = len(format_of(rows_of[0].metadata["layout"]).layout.joints)
+    try:
+        joints = len(format_of(rows_of[0].metadata["layout"]).layout.joints)
+    except ValueError:  # a damaged layout, reported when it is read
+        joints = 1
     return Extent(rows, joints, (seen.message_end_time - seen.message_start_time) * 1e-9)

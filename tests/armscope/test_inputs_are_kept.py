@@ -10,6 +10,7 @@ import pytest
 from armscope.cli import run
 from daq.recording import Attachments
 from daq.recording.recorder import Recorder
+from daq.recording.several import extent_of
 from tests.daq.recorded import LAYOUT, make_rows
 
 TABLE = "t,q1,i1\n0,0,1\n0.01,0.1,1\n0.02,0.2,1\n"
@@ -48,7 +49,7 @@ def test_what_is_read_is_not_replaced(
     assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
 
 
-@pytest.mark.parametrize("whole", [True, False], ids=["whole", "damaged"])
+@pytest.mark.parametrize("state", ["whole", "cut off", "damaged layout"])
 @pytest.mark.parametrize(
     "arguments",
     [
@@ -59,13 +60,19 @@ def test_what_is_read_is_not_replaced(
     ],
 )
 def test_a_recording_of_a_rig_is_not_replaced(
-    folder: Path, root: Path, arguments: list[str], whole: bool, capfd: pytest.CaptureFixture[str]
+    folder: Path, root: Path, arguments: list[str], state: str, capfd: pytest.CaptureFixture[str]
 ) -> None:
     shutil.copy(root / "config/models/emps.toml", folder)
     with Recorder(Path("monday.mcap"), LAYOUT, Attachments()) as recorder:
         recorder.append(make_rows(0, 20))
     data = Path("monday.mcap").read_bytes()
-    data = data if whole else data[:-30]
+    if state == "cut off":
+        data = data[:-30]
+    elif state == "damaged layout":
+        place = data.rindex(b'"joints"')
+        data = data[:place] + data[place:].replace(b'"joints"', b'"j`ints"')
+        Path("monday.mcap").write_bytes(data)
+        assert extent_of(Path("monday.mcap")).rows == 20
     Path("monday.mcap").write_bytes(data)
     capfd.readouterr()
     assert run([*arguments, "--out", "monday.mcap"]) == 2
