@@ -6,11 +6,11 @@ from arm_io import lazy
 
 if TYPE_CHECKING:
     from comparison.change import Change, Estimate, Quantity
-    from comparison.diagnosed_causes import cause_in_words
     from comparison.from_recordings import compare_recordings
-    from comparison.from_results import Stored, compare_results, estimates_of, read_result
     from comparison.outcome import Comparison, Threshold
     from comparison.significance import moderate
+    from comparison.stored.diagnosed_causes import cause_in_words
+    from comparison.stored.from_results import Stored, compare_results, estimates_of, read_result
 else:
     __getattr__ = lazy(__name__)
 

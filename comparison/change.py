@@ -108,8 +108,11 @@ class Change:
             return None
         ratio = self.change / abs(self.before)
         sign = math.copysign(1.0, self.before)
-        # Of after / before by both deviations, to first order; scatter between recordings is in both.
-        std = math.hypot(self.std_after, (1 + sign * ratio) * self.std_before) / abs(self.before)
+        # Of after / before by both deviations, to first order; scatter between recordings is in both, and what only
+        # the change has (friction that differs from day to day) is that of the value after.
+        own = math.hypot(self.std_before, self.std_after)
+        more = math.sqrt(max((self.std or 0.0) ** 2 - own**2, 0.0))
+        std = math.hypot(self.std_after, more, (1 + sign * ratio) * self.std_before) / abs(self.before)
         return ratio, std
 
     def to_json(self) -> dict[str, Any]:

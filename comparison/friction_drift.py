@@ -55,16 +55,29 @@ def friction_drift(structure: Structure, values: Array, warmer: Array) -> Array:
     return np.column_stack(drift)
 
 
-def assumed(recordings: int) -> str:
-    """What is assumed, in a sentence; ``recordings`` of both sides together."""
+def friction_size(speed: Array, torque: Array) -> Array:
+    """(2,) size of the level and of the slope of friction ``torque`` (K,) over ``speed`` (K,), apart from near rest."""
+    if len(speed) < 3:
+        return np.array([np.abs(np.mean(torque)), 0.0])
+    columns = np.column_stack([np.ones_like(speed), speed, np.arange(len(speed)) == 0])
+    return np.asarray(np.abs(np.linalg.lstsq(columns, torque, rcond=None)[0][:2]))
+
+
+def assumed(count: int, what: str = "recordings") -> str:
+    """What is assumed, in a sentence, of a ``count`` of recordings (identifications, diagnoses) of both sides together.
+
+    A result does not say at which temperature its recordings were made.
+    """
     shares = [f"{100 * UNTOLD * share:.2g} %" for share in (COULOMB, VISCOUS, NEAR_REST)]
+    one = what.removesuffix("es") + "is" if what == "diagnoses" else what.removesuffix("s")
     unknown = (
-        "one recording per side: how much friction differs from one recording to the next cannot be estimated"
-        if recordings == 2
-        else "recordings of one day do not show how much friction differs from day to day"
+        f"one {one} per side: how much friction differs from one {one} to the next cannot be estimated"
+        if count == 2
+        else f"{what} of one day do not show how much friction differs from day to day"
     )
+    measured = ", or by as much as was recorded" if what == "recordings" else ""
     return (
-        f"{unknown}; assumed is a temperature that differs by {UNTOLD:g} K (std), or by as much as was recorded: "
+        f"{unknown}; assumed is a temperature that differs by {UNTOLD:g} K (std){measured}: "
         f"{shares[0]} of Coulomb friction, {shares[1]} of viscous friction, near rest {shares[2]} of Coulomb friction "
         "(Bittencourt, Gunnarsson 2012)"
     )

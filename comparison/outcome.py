@@ -65,7 +65,7 @@ class Comparison:
     before, after  paths of both sides
     changes        every quantity, comparable or not
     circumstances  differences of the recordings themselves
-    assumptions    of recordings: sentences about what their deviations contain beside what the recordings show
+    assumptions    sentences about what the deviations contain beside what recordings or results show
     causes         of diagnoses: sentences about causes that appeared or vanished
     summaries      of recordings: causes that sum up several changes
     """

@@ -13,7 +13,7 @@ from arm_io import InputError
 from arm_io.dates import utc_date_of
 from arm_io.types import Array
 from comparison.change import Quantity
-from comparison.from_results import Stored, check_together, estimates_of
+from comparison.stored.from_results import Stored, check_together, estimates_of
 
 FEWEST_RESULTS = 3
 """Of a trend; two are a comparison."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from arm_io.types import Progress
-from comparison.from_results import Stored
+from comparison.stored.from_results import Stored
 from comparison.trend.forecast import Limit, limits_of
 from comparison.trend.history import histories_of
 from comparison.trend.movement import movement_of

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from arm_model import Arm, Joint
-from comparison.identified_friction import POINTS, curved_joints, friction_points, is_replaced
+from comparison.stored.identified_friction import POINTS, curved_joints, friction_points, is_replaced
 
 ARM = Arm("arm", (Joint(mass=1.0), Joint(mass=1.0)))
 
@@ -35,6 +35,18 @@ def test_friction_is_compared_within_the_range_that_both_know() -> None:
         (before, std, unit), (after, _, _) = (entry[quantity.name] for entry in entries)
         assert (std, unit) == (0.1, "N m")
         np.testing.assert_allclose(after - before, 1.0, atol=1e-9)
+
+
+def test_curves_that_begin_at_standstill_are_compared_from_their_first_speed_on() -> None:
+    tables = [identification(0.01, 1.0, level) for level in (5.0, 6.0)]
+    for table in tables:
+        table["friction_curves"][0]["speed"][0] = 0.0
+    quantities, entries = friction_points(ARM, tables, {2})
+    assert len(quantities) == POINTS
+    slowest = min(abs(quantity.speed or 0.0) for quantity in quantities)
+    assert slowest == tables[0]["friction_curves"][0]["speed"][1] > 0.0
+    for quantity in quantities:
+        assert entries[1][quantity.name][0] - entries[0][quantity.name][0] == pytest.approx(1.0)
 
 
 def test_friction_that_depends_on_temperature_is_compared_at_one_temperature() -> None:

@@ -15,10 +15,12 @@ from scipy import stats
 from arm_io import InputError, check_plain, read_text
 from arm_model import Arm, read_model
 from comparison.change import Estimate, Quantity
-from comparison.diagnosed_causes import Entry, align, cause_sentences, entries_of
-from comparison.identified_friction import curved_joints, friction_points, is_replaced
+from comparison.friction_drift import assumed
 from comparison.outcome import Comparison
 from comparison.significance import changes
+from comparison.stored.diagnosed_causes import Entry, align, cause_sentences, entries_of
+from comparison.stored.drift import stored_drift
+from comparison.stored.identified_friction import curved_joints, friction_points, is_replaced
 from comparison.wording import parameter_quantity
 from identification.regression.uncertainty import LEAST_BLOCKS
 
@@ -81,7 +83,8 @@ def compare_results(before: Sequence[Stored], after: Sequence[Stored]) -> Compar
     aligned = align(paths, tables, side) if what == "diagnoses" else _align_identified(everything, side)
     quantities, entries = aligned
     estimates = [estimate_of(one, quantities, mine) for one, mine in zip(everything, entries)]
-    found = changes(quantities, estimates[:side], estimates[side:])
+    drift = stored_drift(tables, everything[0].arm, quantities, estimates, side)
+    found = changes(quantities, estimates[:side], estimates[side:], drift)
     causes: list[str] = []
     if what == "diagnoses":
         significant = [one.quantity.name for one in found if one.significant]
@@ -93,6 +96,7 @@ def compare_results(before: Sequence[Stored], after: Sequence[Stored]) -> Compar
         after=tuple(str(one.path) for one in after),
         changes=found,
         causes=causes,
+        assumptions=[assumed(len(everything), what)] if drift.any() else [],
         warnings=[
             f"{one.path} keeps weakly excited directions at the model's values: its deviations count "
             f"{PRETEST:.1f}-fold; compare the recordings for a sharper answer"

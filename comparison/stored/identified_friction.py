@@ -47,7 +47,8 @@ def friction_points(
         if not all(bands):
             continue
         alike = all(len(own) == 1 for own in bands)
-        low = max(band["speed"][0] for own in bands for band in own)
+        # a curve may begin at standstill, where friction has no direction
+        low = max(next((v for v in band["speed"] if v > 0.0), np.inf) for own in bands for band in own)
         high = min(band["speed"][-1] for own in bands for band in own)
         if low >= high:
             continue

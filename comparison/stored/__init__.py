@@ -1,0 +1,1 @@
+"""Stored results of two sides, identifications or diagnoses: what they say, and how it differs."""
