@@ -18,8 +18,13 @@ RATE, ROW = 500.0, 2000
 """Rows per s, and the row after which triggers are lost."""
 
 
-def _run(root: Path, seed: int, lost: tuple[int, int], *, noise: float = 0.01, slowly: bool = False) -> Run:
-    """10 s of two joints of which mostly one moves, with so many rows of currents lost at each."""
+def _run(
+    root: Path, seed: int, lost: tuple[int, int], *, noise: float | tuple[float, float] = 0.01, slowly: bool = False
+) -> Run:
+    """10 s of two joints of which mostly one moves, with so many rows of currents lost at each.
+
+    noise: as a share of the current, of both joints or of each.
+    """
     arm, rng = read_model(root / "config/starters/csv/model.toml"), np.random.default_rng(seed)
     t = np.arange(5000) / RATE
     turn = np.stack([np.exp(-(((t - centre) / 1.3) ** 2)) + 0.15 for centre in rng.permutation([2.7, 5.6])], axis=1)
@@ -31,7 +36,7 @@ def _run(root: Path, seed: int, lost: tuple[int, int], *, noise: float = 0.01, s
     i = np.stack([np.interp(at, np.arange(len(t)), column) for at, column in zip(rows.T, i.T)], axis=1)
     other = np.cumsum(rng.normal(size=i.shape), axis=0)
     other -= np.stack([np.convolve(column, np.ones(60) / 60, "same") for column in other.T], axis=1)
-    i += noise * i.std(axis=0) * (rng.normal(size=i.shape) + other / other.std())
+    i += np.array(noise) * i.std(axis=0) * (rng.normal(size=i.shape) + other / other.std())
     return residual_run(f"run {seed}", arm, t, q, i)
 
 
@@ -49,6 +54,12 @@ def test_rows_that_every_recording_lost_are_found_by_all_together(root: Path, co
     assert {loss.count for loss in together} == {count}
     for loss in together:
         assert abs(loss.row - ROW) < 3 * loss.row_std
+
+
+@pytest.mark.parametrize("count", [6, -5])
+def test_a_joint_that_hardly_tells_one_number_from_the_next_is_no_contradiction(root: Path, count: int) -> None:
+    runs = [_run(root, seed, (count, count), noise=(0.003, 0.02)) for seed in range(6)]
+    assert _common(runs) == count
 
 
 def test_recordings_that_lost_nothing_are_left_as_they_are(root: Path) -> None:
