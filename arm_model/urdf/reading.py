@@ -181,14 +181,18 @@ def origin_of(path: str | Path, element: xml.Element) -> Array:
 
 
 def _inertial(path: str | Path, link: xml.Element) -> Array:
-    """(10,) barycentric parameters in the link's frame."""
+    """(10,) barycentric parameters in the link's frame; InputError where no body of any mass has its inertia.
+
+    A link may have inertia without mass: simulators mark one that does not move like that, and frames are given some
+    to satisfy a solver. Whether that is possible is a question of the whole that moves together (``_with_lump``).
+    """
     inertial = link.find("inertial")
     if inertial is None:
         return np.zeros(10)
     mass = numbers_of(path, inertial.find("mass"), "value", "0", 1)[0]
     tensor = inertial.find("inertia")
     entries = tuple(numbers_of(path, tensor, name, "0", 1)[0] for name in ("ixx", "iyy", "izz", "ixy", "iyz", "ixz"))
-    if problem := unphysical(mass, entries):
+    if problem := unphysical(mass or 1.0, entries):
         raise InputError(path, f"link {link.get('name')!r}: {problem}")
     return transform(barycentric(mass, (0.0, 0.0, 0.0), entries), origin_of(path, inertial))
 
@@ -250,6 +254,8 @@ def _with_lump(path: str | Path, joints: list[Joint], lump: Array) -> list[Joint
     if not joints:
         return joints
     mass, com, inertia = about_com(lump)
+    if problem := unphysical(mass, inertia):
+        raise InputError(path, f"the link that joint {joints[-1].name!r} moves, with what is fixed to it: {problem}")
     x, y, z, xy, yz, xz = inertia
     return [*joints[:-1], replace(joints[-1], mass=mass, com=com, inertia=(x, y, z, xy, yz, xz))]
 

@@ -78,6 +78,23 @@ def test_the_only_chain_that_moves_is_the_arm_with_all_that_is_fixed_to_it(tmp_p
     assert urdf_gaps(path, {Use.DYNAMICS}, tip="hand") == []
 
 
+def massless(name: str) -> str:
+    return f'<link name="{name}"><inertial><mass value="0"/><inertia ixx="0.05" iyy="0.06" izz="0.03"/></inertial></link>'
+
+
+def test_inertia_without_mass_is_judged_of_the_whole_that_moves(tmp_path: Path) -> None:
+    """As in simulators' files, whose base has no mass so that it stands still; MuJoCo and PyBullet read them."""
+    arm = read_urdf(written(tmp_path, ARM))
+    base = [massless("base") if part == link("base") else part for part in ARM]
+    assert read_urdf(written(tmp_path, base)) == arm
+    flange = [massless("flange") if part == link("flange") else part for part in ARM]
+    heavier = read_urdf(written(tmp_path, flange)).joints[1]
+    assert sum(heavier.inertia[:3]) == pytest.approx(sum(arm.joints[1].inertia[:3]) + 0.14)
+    alone = [massless("upper") if part == link("upper", 3.0, 0.05) else part for part in ARM[:-4]]
+    with pytest.raises(InputError, match="joint 'base_upper' moves, with what is fixed to it: inertia without mass"):
+        read_urdf(written(tmp_path, alone))
+
+
 def test_fingers_count_as_fixed_where_the_file_places_them(tmp_path: Path) -> None:
     fixed = [part.replace('type="prismatic"', 'type="fixed"') for part in FINGERS]
     expected = read_urdf(written(tmp_path, ARM + fixed), tip="tool0")
