@@ -195,11 +195,14 @@ def check_arguments(arguments: Sequence[str]) -> None:
 
 
 def spread(arguments: list[str], many: Sequence[str]) -> list[str]:
-    """Repeats an option of ``many`` before each of its values: ``--fit A B`` becomes ``--fit A --fit B``."""
+    """Repeats an option of ``many`` before each of its values: ``--fit A B`` becomes ``--fit A --fit B``.
+
+    A negative number behind such an option is a value of it.
+    """
     wide: list[str] = []
     option = None
     for argument in arguments:
-        if argument.startswith("-"):
+        if argument.startswith("-") and not (option and argument[1:2].isdigit()):
             option = argument if argument in many else None
             wide.append(argument)
         elif option and wide[-1] != option:

@@ -5,12 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from arm_io import InputError
 from arm_report.picture_file import save_picture
 
 if TYPE_CHECKING:
     from arm_clearance import Chain, Pairs, Space
     from arm_io.types import Array
+    from arm_model import Arm
     from daq.rig import Rig
     from experiment import Demand
 
@@ -25,6 +28,26 @@ def space_of(rig: Rig | None, file: Path | None = None, floor: float | None = No
     if not -1e6 < floor < 1e6:
         raise InputError("--floor", f"must be a height in m, is {floor:g}")
     return (space or Space()).model_copy(update={"floor": floor})
+
+
+def travel_of(demand: Demand) -> list[dict[str, Any]]:
+    """Of a motion, per joint, as JSON: ``low`` and ``high`` rad (m), largest ``speed`` rad/s (m/s)."""
+    times = np.linspace(0.0, demand.duration, max(int(100.0 * demand.duration), 2))
+    q = demand(times)
+    speed = np.abs(np.diff(q, axis=0)).max(axis=0) / times[1]
+    return [
+        {"joint": number, "low": low, "high": high, "speed": fastest}
+        for number, (low, high, fastest) in enumerate(zip(q.min(axis=0), q.max(axis=0), speed), 1)
+    ]
+
+
+def travel_in_words(demand: Demand, arm: Arm) -> list[str]:
+    """The same for a person, one line per joint."""
+    units = ["rad" if joint.revolute else "m" for joint in arm.joints]
+    return [
+        f"joint {one['joint']}: {one['low']:.2f} to {one['high']:.2f} {unit}, at most {one['speed']:.2f} {unit}/s"
+        for one, unit in zip(travel_of(demand), units)
+    ]
 
 
 def clearance_of(demand: Demand, chain: Chain, pairs: Pairs | None) -> dict[str, Any]:

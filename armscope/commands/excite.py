@@ -69,7 +69,7 @@ def command(
     as_json: Json = False,
 ) -> None:
     from arm_report.picture_file import check_picture
-    from armscope.motion import clearance_in_words, clearance_of, draw
+    from armscope.motion import clearance_in_words, clearance_of, draw, travel_in_words, travel_of
     from experiment import check_trajectory, demand_of, write_experiment, write_trajectory
     from identification.experiment_design import Series
 
@@ -89,12 +89,14 @@ def command(
     if as_json:
         table = {"file": str(out), "duration": duration, "joints": len(task.arm), "harmonics": harmonics}
         clearance = clearance_of(demand, task.chain, task.pairs)
-        print(json_text(table | {"trajectories": points, "rate": designed.rate, "clearance": clearance}))
+        table |= {"trajectories": points, "rate": designed.rate, "travel": travel_of(demand), "clearance": clearance}
+        print(json_text(table))
         return
     sampled = f", {designed.rate:g} rows/s (not a multiple of the setpoint rate)" if designed.rate else ""
     joints = f"{len(task.arm)} joint{'s' * (len(task.arm) > 1)}"
     print(f"{out}: {duration:g} s, {harmonics} harmonics of {fundamental:g} Hz for {joints}{sampled}")
-    print("\n".join(f"  {line}" for line in clearance_in_words(demand, task.chain, task.pairs)))
+    said = travel_in_words(demand, task.arm) + clearance_in_words(demand, task.chain, task.pairs)
+    print("\n".join(f"  {line}" for line in said))
     for file, count in points.items():
         print(f"{file}: {count} points, {trajectory_rate:g} per second")
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import asdict
+from collections.abc import Sequence
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -13,12 +14,15 @@ from arm_io import InputError
 from arm_io.json_text import json_text
 from arm_model import Arm, on_fixed_base, read_model, write_model
 from arm_model.mjcf import SUFFIXES
+from arm_model.rigid_body import regeared
 from arm_report import wrapped
 from armscope.api.reading import note_gaps
 from armscope.commands.options import Json
 from armscope.model_text.equations import Form, Formulation, equations_text
 from armscope.model_text.summary import summary, summary_text
 from armscope.progress import shown
+
+MANY = ("--gear", "--torque-constant")
 
 
 def command(
@@ -47,6 +51,14 @@ def command(
         ),
     ] = None,
     tip: Annotated[str | None, typer.Option(help="last link or body, of a URDF or MuJoCo file that branches")] = None,
+    gear: Annotated[
+        list[float] | None,
+        typer.Option(metavar="G ...", help="turns of the motor per turn of the joint, one for all or one each"),
+    ] = None,
+    torque_constant: Annotated[
+        list[float] | None,
+        typer.Option(metavar="K ...", help="N m/A of the motor, one for all joints or one each"),
+    ] = None,
     as_json: Json = False,
 ) -> None:
     if effects:
@@ -55,6 +67,10 @@ def command(
     if model is None:
         raise InputError("model", "needs a model file, as config/models/puma560.toml")
     arm = _read(model, tip if into is None else None)
+    if gear is not None or torque_constant is not None:
+        if model.suffix == ".toml":
+            raise InputError(model, "has drives of its own; --gear and --torque-constant are for URDF and MuJoCo files")
+        arm = _with_drives(arm, gear, torque_constant)
     note_gaps(model, "dynamics", "collisions", tip=tip)
     for what, asked in (
         ("--formulations", formulations),
@@ -69,7 +85,7 @@ def command(
     elif out is not None:
         _write(out, arm)
         if model.suffix in (".urdf", *SUFFIXES) and out.suffix == ".toml":
-            print(f"note: {_motors(out, arm)}", file=sys.stderr)
+            _note_motors(arm, torque_constant is not None)
     if by is not None and equations is None:
         raise InputError("--by", "needs --equations text, latex, python or c")
     if equations is not None:
@@ -82,12 +98,36 @@ def command(
     print(json_text(found) if as_json else wrapped(summary_text(found)))
 
 
-def _motors(out: Path, arm: Arm) -> str:
-    """What a person has to add to a model that comes from URDF or MJCF, which have no place for motors."""
-    gears = "" if any(joint.gear != 1.0 for joint in arm.joints) else "gear (turns of the motor per turn) and "
-    return (
-        f"the file has no motors: add {gears}torque_constant (N m/A of the motor) to each [[joint]] of {out}; until "
-        "then a current i counts as the torque of the joint, N m"
+def _with_drives(arm: Arm, gears: Sequence[float] | None, torque_constants: Sequence[float] | None) -> Arm:
+    """The arm with these torque constants behind these gears: limits and friction at its joints stay (``regeared``)."""
+    joints = list(arm.joints)
+    if gears is not None:
+        joints = [regeared(joint, value) for joint, value in zip(joints, _of_joints("--gear", gears, len(arm)))]
+    if torque_constants is not None:
+        constants = _of_joints("--torque-constant", torque_constants, len(arm))
+        joints = [replace(joint, torque_constant=value) for joint, value in zip(joints, constants)]
+    return replace(arm, joints=tuple(joints))
+
+
+def _of_joints(option: str, values: Sequence[float], count: int) -> Sequence[float]:
+    """One value per joint; InputError where they are neither one nor as many as joints, or one is zero."""
+    if 0.0 in values:
+        raise InputError(option, "must not be 0")
+    if len(values) not in (1, count):
+        raise InputError(option, f"has {len(values)} values; must be one for all, or {count}, one per joint")
+    return values if len(values) == count else list(values) * count
+
+
+def _note_motors(arm: Arm, stated: bool) -> None:
+    """Says what is to be added to a model that comes from URDF or MJCF, which have no place for motors."""
+    if stated:
+        return
+    lacks = "torque constants" if any(joint.gear != 1.0 for joint in arm.joints) else "motors"
+    gears = "" if lacks != "motors" else "--gear G ... (turns of the motor per turn of the joint) and "
+    print(
+        f"note: the file has no {lacks}: give {gears}--torque-constant K ... (N m/A of the motor), one number for all "
+        "joints or one per joint; until then a current i counts as the torque of the joint, N m",
+        file=sys.stderr,
     )
 
 

@@ -104,6 +104,40 @@ def test_through_urdf(root: Path, tmp_path: Path) -> None:
     np.testing.assert_allclose(back, ours, atol=1e-8)
 
 
+def test_gears_convert_what_urdf_says_of_the_joint(
+    root: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Speed limit and damping of the file stay the joint's; a current is its torque until a constant is given."""
+    urdf, model = tmp_path / "arm.urdf", tmp_path / "arm.toml"
+    text = (root / "examples/own_arm/arm.urdf").read_text()
+    urdf.write_text(text.replace("<limit lower", '<dynamics damping="0.5" friction="2"/><limit lower'))
+    assert run(["model", str(urdf), "--gear", "100", "--out", str(model)]) == 0
+    assert "no torque constants: give --torque-constant" in capsys.readouterr().err
+    for joint in read_model(model).joints:
+        assert (joint.gear, joint.motor_speed_limit) == (100.0, 250.0)
+        assert np.allclose([*joint.viscous, *joint.coulomb], [0.5e-4, 0.5e-4, 0.02, 0.02])
+        assert joint.gear * joint.torque_constant == pytest.approx(1.0)
+    drives = ["--gear", "100", "-80", "--torque-constant", "0.12", "0.08"]
+    assert run(["model", str(urdf), *drives, "--out", str(model)]) == 0
+    assert "torque_constant" not in capsys.readouterr().err
+    assert [(joint.gear, joint.torque_constant) for joint in read_model(model).joints] == [(100.0, 0.12), (-80.0, 0.08)]
+
+
+@pytest.mark.parametrize(
+    ("file", "options", "said"),
+    [
+        ("examples/own_arm/arm.urdf", ["--gear", "1", "2", "3"], "--gear: has 3 values; must be one for all, or 2"),
+        ("examples/own_arm/arm.urdf", ["--torque-constant", "0"], "--torque-constant: must not be 0"),
+        (MODEL, ["--gear", "100"], "has drives of its own"),
+    ],
+)
+def test_refuses_drives(
+    root: Path, file: str, options: list[str], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["model", str(root / file), *options]) == 2
+    assert said in capsys.readouterr().err
+
+
 def test_refuses_other_files(root: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["model", str(root / MODEL), "--out", str(tmp_path / "arm.xml")]) == 2
     assert "must end in .toml or .urdf" in capsys.readouterr().err

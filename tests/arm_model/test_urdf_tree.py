@@ -79,7 +79,9 @@ def test_the_only_chain_that_moves_is_the_arm_with_all_that_is_fixed_to_it(tmp_p
 
 
 def massless(name: str) -> str:
-    return f'<link name="{name}"><inertial><mass value="0"/><inertia ixx="0.05" iyy="0.06" izz="0.03"/></inertial></link>'
+    return (
+        f'<link name="{name}"><inertial><mass value="0"/><inertia ixx="0.05" iyy="0.06" izz="0.03"/></inertial></link>'
+    )
 
 
 def test_inertia_without_mass_is_judged_of_the_whole_that_moves(tmp_path: Path) -> None:

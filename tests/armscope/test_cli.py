@@ -97,6 +97,7 @@ def test_one_option_takes_several_values() -> None:
     line = ["--fit", "a", "b", "--held-out", "c", "--out", "d"]
     wide = ["--fit", "a", "--fit", "b", "--held-out", "c", "--out", "d"]
     assert spread(line, ("--fit", "--held-out")) == wide
+    assert spread(["--gear", "100", "-80", "-h"], ("--gear",)) == ["--gear", "100", "--gear", "-80", "-h"]
 
 
 @pytest.mark.parametrize("arguments", [["--help"], ["model", "--effects", "--json"]])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -50,9 +51,10 @@ def test_singular_values_are_those_of_a_decomposition(condition: float) -> None:
     np.testing.assert_allclose(found, np.tile(true, (3, 1)), rtol=1e-4, atol=1e-15)
 
 
-def test_command_writes_what_record_reads(root: Path, tmp_path: Path) -> None:
+def test_command_writes_what_record_reads(root: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     model, out = root / "config/models/puma560.toml", tmp_path / "excitation.toml"
     assert run(["excite", "--model", str(model), "--out", str(out), "--candidates", "32", "--duration", "10"]) == 0
+    printed = capsys.readouterr().out
     found = read_experiment(out)
     arm = read_model(model)
     demand = demand_of(found)
@@ -62,6 +64,9 @@ def test_command_writes_what_record_reads(root: Path, tmp_path: Path) -> None:
     torque = inverse_dynamics(arm, q, qd, np.gradient(qd, t, axis=0))
     assert np.all(np.abs(torque).max(axis=0) < [joint.torque_limit for joint in arm.joints])
     assert np.all(np.ptp(q, axis=0) > 0.05)
+    travel = re.findall(r"joint (\d): (\S+) to (\S+) rad, at most (\S+) rad/s", printed)
+    expected = np.stack([np.arange(1, len(arm) + 1), q.min(axis=0), q.max(axis=0), np.abs(qd).max(axis=0)], axis=1)
+    np.testing.assert_allclose(np.array(travel, float), expected, atol=0.02)
 
 
 def test_rig_narrower_than_the_model_is_kept_and_accepted(
