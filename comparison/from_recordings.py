@@ -19,7 +19,7 @@ from comparison.friction_drift import assumed, friction_drift
 from comparison.joint_fit.fewest import Recorded, with_fewest
 from comparison.outcome import Comparison
 from comparison.quantities import friction_maps, values_quantities
-from comparison.regression import Fitted, Rows, Structure, fit, rows_of, shown_by, structure_of
+from comparison.regression import Fitted, Rows, Structure, fit, rows_of, shown_by, structure_of, unfitted
 from comparison.significance import changes
 from comparison.summary import summaries
 from daq.recording import Recording
@@ -38,17 +38,17 @@ def compare_recordings(
 ) -> Comparison:
     """What changed in ``arm`` between the recordings of two sides.
 
-    InputError where a recording is on both sides, cannot be identified, or was made with the drives off.
+    InputError where a recording is on both sides, cannot be identified, or was made with the drives off, or where all
+    are too short.
     """
     recordings = [*before, *after]
     _check(before, after)
     motions, _, runs = motions_of(recordings, [], arm, progress)
     names = [recording.path.name for recording in recordings]
-    base = structural_base(arm, "asymmetric")
     side = np.array([True] * len(before) + [False] * len(after))
-    structure = structure_of(arm, base, motions, names, side)
-    fits, shown, _ = _fits(structure, recordings, motions, motions, progress)
+    structure, fits, shown, short = _alone(arm, recordings, motions, side, progress)
     quantities, maps = _quantities(structure, fits, shown, side, names)
+    quantities = _of_short_sides(quantities, names, short, side)
     progress("changes")
     estimates = [_estimate(name, each, maps) for name, each in zip(names, fits)]
     drift = friction_drift(structure, _mean_values(fits), warmer(recordings, side, len(arm)))
@@ -56,10 +56,12 @@ def compare_recordings(
         quantities,
         [one for one, mine in zip(estimates, side) if mine],
         [one for one, mine in zip(estimates, side) if not mine],
-        np.hypot(_leaked(structure, fits, maps, side), np.linalg.norm(np.nan_to_num(maps) @ drift, axis=1)),
+        np.hypot(
+            _leaked(structure, *_long(fits, side, short), maps), np.linalg.norm(np.nan_to_num(maps) @ drift, axis=1)
+        ),
     )
     band = [wide(motion) for motion in motions]
-    in_band, _, rows = _fits(structure, recordings, band, motions, progress)
+    in_band, _, rows, _ = _fits(structure, recordings, band, motions, progress)
     progress("the fewest changes")
     decided, added, found = with_fewest(Recorded(structure, band, rows, in_band, side, drift), alone)
     return Comparison(
@@ -69,10 +71,39 @@ def compare_recordings(
         after=tuple(str(recording.path) for recording in after),
         changes=[*decided, *added, *limit_changes(before, after, arm)],
         circumstances=circumstances(recordings, motions, side, arm),
-        summaries=summaries(structure, fits, side, _as_decided(alone, decided), found, added),
+        summaries=summaries(structure, *_long(fits, side, short), _as_decided(alone, decided), found, added),
         assumptions=[assumed(len(recordings))],
-        warnings=[warning for run in runs for warning in run.warnings],
+        warnings=[
+            *(
+                f"{name} {why}; its rows count in the fit of all recordings only"
+                for name, why in zip(names, short)
+                if why
+            ),
+            *(warning for run in runs for warning in run.warnings),
+        ],
     )
+
+
+def _alone(
+    arm: Arm,
+    recordings: Sequence[Recording],
+    motions: Sequence[Motion],
+    side: NDArray[np.bool_],
+    progress: Progress,
+) -> tuple[Structure, list[Fitted], NDArray[np.bool_], list[str]]:
+    """What is compared, and the regressions of single recordings, as of ``_fits``.
+
+    Where both sides have recordings that are long enough, what these show of friction is compared.
+    """
+    base = structural_base(arm, "asymmetric")
+    names = [recording.path.name for recording in recordings]
+    structure = structure_of(arm, base, motions, names, side)
+    fits, shown, _, short = _fits(structure, recordings, motions, motions, progress)
+    long = [k for k, why in enumerate(short) if not why]
+    if any(short) and side[long].any() and not side[long].all():
+        structure = structure_of(arm, base, [motions[k] for k in long], [names[k] for k in long], side[long])
+        fits, shown, _, short = _fits(structure, recordings, motions, motions, progress)
+    return structure, fits, shown, short
 
 
 def _mean_values(fits: Sequence[Fitted]) -> Array:
@@ -107,49 +138,76 @@ def _fits(
     motions: Sequence[Motion],
     whole: Sequence[Motion],
     progress: Progress,
-) -> tuple[list[Fitted], NDArray[np.bool_], list[Rows]]:
-    """One fit per recording, (recordings, c) what each shows, and the rows of each; ``whole`` as of ``rows_of``."""
+) -> tuple[list[Fitted], NDArray[np.bool_], list[Rows], list[str]]:
+    """One fit per recording, (recordings, c) what each shows, its rows, and why it is too short ("": it is not).
+
+    One that is too short shows nothing alone. InputError where all are; ``whole`` as of ``rows_of``.
+    """
     data: list[Rows] = []
     seen: list[NDArray[np.bool_]] = []
+    short: list[str] = []
     for recording, motion, of_all in zip(recordings, motions, whole):
         progress(Step("equations", len(data), len(recordings), detail=recording.path.name))
-        rows, mine = _enough_rows(structure, recording, motion, of_all)
+        rows, mine, why = _enough_rows(structure, recording, motion, of_all)
         data.append(rows)
         seen.append(mine)
+        short.append(why)
+    if all(short):
+        raise InputError(recordings[0].path, short[0])
     model = structure.model()
-    fits: list[Fitted] = []
-    for recording, rows, mine in zip(recordings, data, seen):
+    fits: list[Fitted | None] = []
+    for recording, rows, mine, why in zip(recordings, data, seen, short):
         progress(Step("regression", len(fits), len(recordings), detail=recording.path.name))
-        fits.append(fit(rows, mine, model, len(structure.arm)))
-    return fits, np.array(seen), data
+        fits.append(None if why else fit(rows, mine, model, len(structure.arm)))
+    block = max(one.block for one in fits if one is not None)
+    filled = [unfitted(rows, structure, block) if one is None else one for one, rows in zip(fits, data)]
+    return filled, np.array(seen), data, short
 
 
 def _enough_rows(
     structure: Structure, recording: Recording, motion: Motion, whole: Motion
-) -> tuple[Rows, NDArray[np.bool_]]:
-    """The rows of a recording and (c,) what they show.
+) -> tuple[Rows, NDArray[np.bool_], str]:
+    """The rows of a recording, (c,) what they show, and why it is too short to judge alone; "" where it is not.
 
     Rows come at 2.5 times the band of the motion. Of a slow one, with rests, they may be fewer than deviations need: it
-    is then taken in the band of the joint fit, if it shows friction as the others do. InputError otherwise.
+    is then taken in the band of the joint fit, if it shows friction as the others do.
     """
     carrying = set_up(structure.arm, recording)
     rows = rows_of(structure, motion, carrying, whole)
     shown = shown_by(rows, structure)
     least = ROWS_PER_VALUE * (int(shown.sum()) + rows.own.shape[1])
     if len(rows.y) >= least:
-        return rows, shown
+        return rows, shown, ""
     more = rows_of(structure, wide(whole), carrying, whole)
     shown_more = shown_by(more, structure)
     friction = shown_more[len(structure.rows) : len(structure.rows) + len(structure.points)]
     if friction.any() and len(more.y) >= ROWS_PER_VALUE * (int(shown_more.sum()) + more.own.shape[1]):
-        return more, shown_more
+        return more, shown_more, ""
     length = float(whole.t[-1] - whole.t[0])
-    lacking = length * (least / max(len(rows.y), 1) - 1.0)
-    raise InputError(
-        recording.path,
-        f"leaves {len(rows.y)} rows for {least // ROWS_PER_VALUE} parameters after filtering; "
-        f"needs {np.ceil(lacking):.0f} s more of such motion, it has {length:.2g} s",
+    lacking = np.ceil(length * (least / max(len(rows.y), 1) - 1.0))
+    why = (
+        f"is too short to judge alone: at least {lacking:.0f} s more of such motion are needed (it has {length:.2g} s, "
+        f"which leave {len(rows.y)} rows for {least // ROWS_PER_VALUE} parameters)"
     )
+    return rows, np.zeros_like(shown), why
+
+
+def _of_short_sides(
+    quantities: Sequence[Quantity], names: Sequence[str], short: Sequence[str], side: NDArray[np.bool_]
+) -> list[Quantity]:
+    """The quantities with the reason where a side has no recording that is long enough."""
+    for which in (True, False):
+        mine = [(name, why) for name, why, of in zip(names, short, side) if of == which]
+        if all(why for _, why in mine):
+            return [one.not_comparable(f"{mine[0][0]} {mine[0][1]}") for one in quantities]
+    return list(quantities)
+
+
+def _long(
+    fits: Sequence[Fitted], side: NDArray[np.bool_], short: Sequence[str]
+) -> tuple[list[Fitted], NDArray[np.bool_]]:
+    """The fits of recordings that are long enough, and their sides."""
+    return [one for one, why in zip(fits, short) if not why], side[np.array([not why for why in short])]
 
 
 def _quantities(
@@ -188,11 +246,13 @@ def _estimate(name: str, fitted: Fitted, maps: Array) -> Estimate:
     return Estimate(source=name, values=values, std=fitted.widened * raw, raw=raw, freedom=fitted.freedom)
 
 
-def _leaked(structure: Structure, fits: Sequence[Fitted], maps: Array, side: NDArray[np.bool_]) -> Array:
+def _leaked(structure: Structure, fits: Sequence[Fitted], side: NDArray[np.bool_], maps: Array) -> Array:
     """(r,) std of each change by errors of values that were taken from the model, as the sides differ in which.
 
-    What both sides take from the model alike cancels.
+    What both sides take from the model alike cancels; nothing where a side has no fit.
     """
+    if side.all() or not side.any():
+        return np.zeros(len(maps))
     units = [quantity.unit for quantity in values_quantities(structure)]
     leakage = [np.mean([f.leakage for f, mine in zip(fits, side) if mine == which], axis=0) for which in (True, False)]
     difference = np.nan_to_num(maps) @ (leakage[1] - leakage[0])

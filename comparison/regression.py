@@ -241,6 +241,22 @@ def fit(rows: Rows, shown: NDArray[np.bool_], model: Array, joints: int) -> Fitt
     )
 
 
+def unfitted(rows: Rows, structure: Structure, block: float) -> Fitted:
+    """Of a recording that is too short to say anything alone, with blocks of time of ``block`` s."""
+    size, nothing = structure.size, np.zeros((structure.size, structure.size))
+    return Fitted(
+        values=np.full(size, np.nan),
+        covariance=nothing,
+        plain=nothing,
+        by_scale=np.zeros((size, len(structure.arm))),
+        freedom=1.0,
+        widened=1.0,
+        leakage=nothing,
+        residual=np.full(len(rows.y), np.nan),
+        block=block,
+    )
+
+
 def _independent(rows: Rows, shown: NDArray[np.bool_]) -> NDArray[np.intp]:
     weight = rows.weight[:, None]
     both = np.concatenate([rows.columns[:, shown], rows.own], axis=1) * weight

@@ -96,11 +96,14 @@ def summaries(
 ) -> list[Summary]:
     """The causes that sum up changes: of the regressions of single recordings, or those that the joint fit found.
 
+    fits     of recordings that are long enough; of a side without one, what the joint fit found is summed up
     side     True of the fits before
     changes  of all quantities; the last of them are those of the values
     found    by the joint fit; added: changes of effects beyond the model
     """
     significant = [one for one in changes if one.significant]
+    if side.all() or not side.any():
+        return list(_by_joint_fit(found, [*significant, *(one for one in added if one.significant)]))
     seen = _seen(fits, side, changes[len(changes) - structure.size :])
     of_all = [*significant, *(one for one in added if one.significant)]
     if not len(seen.change) or not significant:

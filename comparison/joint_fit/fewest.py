@@ -146,7 +146,7 @@ def _with(
     new = [one for k, one in enumerate(proposed) if all(not one.same(other) for other in [*added, *proposed[:k]])]
     data = [with_columns(own, added_rows(new, structure.arm, motion)) for own, motion in zip(rows, recorded.motions)]
     both, every = both_sides(structure, data, fits, side, recorded.drift), [*added, *new]
-    late = [one for one, mine in zip(fits, side) if not mine]
+    late = [one for one, mine in zip(fits, side) if not mine and np.isfinite(one.values).any()]
     tried = hypotheses(structure, late, every)
     return _Joint(both, every, tried, selected(both, tried)), data
 

@@ -111,6 +111,8 @@ def _single(structure: Structure) -> Iterator[Hypothesis]:
 
 
 def _of_scales(structure: Structure, fits: Sequence[Fitted]) -> Iterator[Hypothesis]:
+    if not fits:
+        return
     scale = np.mean([one.by_scale for one in fits], axis=0)
     for joint in range(len(structure.arm)):
         yield Hypothesis("scale", joint + 1, scale[:, joint : joint + 1])

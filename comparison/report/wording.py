@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -74,7 +75,10 @@ def changed_sentences(result: Comparison) -> list[str]:
 def verdict(result: Comparison) -> str:
     """The one sentence."""
     if not result.tested:
-        return "Nothing could be compared."
+        reasons = Counter(one.quantity.why for one in result.changes if one.quantity.why)
+        return (
+            f"Nothing could be compared: {reasons.most_common(1)[0][0]}." if reasons else "Nothing could be compared."
+        )
     share = f"at most {SIGNIFICANT:.0%} of such findings are false"
     if not result.significant:
         return f"No significant change of {result.tested} compared quantities ({share})."
