@@ -194,20 +194,31 @@ def motion_of_rows(run: Lanes, rows: Array, times: Array, demand: Array) -> Moti
     system, n = run.program.system, len(run.arm)
     lanes = {name: value[:, None] for name, value in run.inputs.items()}
     states = {name: rows[..., k] for k, name in enumerate(system.states)}
-    values = evaluate(system.tape, [*system.q, *system.qd], {**lanes, **states})
+    qm, qmd = rows[..., :n], rows[..., n : 2 * n]
+    if _links_follow(system):
+        q, qd = qm, qmd
+    else:
+        values = evaluate(system.tape, [*system.q, *system.qd], {**lanes, **states})
+        q, qd = np.stack(values[:n], axis=-1), np.stack(values[n:], axis=-1)
     current = rows[..., len(system.states) : len(system.states) + n]
     drive = np.stack([run.inputs[f"drive{j}"] for j in range(n)], axis=-1)[:, None]
     return Motion(
         t=times,
-        q=np.stack(values[:n], axis=-1),
-        qd=np.stack(values[n:], axis=-1),
-        qm=rows[..., :n],
-        qmd=rows[..., n : 2 * n],
+        q=q,
+        qd=qd,
+        qm=qm,
+        qmd=qmd,
         current=current,
         torque=current * drive,
         demand=demand,
         base=_base_track(system, rows) if system.held else None,
     )
+
+
+def _links_follow(system: System) -> bool:
+    """Whether the links move as the motors do: then angles and speeds of both are the first states."""
+    moving = [*system.q, *system.qd]
+    return [one.index for one in moving] == [system.tape.input(name).index for name in system.states[: len(moving)]]
 
 
 def _base_track(system: System, rows: Array) -> BaseTrack:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,7 +51,14 @@ class Dataset:
 
     def by_block(self, values: Array) -> Array:
         """(blocks,) sums of values (n * rows,), all joints together."""
-        return np.bincount(self.block, weights=values).astype(float)
+        # rows of a block follow one another
+        sums = np.add.reduceat(values.reshape(-1, self.rows).sum(axis=0), self._first)
+        return np.bincount(self.block[self._first], weights=sums).astype(float)
+
+    @cached_property
+    def _first(self) -> NDArray[np.intp]:
+        """The row of a joint in which each block begins."""
+        return np.flatnonzero(np.diff(self.block[: self.rows], prepend=-1))
 
     def by_joint(self, values: Array) -> Array:
         """(n,) sums of values (n * rows,)."""
@@ -64,6 +72,12 @@ class Columns:
 
     x: Array
     where: slice
+
+    @cached_property
+    def gram(self) -> Array:
+        """(k, k) products of the columns with each other: every round of a selection asks for them."""
+        products: Array = self.x.T @ self.x
+        return products
 
     def dot(self, other: Array) -> Array:
         """x^T other, for other (N,) or (N, r)."""

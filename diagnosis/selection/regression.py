@@ -15,7 +15,7 @@ from arm_io.types import Array
 from diagnosis.cause import EffectKey
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Columns, Dataset, Pair
-from identification.selection import Score, Split, p_value, scaled, shift_p_value
+from identification.selection import Score, Split, p_value, shift_p_value
 
 INDEPENDENT = 1e-3
 """Relative singular value of columns of unit length below which they are dependent: rounding and model errors."""
@@ -51,12 +51,14 @@ def fit_together(data: Split[Dataset], chosen: Iterable[Pair]) -> Fitted:
         return Fitted(fit.y, held_out.y, *empty, np.empty(0))
     a = np.hstack([pair.fit.dense(len(fit.y)) for pair in pairs])
     a_held_out = np.hstack([pair.held_out.dense(len(held_out.y)) for pair in pairs])
-    x, scale = scaled(a)
-    u, s, vt = np.linalg.svd(x, full_matrices=False)
-    keep = s > INDEPENDENT * s[0]
+    # the eigenvalues of a^T a, scaled, are the squares of the singular values, at a third of the time
+    gram = a.T @ a
+    scale = _lengths(gram)
+    values, vectors = np.linalg.eigh(gram / np.outer(scale, scale))
+    keep = values > INDEPENDENT**2 * values[-1]
     # from coordinates in the basis to coefficients
-    back = (vt[keep].T / s[keep]) / scale[:, None]
-    basis = u[:, keep]
+    back = vectors[:, keep] / np.sqrt(values[keep]) / scale[:, None]
+    basis = a @ back
     projected = basis.T @ fit.y
     to_held_out = a_held_out @ back
     return Fitted(fit.y - basis @ projected, held_out.y - to_held_out @ projected, basis, to_held_out, back @ projected)
@@ -65,16 +67,21 @@ def fit_together(data: Split[Dataset], chosen: Iterable[Pair]) -> Fitted:
 def fit_gain(columns: Columns, fitted: Fitted) -> tuple[float, Array]:
     """Fall of the squared fit error by columns conditional on those fitted, and their coefficients (k,)."""
     inside = columns.dot(fitted.basis)
-    gram = columns.x.T @ columns.x
-    scale = np.sqrt(np.diag(gram))
-    scale[scale == 0.0] = 1.0
-    gram = (gram - inside @ inside.T) / np.outer(scale, scale)
+    scale = _lengths(columns.gram)
+    gram = (columns.gram - inside @ inside.T) / np.outer(scale, scale)
     toward = columns.dot(fitted.fit) / scale
     values, vectors = np.linalg.eigh(gram)
     keep = values > INDEPENDENT**2
     along = vectors[:, keep].T @ toward
     coefficients = vectors[:, keep] @ (along / values[keep])
     return float(along @ (along / values[keep])), coefficients / scale
+
+
+def _lengths(gram: Array) -> Array:
+    """(k,) lengths of columns, of which all products (k, k) are given; 1 for a column of zeros."""
+    size = np.sqrt(np.diag(gram))
+    size[size == 0.0] = 1.0
+    return size
 
 
 def score(candidate: Candidate, pair: Pair, fitted: Fitted, held_out: Dataset) -> Score[Candidate]:

@@ -28,6 +28,7 @@ from diagnosis.measurements.currents.structure.dominant import (
 )
 from diagnosis.measurements.currents.structure.likely_variable import kept_beside
 from diagnosis.measurements.currents.structure.noise_ratio import noise_ratio
+from diagnosis.measurements.currents.structure.shared_bases import Bases
 from diagnosis.measurements.currents.structure.unexplained import Unexplained, better_than_causes, unexplained_structure
 from diagnosis.selection.bodies import bodies_of_link, body_of, is_body, link_of
 from diagnosis.selection.candidate import Candidate
@@ -85,25 +86,26 @@ def without(found: Found, removed: Candidate) -> Found:
 
 def _undissolved(state: State) -> Found:
     """The causes of a state that are no names for parts of unexplained structure, and that structure."""
-    found = _with_unexplained(state)
-    while dissolved := _dissolved(found):
+    bases = Bases(*state.data)
+    found = _with_unexplained(state, bases)
+    while dissolved := _dissolved(found, bases):
         state = corrected(replace(state, chosen=tuple(c for c in state.chosen if c not in dissolved)))
-        found = _with_unexplained(state)
+        found = _with_unexplained(state, bases)
     return found
 
 
-def _with_unexplained(state: State) -> Found:
-    return Found(state, unexplained_structure(state.data, state.fitted, state.model.arm, state.significance))
+def _with_unexplained(state: State, bases: Bases) -> Found:
+    return Found(state, unexplained_structure(state.data, state.fitted, state.model.arm, state.significance, bases))
 
 
-def _dissolved(found: Found) -> list[Candidate]:
+def _dissolved(found: Found, bases: Bases) -> list[Candidate]:
     """Causes that are names for parts of unexplained structure.
 
     Not one that explains nearly all of the excess at its joint, where the rest depends on the variable of its own law:
     what it leaves is told beside it (``dominant``).
     """
     kept = dominant(found.state)
-    return _superfluous(found, kept) or _outdone(found.state, kept) or _compensating(found.state)
+    return _superfluous(found, kept) or _outdone(found.state, kept, bases) or _compensating(found.state)
 
 
 def _superfluous(found: Found, kept: Container[Candidate]) -> list[Candidate]:
@@ -143,7 +145,7 @@ def _superfluous(found: Found, kept: Container[Candidate]) -> list[Candidate]:
     return [least] if least is not None and shares[least] < model.limits.superfluous else []
 
 
-def _outdone(state: State, kept: Container[Candidate]) -> list[Candidate]:
+def _outdone(state: State, kept: Container[Candidate], bases: Bases) -> list[Candidate]:
     """The causes of a joint that one function of one variable explains better than all of them together.
 
     Less those of the ``kept`` that have a law of that variable, or than which no function is better by more than what
@@ -160,7 +162,7 @@ def _outdone(state: State, kept: Container[Candidate]) -> list[Candidate]:
             allowed = limits.many_leave * after
         if len(own) > 3 and _cancelling(own, state) > limits.makeshift:
             allowed = max(allowed, limits.makeshift_leave * (before - after))
-        better = better_than_causes(state.data, reduced.fitted, state.fitted, model.arm, joint, allowed)
+        better = better_than_causes(bases, reduced.fitted, state.fitted, model.arm, joint, allowed)
         # a function of the right variable follows what an identified model leaves on any day as well
         times = state.significance.allowed(held_out, joint)
         better = {name: gain for name, gain in better.items() if allowed or gain > (times**2 - 1.0) * held_out.rows}

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -154,8 +155,18 @@ def still_noise(recordings: Sequence[Recording]) -> Array:
     return np.median(stds, axis=0) if stds else np.zeros(recordings[0].joints if recordings else 1)
 
 
+_standstills: WeakKeyDictionary[Recording, slice | None] = WeakKeyDictionary()
+"""Of recordings that were asked for: screening does so four times."""
+
+
 def standstill(recording: Recording) -> slice | None:
     """Rows that a recording begins with in which no joint moves, after the start of the drives; None: too few."""
+    if recording not in _standstills:
+        _standstills[recording] = _standstill(recording)
+    return _standstills[recording]
+
+
+def _standstill(recording: Recording) -> slice | None:
     rate = 1.0 / recording.dt
     span = max(3, int(0.05 * rate))
     q = recording.q

@@ -44,12 +44,14 @@ class Unexplained:
     likely: dict[int, Likely]
 
 
-def unexplained_structure(data: Split[Dataset], fitted: Fitted, arm: Arm, significance: Significance) -> Unexplained:
+def unexplained_structure(
+    data: Split[Dataset], fitted: Fitted, arm: Arm, significance: Significance, bases: Bases
+) -> Unexplained:
     """Structures conditional on what is ``fitted``, joint by joint, the strongest first.
 
-    significance: of columns beside those fitted, with the model as uncertain as it is.
+    significance: of columns beside those fitted, with the model as uncertain as it is. bases: of these recordings.
     """
-    joints, bases = range(1, len(arm) + 1), Bases(*data)
+    joints = range(1, len(arm) + 1)
     bases.compute(arm)
     found = in_parallel(lambda joint: structures_at(joint, data, bases, fitted, arm, significance), joints)
     return Unexplained(
@@ -99,7 +101,7 @@ def structures_at(
 
 
 def better_than_causes(
-    data: Split[Dataset], without: Fitted, with_causes: Fitted, arm: Arm, joint: int, allowed: float
+    bases: Bases, without: Fitted, with_causes: Fitted, arm: Arm, joint: int, allowed: float
 ) -> dict[str, float]:
     """Variables of which one function leaves significantly less than the causes of a joint (``without`` them).
 
@@ -109,9 +111,9 @@ def better_than_causes(
     error by which the function may be worse, where there are implausibly many causes; not for the velocity, on which
     several effects depend.
     """
-    held_out = data.held_out
+    held_out = bases.held_out
     rows, better = held_out.of(joint), dict[str, float]()
-    for shape in shapes_of(Bases(*data), without.fit, arm, joint):
+    for shape in shapes_of(bases, without.fit, arm, joint):
         pair = shape.pair
         _, c = fit_gain(pair.fit, without)
         by_function = residual_with(pair, c, without, held_out)
