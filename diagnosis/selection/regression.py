@@ -21,9 +21,10 @@ INDEPENDENT = 1e-3
 """Relative singular value of columns of unit length below which they are dependent: rounding and model errors."""
 CERTAIN = 1e-4
 """p-value from blocks above which the instants of a sparse effect, or of a large one, are tested as well."""
-LARGE = 1.0
-"""Gain over the noise energy of a joint from which an effect is large, in however few blocks it acts: a joint that
-moves once in a recording is quick for a second or two, and signs of so few blocks tell nothing from chance."""
+LARGE, LARGEST = 0.25, 1.0
+"""Gain over the noise energy of a joint, for every coefficient and at most, from which an effect is large, in however
+few blocks it acts: a joint that moves once in a recording is quick for a second or two, and signs of so few blocks tell
+nothing from chance. The more coefficients, the more of another law an effect follows at the same instants."""
 
 
 @dataclass(frozen=True)
@@ -104,7 +105,8 @@ def chance(pair: Pair, c: Array, fall: Array, fitted: Fitted, held_out: Dataset,
     """
     blocks = held_out.by_block(fall)
     p, gain = p_value(blocks), float(blocks.sum())
-    if p > CERTAIN and gain > 0.0 and (sparse or gain > LARGE * held_out.rows):
+    large = min(LARGE * np.count_nonzero(c), LARGEST) * held_out.rows
+    if p > CERTAIN and gain > 0.0 and (sparse or gain > large):
         predicted = pair.held_out.spread(c, len(held_out.y))
         p = min(p, shift_p_value(by_recording(predicted, held_out), by_recording(fitted.held_out, held_out)))
     return p

@@ -27,7 +27,8 @@ def _moved_once(at: float, size: float) -> np.ndarray:
 
 
 def _chance(x: Split[np.ndarray], y: Split[np.ndarray]) -> float:
-    data, pair = y.map(_side), x.map(lambda values: Columns(values[:, None], slice(0, len(values))))
+    columns = x.map(lambda values: values.reshape(len(values), -1))
+    data, pair = y.map(_side), columns.map(lambda values: Columns(values, slice(0, len(values))))
     return score(DRAG, pair, fit_together(data, []), data.held_out).p
 
 
@@ -38,6 +39,16 @@ def test_a_large_effect_of_one_quick_move_is_significant() -> None:
     assert _chance(x, x.map(lambda one: 10.0 * one + rng.normal(size=len(one)))) < 2e-3
     # ... and a small one is not, as before
     assert _chance(x, x.map(lambda one: 1.0 * one + rng.normal(size=len(one)))) > 0.02
+
+
+def test_half_of_the_noise_is_large_for_one_coefficient_but_not_for_four() -> None:
+    """More of them would follow another law at the same instants."""
+    rng = np.random.default_rng(3)
+    x = Split(_moved_once(4.3, 1.0), _moved_once(8.6, 1.0))
+    y = x.map(lambda one: 4.5 * one + rng.normal(size=len(one)))
+    assert _chance(x, y) < 2e-3
+    powers = x.map(lambda one: np.stack([one**k for k in range(1, 5)], axis=1))
+    assert _chance(powers, y) > 0.02
 
 
 def test_what_has_nothing_to_do_with_a_residual_is_seldom_significant() -> None:

@@ -58,7 +58,8 @@ def test_too_few_seconds_are_no_unexplained_structure(
     arm: Arm, root: Path, tmp_path: Path, seconds: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Of an effect that acts all the time, so that its instants do not decide either."""
-    monkeypatch.setattr(regression, "LARGE", np.inf)
+    monkeypatch.setattr(regression, "LARGE", 1e9)
+    monkeypatch.setattr(regression, "LARGEST", np.inf)
     fit, held_out = (_loaded(arm, root, tmp_path, *run) for run in (("fit", 8.0), ("held_out", seconds)))
     short = armscope.diagnose(fit, arm, held_out=held_out)
     table = short.to_json()
