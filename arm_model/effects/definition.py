@@ -273,10 +273,10 @@ class Effect:
         return tuple(p for p in self.parameters if p.linear and not p.term)
 
     def sizes(self, amplitude: str = "") -> tuple[Parameter, ...]:
-        """The linear parameters that coefficients stand for: all; of a wave its ``amplitude``, by default the first."""
-        if self.span is None:
-            return self.linear
-        return (self[amplitude] if amplitude else self.linear[0],)
+        """The linear parameters that coefficients stand for: all, or ``amplitude`` alone; of a wave never but one."""
+        if amplitude:
+            return (self[amplitude],)
+        return self.linear if self.span is None else self.linear[:1]
 
     @property
     def nonlinear(self) -> tuple[Parameter, ...]:

@@ -15,9 +15,9 @@ from diagnosis.cause import EffectKey
 class Candidate:
     """One effect at one joint, with values for its nonlinear parameters that are not spanned by columns.
 
-    joint: from 1; None: of the whole arm. body: with an inertia of its own (a payload), not a mass point. amplitude: of
-    a wave with several, the name of the one that it has; "": the first. terms: the next-order terms of the law that it
-    has; these refer to the phase or the rest position in ``shape``.
+    joint: from 1; None: of the whole arm. body: with an inertia of its own (a payload), not a mass point. amplitude:
+    the name of the one linear parameter that it has, the others being 0; "": all, of a wave the first. terms: the
+    next-order terms of the law that it has; these refer to the phase or the rest position in ``shape``.
     """
 
     effect: str
@@ -67,6 +67,16 @@ class Candidate:
     def at(self, name: str, value: float) -> Self:
         """The same with another value of one nonlinear parameter."""
         return replace(self, shape=tuple((n, value if n == name else v) for n, v in self.shape))
+
+    def single_sizes(self) -> list[Self]:
+        """The same with one linear parameter each, of a law with several of which some are never negative.
+
+        One that is 0 has, by chance, the wrong sign in every second fit of all.
+        """
+        effect = self.definition
+        if self.amplitude or effect.span is not None or len(effect.linear) < 2 or all(p.signed for p in effect.linear):
+            return []
+        return [replace(self, amplitude=p.name) for p in effect.linear]
 
     def units(self) -> list[Values]:
         """Parameter values, one set per column: each linear parameter at 1, each spanned one at its two values."""

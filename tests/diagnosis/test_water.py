@@ -6,14 +6,20 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from arm_model.description import Arm, Cylinder
 from arm_model.model_file import read_model
 from arm_model.rigid_body.hydrodynamics import own_drag
 from arm_model.simulation.simulation import simulate
+from diagnosis.measurements.currents.causes import of_candidate
 from diagnosis.measurements.currents.columns import candidates, columns
+from diagnosis.measurements.currents.design_matrix import Library, dataset_of
+from diagnosis.measurements.currents.estimates import estimates_of
+from diagnosis.measurements.currents.model import Currents
 from diagnosis.residual.generation import residual_run
 from diagnosis.selection.candidate import Candidate
+from identification.selection import Split, select
 from tests.arm_model.pumas import three_links
 
 
@@ -47,3 +53,25 @@ def test_added_mass_is_looked_for_where_there_is_a_body(root: Path) -> None:
     assert {c.joint for c in candidates(immersed(arm)) if c.effect == "added_mass"} == {2}
     assert {c.joint for c in candidates(immersed(arm)) if c.effect == "hydrodynamic_drag"} == {1, 2, 3}
     assert not [c for c in candidates(arm) if c.effect == "added_mass"]
+
+
+@pytest.mark.parametrize(("added", "less"), [(0.9, 0.001), (0.9, 0.0), (0.0, -0.3)])
+def test_water_that_moves_with_a_link_need_not_carry_it(root: Path, added: float, less: float) -> None:
+    """A buoyancy that nothing was hidden of is negative in every second fit, and refused the mass that was there."""
+    arm = three_links(read_model(root / "config/models/puma560.toml"))
+    model = immersed(arm, buoyancy=0.4)
+    wet = immersed(arm, added_mass_coefficient=added, buoyancy=0.4 - less)
+    runs = []
+    for number, duration in enumerate((7.0, 6.0)):
+        motion = simulate(wet, sweep, duration=duration, rate=250)
+        noise = 0.01 * np.random.default_rng(number).normal(size=motion.current.shape)
+        runs.append(residual_run("wet", model, motion.t, motion.qm, motion.current + noise))
+    data = Split(dataset_of(runs[:1]), dataset_of(runs[1:]))
+    every = [c for c in candidates(model) if c.effect in ("added_mass", "hydrodynamic_drag")]
+    state = select(Currents(model, data, Library(every, data), []))
+    assert [c.key for c in state.chosen] == [("added_mass", 2)]
+    (values,) = estimates_of(state)
+    (value,) = values  # nothing is said of the other
+    assert value.name == ("coefficient" if added else "buoyancy")
+    assert value.value == pytest.approx(added or -less, abs=max(2 * value.std, 0.03))
+    assert of_candidate(state.chosen[0], values, state).group == (("added_mass", 2),)

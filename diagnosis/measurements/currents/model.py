@@ -66,6 +66,11 @@ class Currents(MeasurementModel[Candidate, State]):
         self.library.compute(best)
         scores = [score(c, self.library[c], state.fitted, state.data.held_out) for c in best]
         scores += [
+            score(alone, self._of_column(c, k), state.fitted, state.data.held_out)
+            for c in best
+            for k, alone in enumerate(c.single_sizes())
+        ]
+        scores += [
             score(body, self._of_inertia(body), state.fitted, state.data.held_out)
             for body in (body_of(c) for c in state.chosen if not c.body)
             if body is not None
@@ -249,6 +254,10 @@ class Currents(MeasurementModel[Candidate, State]):
         """The columns that a body has in addition to those of a mass point: its inertia."""
         first = body.definition.link_parameters
         return self.columns(body).map(lambda own: Columns(own.x[:, first:], own.where))
+
+    def _of_column(self, candidate: Candidate, k: int) -> Pair:
+        """One column of a candidate."""
+        return self.columns(candidate).map(lambda own: Columns(own.x[:, k : k + 1], own.where))
 
     def _with_body(self, body: Candidate, rivals: Sequence[Score[Candidate]], state: State) -> State:
         """With a body in the place of the mass point."""
