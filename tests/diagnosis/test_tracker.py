@@ -13,12 +13,13 @@ import numpy as np
 import pytest
 import tomli_w
 
-from arm_model.description import Arm, Joint
+from arm_model.description import Arm, EffectTerm, Joint
+from arm_model.effects import check_terms
 from arm_model.model_file import read_model
 from arm_model.rigid_body.kinematics import roll_pitch_yaw
 from daq.recording import Recording
 from diagnosis.measurements.tracker.causes import Tracked, _start, tracked_causes
-from diagnosis.measurements.tracker.columns import Survey
+from diagnosis.measurements.tracker.columns import Survey, candidates
 from identification.kinematics.models import chain_of, position
 from tests.diagnosis.tracked_arm import NOISE, TARGET, Puma, Wrong, record, recordings
 
@@ -235,6 +236,16 @@ def test_something_that_no_effect_explains_is_said(puma: Puma, arm: Arm, tmp_pat
     fit, held_out = recordings(puma, tmp_path, Wrong(), 5)
     result = tracked_causes(arm, [creeping(r) for r in fit], [creeping(r) for r in held_out])
     assert [(one.signal, one.against) for one in result.unexplained] == [("tracker", "time")]
+
+
+def test_every_effect_that_points_show_has_a_size_and_extends_the_model(arm: Arm) -> None:
+    """A gap had none: the model that was extended by it was refused, with a traceback."""
+    shown = {c.effect: c for c in candidates(arm) if c.joint in (2, None)}
+    assert "backlash" in shown
+    for candidate in shown.values():
+        values = candidate.parameters([1e-3] * candidate.size)
+        check_terms(replace(arm, effects=(EffectTerm(candidate.effect, candidate.joint, values),)))
+    assert shown["backlash"].parameters([1e-3]) == {"half_gap": 1e-3}
 
 
 def test_an_arm_at_rest_shows_no_latency(puma: Puma, arm: Arm, tmp_path: Path) -> None:

@@ -95,6 +95,9 @@ class TrackedCandidate(Candidate):
             return dict(zip(self.names, coefficients))
         if self.parameter.inverse:
             return {self.parameter.name: 1.0 / coefficients[0] if coefficients[0] else np.inf}
+        if self.unit_amplitude:
+            # of a gap: nothing that it does to currents is linear in it, but points are
+            return {self.parameter.name: coefficients[0]}
         return super().parameters(coefficients)
 
 

@@ -16,6 +16,7 @@ from diagnosis.measurements.tracker.model import LIMITS
 from diagnosis.measurements.tracker.over_time import over_time
 from diagnosis.measurements.tracker.points import Side
 from diagnosis.measurements.tracker.regression import Linear, columns_of, good, linear
+from identification.kinematics.estimation import stacked
 
 BINS = 24
 
@@ -81,7 +82,7 @@ def _typical_squares(
 ) -> float:
     """m^2 per coordinate: largest effect of its parameters on the held-out points, frame and target refitted."""
     columns = [columns_of(candidate, nothing, side, part) / candidate.scales for side, part in zip(sides, parts)]
-    free = [part.free.reshape(-1, part.free.shape[2]) for part in parts]
+    free = [stacked(part.free) for part in parts]
     largest = 0.0
     for k, typical in enumerate(_typical(candidate)[0]):
         in_fit, in_held_out = (c[:, :, k].ravel() * typical for c in columns)

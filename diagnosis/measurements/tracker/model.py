@@ -27,6 +27,7 @@ from diagnosis.measurements.tracker.columns import (
 )
 from diagnosis.measurements.tracker.points import Side
 from diagnosis.measurements.tracker.regression import by_block, columns_of, energy, linear, point_residual, squares
+from identification.kinematics.estimation import stacked
 from identification.selection import Limits, MeasurementModel, Score, Split, eliminate, p_value, select
 
 
@@ -180,7 +181,7 @@ class TrackedPoints(MeasurementModel[TrackedCandidate, State]):
             held = columns_of(candidate, state, self.points.held_out, parts.held_out)
             keep = parts.fit.good
             a = np.concatenate((parts.fit.free[keep], own[keep]), axis=2)
-            flat = a.reshape(-1, a.shape[2]) / noise
+            flat = stacked(a) / noise
             step = np.linalg.solve(
                 flat.T @ flat + np.eye(flat.shape[1]), flat.T @ (parts.fit.residual[keep].ravel() / noise)
             )

@@ -6,7 +6,7 @@ from arm_io import lazy
 
 if TYPE_CHECKING:
     from identification.kinematics.estimation.calibration import Calibration, calibrate, predicted
-    from identification.kinematics.estimation.map_estimation import REJECT, Fit, fit, residuals
+    from identification.kinematics.estimation.map_estimation import REJECT, Fit, fit, residuals, stacked
     from identification.kinematics.estimation.work import Settings, linked
 else:
     __getattr__ = lazy(__name__)
@@ -21,4 +21,5 @@ __all__ = [
     "linked",
     "predicted",
     "residuals",
+    "stacked",
 ]

@@ -71,6 +71,11 @@ def residuals(parameters: Parameters, values: Array, extension: Array, points: P
     return residual_of(parameters.chain.at(values), points, extension)
 
 
+def stacked(jacobian: Array) -> Array:
+    """(3 N, k) of (N, 3, k), also where nothing is free."""
+    return jacobian.reshape(3 * len(jacobian), jacobian.shape[2])
+
+
 def fit(
     parameters: Parameters,
     points: Points,
@@ -144,7 +149,7 @@ def _distances(problem: _Problem, x: Array, inlier: Mask) -> Array:
     """
     residual, jacobian = problem.linear(x)
     length = np.linalg.norm(residual, axis=1)
-    good = jacobian[inlier].reshape(-1, jacobian.shape[2])
+    good = stacked(jacobian[inlier])
     if 3 * inlier.sum() > _PLENTY * len(x):
         return np.asarray(length / _scale_of(length), float)
     gram, noise = good.T @ good, _scale_of(length)
@@ -235,7 +240,7 @@ def _descend(
         length = np.linalg.norm(residual, axis=1)
         noise = _scale_of(length)
         weight = weight_of(length, noise)
-        flat = jacobian.reshape(-1, jacobian.shape[2])
+        flat = stacked(jacobian)
         root = np.repeat(np.sqrt(weight) / noise, 3)
         weighted = flat * root[:, None]
         hessian = weighted.T @ weighted + np.eye(flat.shape[1])
@@ -260,7 +265,7 @@ def _descend(
 
 def _result(problem: _Problem, x: Array, inlier: Mask, iterations: int) -> Fit:
     residual, jacobian = problem.linear(x)
-    good = jacobian[inlier].reshape(-1, jacobian.shape[2])
+    good = stacked(jacobian[inlier])
     information = good.T @ good
     squares = float(np.sum(residual[inlier] ** 2))
     noise = max(np.sqrt(squares / max(3 * inlier.sum(), 1)), _FLOOR)

@@ -146,3 +146,17 @@ def test_placed_arms_are_refused(root: Path) -> None:
     arm = replace(arm, joints=tuple(replace(j, convention="placed", theta=0, d=0, a=0, alpha=0) for j in arm.joints))
     with pytest.raises(InputError, match=r"joint\[1\].*D-H"):
         parameters_of(arm, [Target(TARGET)], frame_known=True, trust=Trust())
+
+
+def test_of_nothing_that_is_free_the_residual_is_told(root: Path) -> None:
+    """A gear so soft that frame and target may not make up for it left a matrix without columns, and a traceback."""
+    generator = np.random.default_rng(3)
+    arm = puma(root)
+    q = random_poses(arm, 30, generator)
+    known = parameters_of(arm, [Target(TARGET)], frame_known=True, trust=Trust())
+    off = np.array([0.003, 0.0, -0.004])
+    found = fit(replace(known, free=known.free[:0]), Points(q, seen(arm, q) + off))
+    np.testing.assert_array_equal(found.values, known.chain.values)
+    assert found.covariance.shape == (0, 0)
+    assert found.inlier.all()
+    assert found.noise == pytest.approx(np.linalg.norm(off) / np.sqrt(3.0))
