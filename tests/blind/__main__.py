@@ -11,6 +11,7 @@ import os
 import sys
 import tempfile
 import time
+import traceback
 from collections.abc import Iterator, Sequence
 from concurrent.futures import as_completed
 from contextlib import contextmanager
@@ -40,9 +41,16 @@ def main() -> None:
     say = sys.stderr if options.json else sys.stdout
     print(f"seed {options.seed}, {len(chosen)} cases", file=say)
     outcomes: list[Outcome] = []
+    crashed = 0
     with executor(options.workers, options.scheduler) as pool:
-        running = [pool.submit(judged, case, options.cache) for case in chosen]
+        running = {pool.submit(judged, case, options.cache): case.name for case in chosen}
         for number, done in enumerate(as_completed(running), 1):
+            if (error := done.exception()) is not None:
+                # the other cases are told all the same
+                crashed += 1
+                print(f"{number:3}/{len(chosen)} CRASHED {running[done]}: {error!r}", file=say, flush=True)
+                traceback.print_exception(error)
+                continue
             outcomes.append(done.result())
             print(f"{number:3}/{len(chosen)} {outcomes[-1].line()}", file=say, flush=True)
             if options.out:
@@ -55,6 +63,8 @@ def main() -> None:
         print(json.dumps(summary))
     else:
         report(outcomes, summary)
+    if crashed:
+        sys.exit(f"{crashed} of {len(chosen)} cases crashed; the figures are of the others")
 
 
 def write(path: Path, seed: int, outcomes: Sequence[Outcome]) -> None:

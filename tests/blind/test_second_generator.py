@@ -182,6 +182,20 @@ def test_every_name_of_the_catalogue_is_hidden_under_its_own_parameters() -> Non
         assert not all(same) or repr(sensing) != repr(Sensing()) or name == "dropped_trigger", name
 
 
+@pytest.mark.parametrize("name", ["viscous_friction", "coulomb_friction"])
+@pytest.mark.parametrize("growth", [0.0, 0.4])
+def test_friction_that_is_less_never_drives(name: str, growth: float) -> None:
+    """Viscous friction that was four fifths less, and grew by 0.4 of that, drove joint 3."""
+    p = _plant()._replace(growth=growth)
+    for seed in range(20):
+        for joint in KINDS[name].joints:
+            values = KINDS[name].draw(np.random.default_rng(seed), p, joint, KINDS[name].most)
+            less, _ = KINDS[name].apply(p, Sensing(), joint, values)
+            for share in (1.0 - growth, 1.0 + growth):
+                assert np.all(less.viscous + share * less.more_viscous[:, None] > 0.0)
+                assert np.all(less.coulomb + share * less.more_coulomb[:, None] > 0.0)
+
+
 def test_a_link_that_is_turned_is_turned_for_currents_and_tracker() -> None:
     """For the tracker alone, currents were those of an arm whose links are where the model has them."""
     p, q, still = _plant(), np.array([0.3, -0.4, 0.2, 0.5, -0.3, 0.1]), np.zeros(6)

@@ -82,9 +82,9 @@ def _dry(p: Plant, j: int) -> float:
     return float(p.coulomb[j - 1].mean())
 
 
-def _less(value: float, most: float) -> float:
-    """Friction may be less, and never drives."""
-    return max(value, -0.8 * most)
+def _less(value: float, own: Array, growth: float) -> float:
+    """Friction of ``own`` (2,) by direction may be less, and never drives: nor where the change grows by ``growth``."""
+    return max(value, -0.8 * float(own.min()) / (1.0 + growth))
 
 
 def _friction_asymmetry(p: Plant, s: Sensing, j: int, v: Mapping[str, float]) -> World:
@@ -220,13 +220,15 @@ def _draw_geometry(rng: np.random.Generator, p: Plant, j: int, m: float) -> Valu
 KINDS: dict[str, Kind] = {
     "viscous_friction": Kind(
         lambda r, p, j, m: {
-            "viscous": _less(m * _sign(r) * r.uniform(0.2, 0.4) * p.viscous[j - 1].mean(), p.viscous[j - 1].mean())
+            "viscous": _less(m * _sign(r) * r.uniform(0.2, 0.4) * p.viscous[j - 1].mean(), p.viscous[j - 1], p.growth)
         },
         _plus("more_viscous", "viscous"),
         most=3.0,
     ),
     "coulomb_friction": Kind(
-        lambda r, p, j, m: {"coulomb": _less(m * _sign(r) * r.uniform(0.1, 0.3) * _dry(p, j), _dry(p, j))},
+        lambda r, p, j, m: {
+            "coulomb": _less(m * _sign(r) * r.uniform(0.1, 0.3) * _dry(p, j), p.coulomb[j - 1], p.growth)
+        },
         _plus("more_coulomb", "coulomb"),
     ),
     "friction_asymmetry": Kind(

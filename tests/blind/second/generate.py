@@ -113,7 +113,7 @@ def _sized(case: Case, number: int) -> Hidden:
     effect, joint = case.effects[number]
     kind, goal = ALL[effect], case.sizes[number]
     experiments = tuple(suite(case.where.motions, case.where.seed)[1])
-    healthy = plant_of(case.where, arm_of(case.where))
+    healthy = plant_of(case.where, arm_of(case.where))._replace(growth=case.growth)
 
     def at(m: float) -> Hidden:
         rng = np.random.default_rng([*case.key, number, *map(ord, effect)])
