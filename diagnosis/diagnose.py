@@ -68,6 +68,7 @@ def diagnose(
     causes, as_found = extend_by(arm, measured, named, recordings)
     extended = dissipative(as_found, top_speeds(named))
     verified = verify(arm, extended, causes, recordings, named, judged=measured.judged)
+    extended = verified.extended
     unexplained = unexplained_structure(cleaned, measured, named, verified, recordings)
     state = named.found.state
     left = {one.joint: one.ratio for one in ratios(state.data.held_out.runs, state.fitted.held_out)}
@@ -94,6 +95,7 @@ def diagnose(
             *cleaned.remarks,
             *_warnings(given, measured, named),
             *friction_replaced(as_found, extended),
+            *smoothing_replaced(as_found, extended),
             *not_simulated(extended),
         ),
     )

@@ -120,8 +120,10 @@ def dissipative(arm: Arm, top: Sequence[float] | Array | None = None) -> Arm:
 
     Effects stay; viscous and Coulomb friction of the joint change, the least in torque at its highest speed.
     """
-    joints = list(arm.joints)
-    for j in driven(arm, top):
+    joints, driving = list(arm.joints), list(driven(arm, top))
+    if not driving:
+        return arm
+    for j in driving:
         v = speeds(arm, j, 0.0 if top is None else float(top[j]))
         joints[j] = _projected(joints[j], v, [_least_in_time(arm, j, v, direction) for direction in (1, -1)])
     return replace(arm, joints=tuple(joints))
