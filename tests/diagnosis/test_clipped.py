@@ -172,6 +172,20 @@ def test_a_limit_that_is_met_often_and_briefly_is_found(arm: Arm, tmp_path: Path
     assert current_limits([free], arm) == []
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_a_limit_is_found_among_crests_that_end_just_below_it(arm: Arm, tmp_path: Path, seed: int) -> None:
+    """Four crests of 15 reach it in each direction; the others leave as many rows just below."""
+    t = np.arange(0.0, 30.0, 1.0 / RATE)
+    for limit in (None, 0.75):
+        rng = np.random.default_rng(seed)
+        height = rng.uniform(0.73, 0.75, 15)
+        height[[1, 5, 9, 12]] = 1.0, 0.95, 0.9, 0.97
+        # the friction is a hundredth of what the inertia takes
+        wave = height[np.minimum((t / 2.0).astype(int), 14)] * np.sin(np.pi * t)
+        recording = _of_joint(tmp_path / f"{limit}.mcap", arm, 20.0 * wave, 100.0, limit, seed, 0.5 * NOISE)
+        assert [one.joint for one in current_limits([recording], arm)] == ([] if limit is None else [1])
+
+
 def _slow(root: Path, path: Path, share: float) -> list[int | None]:
     """Joints whose limit is named in 24 slow recordings; joint 1 has one at this share of its largest current."""
     of, named = puma(root), []
