@@ -68,7 +68,12 @@ class Ended:
             return (
                 len(left) == 1 and left[0].startswith("error: ") and not blames_itself and "nan" not in left[0].split()
             )
-        return self.status in (DONE, CHANGED) and len(beside) == len(lines)
+        if self.status == CHANGED:
+            # one line says what did, and beyond what
+            return (
+                sum(line.startswith("changed beyond --fail-above ") for line in lines) == len(lines) - len(beside) == 1
+            )
+        return self.status == DONE and len(beside) == len(lines)
 
 
 class TakesTooLong(BaseException):
