@@ -52,7 +52,7 @@ def trial_of(j: int, before: Solved, after: Solved, slowest: float, tried: int) 
 
     tried: joints at which the same is tried.
     """
-    one, other = (_held_out_residual(fit) for fit in (before, after))
+    one, other = (held_out_residual(fit) for fit in (before, after))
     rows = one[0]
     mine = (rows.joint == j) & (_speed(rows, j) > SLOWEST * slowest)
     mine = mine if rows.sliding is None else mine & rows.sliding
@@ -79,7 +79,7 @@ def _speed(rows: Equations, j: int) -> Array:
     return np.abs(rows.columns[:, viscous].sum(axis=1))
 
 
-def _held_out_residual(one: Solved) -> tuple[Equations, Array]:
+def held_out_residual(one: Solved) -> tuple[Equations, Array]:
     """Held-out rows and their residual; without held-out recordings the late part by a fit of the early one."""
     problem = one.problem
     if problem.held is not None:

@@ -6,8 +6,8 @@ physically consistent arm (``conclusion``).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import asdict, replace
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, replace
 from typing import Literal
 
 from arm_io.types import Progress
@@ -15,13 +15,14 @@ from arm_model import Arm
 from daq.recording import Recording
 from identification.methods.free_friction import with_free_friction
 from identification.methods.friction_trial import Trial
+from identification.methods.lag_of_currents import Lag, delayed, judged, lag_shown
 from identification.methods.load_and_temperature import Dependence
-from identification.methods.solved import fitted_arm, friction_sizes, solved
+from identification.methods.solved import Solved, fitted_arm, friction_sizes, solved
 from identification.regression.conclusion import conclude
 from identification.regression.friction_band import bands_of
 from identification.regression.least_squares import Method
 from identification.regression.model_parameters import Friction
-from identification.regression.problem import prepare
+from identification.regression.problem import Problem, prepare
 from identification.regression.weak_directions import held_note
 from identification.result import Identification
 from identification.ripples import Ripple, find_ripples, with_found, without_ripples
@@ -44,23 +45,57 @@ def identify(
 
     Without held-out recordings the first 70 % of the time predict the rest, and the result carries a warning. Raises
     InputError where the recordings are unusable. ``shape`` other than "straight":
-    joints whose friction is a curve in the model keep one, and ripples are looked for.
+    joints whose friction is a curve in the model keep one, and a lag of the currents and ripples are looked for.
     """
-    problem = prepare(fit, arm, held_out=held_out, friction=friction, progress=progress)
-    found, trials, depends = solved(problem, method, progress), list[Trial](), list[Dependence]()
+
+    def of(arm: Arm) -> _Fitted:
+        problem = prepare(fit, arm, held_out=held_out, friction=friction, progress=progress)
+        return _fitted(problem, method, shape, progress)
+
+    first = of(arm)
+    lag, first = (None, first) if shape == "straight" else _with_lag(first, of, arm)
+    found, trials, depends = first.found, first.trials, first.depends
     ripples: list[Ripple] | None = None
     if shape != "straight":
-        always = shape == "free"
-        found, trials, depends = with_free_friction(found, method, always=always, progress=progress)
         ripples = find_ripples(found.problem, fitted_arm(found), friction_sizes(found.problem, found.best), progress)
         if stay := [one for one in ripples if one.stays]:
-            found = solved(without_ripples(problem, stay), method, progress)
-            found, trials, depends = with_free_friction(found, method, always=always, progress=progress)
+            again = _fitted(without_ripples(first.problem, stay), method, shape, progress)
+            found, trials, depends = again.found, again.trials, again.depends
     result = conclude(found.problem, method, found.best, found.spread, found.solve)
     result.notes.extend(held_note(found.held, len(found.problem.excited)))
     result.extra.update(held_directions=found.held, blocks=found.spread.blocks)
     result.extra["friction_trials"] = [asdict(trial) for trial in trials]
     result.extra["friction_dependence"] = [one.to_json() for one in depends]
+    if lag is not None:
+        result.notes.append(str(lag))
+        result.extra["lag_of_currents"] = lag.to_json()
     bands = bands_of(found.problem, result.arm, found.spread)
     result = replace(result, friction_bands=bands, smoothness=found.scale)
     return result if ripples is None else with_found(result, found.problem, ripples)
+
+
+@dataclass(frozen=True)
+class _Fitted:
+    """The fit of a ``problem`` with the friction laws that are justified, and what was tried."""
+
+    problem: Problem
+    found: Solved
+    trials: list[Trial]
+    depends: list[Dependence]
+
+
+def _fitted(problem: Problem, method: Method, shape: Shape, progress: Progress) -> _Fitted:
+    found = solved(problem, method, progress)
+    if shape == "straight":
+        return _Fitted(problem, found, [], [])
+    return _Fitted(problem, *with_free_friction(found, method, always=shape == "free", progress=progress))
+
+
+def _with_lag(first: _Fitted, of: Callable[[Arm], _Fitted], arm: Arm) -> tuple[Lag | None, _Fitted]:
+    """The fit with the lag of the currents where one shows and is justified, and the lag that was tried."""
+    shown = lag_shown(first.found)
+    if shown is None:
+        return None, first
+    second = of(delayed(arm, shown[0]))
+    lag = judged(shown, first.found, second.found)
+    return lag, second if lag.stays else first

@@ -30,6 +30,8 @@ def text(result: Identification) -> str:
     if sums and base:
         lines += _table(sums, "combination")
     lines += [*friction.in_short(result), *ripples.sentences(result)]
+    if lag := result.extra.get("lag_of_currents"):
+        lines.append(lag["says"])
     lines += [f"warning: {warning}" for warning in result.warnings]
     return "\n".join([*lines, verdict(result)])
 

@@ -1,0 +1,146 @@
+"""Whether the currents are read later or earlier than the angles, decided on held-out rows.
+
+Controllers average and filter currents, and transmit them in another cycle than angles. A current that is read d later
+shows the torque of d before: i_read(t) = i(t - d), or, of a small d, d times the torque's derivative less. Of an
+identification this makes viscous friction and inertias wrong, and ``diagnose`` would find both the lag and these.
+
+The lag is estimated joint by joint beside all other parameters. What several joints show alike is a lag of the
+instruments; what one joint shows alone is a spring or another friction law of its own, and stays with ``diagnose``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from arm_io.types import Array
+from arm_model import Arm, EffectTerm
+from arm_model.effects import CATALOGUE
+from identification.methods.friction_trial import held_out_residual, residual_of
+from identification.methods.solved import Solved
+from identification.preprocessing.signals import Motion, equation_rows, equation_weight, parallel_filter
+from identification.regression.equations import Equations
+from identification.regression.least_squares import joint_noise
+from identification.ripples.search import BY_CHANCE
+from identification.selection import BLOCK_SECONDS, p_value, scaled_lstsq
+from identification.selection.cluster_covariance import cluster_covariance
+
+EFFECT = next(one.name for one in CATALOGUE.values() if one.delay is not None and len(one.parameters) == 1)
+"""The one whose delay is all that it has."""
+LEAST = CATALOGUE[EFFECT].parameters[0].typical[0]
+"""s: a shorter lag is not looked for."""
+CLEARLY = 4.0
+"""Standard deviations from zero of a lag that stays, and without the joint that shows it most."""
+ALIKE = 0.5
+"""Of the lag: difference of the joint that shows it most from the others together, at most."""
+REDUCED = 0.01
+"""Of the rms error over the noise on held-out rows: what the lag must take away to stay."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Lag:
+    """Of the currents behind the angles, s, with its std.
+
+    before, after: rms error on held-out rows over the noise, without and with it; ``stays`` in the model, or not.
+    """
+
+    delay: float
+    std: float
+    before: float
+    after: float
+    stays: bool
+
+    def to_json(self) -> dict[str, Any]:
+        """As identification.json has it."""
+        return asdict(self) | {"says": str(self)}
+
+    def __str__(self) -> str:
+        """For a person."""
+        when = "after" if self.delay > 0 else "before"
+        return (
+            f"currents are read {1e3 * abs(self.delay):.3g} +- {2e3 * self.std:.2g} ms {when} the angles: "
+            f"{'in the model as time_skew' if self.stays else 'not in the model'} (held-out error "
+            f"{self.before:.3g} -> {self.after:.3g} times the noise)"
+        )
+
+
+def delayed(arm: Arm, delay: float) -> Arm:
+    """The arm whose currents are read ``delay`` s after its angles."""
+    return replace(arm, effects=(*arm.effects, EffectTerm(EFFECT, None, {"delay": delay})))
+
+
+def lag_shown(found: Solved) -> tuple[float, float] | None:
+    """Lag of the currents and its std, s, that the fitted rows show at several joints alike; None: they show none.
+
+    Not looked for in a model that has one, and of an arm with one joint.
+    """
+    problem = found.problem
+    if any(CATALOGUE[term.name].delay is not None for term in problem.arm.effects) or len(problem.arm) < 2:
+        return None
+    rows, residual = problem.rows, residual_of(problem, problem.rows, found.best)
+    noise = joint_noise(residual, rows.joint)[rows.joint]
+    late = -_derivatives(problem.motions)
+    joints = [j for j in range(len(problem.arm)) if np.any(late[rows.joint == j])]
+    if len(joints) < 2:
+        return None
+    own = np.where(rows.joint[:, None] == np.array(joints), late[:, None], 0.0) / noise[:, None]
+    arm = rows.columns[:, problem.columns] / noise[:, None]
+    # what the arm's own columns leave of both sides (Frisch & Waugh, Econometrica 1, 1933)
+    both = np.column_stack([own, residual / noise])
+    both = both - arm @ scaled_lstsq(arm, both)
+    columns, left = both[:, :-1], both[:, -1]
+    lags = scaled_lstsq(columns, left)
+    _, block = np.unique(np.stack([rows.run, rows.t // BLOCK_SECONDS]), axis=1, return_inverse=True)
+    covariance = cluster_covariance(columns, [left - columns @ lags], block.ravel())
+    return _alike(lags, np.sqrt(np.diag(covariance)))
+
+
+def _alike(lags: Array, std: Array) -> tuple[float, float] | None:
+    """Mean (weighted) and std of the joints' lags, s, where they are clearly one lag; else None."""
+    seen = std > 0.0
+    lags, std = lags[seen], std[seen]
+    if len(lags) < 2:
+        return None
+    most = int(np.argmax(np.abs(lags) / std))
+    (mean, of_mean), (others, of_others) = _mean(lags, std), _mean(np.delete(lags, most), np.delete(std, most))
+    clear = abs(mean) > CLEARLY * of_mean and abs(others) > CLEARLY * of_others
+    return (mean, of_mean) if clear and abs(mean) > LEAST and abs(lags[most] - others) < ALIKE * abs(mean) else None
+
+
+def _mean(values: Array, std: Array) -> tuple[float, float]:
+    weight = 1.0 / std**2
+    return float((weight * values).sum() / weight.sum()), float(weight.sum() ** -0.5)
+
+
+def _derivatives(motions: Sequence[Motion]) -> Array:
+    """(rows,) N m/s (N/s): derivative of the measured torque at every row of the fitted equations."""
+    parts = []
+    for motion in motions:
+        rate = np.gradient(motion.torque, motion.dt, axis=0) * equation_weight(motion)
+        joint, row = np.nonzero(equation_rows(motion)[1].T)
+        parts.append(parallel_filter(motion, rate)[row, joint])
+    return np.concatenate(parts)
+
+
+def judged(shown: tuple[float, float], without: Solved, with_it: Solved) -> Lag:
+    """The lag (value, std) with the errors of both fits on held-out rows; it stays where these justify it."""
+    (rows, one), (others, other) = held_out_residual(without), held_out_residual(with_it)
+    noise = joint_noise(other, others.joint)
+    before, after = _in_blocks(rows, one, noise), _in_blocks(others, other, noise)
+    both = sorted(before.keys() & after.keys())
+    gains = np.array([before[block] - after[block] for block in both])
+    size, left = (float(np.sqrt(np.mean([table[block] for block in both]))) for table in (before, after))
+    stays = p_value(gains) < BY_CHANCE and left < (1.0 - REDUCED) * size
+    return Lag(delay=shown[0], std=shown[1], before=size, after=left, stays=stays)
+
+
+def _in_blocks(rows: Equations, residual: Array, noise: Array) -> dict[tuple[int, int], float]:
+    """Mean square of the residual over the noise (J,) in every second of every run."""
+    keys = zip(rows.run.tolist(), (rows.t // BLOCK_SECONDS).astype(int).tolist())
+    found: dict[tuple[int, int], list[float]] = {}
+    for key, square in zip(keys, ((residual / noise[rows.joint]) ** 2).tolist()):
+        found.setdefault(key, []).append(square)
+    return {key: float(np.mean(squares)) for key, squares in found.items()}

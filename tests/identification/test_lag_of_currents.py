@@ -1,0 +1,61 @@
+"""Currents that are read later than the angles, of an arm that is not ours: found, left out, written, diagnosed."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import armscope
+from arm_model import read_model, write_model
+from tests.diagnosis.numpy_arm import RATE, NumpyArm, model, straight
+
+FRICTION = ((straight(9.0, 8.0),) * 2, (straight(6.0, 5.0),) * 2)
+
+
+def a_row_late(current: np.ndarray) -> np.ndarray:
+    return np.concatenate([current[:1], current[:-1]])
+
+
+def first_joint_late(current: np.ndarray) -> np.ndarray:
+    return np.column_stack([a_row_late(current)[:, 0], current[:, 1]])
+
+
+def identified(folder: Path, arm: NumpyArm) -> armscope.Identification:
+    for seed in (1, 2):
+        arm.record(folder / f"{seed}.mcap", seed, seconds=16.0)
+    write_model(folder / "model.toml", model([(8.0, 8.0), (5.0, 5.0)], [7.0, 4.0]))
+    return armscope.identify(folder / "1.mcap", folder / "model.toml", held_out=folder / "2.mcap")
+
+
+def test_a_lag_of_all_currents_is_found_and_written(tmp_path: Path) -> None:
+    result = identified(tmp_path, NumpyArm(FRICTION, current=a_row_late))
+    lag = result.extra["lag_of_currents"]
+    assert abs(lag["delay"] - 1 / RATE) < 3 * lag["std"] < 0.5 / RATE
+    assert lag["stays"] and lag["after"] < lag["before"]
+    assert "currents are read 2" in str(result) and "in the model as time_skew" in str(result)
+    viscous = {value.name: value for value in result.parameters}["joint1.viscous"]
+    assert viscous.std is not None and abs(viscous.value - 8.0) < 3 * viscous.std + 0.02
+    result.write(tmp_path / "out")
+    assert [term.name for term in read_model(tmp_path / "out/model.toml").effects] == ["time_skew"]
+    assert json.loads((tmp_path / "out/identification.json").read_text())["lag_of_currents"]["delay"] == lag["delay"]
+
+
+@pytest.mark.parametrize("current", [lambda current: current, first_joint_late])
+def test_a_lag_of_no_or_of_one_joint_is_left_out(tmp_path: Path, current: object) -> None:
+    result = identified(tmp_path, NumpyArm(FRICTION, current=current))  # type: ignore[arg-type]
+    assert "lag_of_currents" not in result.extra and result.arm.effects == ()
+
+
+@pytest.mark.slow
+def test_what_changed_later_is_named_alone(tmp_path: Path) -> None:
+    result = identified(tmp_path, NumpyArm(FRICTION, current=a_row_late))
+    worn = NumpyArm((FRICTION[0], (straight(7.5, 5.0),) * 2), current=a_row_late)
+    fit, held_out = (worn.record(tmp_path / f"worn{seed}.mcap", seed, seconds=16.0) for seed in (5, 6))
+    found = armscope.diagnose(fit, result.arm, held_out=held_out)
+    assert [(cause.effect, cause.joint) for cause in found.causes] == [("coulomb_friction", 2)]
+    healthy = NumpyArm(FRICTION, current=a_row_late)
+    fit, held_out = (healthy.record(tmp_path / f"well{seed}.mcap", seed, seconds=16.0) for seed in (7, 8))
+    assert armscope.diagnose(fit, result.arm, held_out=held_out).verdict == "consistent"
