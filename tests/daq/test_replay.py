@@ -128,7 +128,7 @@ def test_replay_of_nonsense_is_refused(root: Path, tmp_path: Path) -> None:
 def test_live_view_speaks_to_foxglove(root: Path, short_run: Path) -> None:
     """A WebSocket client of our own, in Foxglove's protocol, sees the samples of the file."""
     # slowly: a busy machine needs seconds to connect, and the view ends with the recording
-    view = armscope(root, "view", str(short_run), "--port", "0", "--speed", "0.1")
+    view = armscope(root, "view", str(short_run), "--port", "0", "--speed", "0.02")
     try:
         assert view.stderr is not None
         address = view.stderr.readline().split(" on ")[1].split(":  ")[0].split()[0].rstrip(":")

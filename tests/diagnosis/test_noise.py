@@ -16,7 +16,7 @@ from diagnosis.residual.noise.channels import angle_noise, angle_scatter, floor,
 RATE, ROWS = 1000.0, 15000
 
 
-@dataclass
+@dataclass(eq=False)
 class Rows:
     """What ``still_noise`` looks at of a recording."""
 
