@@ -1,7 +1,6 @@
-"""The fewest changes that explain how two sides differ: stepwise selection among hypotheses.
+"""The fewest changes that explain how two sides differ, and what they make of the compared quantities.
 
-While one is certain, that which explains most enters, and those leave that chance explains beside it. A change that
-the regressions of single recordings call significant stands only if the shared regression shows it, too.
+A change that the regressions of single recordings call significant stands only if the shared regression shows it, too.
 """
 
 from __future__ import annotations
@@ -17,20 +16,13 @@ from comparison.change import Change
 from comparison.joint_fit.added_changes import added_changes
 from comparison.joint_fit.both_sides import Both, Tested, both_sides, left_of, shared_values, tested
 from comparison.joint_fit.effects import Added, added_rows, always, with_columns
-from comparison.joint_fit.hypotheses import Hypothesis, chance, hypotheses, single_values
+from comparison.joint_fit.hypotheses import Hypothesis, chance, hypotheses, point_masses, single_values
 from comparison.joint_fit.ripples import ripples
+from comparison.joint_fit.selection import in_one, selected
 from comparison.quantities import friction_maps
 from comparison.regression import Fitted, Rows, Structure
 from identification.preprocessing.signals import Motion
 
-CERTAIN = 1e-3
-"""Probability by chance, times the number of hypotheses, of a certain change; of one that explains more, its own."""
-SLACK, NEARLY = 3.0, 0.2
-"""Deviations, and share of its change, by which a value that cannot be negative may seem so."""
-STIFFER = 4.0
-"""Deviations by which the stiffness of a spring must change, beside the constant torque that it may have."""
-MOST = 6
-"""Changes at most: an arm that differs in more is another arm."""
 SHOWN_TOO = 0.05
 """Probability by chance in the shared regression, times the number of hypotheses, of a change that single regressions
 call significant."""
@@ -147,8 +139,8 @@ def _with(
     data = [with_columns(own, added_rows(new, structure.arm, motion)) for own, motion in zip(rows, recorded.motions)]
     both, every = both_sides(structure, data, fits, side, recorded.drift), [*added, *new]
     late = [one for one, mine in zip(fits, side) if not mine and np.isfinite(one.values).any()]
-    tried = hypotheses(structure, late, every)
-    return _Joint(both, every, tried, selected(both, tried)), data
+    tried, points = hypotheses(structure, late, every), point_masses(structure, every)
+    return _Joint(both, every, [*tried, *points], in_one(both, tried, points, selected(both, tried))), data
 
 
 def _model(structure: Structure, added: Sequence[Added]) -> Array:
@@ -160,79 +152,6 @@ def _maps(structure: Structure, variance: Array, size: int) -> Array:
     own = structure.size
     maps = np.concatenate([np.nan_to_num(friction_maps(structure, variance[:own])[1]), np.eye(own)])
     return np.pad(maps, ((0, 0), (0, size - own)))
-
-
-def selected(both: Both, every: Sequence[Hypothesis]) -> list[Tested]:
-    """The hypotheses that entered, each as tested beside the others that did.
-
-    Of those that are certain, the one that explains most shows that something changed. What did is the hypothesis
-    beside which it is not certain any more, if one explains still more and is not by chance: what a cause explains may
-    be known less surely than a part of it. Its chance is that of the certain one.
-    """
-    chosen: list[Hypothesis] = []
-    surest: dict[int, float] = {}
-    for _ in range(2 * MOST):
-        rest = [one for one in every if all(one is not other for other in chosen)]
-        likely = [one for one in tested(both, rest, chosen) if one.log_p < np.log(CERTAIN) and _is_possible(both, one)]
-        certain = [one for one in likely if _is_certain(one, every)]
-        if len(chosen) == MOST or not certain:
-            break
-        shown = max(certain, key=_explained)
-        best = _explaining(both, every, chosen, shown, likely).hypothesis
-        surest[id(best)] = shown.log_p
-        chosen = [one.hypothesis for one in _beside(both, every, [*chosen, best]) if one.log_p < np.log(CERTAIN)]
-    return [replace(one, log_p=min(one.log_p, surest[id(one.hypothesis)])) for one in _beside(both, every, chosen)]
-
-
-def _explaining(
-    both: Both, every: Sequence[Hypothesis], chosen: Sequence[Hypothesis], shown: Tested, likely: Sequence[Tested]
-) -> Tested:
-    """Of those that explain more than the one ``shown``, the one that explains most and this one with it; or it."""
-    rivals = [one for one in likely if _explained(one) > _explained(shown)]
-    for rival in sorted(rivals, key=_explained, reverse=True):
-        beside = [*chosen, rival.hypothesis]
-        again = tested(both, [one for one in every if all(one is not other for other in beside)], beside)
-        if not any(_is_certain(one, every) for one in again if one.hypothesis is shown.hypothesis):
-            return rival
-    return shown
-
-
-def _explained(one: Tested) -> float:
-    """Squares that it removes beyond those that its number of coefficients would by chance."""
-    return one.gain - 2 * one.hypothesis.directions.shape[1]
-
-
-def _is_certain(one: Tested, every: Sequence[Hypothesis]) -> bool:
-    return bool(chance(one.log_p, every) < np.log(CERTAIN))
-
-
-def _beside(both: Both, every: Sequence[Hypothesis], chosen: Sequence[Hypothesis]) -> list[Tested]:
-    """Each of those ``chosen`` as tested beside the others."""
-    again = []
-    for one in chosen:
-        others = [other for other in chosen if other is not one]
-        # with all that did not enter, as their scatter between recordings is part of what it is judged by
-        beside = tested(both, [each for each in every if all(each is not other for other in others)], others)
-        again += [each for each in beside if each.hypothesis is one]
-    return again
-
-
-def _is_possible(both: Both, one: Tested) -> bool:
-    """Whether neither side has less than nothing of an elastic gear or a gap, and of a spring the stiffness changed.
-
-    The constant torque that a spring may have is, alone, an asymmetry of friction.
-    """
-    added = one.hypothesis.added
-    if added is None or added.wave:
-        return True
-    place = int(np.argmax(one.hypothesis.directions[:, 0]))
-    if added.definition.spring is None:
-        unit = np.eye(len(both.scale))[place : place + 1]
-        sizes, errors = one.seen_by(unit)
-        return bool(abs(sizes[0]) > STIFFER * errors[0])
-    values, covariance = shared_values(both, np.zeros(len(both.scale)), [one])
-    least = min(values[place], values[place] + one.changes[place])
-    return bool(least > -max(SLACK * np.sqrt(covariance[place, place]), NEARLY * abs(one.changes[place])))
 
 
 def _chances(structure: Structure, joint: _Joint) -> dict[str, float]:

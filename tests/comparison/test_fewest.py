@@ -7,8 +7,8 @@ import pytest
 
 from comparison.joint_fit import both_sides
 from comparison.joint_fit.both_sides import Both
-from comparison.joint_fit.fewest import selected
 from comparison.joint_fit.hypotheses import Hypothesis
+from comparison.joint_fit.selection import in_one, selected
 
 RECORDINGS, BLOCKS, ROWS = 8, 30, 12
 QUIET = 8
@@ -79,3 +79,12 @@ def test_two_that_have_nothing_in_common_are_both_found(seed: int) -> None:
 def test_nothing_is_found_where_nothing_changed(seed: int) -> None:
     both, every = both_of(np.random.default_rng(seed), (0.0, 0.0, 0.0), 0.0)
     assert selected(both, every) == []
+
+
+@pytest.mark.parametrize(("sign", "expected"), [(1.0, {"mass"}), (-1.0, {"cause", "other"})])
+def test_a_mass_takes_the_place_of_several_that_it_explains(sign: float, expected: set[str]) -> None:
+    both, every = both_of(np.random.default_rng(1), (0.3, 0.0, sign * 0.3), 0.0)
+    mass = Hypothesis("inertia", 1, np.eye(len(both.scale))[:, [0, 2]].sum(axis=1, keepdims=True), "mass")
+    found = selected(both, every)
+    assert names(found) == {"cause", "other"}
+    assert names(in_one(both, every, [mass], found)) == expected

@@ -1,0 +1,126 @@
+"""Stepwise selection of what changed: while one hypothesis is certain, that which explains most enters.
+
+Those that chance explains beside it leave; and one mass may take the place of several changes that it explains.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from comparison.joint_fit.both_sides import Both, Tested, left_of, shared_values, tested
+from comparison.joint_fit.hypotheses import Hypothesis, chance
+
+CERTAIN = 1e-3
+"""Probability by chance, times the number of hypotheses, of a certain change; of one that explains more, its own."""
+SLACK, NEARLY = 3.0, 0.2
+"""Deviations, and share of its change, by which a value that cannot be negative may seem so."""
+STIFFER = 4.0
+"""Deviations by which the stiffness of a spring must change, beside the constant torque that it may have."""
+MOST = 6
+"""Changes at most: an arm that differs in more is another arm."""
+
+
+def selected(both: Both, every: Sequence[Hypothesis], first: Sequence[Hypothesis] = ()) -> list[Tested]:
+    """The hypotheses that entered, after those that are ``first``, each as tested beside the others that did.
+
+    Of those that are certain, the one that explains most shows that something changed. What did is the hypothesis
+    beside which it is not certain any more, if one explains still more and is not by chance: what a cause explains may
+    be known less surely than a part of it. Its chance is that of the certain one.
+    """
+    chosen = list(first)
+    surest: dict[int, float] = {}
+    for _ in range(2 * MOST):
+        rest = [one for one in every if all(one is not other for other in chosen)]
+        likely = [one for one in tested(both, rest, chosen) if one.log_p < np.log(CERTAIN) and _is_possible(both, one)]
+        certain = [one for one in likely if _is_certain(one, every)]
+        if len(chosen) == MOST or not certain:
+            break
+        shown = max(certain, key=_explained)
+        best = _explaining(both, every, chosen, shown, likely).hypothesis
+        surest[id(best)] = shown.log_p
+        chosen = [one.hypothesis for one in _beside(both, every, [*chosen, best]) if one.log_p < np.log(CERTAIN)]
+    return [
+        replace(one, log_p=min(one.log_p, surest.get(id(one.hypothesis), 0.0))) for one in _beside(both, every, chosen)
+    ]
+
+
+def in_one(
+    both: Both, every: Sequence[Hypothesis], points: Sequence[Hypothesis], found: Sequence[Tested]
+) -> list[Tested]:
+    """Those ``found``; or one of ``points`` and what is certain beside it, where that is fewer and explains more.
+
+    A mass changes base parameters of several links, each of which another scale or a spring explains in part. As in
+    ``selected``, its chance is that of the surest of them.
+    """
+    if len(found) < 2:
+        return list(found)
+    alone = [one for one in tested(both, [*every, *points], []) if any(one.hypothesis is point for point in points)]
+    likely = [one for one in alone if chance(one.log_p, points) < np.log(CERTAIN)]
+    if not likely:
+        return list(found)
+    point = max(likely, key=_explained).hypothesis
+    others = selected(both, [*every, point], [point])
+    if len(others) >= len(found) or _left(both, others) >= _left(both, found):
+        return list(found)
+    surest = min(one.log_p for one in found)
+    return [replace(one, log_p=min(one.log_p, surest)) if one.hypothesis is point else one for one in others]
+
+
+def _left(both: Both, found: Sequence[Tested]) -> float:
+    """Squares over the noise that the shared fit with the changes ``found`` leaves, and 2 for each coefficient."""
+    squares = sum(float(np.sum(left**2)) for left in left_of(both, found))
+    return squares + 2 * sum(one.hypothesis.directions.shape[1] for one in found)
+
+
+def _explaining(
+    both: Both, every: Sequence[Hypothesis], chosen: Sequence[Hypothesis], shown: Tested, likely: Sequence[Tested]
+) -> Tested:
+    """Of those that explain more than the one ``shown``, the one that explains most and this one with it; or it."""
+    rivals = [one for one in likely if _explained(one) > _explained(shown)]
+    for rival in sorted(rivals, key=_explained, reverse=True):
+        beside = [*chosen, rival.hypothesis]
+        again = tested(both, [one for one in every if all(one is not other for other in beside)], beside)
+        if not any(_is_certain(one, every) for one in again if one.hypothesis is shown.hypothesis):
+            return rival
+    return shown
+
+
+def _explained(one: Tested) -> float:
+    """Squares that it removes beyond those that its number of coefficients would by chance."""
+    return one.gain - 2 * one.hypothesis.directions.shape[1]
+
+
+def _is_certain(one: Tested, every: Sequence[Hypothesis]) -> bool:
+    return bool(chance(one.log_p, every) < np.log(CERTAIN))
+
+
+def _beside(both: Both, every: Sequence[Hypothesis], chosen: Sequence[Hypothesis]) -> list[Tested]:
+    """Each of those ``chosen`` as tested beside the others."""
+    again = []
+    for one in chosen:
+        others = [other for other in chosen if other is not one]
+        # with all that did not enter, as their scatter between recordings is part of what it is judged by
+        beside = tested(both, [each for each in every if all(each is not other for other in others)], others)
+        again += [each for each in beside if each.hypothesis is one]
+    return again
+
+
+def _is_possible(both: Both, one: Tested) -> bool:
+    """Whether neither side has less than nothing of an elastic gear or a gap, and of a spring the stiffness changed.
+
+    The constant torque that a spring may have is, alone, an asymmetry of friction.
+    """
+    added = one.hypothesis.added
+    if added is None or added.wave:
+        return True
+    place = int(np.argmax(one.hypothesis.directions[:, 0]))
+    if added.definition.spring is None:
+        unit = np.eye(len(both.scale))[place : place + 1]
+        sizes, errors = one.seen_by(unit)
+        return bool(abs(sizes[0]) > STIFFER * errors[0])
+    values, covariance = shared_values(both, np.zeros(len(both.scale)), [one])
+    least = min(values[place], values[place] + one.changes[place])
+    return bool(least > -max(SLACK * np.sqrt(covariance[place, place]), NEARLY * abs(one.changes[place])))
