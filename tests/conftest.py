@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,15 @@ hypothesis.settings.register_profile(
 # `make test` says the same of the same commit; `make explore` draws new examples.
 hypothesis.settings.register_profile("armscope", hypothesis.settings.get_profile("explore"), derandomize=True)
 hypothesis.settings.load_profile("armscope")
+
+
+def pytest_configure() -> None:
+    """Ctrl-C means what it means at a terminal, also where a script runs the tests in the background.
+
+    There the shell has SIGINT ignored, and every process inherits that.
+    """
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.hookimpl(tryfirst=True)  # pytest-xdist reads the groups in the same hook
