@@ -45,7 +45,7 @@ from arm_model.simulation.simulation import simulate
 from benchmarks import sysid_peer
 from benchmarks.report import report
 from experiment import Experiment, demand_of
-from identification.experiment_design.excitation import design_excitation
+from identification.experiment_design import design_excitation
 from identification.preprocessing import setpoints_of
 from identification.preprocessing.setpoint_ripple import folded_torque
 from identification.preprocessing.signals import Motion, smooth_motion, with_reversals

@@ -19,7 +19,7 @@ from armscope.motion import clearance_of
 from daq.rig import read_rig
 from daq.rig.preflight import check_motion
 from experiment import demand_of, read_experiment
-from identification.experiment_design.excitation import Limits, Series, design_excitation
+from identification.experiment_design import Limits, Series, design_excitation
 from tests.arm_clearance.arms import UR5, ur5_urdf
 
 SMALL = ["--candidates", "32", "--duration", "5", "--fundamental", "0.4", "--harmonics", "2"]

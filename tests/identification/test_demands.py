@@ -18,7 +18,7 @@ from daq.recording import Recording, open_recording
 from daq.recording.parts import Attachments
 from daq.recording.tables.table import write_table
 from experiment import demand_of
-from identification.experiment_design.excitation import Series, design_excitation
+from identification.experiment_design import Series, design_excitation
 from identification.identify import identify_by
 from identification.preprocessing.demands import demand_of_run
 from identification.regression.base_parameters import structural_base

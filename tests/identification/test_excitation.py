@@ -16,7 +16,8 @@ from armscope.cli import run
 from daq.rig.preflight import check_motion
 from daq.rig.rig_file import read_rig
 from experiment import demand_of, read_experiment
-from identification.experiment_design.excitation import Limits, design_excitation, excitation_scores, singular_values
+from identification.experiment_design import Limits, design_excitation
+from identification.experiment_design.excitation import excitation_scores, singular_values
 from identification.regression.base_parameters import structural_base
 from tests.arm_model.pumas import three_links
 

@@ -20,7 +20,7 @@ from daq.recording import Recording, open_recording
 from daq.recording.parts import Attachments
 from daq.recording.tables.table import write_table
 from experiment import Experiment, demand_of
-from identification.experiment_design.excitation import Series, design_excitation
+from identification.experiment_design import Series, design_excitation
 from identification.report.html import report, verdict
 from identification.result import Identification
 from tests.arm_model.pumas import three_links

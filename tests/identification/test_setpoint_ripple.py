@@ -12,7 +12,7 @@ from arm_model.description import Arm
 from arm_model.model_file import read_model
 from arm_model.simulation.simulation import simulate
 from experiment import Experiment, demand_of
-from identification.experiment_design.excitation import Series, design_excitation
+from identification.experiment_design import Series, design_excitation
 from identification.methods.joint_by_joint import WAYS
 from identification.methods.motor_link import motor_link_of
 from identification.preprocessing.setpoint_ripple import folded_torque, rate_beside, whole_rows
