@@ -23,6 +23,7 @@ from scipy import linalg, stats
 
 from arm_io.types import Array
 from comparison.change import Change
+from comparison.joint_fit.both_sides import Tested
 from comparison.joint_fit.fewest import Found
 from comparison.regression import Fitted, Structure
 
@@ -111,8 +112,12 @@ def summaries(
     candidates = 1 + len(structure.arm)
     single = [_payload(structure, seen, significant, candidates)]
     scale = np.mean([f.by_scale for f, mine in zip(fits, side) if not mine], axis=0)
+    # what a scale does to the values differs between recordings, and so between means that are weighted otherwise
+    several = found if len(fits) > 2 else []
+    exact = {one.tested.hypothesis.joint: one.tested for one in several if one.tested.hypothesis.what == "scale"}
     scales = [
-        _current_scale(joint, scale[:, joint], seen, significant, candidates) for joint in range(len(structure.arm))
+        _current_scale(joint, scale[:, joint], seen, significant, candidates, exact.get(joint + 1))
+        for joint in range(len(structure.arm))
     ]
     # of two joints whose scales explain as much, nothing says which
     single += scales if sum(one is not None for one in scales) == 1 else []
@@ -202,9 +207,17 @@ def _payload(structure: Structure, seen: _Changes, significant: Sequence[Change]
 
 
 def _current_scale(
-    joint: int, column: Array, seen: _Changes, significant: Sequence[Change], candidates: int
+    joint: int,
+    column: Array,
+    seen: _Changes,
+    significant: Sequence[Change],
+    candidates: int,
+    exact: Tested | None,
 ) -> Summary | None:
-    """Another scale of a joint's currents (from 0), if it explains all that changed, and constant friction does not."""
+    """Another scale of a joint's currents (from 0), if it explains all that changed, and constant friction does not.
+
+    exact: as the joint fit found it
+    """
     c, covariance, before, after, rank = _fitted(column[seen.places][:, None], seen)
     if not _explained(before, after, len(seen.change), rank, candidates):
         return None
@@ -212,7 +225,12 @@ def _current_scale(
     *_, by_friction, _ = _fitted(np.array(curve)[:, None], seen)
     if (by_friction - after) * (len(seen.change) - 1) < BETTER:
         return None
-    return _scale(joint + 1, float(c[0]), float(np.sqrt(covariance[0, 0])), [o.quantity.name for o in significant], 0)
+    names = [one.quantity.name for one in significant]
+    if exact is not None:
+        return _scale_found(joint + 1, exact, names, 0)
+    # c of the currents after: before they were 1 - c of them
+    scale, std = float(c[0] / (1.0 - c[0])), float(np.sqrt(covariance[0, 0]) / (1.0 - c[0]) ** 2)
+    return _scale(joint + 1, scale, std, names, 0)
 
 
 def _by_joint_fit(found: Sequence[Found], significant: Sequence[Change]) -> Iterator[Summary]:
@@ -224,10 +242,8 @@ def _by_joint_fit(found: Sequence[Found], significant: Sequence[Change]) -> Iter
         if joint is None:
             continue
         if what == "scale":
-            axis = float(np.sign(np.sum(tested.hypothesis.directions * tested.directions)))
             names = [each.name for each in of if each.name in one.makes or each.joint == joint]
-            c, std = axis * float(tested.coefficients[0]), float(np.sqrt(tested.covariance[0, 0]))
-            if (summary := _scale(joint, c, std, names, len(of) - len(names))) is not None:
+            if (summary := _scale_found(joint, tested, names, len(of) - len(names))) is not None:
                 yield summary
         elif added is not None:
             own = [each for each in of if each.name.startswith(f"joint{joint}.{added.effect}.")]
@@ -246,9 +262,15 @@ def _cause(effect: str, joint: int, words: str, explains: Sequence[str], of: int
     return Summary(effect=effect, joint=joint, parameters={}, explains=tuple(explains), sentence=sentence)
 
 
-def _scale(joint: int, c: float, std: float, explains: Sequence[str], others: int) -> Summary | None:
-    """Another scale of the currents of a joint (from 1); c of the currents after: before they were 1 - c of them."""
-    scale, std = c / (1.0 - c), std / (1.0 - c) ** 2
+def _scale_found(joint: int, tested: Tested, explains: Sequence[str], others: int) -> Summary | None:
+    """Another scale of the currents of a joint (from 1) as the joint fit has it."""
+    unit = tested.hypothesis.directions.T
+    (scale,), (std,) = tested.seen_by(unit)
+    return _scale(joint, float(scale), float(std), explains, others)
+
+
+def _scale(joint: int, scale: float, std: float, explains: Sequence[str], others: int) -> Summary | None:
+    """Another scale of the currents of a joint (from 1), relative to those before."""
     if abs(scale) < CLEARLY * std:
         return None
     constant = 1.0 / (1.0 + scale) - 1.0

@@ -9,6 +9,9 @@ G the normal matrices of the sides and e the residual of the shared fit, its coe
 (the parallel sum of both sides' information). Their covariance is that of sums over blocks of time, times what the sums
 over whole recordings scatter beyond it; and what friction differs by between the sides of any arm (``friction_drift``)
 moves them, as the change d of the values does: c = (D^T M D)^-1 D^T M d.
+
+Another scale of a joint's currents is no change of the values: a mass beyond the joint loads other joints, too. It has
+a column of its own, the torque of that joint by the values before, which the shared fit has not.
 """
 
 from __future__ import annotations
@@ -37,6 +40,8 @@ NONE = 1e-9
 class Both:
     """Weighted rows of all recordings, for values in units of ``scale`` (c,).
 
+    The last ``scales`` of the c values are changes of scale of the joints' currents, 0 before.
+
     x, y       (n, c) columns and (n,) torques less the model's, over the noise
     block      (n,) the block of time of each row; recording, after  (b,) of each block
     total, late  (c, c) normal matrices of all rows, and of the side after
@@ -52,6 +57,7 @@ class Both:
     total: Array
     late: Array
     drift: Array
+    scales: int = 0
 
     @property
     def recordings(self) -> int:
@@ -64,7 +70,10 @@ class Both:
 
     def weighed(self) -> tuple[Array, Array, Array]:
         """(c, c) each: pseudo-inverse of both sides' matrix, share of the shared fit that is of the side after, M."""
-        inverse = np.asarray(np.linalg.pinv(self.total + NONE * np.eye(len(self.total)), hermitian=True))
+        common = len(self.total) - self.scales
+        inverse = np.zeros_like(self.total)
+        own = self.total[:common, :common]
+        inverse[:common, :common] = np.linalg.pinv(own + NONE * np.eye(common), hermitian=True)
         share = self.late @ inverse
         return inverse, share, np.asarray(self.late - share @ self.late)
 
@@ -121,13 +130,16 @@ def both_sides(
     """Of recordings with their own fits; ``side`` (n,) is True for those before.
 
     drift: (c, d) as of ``friction_drift``. Columns beyond those of the compared values are zero in the model, and do
-    not drift.
+    not drift. Those of the joints' scales come last.
     """
-    size, joints = data[0].columns.shape[1], len(structure.arm)
-    model = np.concatenate([structure.model(), np.zeros(size - structure.size)])
+    joints = len(structure.arm)
+    size = data[0].columns.shape[1] + joints
+    model = np.concatenate([structure.model(), np.zeros(size - joints - structure.size)])
     square = np.array([_spread(rows, one, joints) for rows, one in zip(data, fits)])
     noise = np.sqrt(np.array([np.median(of[np.isfinite(of)]) if np.isfinite(of).any() else 1.0 for of in square.T]))
     parts = [_weighted(rows, model, noise) for rows in data]
+    before = _values_of([one for one, mine in zip(parts, side) if mine], model)
+    parts = [(np.concatenate([x, _scales(one, before, noise)], axis=1), y) for one, (x, y) in zip(data, parts)]
     square = sum((x**2).sum(axis=0) for x, _ in parts)
     # of a joint that stands, or a gap that its load never crosses, nothing is shown
     scale = 1.0 / np.sqrt(np.where(square > 0.0, square, 1.0))
@@ -141,7 +153,7 @@ def both_sides(
     x, y = np.concatenate([one * scale for one, _ in parts]), np.concatenate([one for _, one in parts])
     late = x[~side[of][block]]
     drift = np.pad(drift, ((0, size - structure.size), (0, 0))) / scale[:, None]
-    return Both(x, y, block, of, ~side[of], scale, x.T @ x, late.T @ late, drift)
+    return Both(x, y, block, of, ~side[of], scale, x.T @ x, late.T @ late, drift, joints)
 
 
 def _spread(rows: Rows, fitted: Fitted, joints: int) -> Array:
@@ -152,13 +164,34 @@ def _spread(rows: Rows, fitted: Fitted, joints: int) -> Array:
 
 def _weighted(rows: Rows, model: Array, noise: Array) -> tuple[Array, Array]:
     """Columns and torques of a recording over the noise, without what its own columns explain."""
-    weight = 1.0 / np.maximum(noise[rows.equations.joint], 1e-300)
-    x, y = rows.columns * weight[:, None], (rows.y - rows.columns @ model) * weight
+    both = _apart(rows, np.column_stack([rows.columns, rows.y - rows.columns @ model]), noise)
+    return both[:, :-1], both[:, -1]
+
+
+def _apart(rows: Rows, columns: Array, noise: Array) -> Array:
+    """Columns (k, c) over the noise, without what the recording's own columns explain."""
+    weight = 1.0 / np.maximum(noise[rows.equations.joint], 1e-300)[:, None]
+    x = np.asarray(columns * weight)
     if rows.own.shape[1]:
-        u, size, _ = np.linalg.svd(rows.own * weight[:, None], full_matrices=False)
+        u, size, _ = np.linalg.svd(rows.own * weight, full_matrices=False)
         u = u[:, size > SHOWN * max(size[0], 1e-300)]
-        x, y = x - u @ (u.T @ x), y - u @ (u.T @ y)
-    return x, y
+        x = x - u @ (u.T @ x)
+    return x
+
+
+def _values_of(parts: Sequence[tuple[Array, Array]], model: Array) -> Array:
+    """(c,) values that some recordings show, as of ``_weighted``; those of the model where none does."""
+    square, moment = sum(x.T @ x for x, _ in parts), sum(x.T @ y for x, y in parts)
+    size = np.sqrt(np.maximum(np.diag(square), 1e-300))
+    return np.asarray(
+        model + np.linalg.pinv(square / np.outer(size, size), rcond=SHOWN, hermitian=True) @ (moment / size) / size
+    )
+
+
+def _scales(rows: Rows, values: Array, noise: Array) -> Array:
+    """(k, J) torque of each joint alone by the values (c,), as ``_apart``."""
+    own = rows.equations.joint[:, None] == np.arange(len(noise))
+    return _apart(rows, (rows.columns @ values)[:, None] * own, noise)
 
 
 def left_of(both: Both, found: Sequence[Tested]) -> list[Array]:

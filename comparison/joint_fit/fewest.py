@@ -16,7 +16,7 @@ from comparison.change import Change
 from comparison.joint_fit.added_changes import added_changes
 from comparison.joint_fit.both_sides import Both, Tested, both_sides, left_of, shared_values, tested
 from comparison.joint_fit.effects import Added, added_rows, always, with_columns
-from comparison.joint_fit.hypotheses import Hypothesis, chance, hypotheses, point_masses, single_values
+from comparison.joint_fit.hypotheses import Hypothesis, chance, hypotheses, point_masses, single_values, size_with
 from comparison.joint_fit.ripples import ripples
 from comparison.joint_fit.selection import in_one, selected
 from comparison.quantities import friction_maps
@@ -71,7 +71,7 @@ def with_fewest(recorded: Recorded, changes: Sequence[Change]) -> tuple[list[Cha
     structure, found = recorded.structure, joint.found
     chances = _chances(structure, joint)
     values, covariance = shared_values(joint.both, _model(structure, joint.added), found)
-    maps = _maps(structure, np.diag(covariance), len(values))
+    maps = _maps(structure, np.diag(covariance), len(values), _by_scale(recorded))
     made = np.zeros((len(found), len(changes)), bool)
     for own, one in zip(made, found):
         sizes, errors = one.seen_by(maps)
@@ -137,21 +137,28 @@ def _with(
     structure, fits, side = recorded.structure, recorded.fits, recorded.side
     new = [one for k, one in enumerate(proposed) if all(not one.same(other) for other in [*added, *proposed[:k]])]
     data = [with_columns(own, added_rows(new, structure.arm, motion)) for own, motion in zip(rows, recorded.motions)]
-    both, every = both_sides(structure, data, fits, side, recorded.drift), [*added, *new]
-    late = [one for one, mine in zip(fits, side) if not mine and np.isfinite(one.values).any()]
-    tried, points = hypotheses(structure, late, every), point_masses(structure, every)
+    every = [*added, *new]
+    tried, points = hypotheses(structure, every), point_masses(structure, every)
+    both = both_sides(structure, data, fits, side, recorded.drift)
     return _Joint(both, every, [*tried, *points], in_one(both, tried, points, selected(both, tried))), data
 
 
 def _model(structure: Structure, added: Sequence[Added]) -> Array:
-    return np.concatenate([structure.model(), np.zeros(sum(len(one.units) for one in added))])
+    return np.pad(structure.model(), (0, size_with(structure, added) - structure.size))
 
 
-def _maps(structure: Structure, variance: Array, size: int) -> Array:
-    """(r, c) how the compared quantities follow from the values and from those of effects beyond the model."""
+def _by_scale(recorded: Recorded) -> Array:
+    """(c, J) what another scale of a joint's currents does to the values of a recording after."""
+    late = [one for one, mine in zip(recorded.fits, recorded.side) if not mine and np.isfinite(one.values).any()]
+    return np.mean([one.by_scale for one in late], axis=0) if late else np.zeros_like(recorded.fits[0].by_scale)
+
+
+def _maps(structure: Structure, variance: Array, size: int, by_scale: Array) -> Array:
+    """(r, c) how the compared quantities follow from the values, and from those of a joint fit that come after them."""
     own = structure.size
     maps = np.concatenate([np.nan_to_num(friction_maps(structure, variance[:own])[1]), np.eye(own)])
-    return np.pad(maps, ((0, 0), (0, size - own)))
+    effects = np.zeros((len(maps), size - own - by_scale.shape[1]))
+    return np.concatenate([maps, effects, maps @ by_scale], axis=1)
 
 
 def _chances(structure: Structure, joint: _Joint) -> dict[str, float]:

@@ -18,7 +18,7 @@ from comparison.friction_drift import friction_shapes
 from comparison.joint_fit.effects import Added
 from comparison.load_friction import loaded_joints
 from comparison.quantities import values_quantities
-from comparison.regression import Fitted, Structure
+from comparison.regression import Structure
 
 
 @dataclass(frozen=True)
@@ -41,15 +41,10 @@ class Hypothesis:
     tries: int = 1
 
 
-def hypotheses(structure: Structure, fits: Sequence[Fitted], added: Sequence[Added]) -> list[Hypothesis]:
-    """All of an arm; ``fits`` of the recordings after, whose currents may have another scale."""
-    described = [
-        *_of_friction(structure),
-        *_of_bodies(structure),
-        *_single(structure),
-        *_of_scales(structure, fits),
-    ]
-    every = [*_widened(described, added), *_of_added(structure, added)]
+def hypotheses(structure: Structure, added: Sequence[Added]) -> list[Hypothesis]:
+    """All of an arm."""
+    described = [*_of_friction(structure), *_of_bodies(structure), *_single(structure)]
+    every = [*_widened(structure, described, added), *_of_added(structure, added), *_of_scales(structure, added)]
     return [one for one in every if np.abs(one.directions).max(initial=0.0) > 0.0]
 
 
@@ -58,14 +53,18 @@ def chance(one: float, every: Sequence[Hypothesis]) -> float:
     return one + float(np.log(sum(each.tries for each in every)))
 
 
-def _widened(every: Sequence[Hypothesis], added: Sequence[Added]) -> list[Hypothesis]:
-    more = sum(len(one.units) for one in added)
+def size_with(structure: Structure, added: Sequence[Added]) -> int:
+    """Number of the values of a joint fit: those compared, of effects beyond the model, and scales of the joints."""
+    return structure.size + sum(len(one.units) for one in added) + len(structure.arm)
+
+
+def _widened(structure: Structure, every: Sequence[Hypothesis], added: Sequence[Added]) -> list[Hypothesis]:
+    more = size_with(structure, added) - structure.size
     return [replace(one, directions=np.pad(one.directions, ((0, more), (0, 0)))) for one in every]
 
 
 def _of_added(structure: Structure, added: Sequence[Added]) -> Iterator[Hypothesis]:
-    size = structure.size + sum(len(one.units) for one in added)
-    first = structure.size
+    size, first = size_with(structure, added), structure.size
     for one in added:
         own = np.eye(size)[:, first : (first := first + len(one.units))]
         if one.effect == "gravity_spring":
@@ -77,7 +76,7 @@ def _of_added(structure: Structure, added: Sequence[Added]) -> Iterator[Hypothes
 def single_values(structure: Structure, added: Sequence[Added]) -> list[Hypothesis]:
     """Each compared value alone, in their order."""
     every = [_unit(structure, k, quantity) for k, quantity in enumerate(values_quantities(structure))]
-    return _widened(every, added)
+    return _widened(structure, every, added)
 
 
 def _unit(structure: Structure, k: int, quantity: Quantity) -> Hypothesis:
@@ -100,7 +99,7 @@ def _of_bodies(structure: Structure) -> Iterator[Hypothesis]:
 def point_masses(structure: Structure, added: Sequence[Added]) -> list[Hypothesis]:
     """A mass at a point of each link: less than a body, and with four coefficients surer where recordings are few."""
     links = range(1, len(structure.arm) + 1)
-    return _widened([Hypothesis("inertia", link, structure.by_body(link)[:, :4]) for link in links], added)
+    return _widened(structure, [Hypothesis("inertia", link, structure.by_body(link)[:, :4]) for link in links], added)
 
 
 def _single(structure: Structure) -> Iterator[Hypothesis]:
@@ -116,9 +115,7 @@ def _single(structure: Structure) -> Iterator[Hypothesis]:
             yield Hypothesis("inertia", int(name.removeprefix("joint").partition(".")[0]), direction)
 
 
-def _of_scales(structure: Structure, fits: Sequence[Fitted]) -> Iterator[Hypothesis]:
-    if not fits:
-        return
-    scale = np.mean([one.by_scale for one in fits], axis=0)
-    for joint in range(len(structure.arm)):
-        yield Hypothesis("scale", joint + 1, scale[:, joint : joint + 1])
+def _of_scales(structure: Structure, added: Sequence[Added]) -> Iterator[Hypothesis]:
+    size, joints = size_with(structure, added), len(structure.arm)
+    for joint, direction in enumerate(np.eye(size)[size - joints :]):
+        yield Hypothesis("scale", joint + 1, direction[:, None])

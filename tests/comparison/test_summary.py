@@ -95,6 +95,18 @@ def test_another_torque_constant_sums_up_all_that_a_joint_shows(
     assert told is not None and float(told[1]) == pytest.approx(100 * value, abs=0.006)
 
 
+def test_a_torque_constant_is_as_large_as_it_is_between_several_recordings(arm: Arm, tmp_path: Path) -> None:
+    """Of every motion the values make another torque of one joint alone: none of them is that of their mean."""
+    days = [
+        [record(tmp_path / f"{day}{k}.mcap", arm, 10 * day + k, seed=k, rate=125.0) for k in (1, 2)] for day in (1, 2)
+    ]
+    result = compare_recordings(days[0], [scaled(each, 2, 1.5) for each in days[1]], arm)
+    (constant,) = result.summaries
+    value, std, _ = constant.parameters["error"]
+    assert (constant.effect, constant.joint) == ("torque_constant", 2)
+    assert abs(value + 1 / 3) < 3 * std < 0.01
+
+
 def test_friction_of_a_joint_is_neither(arm: Arm, before: Recording, tmp_path: Path) -> None:
     worn = (LEVELS[0], 1.5 * LEVELS[1], LEVELS[2])
     result = compare_recordings([before], [record(tmp_path / "after.mcap", arm, 2, levels=worn)], arm)
