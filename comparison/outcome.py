@@ -118,10 +118,12 @@ class Comparison:
 
     def write(self, folder: str | PathLike[str], *, pictures: Collection[str] = ()) -> dict[str, Any]:
         """Writes compare.html, its charts as ``pictures`` ("png", "pdf") and compare.json; returns the latter."""
+        from arm_io.whole_folder import whole_folder
         from arm_report import write_report
         from comparison.report.html import report
 
-        return write_report(folder, ("compare.html", "compare.json"), report(self), self.to_json(), pictures)
+        with whole_folder(folder, "compare") as there:
+            return write_report(there, ("compare.html", "compare.json"), report(self), self.to_json(), pictures)
 
     def to_json(self) -> dict[str, Any]:
         """The content of compare.json."""

@@ -66,10 +66,12 @@ class Trend:
 
     def write(self, folder: str | PathLike[str], *, pictures: Collection[str] = ()) -> dict[str, Any]:
         """Writes trend.html, its charts as ``pictures`` ("png", "pdf") and trend.json; returns what trend.json says."""
+        from arm_io.whole_folder import whole_folder
         from arm_report import write_report
         from comparison.trend.html import report
 
-        return write_report(folder, ("trend.html", "trend.json"), report(self), self.to_json(), pictures)
+        with whole_folder(folder, "trend") as there:
+            return write_report(there, ("trend.html", "trend.json"), report(self), self.to_json(), pictures)
 
     def to_json(self) -> dict[str, Any]:
         """The content of trend.json."""

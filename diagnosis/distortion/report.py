@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from arm_io.types import Array
+from arm_io.whole_folder import whole_folder
 from arm_report import Chart, Level, Panel, Report, Series, write_report
 from arm_report.palette import AFTER, BEFORE, PALE_AFTER
 from diagnosis.distortion.distortion import Distortion, sentence
@@ -20,7 +21,8 @@ UNITS = {"position": "rad", "speed": "rad/s", "load torque": "N m", "time": "s",
 
 def write_distortion(out: FilePath, result: Distortion, pictures: Collection[str] = ()) -> dict[str, Any]:
     """Writes DIR/distortion.html, its charts as ``pictures`` and DIR/distortion.json; returns what the latter holds."""
-    return write_report(out, ("distortion.html", "distortion.json"), _page(result), table_of(result), pictures)
+    with whole_folder(out, "distortion") as there:
+        return write_report(there, ("distortion.html", "distortion.json"), _page(result), table_of(result), pictures)
 
 
 def table_of(result: Distortion) -> dict[str, Any]:

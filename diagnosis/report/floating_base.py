@@ -9,7 +9,7 @@ from typing import Any
 
 from markupsafe import Markup
 
-from arm_io import make_folder
+from arm_io.whole_folder import whole_folder
 from arm_model import write_model
 from arm_model.tables import DEGREES
 from arm_report import Report, table, write_report
@@ -31,11 +31,10 @@ def write_base_diagnosis(
 
     pictures  "png", "pdf": the charts as files of these kinds, too
     """
-    folder = Path(folder)
-    make_folder(folder)
     names = ", ".join(Path(path).name for path in result.fit)
-    write_model(folder / "model.toml", result.arm, heading=f"Base extended by armscope's diagnosis of {names}.")
-    return write_report(folder, ("report.html", "diagnosis.json"), base_report(result), result.to_json(), pictures)
+    with whole_folder(folder, "diagnosis") as there:
+        write_model(there / "model.toml", result.arm, heading=f"Base extended by armscope's diagnosis of {names}.")
+        return write_report(there, ("report.html", "diagnosis.json"), base_report(result), result.to_json(), pictures)
 
 
 def base_report(result: BaseDiagnosis) -> Report:

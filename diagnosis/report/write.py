@@ -165,7 +165,7 @@ def write_diagnosis(
     separate_K.toml discriminates the ambiguity group of cause K; show_K.toml makes effects detectable that these
     recordings could not show.
     """
-    with whole_folder(out) as there:
+    with whole_folder(out, "diagnosis") as there:
         table = table_of(result, fit, held_out)
         for place, found in (separations(result) if experiments.separate is None else experiments.separate).items():
             row = table["causes"][place]

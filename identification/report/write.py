@@ -42,6 +42,6 @@ def _written(
     pictures: Collection[str],
 ) -> dict[str, Any]:
     heading = f"{heading} from {', '.join(Path(p).name for p in result.fit)}."
-    with whole_folder(folder) as there:
+    with whole_folder(folder, "identification") as there:
         write_model(there / "model.toml", result.arm, heading=heading)
         return write_report(there, ("report.html", "identification.json"), report, result.to_json(), pictures)
