@@ -17,6 +17,7 @@ PAGE = "docs/first-hour-own-arm.md"
 
 @pytest.mark.slow
 @pytest.mark.timeout(600)
+@pytest.mark.filterwarnings("error::RuntimeWarning")  # a reader would see its line
 def test_every_command_of_the_page_runs_and_prints_what_it_shows(
     root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

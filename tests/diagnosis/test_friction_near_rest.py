@@ -19,7 +19,7 @@ from arm_model.tables import uncertainty_of
 from diagnosis.cause import Cause, Estimate
 from diagnosis.measurements.near_rest.friction import AGAINST, LIMITS, Friction, _rises, friction_causes, left_near_rest
 from diagnosis.measurements.near_rest.laws import fitted_to_all, law_of
-from diagnosis.measurements.near_rest.passages import NearRest, near_rest, seen
+from diagnosis.measurements.near_rest.passages import NearRest, direction_noise, near_rest, seen
 from diagnosis.measurements.near_rest.time_at_rest import rise_at_rest
 from diagnosis.report.plots.near_rest import near_rest_chart
 from diagnosis.report.wording import rise_at_rest as words
@@ -108,6 +108,16 @@ def test_friction_that_builds_up_gradually_is_named_with_its_stiffness() -> None
     assert cause.key == ("presliding_friction", 1)
     found = {p.name: p for p in cause.parameters}
     assert abs(found["stiffness"].value - 2000.0) < 2 * found["stiffness"].std < 1000.0
+
+
+@pytest.mark.filterwarnings("error")
+def test_the_direction_is_as_uncertain_as_its_sign() -> None:
+    """Against signs of random speeds; a speed without noise has one direction, also beside the smallest numbers."""
+    rng = np.random.default_rng(7)
+    v, noise = np.array([0.0, 0.5, -1.0, 2.0]), np.full(4, 0.8)
+    seen_signs = np.sign(v + noise * rng.normal(size=(200_000, 4)))
+    np.testing.assert_allclose(direction_noise(v, noise), seen_signs.std(axis=0), atol=0.01)
+    assert direction_noise(np.array([0.0, 1.0, 5.0]), np.array([0.0, 0.0, 1e-3])).tolist() == [0.0, 0.0, 0.0]
 
 
 def test_the_chart_shows_the_passages_and_what_the_law_leaves_of_them() -> None:

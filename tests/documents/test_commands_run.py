@@ -76,6 +76,7 @@ def without_ffmpeg(words: list[str]) -> bool:
 
 @pytest.mark.slow
 @pytest.mark.timeout(1800)
+@pytest.mark.filterwarnings("error::RuntimeWarning")  # a reader would see its line
 @pytest.mark.parametrize("document", sorted({command.document for command in ALL}))
 def test_every_command_runs(
     document: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]

@@ -237,8 +237,10 @@ def _of_run(recording: Seen, joint: int) -> NearRest:
 
 def direction_noise(v: Array, noise: Array) -> Array:
     """(k,) std of the direction of motion, +-1, where a speed v (k,) rad/s has that noise (k,)."""
-    other_way = ndtr(-np.abs(v) / np.maximum(noise, np.finfo(float).tiny))
-    return np.asarray(np.where(noise > 0.0, 2.0 * np.sqrt(other_way * (1.0 - other_way)), 0.0))
+    # without noise infinitely many std from the other direction
+    stds = np.divide(np.abs(v), noise, out=np.full(np.shape(v), np.inf), where=noise > 0.0)
+    other_way = ndtr(-stds)
+    return np.asarray(2.0 * np.sqrt(other_way * (1.0 - other_way)))
 
 
 def standing(v: Array, rate: float) -> NDArray[np.bool_]:
