@@ -15,8 +15,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from pydantic import ValidationError
 
 from arm_io import InputError, read_file, write_text
+from arm_io.toml import one_line
 from arm_io.types import Array
 from arm_model.assumed_capsules import assumed_capsules
 from arm_model.capsules import moved, of_geometry, round_points
@@ -231,22 +233,42 @@ def _joint(path: str | Path, element: xml.Element, pose: Array, gear: float) -> 
     axis = numbers_of(path, element.find("axis"), "xyz", "1 0 0", 3)
     damping, friction = (numbers_of(path, dynamics, name, "0", 1)[0] for name in ("damping", "friction"))
     ratio = abs(gear)
-    return Joint(
-        name=element.get("name", ""),
-        type=_MOVING[kind],  # type: ignore[arg-type]
-        convention="placed",
-        xyz=(float(pose[0, 3]), float(pose[1, 3]), float(pose[2, 3])),
-        rpy=rpy_of(pose),
-        axis=(axis[0], axis[1], axis[2]),
-        limits=(lower, upper) if kind != "continuous" and lower < upper else None,
-        torque_limit=effort if effort > 0 else None,
-        gear=gear,
-        # so that torque at the joint = |gear| torque_constant i = i
-        torque_constant=1.0 / ratio,
-        motor_speed_limit=speed * ratio if speed > 0 else None,
-        viscous=(damping / ratio**2, damping / ratio**2),
-        coulomb=(friction / ratio, friction / ratio),
-    )
+    limited = kind != "continuous"
+    wrong = _impossible(axis, (lower, upper) if limited else (0.0, 0.0), {"damping": damping, "friction": friction})
+    if wrong:
+        raise InputError(path, f"joint {element.get('name')!r}: {wrong}")
+    try:
+        return Joint(
+            name=element.get("name", ""),
+            type=_MOVING[kind],  # type: ignore[arg-type]
+            convention="placed",
+            xyz=(float(pose[0, 3]), float(pose[1, 3]), float(pose[2, 3])),
+            rpy=rpy_of(pose),
+            axis=(axis[0], axis[1], axis[2]),
+            limits=(lower, upper) if limited and lower < upper else None,
+            torque_limit=effort if effort > 0 else None,
+            gear=gear,
+            # so that torque at the joint = |gear| torque_constant i = i
+            torque_constant=1.0 / ratio,
+            motor_speed_limit=speed * ratio if speed > 0 else None,
+            viscous=(damping / ratio**2, damping / ratio**2),
+            coulomb=(friction / ratio, friction / ratio),
+        )
+    except ValidationError as error:
+        raise InputError(path, f"joint {element.get('name')!r}: {one_line(error)}") from None
+
+
+def _impossible(axis: Sequence[float], limits: tuple[float, float], dynamics: dict[str, float]) -> str | None:
+    """What no joint has: an axis without direction, limits in the wrong order, friction that drives; None: all can be.
+
+    Equal limits stand for none in files that must name some.
+    """
+    if not any(axis):
+        return "<axis xyz='0 0 0'> has no direction; expected a vector other than 0"
+    if limits[0] > limits[1]:
+        return f"<limit lower='{limits[0]:g}' upper='{limits[1]:g}'>: lower must be below upper"
+    negative = next((name for name, value in dynamics.items() if value < 0), None)
+    return negative and f"<dynamics {negative}='{dynamics[negative]:g}'> must not be negative"
 
 
 def _with_lump(path: str | Path, joints: list[Joint], lump: Array) -> list[Joint]:

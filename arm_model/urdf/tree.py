@@ -45,7 +45,7 @@ class Tree:
     @staticmethod
     def of(path: str | Path, robot: xml.Element) -> Tree:
         """InputError where the joints do not make trees."""
-        links = {link.get("name", ""): link for link in robot.findall("link")}
+        links = _by_name(path, robot)
         above: dict[str, xml.Element] = {}
         below: dict[str, list[xml.Element]] = {name: [] for name in links}
         for joint in robot.findall("joint"):
@@ -145,6 +145,17 @@ class Tree:
         """All links behind a joint."""
         link = attribute(self.path, joint, "child", "link")
         return [link, *(name for one in self.below[link] for name in self.behind(one))]
+
+
+def _by_name(path: str | Path, robot: xml.Element) -> dict[str, xml.Element]:
+    """The links by name; InputError where two have the same."""
+    links: dict[str, xml.Element] = {}
+    for link in robot.findall("link"):
+        name = link.get("name", "")
+        if name in links:
+            raise InputError(path, f"has two links of the name {name!r}; the name of every link must be its own")
+        links[name] = link
+    return links
 
 
 def attribute(path: str | Path, element: xml.Element, child: str, name: str) -> str:

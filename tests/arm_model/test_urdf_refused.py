@@ -1,0 +1,44 @@
+"""URDF files that say what no arm has: refused in one line that names the link or joint, never read as another arm."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from arm_io import InputError
+from arm_model.urdf import read_urdf
+from tests.arm_model.test_urdf_tree import ARM, joint, link, written
+
+MOVING = joint("base", "upper", "revolute")
+
+
+def _with(change: tuple[str, str]) -> list[str]:
+    """The arm with a change to its first moving joint."""
+    assert change[0] in MOVING
+    return [part.replace(*change) if part == MOVING else part for part in ARM]
+
+
+@pytest.mark.parametrize(
+    ("change", "complaint"),
+    [
+        (('axis xyz="0 0 1"', 'axis xyz="0 0 0"'), "<axis xyz='0 0 0'> has no direction; expected a vector other"),
+        (('axis xyz="0 0 1"', 'axis xyz="0 0 1e-300"'), "axis: needs a direction"),
+        (('lower="-3"', 'lower="4"'), "<limit lower='4' upper='3'>: lower must be below upper"),
+        (("</joint>", '<dynamics damping="-1"/></joint>'), "<dynamics damping='-1'> must not be negative"),
+        (("</joint>", '<dynamics friction="-0.5"/></joint>'), "<dynamics friction='-0.5'> must not be negative"),
+    ],
+)
+def test_a_joint_that_cannot_be_is_named(tmp_path: Path, change: tuple[str, str], complaint: str) -> None:
+    with pytest.raises(InputError, match=f"arm.urdf: joint 'base_upper': {complaint}"):
+        read_urdf(written(tmp_path, _with(change)))
+
+
+def test_equal_limits_are_none(tmp_path: Path) -> None:
+    both = _with(('lower="-3" upper="3"', 'lower="0" upper="0"'))
+    assert read_urdf(written(tmp_path, both)).joints[0].limits is None
+
+
+def test_two_links_of_one_name_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="has two links of the name 'upper'"):
+        read_urdf(written(tmp_path, [*ARM, link("upper")]))
