@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 from enum import StrEnum
 from pathlib import Path
@@ -29,9 +30,7 @@ class Format(StrEnum):
 
 def command(
     recording: Annotated[Path, typer.Argument(help="RUN.mcap")],
-    out: Annotated[
-        Path, typer.Option(help="the .csv, .parquet or .mat to write (replaced if it is there), or a folder")
-    ],
+    out: Annotated[Path, typer.Option(help="the .csv, .parquet or .mat to write, or a folder; must not be there yet")],
     to: Annotated[
         Format | None,
         typer.Option(
@@ -41,6 +40,9 @@ def command(
     as_json: Json = False,
 ) -> None:
     form = to or _by_ending(out)
+    if os.path.isfile(out):
+        # whether a table was exported or measured cannot be seen
+        raise InputError(out, "exists already, and may be the only copy of what it holds; use another name")
     with shown(as_json) as progress:
         data = open_long(recording)
         progress("writing")

@@ -15,7 +15,10 @@ RigOption = Annotated[Path, typer.Option(metavar="RIG.toml", help="the rig")]
 RigArgument = Annotated[Path, typer.Argument(metavar="RIG.toml", help="the rig")]
 RecordingArgument = Annotated[Path, typer.Argument(metavar="RUN.mcap", help="the recording, finished or not (.active)")]
 RecordingOut = Annotated[
-    Path, typer.Option(metavar="RUN.mcap", help="the recording to write; replaces a file, but no recording of a rig")
+    Path,
+    typer.Option(
+        metavar="RUN.mcap", help="the recording to write; replaces an imported or simulated one, nothing else"
+    ),
 ]
 Png = Annotated[bool, typer.Option("--png", help="also write the report's charts as DIR/pictures/*.png")]
 Pdf = Annotated[bool, typer.Option("--pdf", help="also write the report's charts as DIR/pictures/*.pdf")]

@@ -18,7 +18,7 @@ from daq.recording.recover import recover
 def command(
     recording: Annotated[Path, typer.Argument(help="RUN.mcap.active, or a damaged RUN.mcap")],
     out: Annotated[Path | None, typer.Option(help="the recording to write; default: without '.active'")] = None,
-    force: Annotated[bool, typer.Option("--force", help="replace an existing file")] = False,
+    force: Annotated[bool, typer.Option("--force", help="replace an existing recording")] = False,
     as_json: Json = False,
 ) -> int:
     with shown(as_json):

@@ -13,6 +13,7 @@ from arm_io.plain_data import point_of
 from armscope.api.reading import note_gaps
 from armscope.commands.options import Json, RecordingOut
 from armscope.progress import shown
+from daq.recording.provenance import check_replaceable
 
 
 def command(
@@ -35,6 +36,7 @@ def command(
 
     if (experiment is None) == (like is None):
         raise InputError("simulate", "needs either --experiment or --like")
+    check_replaceable(out)
     point = None if target is None else point_of(target, "--target")
     with shown(as_json) as progress:
         simulation = simulate(

@@ -14,6 +14,7 @@ from typing import Any
 
 from mcap.reader import make_reader
 
+from arm_io import InputError
 from arm_io.files import open_regular
 from daq.recording.mcap_file.checksums import MAGIC
 from daq.recording.messages.row_format import format_of
@@ -61,6 +62,24 @@ def is_measured(path: str | Path) -> bool:
         except Exception:  # the library raises anything over a damaged file
             return True
     return not layouts or any(layout.raw for layout in layouts)
+
+
+def check_replaceable(path: str | Path, *, measured: bool = False) -> None:
+    """InputError where something is at ``path`` that a recording must not replace.
+
+    That is all but an imported or simulated recording, which can be made again, and an empty file.
+
+    measured  replace any recording
+    """
+    if not os.path.isfile(path) or not os.path.getsize(path):
+        return
+    if not measured and is_measured(path):
+        raise InputError(path, "exists already, and no recording of a rig is overwritten; use another name")
+    with os.fdopen(open_regular(path), "rb") as file:
+        if file.read(len(MAGIC)) != MAGIC:
+            raise InputError(
+                path, "exists already and is no recording, which alone would be replaced; use another name"
+            )
 
 
 def _version(package: str) -> str:

@@ -21,6 +21,7 @@ from daq.recording.mcap_file.pages import ACTIVE
 from daq.recording.mcap_file.writer import as_json, being_written
 from daq.recording.messages.row_format import format_of
 from daq.recording.parts import finish_file, open_file, write_content, write_pictures
+from daq.recording.provenance import check_replaceable
 
 
 @dataclass(frozen=True)
@@ -49,7 +50,7 @@ def recover(path: str | Path, out: str | Path | None = None, *, replace: bool = 
     """Copies every intact row and attachment of ``path`` into the new recording ``out``, byte for byte.
 
     out      default: ``path`` without '.active'
-    replace  an existing ``out``
+    replace  an existing recording ``out``
     Raises InputError where nothing can be read, or ``out`` exists; DeviceFault where the disk refuses.
     """
     path = Path(path)
@@ -61,6 +62,8 @@ def recover(path: str | Path, out: str | Path | None = None, *, replace: bool = 
     out = Path(out)
     if out.exists() and os.path.exists(path) and out.samefile(path):
         raise InputError(out, "is the damaged file itself; use another name")
+    if replace:
+        check_replaceable(out, measured=True)
     contents, _ = read_contents(path, lambda layout: _Nothing())
     if being_written(path):
         raise InputError(path, "is being recorded right now; wait until it is finished")

@@ -87,6 +87,41 @@ def test_what_was_imported_is_imported_again(folder: Path) -> None:
     assert run(["import", "table.csv", "--out", "run.mcap"]) == 0
 
 
+@pytest.mark.parametrize(
+    ("arguments", "victim", "why"),
+    [
+        (["import", "table.csv"], "link.toml", "is no recording"),
+        (["import", "table.csv"], "other.csv", "is no recording"),
+        (["simulate", "--model", "emps.toml", "--like", "run.mcap"], "other.csv", "is no recording"),
+        (["recover", "run.mcap", "--force"], "other.csv", "is no recording"),
+        (["recover", "run.mcap"], "other.csv", "exists"),
+        (["export", "run.mcap"], "other.csv", "may be the only copy"),
+        (["export", "run.mcap", "--to", "csv"], "link.toml", "may be the only copy"),
+        (["export", "run.mcap", "--to", "csv"], "other.mcap", "may be the only copy"),
+    ],
+)
+def test_tables_and_models_are_not_replaced(
+    folder: Path, root: Path, arguments: list[str], victim: str, why: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    shutil.copy(root / "config/models/emps.toml", folder)
+    shutil.copy(root / "config/models/emps.toml", "model.toml")
+    Path("link.toml").symlink_to("model.toml")
+    Path("other.csv").write_text(TABLE)
+    shutil.copy("run.mcap", "other.mcap")
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    capfd.readouterr()
+    assert run([*arguments, "--out", victim]) == 2
+    said = capfd.readouterr().err
+    assert said.startswith(f"error: {victim}: ") and why in said and said.count("\n") == 1
+    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
+    assert Path("link.toml").is_symlink()
+
+
+def test_an_empty_file_is_replaced(folder: Path) -> None:
+    Path("new.mcap").touch()
+    assert run(["import", "table.csv", "--out", "new.mcap"]) == 0
+
+
 @pytest.mark.parametrize("name", ["bag.mcap", "bag.db3"])
 def test_a_table_is_not_called_a_bag(folder: Path, name: str, capfd: pytest.CaptureFixture[str]) -> None:
     assert run(["export", "run.mcap", "--out", name]) == 2

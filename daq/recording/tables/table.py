@@ -17,6 +17,7 @@ from daq.recording.mcap_file.writer import McapFile, Progress
 from daq.recording.messages.row_format import JOINT_TOPICS, Layout, RowFormat, format_of
 from daq.recording.messages.viewers import Viewers
 from daq.recording.parts import Attachments, Derivatives, finish_file, open_file, write_chunk, write_pictures
+from daq.recording.provenance import check_replaceable
 from daq.recording.tables.columns import Table
 
 CHUNK_BYTES = 1 << 20
@@ -34,7 +35,7 @@ def write_table(
 ) -> LedgerSummary:
     """Writes a recording that has no devices behind it: an imported table, or a simulation.
 
-    An existing ``path`` is replaced.
+    An imported or simulated recording at ``path`` is replaced; InputError where another file is there.
 
     t        (n,) s, strictly increasing; kept to the last bit, as are all other numbers; stamps count from the first
              row where it is no ROS time
@@ -105,6 +106,7 @@ def _write(
 ) -> LedgerSummary:
     """Writes the file, whole or not at all."""
     form = format_of(layout.to_json())
+    check_replaceable(path)
     file = open_file(path, form, attachments.files(), replace=True, viewers=attachments.chain is not None)
     chain = attachments.chain
     viewers = None if chain is None else Viewers(form, chain, layout.joints)
