@@ -159,7 +159,8 @@ def _guessed(table: Path, accepted: bool, joints: Sequence[str]) -> Mapping | No
         )
     raise InputError(
         table,
-        f"has other columns than t, q1, i1, ..; it seems to mean {words}: --guess accepts this, --map takes a file",
+        f"has other columns than t, q1, i1, .. (joints count from 1); it seems to mean {words}: --guess accepts this, "
+        "--map takes a file",
     )
 
 

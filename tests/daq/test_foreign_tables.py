@@ -195,6 +195,39 @@ def test_hdf5_under_the_name_of_mat_needs_no_header_of_matlab(tmp_path: Path) ->
     np.testing.assert_array_equal(recording.i, np.outer(t, [3.0, 4.0]))
 
 
+def test_joints_that_count_from_0_are_mapped_in_order_and_never_kept_as_others(
+    tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    table = tmp_path / "log.csv"
+    table.write_text("t,q0,q1,i0,i1\n" + "".join(f"{k / 100},{k},{-k},{k + 1},{k + 2}\n" for k in range(9)))
+    out = ["--out", str(tmp_path / "imported.mcap")]
+    for more in ([], ["--keep-extra"]):
+        assert run(["import", str(table), *out, *more]) == 2
+        said = capsys.readouterr().err
+        assert "joints count from 1" in said and "q = q0, q1; i = i0, i1: --guess accepts" in said
+        assert "--keep-extra" not in said
+    recording = imported(table, "--guess")
+    np.testing.assert_array_equal(recording.q, np.outer(np.arange(9), [1.0, -1.0]))
+    np.testing.assert_array_equal(recording.i, np.arange(9)[:, None] + [1.0, 2.0])
+    assert not recording.extra
+    table.write_text("t,q0,q1,q2,i1,i2\n0,1,2,3,4,5\n")  # no guess
+    assert run(["import", str(table), *out, "--keep-extra"]) == 2
+    assert "column q0: joints count from 1" in capsys.readouterr().err
+
+
+def test_a_long_text_without_newlines_is_refused_and_lines_may_end_in_cr(
+    tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    table = tmp_path / "log.csv"
+    table.write_text('{"t": [' + "0.001," * 20_000 + "1]}")
+    assert run(["import", str(table), "--out", str(tmp_path / "x.mcap")]) == 2
+    assert "log.csv: line 1: must name the columns" in capsys.readouterr().err
+    rows = [f"{k / 1000:.3f},{k % 7},{k % 5}" for k in range(8000)]
+    table.write_bytes("\r".join(["time,pos_1,torque_1", *rows]).encode())
+    recording = imported(table, "--guess")
+    np.testing.assert_array_equal(recording.q[:, 0], np.arange(8000) % 7)
+
+
 @pytest.mark.parametrize("names", [["a", "b"], ["t", "q1"], ["time", "q1", "q3", "i1"], []])
 def test_nothing_is_guessed_from_too_little(names: list[str]) -> None:
     assert guess(names) is None

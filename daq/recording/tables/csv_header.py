@@ -20,6 +20,8 @@ MOST_JOINTS = 64
 LONGEST_HEADER = 1 << 16
 """Characters: 64 joints with all their columns take 3000."""
 JOINT_COLUMN = re.compile(rf"({'|'.join(JOINT_TOPICS)})([1-9][0-9]*)")
+FROM_ZERO = re.compile(rf"({'|'.join(JOINT_TOPICS)})0[0-9]*")
+"""Columns of joints that count from 0, or are numbered 01, 02, .."""
 _KNOWN = "t, q1.., i1.., qref1.., ql1.., v1.., temp1.., x, y, z"
 _NAMES = "the first line must name the columns: t (s), q1 (rad or m), i1 (A), .."
 
@@ -73,6 +75,12 @@ def joints_of(
             raise InputError(
                 path, f"{where}column {match[0][:40]}: joints are numbered from 1 to at most {MOST_JOINTS}"
             )
+    if foreign := next((name for name in names if FROM_ZERO.fullmatch(name)), None):
+        raise InputError(
+            path,
+            f"{where}column {foreign[:40]}: joints count from 1 (q1, i1, ..); --guess takes such columns in the order "
+            "of their numbers, --map says which is which",
+        )
     of_angles = [int(match[2]) for match in by_joint if match[1] == "q"]
     count = joints or max(of_angles or [int(match[2]) for match in by_joint], default=1)
     needed = ["t", *(f"{signal}{joint}" for joint in range(1, count + 1) for signal in "qi")]

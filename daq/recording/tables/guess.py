@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -83,11 +84,14 @@ def guess(names: Sequence[str], columns: dict[str, Array] | None = None, joints:
 
 def guess_csv(path: str | Path, joints: Sequence[str] = ()) -> Mapping | None:
     """The mapping that a text suggests, with its separator and decimal sign; None where it says too little."""
-    text = read_head(path, SAMPLE).decode("utf-8-sig", errors="replace")
-    lines = [line.strip() for line in text.split("\n")]
+    head = read_head(path, SAMPLE)
+    # lines end as Python's files have it: \n, \r\n, or \r
+    with io.StringIO(head.decode("utf-8-sig", errors="replace"), newline=None) as text:
+        lines = [line.strip() for line in text.read().split("\n")]
+    # the last line of a part of a text is part of a line
+    lines = lines if len(head) < SAMPLE else lines[:-1]
     if not lines or len(lines[0]) > LONGEST_HEADER:
-        raise InputError(path, "line 1: must name the columns")
-    lines = lines if len(text) < SAMPLE else lines[:-1]
+        raise InputError(path, f"line 1: must name the columns, in at most {LONGEST_HEADER} characters")
     for separator in ";\t|, ":
         found = _guess_separated(lines, separator, joints)
         if found is not None:
@@ -123,15 +127,20 @@ def _from_words(names: Sequence[str], numbers: dict[str, Array], joints: Sequenc
     columns: dict[str, Any] = {}
     units: dict[str, str] = {}
     taken: set[str] = set()
+    first: dict[str, int] = {}
     if time:
         columns["t"], unit = time[0][0], time[0][1]["unit"]
         units |= {"t": unit.lower().replace("sec", "s")} if unit else {}
     for signal, word in _WORDS.items():
         series = _of_joints([name for name in names if name not in taken], word)
         if series is not None:
-            columns[signal], unit = series
+            columns[signal], unit, first[signal] = series
             taken |= set(columns[signal])
             units |= {signal: unit} if unit else {}
+    # numbers that begin with 0 and with 1 are not those of the same joints
+    for signal in [one for one, number in first.items() if number != first.get("q", number)]:
+        del columns[signal]
+        units.pop(signal, None)
     if "t" in columns and not {"q", "i"} & set(columns):
         named = _of_named_joints([name for name in names if name != columns["t"]], joints)
         columns |= {signal: list(series) for signal, (series, _) in named.items()}
@@ -147,8 +156,8 @@ def _from_words(names: Sequence[str], numbers: dict[str, Array], joints: Sequenc
     return Mapping.model_validate({"columns": columns, "units": units})
 
 
-def _of_joints(names: Sequence[str], word: str) -> tuple[list[str], str] | None:
-    """The columns whose names are a word with a number, in the order of their numbers, and their unit."""
+def _of_joints(names: Sequence[str], word: str) -> tuple[list[str], str, int] | None:
+    """The columns whose names are a word with a number, in the order of their numbers; their unit and first number."""
     patterns = (
         rf"{word}[ _.\[#]*(({_JOINT})[ _.]*)?(?P<number>\d+)\]?{_UNIT}",
         rf"({_JOINT}|j|a)[ _.]*(?P<number>\d+)[ _.]*{word}{_UNIT}",
@@ -165,7 +174,7 @@ def _of_joints(names: Sequence[str], word: str) -> tuple[list[str], str] | None:
             unit = _SPELLED.get(text, text) if text else unit
     first = min(found, default=2)
     numbers = range(first, first + len(found))
-    return ([found[number] for number in numbers], unit) if first < 2 and set(numbers) == set(found) else None
+    return ([found[number] for number in numbers], unit, first) if first < 2 and set(numbers) == set(found) else None
 
 
 def _of_named_joints(names: Sequence[str], joints: Sequence[str]) -> dict[str, _Series]:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from arm_io import InputError
 from daq.recording.tables.columns import Source
+from daq.recording.tables.csv_header import FROM_ZERO
 from daq.recording.tables.csv_reader import CsvSource
 from daq.recording.tables.guess import guess, guess_csv
 from daq.recording.tables.mapping import Mapping
@@ -41,8 +42,11 @@ def open_source(
 
 
 def ours(names: Sequence[str]) -> bool:
-    """Whether a table has the columns of armscope under their own names, as far as they are required."""
-    return {"t", "q1", "i1"} <= set(names)
+    """Whether a table has the columns of armscope under their own names, as far as they are required.
+
+    Columns q0, i0 say that its joints count from 0: then q1 is another joint's.
+    """
+    return {"t", "q1", "i1"} <= set(names) and not any(map(FROM_ZERO.fullmatch, names))
 
 
 def guessed(path: Path, joints: Sequence[str] = ()) -> Mapping | None:
