@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
     from diagnosis import Diagnosis
 
 
+MOST_EXPERIMENTS = 3
+"""That a rig records without --max-experiments."""
 MANY = ("--fit", "--held-out")
 """Options that take several values."""
 
@@ -46,7 +49,9 @@ def command(
         Path | None,
         typer.Option(metavar="RIG.toml", help="record experiments on this rig that discriminate ambiguity groups"),
     ] = None,
-    max_experiments: Annotated[int, typer.Option(min=0, help="maximum number of experiments (with --rig)")] = 3,
+    max_experiments: Annotated[
+        int | None, typer.Option(min=0, help=f"maximum number of experiments (with --rig); default: {MOST_EXPERIMENTS}")
+    ] = None,
     yes: Annotated[bool, typer.Option("--yes", help="move a real arm without confirmation (with --rig)")] = False,
     distort: Annotated[
         str | None,
@@ -66,6 +71,12 @@ def command(
     from armscope.api.reading import fixed_model, for_analysis
 
     allocation.for_computation()
+    _refuse_idle(
+        {"--rig": rig is not None, "--max-experiments": max_experiments is not None, "--yes": yes},
+        distort=distort is not None,
+        held_out=bool(held_out),
+        model=model is not None,
+    )
     check_folder(out)
     if rig is None and model is not None and floats(model):
         refuse(model, {"--distort": distort is not None})
@@ -81,7 +92,8 @@ def command(
         case = _case(arm, fitted, held, remarks, progress)
         if rig is not None:
             make_folder(out)
-            table = _gone_on(arm, case, rig, Output(out, kinds), yes, max_experiments, progress)
+            most = MOST_EXPERIMENTS if max_experiments is None else max_experiments
+            table = _gone_on(arm, case, rig, Output(out, kinds), yes, most, progress)
         else:
             table = _kept(case, Output(out, kinds), progress)
     if not held_out:
@@ -97,6 +109,18 @@ def command(
 
         print(wrapped(f"{diagnosis_text(case.result, table)}\n\n{out / 'report.html'}"))
     return SAMPLES_LOST if case.lost else DONE
+
+
+def _refuse_idle(of_rigs: Mapping[str, bool], *, distort: bool, held_out: bool, model: bool) -> None:
+    """InputError for an option that is given and would change nothing; ``of_rigs``: --rig and what goes with it."""
+    for option, given in {"--held-out": held_out, **of_rigs}.items():
+        # with --distort, --rig may name the model
+        if distort and given and (option != "--rig" or model):
+            raise InputError(
+                option, "has no effect with --distort, which estimates one parameter of the --fit recordings"
+            )
+        if given and option in of_rigs and not of_rigs["--rig"]:
+            raise InputError(option, "has no effect without --rig, on which experiments are recorded")
 
 
 def _diagnose_base(fit: list[Path], model: Path, held_out: list[Path], out: Output, as_json: bool) -> None:
