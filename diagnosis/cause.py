@@ -17,7 +17,7 @@ EffectKey = tuple[str, int | None]
 """An effect of the catalogue and its joint (from 1); None: of the whole arm."""
 
 MAX_CONFIDENCE = 0.98
-"""Largest confidence in a cause: of 120 hidden effects named with this confidence, 117 were right."""
+"""Largest confidence in a cause by 1 - p alone: of 297 names of the bank 284 were right (diagnosis-evidence.md)."""
 
 
 class Signal(StrEnum):

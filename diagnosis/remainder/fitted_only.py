@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-import numpy as np
-
 from arm_io.types import Array
 from diagnosis.cause import NO_VARIABLE, Signal, Structure
 from diagnosis.measurements.currents.limits import LIMITS
@@ -20,8 +18,7 @@ from identification.selection import Split
 
 def known_to(state: State) -> Split[Array]:
     """(n,) times the noise that residuals may be by what the model says of its own uncertainty; 1 if it is exact."""
-    joints = range(1, len(state.model.arm) + 1)
-    return state.data.map(lambda side: np.array([state.significance.allowed(side, joint) for joint in joints]))
+    return state.significance.allowed
 
 
 def in_fit_alone(state: State, structures: Sequence[Structure], allowed: Array) -> list[Structure]:

@@ -26,14 +26,31 @@ def wound_up(load: Array, inertia: Array, stiffness: float, damping: float, step
         speed = np.gradient(follows, step)
         return follows, speed, np.gradient(speed, step)
     decay = damping / inertia / 2
-    frequency = np.sqrt(np.maximum(stiffness / inertia - decay**2, 1e-9))
-    shrink, cos, sin = np.exp(-decay * step), np.cos(frequency * step), np.sin(frequency * step)
-    stay, go = shrink * (cos + decay / frequency * sin), shrink * sin / frequency
-    back, keep = -stiffness / inertia * shrink * sin / frequency, shrink * (cos - decay / frequency * sin)
+    even, odd = _free_motion(stiffness / inertia, decay, step)
+    stay, go = even + decay * odd, odd
+    back, keep = -stiffness / inertia * odd, even - decay * odd
     settled = np.append(load[1:] + load[:-1], 2 * load[-1:]) / (2 * stiffness)
     # with x the deviation of (twist, rate) from (settled, 0), each step is x = [[stay, go], [back, keep]] x
     twist, rate = _recurrence(stay, go, back, keep, (1.0 - stay) * settled, -back * settled, load[0] / stiffness)
     return twist, rate, (load - stiffness * twist - damping * rate) / inertia
+
+
+def _free_motion(square: Array, decay: Array, step: float) -> tuple[Array, Array]:
+    """e^(-decay step) cos(w step) and e^(-decay step) sin(w step) / w: of d'' + 2 decay d' + square d = 0.
+
+    w^2 = square - decay^2. Where it is negative the motion is the sum of two exponentials, written without cancelling.
+    step s, decay 1/s, square 1/s2.
+    """
+    rest = square - decay**2
+    w = np.sqrt(np.maximum(np.abs(rest), 1e-9))
+    shrink = np.exp(-decay * step)
+    even, odd = shrink * np.cos(w * step), shrink * np.sin(w * step) / w
+    creeps = rest < 0.0
+    if creeps.any():
+        w, decay, square = w[creeps], decay[creeps], square[creeps]
+        slow, quick = np.exp(-square / (decay + w) * step), np.exp(-(decay + w) * step)
+        even[creeps], odd[creeps] = (slow + quick) / 2, (slow - quick) / (2 * w)
+    return even, odd
 
 
 def _recurrence(

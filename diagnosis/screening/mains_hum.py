@@ -165,12 +165,25 @@ def _frequency(lines: Sequence[Line]) -> float:
 
 
 def _parameters(lines: Sequence[Line], frequency: float | None = None) -> list[Estimate]:
-    amplitudes = np.array([line.amplitude for line in lines])
+    """Means over the recordings, with the std of these means by noise and by their scatter.
+
+    The phase is that of the first recording, known as well as the others have the same: each has its own t = 0.
+    """
+    amplitude, amplitude_std = _mean([line.amplitude for line in lines], [line.amplitude_std for line in lines])
+    _, frequency_std = _mean([line.frequency for line in lines], [line.frequency_std for line in lines])
+    turned = [float(np.angle(np.exp(1j * (line.phase - lines[0].phase)))) for line in lines]
+    phase_std = max(lines[0].phase_std, float(np.sqrt(np.mean(np.square(turned)))))
     return [
-        Estimate("amplitude", float(amplitudes.mean()), float(amplitudes.std() + 0.02 * amplitudes.mean()), "A"),
-        Estimate("frequency", _frequency(lines) if frequency is None else frequency, 0.05, "Hz"),
-        Estimate("phase", lines[0].phase, 0.2, "rad"),
+        Estimate("amplitude", amplitude, amplitude_std, "A"),
+        Estimate("frequency", _frequency(lines) if frequency is None else frequency, frequency_std, "Hz"),
+        Estimate("phase", lines[0].phase, phase_std, "rad"),
     ]
+
+
+def _mean(values: Sequence[float], stds: Sequence[float]) -> tuple[float, float]:
+    """Of recordings whose values differ by their noise and by what the mains does from one to the next."""
+    scatter = float(np.var(values, ddof=1)) if len(values) > 1 else 0.0
+    return float(np.mean(values)), float(np.sqrt(max(scatter, float(np.mean(np.square(stds)))) / len(values)))
 
 
 def _gain(joint: int, lines: Sequence[Line]) -> Gain:

@@ -28,6 +28,8 @@ BLOCK = 0.5
 """s over which the amplitude of the line is followed."""
 STANDS, SURE = 0.5, 5.0
 """Share of the amplitude of a line that it has while the arm stands, and std that it is then above the noise."""
+HANN_AMPLITUDE, HANN_PULSATION = 35 / 18, 28.1
+"""Of a Hann window w over a duration of 1: int w^4 / (int w^2)^2, and int w^2 t^2 / (int w t^2)^2 about its middle."""
 BESIDE = (5.0, 7.0)
 """Hz from the line, on either side, where the noise of its amplitude is taken."""
 
@@ -36,6 +38,7 @@ BESIDE = (5.0, 7.0)
 class Line:
     """The strongest line near the mains: frequency Hz, amplitude A, its power over the floor, phase rad at t = 0.
 
+    frequency_std, amplitude_std, phase_std  by the noise of ``BAND`` (``_deviations``)
     before, after  A rms in ``BAND`` with and without it
     beside         lines about as strong elsewhere in ``BAND``, not near the mains
     modulation     variance of its power from block to block over the square of its mean, beyond that of noise: 0 of a
@@ -48,6 +51,9 @@ class Line:
     amplitude: float = 0.0
     over_floor: float = 0.0
     phase: float = 0.0
+    frequency_std: float = np.inf
+    amplitude_std: float = np.inf
+    phase_std: float = np.inf
     before: float = 0.0
     after: float = 0.0
     beside: int = 0
@@ -83,7 +89,13 @@ def line_near_mains(t: Array, current: Array, still: slice | None = None) -> Lin
     taken = line @ np.array([a, b])
     before, after = (float(np.std(zero_phase(near_mains, values))) for values in (current, current - taken))
     modulation, modulation_std = _modulation(high, t, f)
+    frequency_std, amplitude_std, phase_std = _deviations(
+        float(np.hypot(a, b)), after**2 / ((edges[1] - edges[0]) / (2 * dt)), t
+    )
     return Line(
+        frequency_std=frequency_std,
+        amplitude_std=amplitude_std,
+        phase_std=phase_std,
         frequency=f,
         amplitude=float(np.hypot(a, b)),
         over_floor=over_floor,
@@ -95,6 +107,20 @@ def line_near_mains(t: Array, current: Array, still: slice | None = None) -> Lin
         modulation_std=modulation_std,
         at_rest=still is not None and stands(high[still], line[still], float(np.hypot(a, b))),
     )
+
+
+def _deviations(amplitude: float, density: float, t: Array) -> tuple[float, float, float]:
+    """Std of frequency Hz, amplitude A and phase rad at t = 0 of a line, in noise of a density (A^2/Hz) at t (m,) s.
+
+    Of a fit weighted by a Hann window. Without it, the density over the duration is the variance of the amplitude
+    (Rife & Boorstyn, Single-tone parameter estimation from discrete-time observations, IEEE T-IT 20(5), 1974).
+    """
+    duration = float(t[-1] - t[0])
+    least = density / duration
+    pulsation = least * HANN_PULSATION / (amplitude * duration) ** 2
+    middle = float(t[0] + t[-1]) / 2
+    phase = least * HANN_AMPLITUDE / amplitude**2 + pulsation * middle**2
+    return float(np.sqrt(pulsation) / (2 * np.pi)), float(np.sqrt(least * HANN_AMPLITUDE)), float(np.sqrt(phase))
 
 
 def stands(values: Array, line: Array, amplitude: float) -> bool:

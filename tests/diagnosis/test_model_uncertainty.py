@@ -62,6 +62,17 @@ def test_what_the_model_left_over_hides_as_much() -> None:
     assert np.median(_chances(6.0, 3.0, 3)) > 10.0 * np.median(_chances(6.0, 0.0, 3))
 
 
+def test_either_side_is_allowed_what_the_model_is_known_to_there() -> None:
+    """Both sides have as many rows: the error of the model is felt at joint 1 in one, at joint 2 in the other."""
+    felt = np.zeros((2, JOINTS * ROWS, 1))
+    felt[0, :ROWS], felt[1, ROWS:] = np.sqrt(3.0), np.sqrt(8.0)
+    noise = np.zeros(JOINTS * ROWS)
+    known = ModelUncertainty(Split(felt[0], felt[1]), np.zeros(JOINTS))
+    allowed = Significance(Split(_side(noise), _side(noise)), [], known).allowed
+    assert allowed.fit == pytest.approx([2.0, 1.0])
+    assert allowed.held_out == pytest.approx([1.0, 3.0])
+
+
 @pytest.fixture(scope="module")
 def arm(root: Path) -> Arm:
     return two_link.model(root)

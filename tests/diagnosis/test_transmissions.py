@@ -74,16 +74,21 @@ def test_a_spring_swings_as_its_differential_equation_says() -> None:
     assert np.max(np.abs(rate - exact[1])) < 0.02 * np.ptp(exact[1])
 
 
-def test_a_spring_winds_up_step_by_step_as_its_recurrence_says() -> None:
+@pytest.mark.parametrize(
+    ("size", "stiffness", "damping"),
+    [(1.0, 3e3, 40.0), (1e-2, 1e3, 80.0), (5e-2, 1e3, 20.0), (0.1, 1e3, 20.0), (1e-5, 1e3, 80.0)],
+    ids=["swings", "damping ratio 13", "1.4", "about 1", "400"],
+)
+def test_a_spring_winds_up_step_by_step_as_its_recurrence_says(size: float, stiffness: float, damping: float) -> None:
     """Solved at once as a triangular system; here row by row, as it is written."""
     random = np.random.default_rng(4)
-    load, inertia = np.cumsum(random.normal(size=400)), random.uniform(0.5, 1.5, 400)
-    stiffness, damping, step = 3e3, 40.0, 0.01
+    load, inertia = np.cumsum(random.normal(size=400)), size * random.uniform(0.5, 1.5, 400)
+    step = 0.01
     twist, rate, acceleration = wound_up(load, inertia, stiffness, damping, step)
     d, v = load[0] / stiffness, 0.0
     for k in range(400):
         assert (twist[k], rate[k]) == pytest.approx((d, v), rel=1e-9, abs=1e-12)
-        assert inertia[k] * acceleration[k] + damping * v + stiffness * d == pytest.approx(load[k], rel=1e-9)
+        assert inertia[k] * acceleration[k] + damping * v + stiffness * d == pytest.approx(load[k], rel=1e-9, abs=1e-9)
         settled = (load[k] + load[min(k + 1, 399)]) / (2 * stiffness)
         matrix = np.array([[0.0, 1.0], [-stiffness / inertia[k], -damping / inertia[k]]])
         d, v = np.array([settled, 0.0]) + expm(matrix * step) @ [d - settled, v]

@@ -40,10 +40,10 @@ class ModelUncertainty:
     directions: Split[Array]
     left_over: Array
 
-    def share(self, data: Dataset) -> Array:
-        """(n,) squared residual per row that the uncertainty of the parameters makes in fitted or held-out rows."""
-        own = self.directions.fit if len(self.directions.fit) == len(data.y) else self.directions.held_out
-        return data.by_joint(np.sum(own**2, axis=1)) / data.rows
+    def shares(self, data: Split[Dataset]) -> Split[Array]:
+        """(n,) squared residual per row that the uncertainty of the parameters makes, of either side."""
+        fit, held_out = (side.by_joint(np.sum(own**2, axis=1)) / side.rows for own, side in zip(self.directions, data))
+        return Split(fit, held_out)
 
 
 def model_uncertainty(arm: Arm, data: Split[Dataset]) -> ModelUncertainty | None:
@@ -137,11 +137,14 @@ class Significance:
         """Whether columns are significant at a level with the parameters of the model free; always with it exact."""
         return self._known is None or self.chance(pair) < level
 
-    def allowed(self, side: Dataset, joint: int) -> float:
-        """How many times the noise a residual of a joint (from 1) is with nothing wrong: 1 where the model is exact."""
+    @cached_property
+    def allowed(self) -> Split[Array]:
+        """(n,) how many times the noise residuals of joints are with nothing wrong: 1 where the model is exact."""
         if self._known is None:
-            return 1.0
-        return float(np.sqrt(1.0 + self._known.left_over[joint - 1] + self._known.share(side)[joint - 1]))
+            exact = np.ones(len(self._data.fit.y) // self._data.fit.rows)
+            return Split(exact, exact)
+        left = self._known.left_over
+        return self._known.shares(self._data).map(lambda share: np.sqrt(1.0 + left + share))
 
     def chance(self, pair: Pair) -> float:
         """Probability that columns (k of them) look as they do without the effect that they are of."""

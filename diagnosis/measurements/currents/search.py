@@ -164,7 +164,7 @@ def _outdone(state: State, kept: Container[Candidate], bases: Bases) -> list[Can
             allowed = max(allowed, limits.makeshift_leave * (before - after))
         better = better_than_causes(bases, reduced.fitted, state.fitted, model.arm, joint, allowed)
         # a function of the right variable follows what an identified model leaves on any day as well
-        times = state.significance.allowed(held_out, joint)
+        times = state.significance.allowed.held_out[joint - 1]
         better = {name: gain for name, gain in better.items() if allowed or gain > (times**2 - 1.0) * held_out.rows}
         missed = limits.structure_share * (before - after)
         left = noise_ratio(state.fitted.held_out, held_out, joint)

@@ -63,12 +63,12 @@ def explained_alone(own: Sequence[Candidate], state: State) -> float:
     without = replace(state, chosen=others).fitted
     alone = replace(state, chosen=(*others, *own)).fitted
     shares = []
-    for side, before, after in (
-        (state.data.fit, without.fit, alone.fit),
-        (state.data.held_out, without.held_out, alone.held_out),
+    allowed = state.significance.allowed
+    for side, before, after, times in (
+        (state.data.fit, without.fit, alone.fit, allowed.fit[joint - 1]),
+        (state.data.held_out, without.held_out, alone.held_out, allowed.held_out[joint - 1]),
     ):
-        allowed = state.significance.allowed(side, joint)
-        excess, left = (_excess(y, side, joint, allowed) for y in (before, after))
+        excess, left = (_excess(y, side, joint, times) for y in (before, after))
         shares.append(1.0 - left / excess if excess > 0.0 else 0.0)
     return min(shares)
 
@@ -78,7 +78,7 @@ def remainder_of(candidate: Candidate, state: State) -> float:
     assert candidate.joint is not None
     without = state.model.without(candidate, state).fitted
     side = state.data.held_out
-    allowed = state.significance.allowed(side, candidate.joint)
+    allowed = state.significance.allowed.held_out[candidate.joint - 1]
     excess, left = (_excess(y, side, candidate.joint, allowed) for y in (without.held_out, state.fitted.held_out))
     return float(np.sqrt(left / excess)) if excess > 0.0 else 0.0
 

@@ -81,10 +81,9 @@ def structures_at(
         shapes = [one for one in shapes if one.name != shape.name]
     beside = with_columns(fitted, pairs).held_out
     ratio = noise_ratio(beside, held_out, joint)
-    quiet = ratio <= LIMITS.above_noise * significance.allowed(held_out, joint)
-    if quiet and (
-        pairs or noise_ratio(fitted.fit, fit, joint) <= LIMITS.above_noise * significance.allowed(fit, joint)
-    ):
+    of_fit, of_held_out = (LIMITS.above_noise * times[joint - 1] for times in significance.allowed)
+    quiet = ratio <= of_held_out
+    if quiet and (pairs or noise_ratio(fitted.fit, fit, joint) <= of_fit):
         return structures, pairs, None
     likely = likely_variable(data, Split(fitted.fit, fitted.held_out), arm, joint)
     if quiet:
