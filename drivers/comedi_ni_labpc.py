@@ -203,12 +203,13 @@ class NiLabPc:
             raise self._fault(f"output {channel} cannot be written")
 
     def safe(self) -> None:
-        """Lines low, outputs at 0 V."""
+        """Lines low, outputs at 0 V; one that fails leaves no other as it is."""
         if self._card is not None:
-            with contextlib.suppress(DeviceFault):
-                for line in self.lines:
+            for line in self.lines:
+                with contextlib.suppress(DeviceFault):
                     self.write_line(line, False)
-                for channel in range(len(self.output_range)):
+            for channel in range(len(self.output_range)):
+                with contextlib.suppress(DeviceFault):
                     self.write_volts(channel, 0.0)
 
     def _fault(self, what: str) -> DeviceFault:

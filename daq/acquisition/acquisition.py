@@ -130,6 +130,11 @@ class Acquisition:
         with self._lock:
             self._stop = self._stop or Ending(reason, detail)
 
+    def _stop_at_once(self, reason: End, detail: str) -> None:
+        """Ends the run with all outputs safe now, whatever the other devices and the consumer of the rows may take."""
+        self.bench.guard.make_safe()
+        self.stop(reason, detail)
+
     @property
     def progress(self) -> float | None:
         """Share of the expected rows that have been made, 0..1; None for a run without an end."""
@@ -179,8 +184,8 @@ class Acquisition:
                 with self.bench.guard.awaiting(stream.name):
                     self._intake.read(stream)
             except DeviceFault as fault:
+                self._stop_at_once(End.DEVICE_LOST, str(fault))
                 self._join.lose_device(stream.name, fault.what)
-                self.stop(End.DEVICE_LOST, str(fault))
         self._join.rebase()
         return self._clock.newest, self._ending(asked)
 
@@ -216,7 +221,7 @@ class Acquisition:
         untimed = of_another_time(self.bench.calibration, rows.quality)
         breach = self.bench.guard.breach(rows.q, rows.i, rows.host_ns, unmeasured, untimed)
         if breach is not None:
-            self.stop(End.LIMIT, breach)
+            self._stop_at_once(End.LIMIT, breach)
         self.rows_made += len(rows)
         if self._intake.recalled is None:
             yield rows
@@ -314,7 +319,7 @@ class Acquisition:
         first = rows.q[np.argmax(measured, axis=0), np.arange(measured.shape[1])]
         near = np.abs(first - np.array(self.experiment.start)) <= START_TOLERANCE
         for joint in np.flatnonzero(measured.any(axis=0) & ~near):
-            self.stop(
+            self._stop_at_once(
                 End.LIMIT,
                 f"joint {joint + 1} reads {first[joint]:.4g} at the start, the experiment starts at "
                 f"{self.experiment.start[joint]:.4g}: zero the encoders, or give them preset = 'start'",

@@ -49,6 +49,7 @@ class Bench:
         try:
             for name, device in self.devices.items():
                 self.identities[name] = device.open()
+                self.guard.opened.add(name)
             self.clock = self._context.clock
             self.guard.clock = self.clock
             self.guard.make_safe()
@@ -63,8 +64,9 @@ class Bench:
 
     def close(self) -> None:
         """Outputs safe, every device closed; may be called at any time."""
-        if self.identities:
+        if self.guard.opened:
             self.guard.make_safe()
+        self.guard.opened.clear()
         for device in self.devices.values():
             device.close()
         self.identities = {}

@@ -5,6 +5,9 @@ when a run ends, when the arm leaves its limits, when a device is lost, and when
 ``Rig.watchdog`` s. The watchdog counts the rig's clock, so that a simulation that runs on a time of its own is not
 stopped by a debugger.
 
+A driver that hangs in a command delays this by a quarter of ``Rig.watchdog`` at most: then the safe state is commanded
+beside it, and the late command is undone and refused when the driver returns.
+
 No program can act after SIGKILL or a power cut. The service manager's watchdog then starts
 the daemon anew, and opening the rig begins with the safe state; what must be safe within milliseconds needs a watchdog
 in hardware.
@@ -24,11 +27,13 @@ from arm_io import DeviceFault, InputError
 from daq.rig.preflight import check_motion
 from daq.rig.rig_file import Rig
 from daq.rig.rig_tables import Output
+from daq.rig.safe_state import bring_to_safe_state
 from daq.rig.speed_check import SpeedCheck
 from drivers.protocols import AnalogOutput, ArmController, Device, DigitalOutput, HostClock, OwnWatchdog
 from experiment import Experiment
 
 START = "start"  # the output that begins a run
+PATIENCE = 0.25  # of the watchdog's time: how long the safe state waits for a command that is under way
 
 
 class Guard:
@@ -36,17 +41,19 @@ class Guard:
 
     chain    the arm's links, for rigs with a ``[space]``
     tripped  why all is held safe, or None
-    silent   the device that the sampler waited for when the watchdog tripped; None if it waited for none
+    silent   the device that was waited for when the watchdog tripped; None if none was
+    opened   the devices that are open: only they can be, and need to be, made safe
     """
 
     def __init__(self, rig: Rig, devices: Mapping[str, Device], clock: HostClock, chain: Chain | None = None) -> None:
         self.rig, self.clock, self.chain = rig, clock, chain
         self.tripped: str | None = None
-        self._outputs = [d for d in devices.values() if isinstance(d, DigitalOutput | AnalogOutput)]
+        self.opened: set[str] = set()
         self._devices = devices
-        self.controller = _controller(devices)
+        self._arm, self.controller = _controller(devices)  # its name, "" for none, and the device
         _check_watchdogs(rig, devices)
         self._lock = threading.RLock()
+        self._overtaken = 0  # times that all was made safe beside a command that hung
         self._fed = 0
         self._awaited: str | None = None  # device that is being read
         self._slow: str | None = None  # device whose reading took long since the last sign of life
@@ -63,8 +70,7 @@ class Guard:
         device = self._devices[output.device]
         if output.line is None or not isinstance(device, DigitalOutput):
             raise InputError(f"outputs.{name}", "is an analogue output; give it volts")
-        with self._lock:
-            self._refuse_if_tripped(name)
+        with self._commanding(name):
             device.write_line(output.line, high)
 
     def set_volts(self, name: str, volts: float) -> None:
@@ -78,8 +84,7 @@ class Guard:
             low, high = max(low, output.limits[0]), min(high, output.limits[1])
         if not low <= volts <= high:  # False for NaN too
             raise InputError(f"outputs.{name}", f"{volts:g} V is outside {low:g} to {high:g} V")
-        with self._lock:
-            self._refuse_if_tripped(name)
+        with self._commanding(name):
             device.write_volts(output.channel, volts)
 
     def load(self, experiment: Experiment) -> None:
@@ -88,8 +93,7 @@ class Guard:
         if problems:
             more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
             raise InputError(f"experiment {experiment.name!r}", problems[0] + more)
-        with self._lock:
-            self._refuse_if_tripped("the arm")
+        with self._commanding("the arm"):
             if self.controller is not None:
                 self.controller.load(experiment)
 
@@ -98,18 +102,20 @@ class Guard:
 
         Returns host ns before and after the call by which the start signal went out.
         """
-        with self._lock:
-            self._refuse_if_tripped("the arm")
+        with self._commanding("the arm") as begun:
             self._fed = self._watched = self.clock.monotonic_ns()
             self._slow = None
             self._speeds = _speed_check(self.rig)
             self._watch()
             before = self.clock.monotonic_ns()
             if motion and self.controller is not None:
-                self.controller.start()
+                with self.awaiting(self._arm):
+                    self.controller.start()
+            self._refuse_if_overtaken("the arm", begun)
             if START in self.rig.outputs:
                 before = self.clock.monotonic_ns()
-                self.set_line(START, True)
+                with self.awaiting(self.rig.outputs[START].device):
+                    self.set_line(START, True)
             return before, self.clock.monotonic_ns()
 
     # Supervision
@@ -126,7 +132,7 @@ class Guard:
 
     @contextmanager
     def awaiting(self, device: str) -> Iterator[None]:
-        """The sampler reads ``device``: if it takes too long, that is whom the watchdog names."""
+        """``device`` is read or commanded: if it takes too long, that is whom the watchdog names."""
         began = self.clock.monotonic_ns()
         self._awaited = device
         try:
@@ -175,9 +181,8 @@ class Guard:
         return self._speeds.too_fast(position, measured, timed, host_ns)
 
     def trip(self, why: str) -> None:
-        """Safe state, held until ``reset``."""
-        with self._lock:
-            self.tripped = self.tripped or why
+        """Safe state, held until ``reset``. Further commands are refused from here on, without waiting for one."""
+        self.tripped = self.tripped or why
         self.make_safe()
 
     def reset(self) -> None:
@@ -185,17 +190,20 @@ class Guard:
         self.tripped = self.silent = None
 
     def make_safe(self) -> None:
-        """Stops the arm and brings every output to its safe state; never raises, tries every device."""
+        """Stops the arm and brings every output to its safe state; never raises, tries every open device."""
         self._end.set()
-        alone = self._lock.acquire(timeout=self.rig.watchdog)  # whoever holds it may be what hangs
+        patience = PATIENCE * self.rig.watchdog
+        alone = self._lock.acquire(timeout=patience)  # whoever holds it may be what hangs
+        if not alone:
+            self._overtaken += 1
         try:
-            if self.controller is not None:
-                self.controller.stop()
-        except Exception:  # the arm may be what is broken; the outputs still have to be made safe
-            self.tripped = self.tripped or "the controller did not take the command to stop"
+            there = {name: device for name, device in self._devices.items() if name in self.opened}
+            stop = {name: device.stop for name, device in there.items() if isinstance(device, ArmController)}
+            outputs = {n: d.safe for n, d in there.items() if isinstance(d, DigitalOutput | AnalogOutput)}
+            if failed := bring_to_safe_state(stop, outputs, patience):
+                did = "the command to stop" if failed[0] in stop else "the command to make its outputs safe"
+                self.tripped = self.tripped or f"{failed[0]} did not take {did}"
         finally:
-            for device in self._outputs:
-                device.safe()
             if alone:
                 self._lock.release()
 
@@ -207,9 +215,32 @@ class Guard:
             raise InputError(f"outputs.{name}", f"no such output in the rig file; there are: {known}")
         return self.rig.outputs[name]
 
+    @contextmanager
+    def _commanding(self, what: str) -> Iterator[int]:
+        """One command at a time; DeviceFault where all is held safe, or was made safe while the command hung.
+
+        Such a command may have reached its device after the safe state: that is commanded once more. Gives what
+        ``_refuse_if_overtaken`` compares.
+        """
+        with self._lock:
+            self._refuse_if_tripped(what)
+            begun = self._overtaken
+            try:
+                yield begun
+            finally:
+                if self._overtaken != begun:
+                    self.make_safe()
+            self._refuse_if_overtaken(what, begun)
+
+    def _refuse_if_overtaken(self, what: str, begun: int) -> None:
+        if self._overtaken != begun:
+            self._refuse_if_tripped(what)
+            raise DeviceFault("guard", f"{what} was made safe while a command to it was under way")
+
     def _refuse_if_tripped(self, what: str) -> None:
         if self.tripped is not None:
-            raise DeviceFault("guard", f"{what} is held safe: {self.tripped}; reset it after removing the cause")
+            advice = "remove the cause, then reset it: armscope reset RIG.toml"
+            raise DeviceFault("guard", f"{what} is held safe: {self.tripped}; {advice}")
 
     def _watch(self) -> None:
         self._end = threading.Event()
@@ -252,10 +283,10 @@ def _check_watchdogs(rig: Rig, devices: Mapping[str, Device]) -> None:
             )
 
 
-def _controller(devices: Mapping[str, Device]) -> ArmController | None:
-    """The rig's arm controller: the device that has the shape of one."""
-    found = [device for device in devices.values() if isinstance(device, ArmController)]
+def _controller(devices: Mapping[str, Device]) -> tuple[str, ArmController | None]:
+    """The rig's arm controller and its name: the device that has the shape of one."""
+    found = [(name, device) for name, device in devices.items() if isinstance(device, ArmController)]
     if len(found) > 1:
-        names = ", ".join(name for name, device in devices.items() if isinstance(device, ArmController))
+        names = ", ".join(name for name, _ in found)
         raise InputError("rig", f"has more than one arm controller: {names}; a rig has one arm")
-    return found[0] if found else None
+    return found[0] if found else ("", None)

@@ -90,6 +90,7 @@ class LabJackT7:
         self._link = T7Link(config.host, config.port, config.stream_port, config.timeout)
         self._preset = np.zeros(len(config.counters), np.int64)
         self._plan: Plan | None = None
+        self._opened = False
         self._reconnect = Reconnect(name, config.patience, ADVICE)
 
     # -- life ---------------------------------------------------------------------------------------------------------
@@ -103,6 +104,7 @@ class LabJackT7:
             setup.set_watchdog(self._link, self.config.lines.values(), self.config.watchdog)
             for line in self.config.counters:
                 setup.start_counter(self._link, line)
+        self._opened = True
         return identity
 
     def _identify(self) -> Identity:
@@ -156,7 +158,7 @@ class LabJackT7:
             self.disarm()
             self.safe()
         self._link.close()
-        self._plan = None
+        self._plan, self._opened = None, False
 
     # -- acquisition --------------------------------------------------------------------------------------------------
 
@@ -319,10 +321,10 @@ class LabJackT7:
             self._link.write_float(t7.DAC + 2 * channel, volts)
 
     def safe(self) -> None:
-        """Lines low, DACs at 0 V. Where the connection is lost, the T7's own watchdog does it."""
-        if self._link.connected:
+        """Lines low, DACs at 0 V: over a fresh connection where the other fails, else by the T7's own watchdog."""
+        if self._opened:
             with contextlib.suppress(OSError):
-                setup.set_outputs_low(self._link, self.config.lines.values())
+                setup.force_outputs_low(self._link, self.config.lines.values())
 
     def _fault(self, what: str) -> DeviceFault:
         return DeviceFault(self.name, what)

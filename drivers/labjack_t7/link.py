@@ -5,8 +5,9 @@ from __future__ import annotations
 import contextlib
 import socket
 import struct
+import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 from drivers import modbus_tcp as modbus
 from drivers.reconnect import in_words
@@ -17,7 +18,10 @@ class LinkLost(OSError):
 
 
 class T7Link:
-    """Blocking commands with a time limit, and a stream that is read without waiting."""
+    """Blocking commands with a time limit, and a stream that is read without waiting.
+
+    Commands may come from any thread, one at a time: an answer is found among the bytes of one connection.
+    """
 
     def __init__(self, host: str, port: int, stream_port: int, timeout: float) -> None:
         self._addresses = (host, port), (host, stream_port)
@@ -25,6 +29,7 @@ class T7Link:
         self._command: socket.socket | None = None
         self._stream: socket.socket | None = None
         self._transaction = 0
+        self._busy = threading.Lock()
         self.strays = 0  # replies that belonged to no request of ours, or to one given up
 
     @property
@@ -35,9 +40,8 @@ class T7Link:
         """Opens both connections. Raises OSError."""
         self.close()
         try:
-            self._command = socket.create_connection(self._addresses[0], self._timeout)
-            self._command.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            self._frames = modbus.Frames()
+            command = self._new_command_connection()
+            self._frames, self._command = modbus.Frames(), command
             self._stream = socket.create_connection(self._addresses[1], self._timeout)
             self._stream.setblocking(False)
         except OSError:
@@ -76,6 +80,28 @@ class T7Link:
     def write_word(self, address: int, value: int) -> None:
         self.write(address, struct.pack(">H", value))
 
+    def write_afresh(self, writes: Iterable[tuple[int, bytes]]) -> int:
+        """Writes each (address, data) over a connection of its own, whatever became of those before.
+
+        Returns how many were confirmed. OSError where the T7 takes no connection.
+        """
+        confirmed = 0
+        with self._new_command_connection() as connection:
+            frames = modbus.Frames()
+            for number, (address, data) in enumerate(writes):
+                with contextlib.suppress(OSError):
+                    request = modbus.write_request(number, address, data)
+                    reply, _ = _exchanged(connection, frames, request, number, self._timeout)
+                    if reply is not None:
+                        modbus.check_written(reply, address, len(data) // 2)
+                        confirmed += 1
+        return confirmed
+
+    def _new_command_connection(self) -> socket.socket:
+        connection = socket.create_connection(self._addresses[0], self._timeout)
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        return connection
+
     def read_stream(self) -> bytes:
         """All stream bytes that have arrived. LinkLost where the T7 has closed the connection."""
         if self._stream is None:
@@ -98,25 +124,52 @@ class T7Link:
         return b"".join(pieces)
 
     def _exchange(self, request: Callable[[int], bytes]) -> modbus.Frame:
-        # Another thread, the guard's, may close the link meanwhile: the socket is then closed, and an OSError says so.
-        connection = self._command
-        if connection is None:
-            raise LinkLost("not connected")
-        self._transaction = (self._transaction + 1) & 0xFFFF
-        deadline = time.monotonic() + self._timeout
+        # Whoever has the lock gives it back after two time limits at the latest: one to send, one for the answer.
+        if not self._busy.acquire(timeout=2 * self._timeout):
+            raise LinkLost("other commands wait for their answers")
         try:
-            connection.sendall(request(self._transaction))
-            while (left := deadline - time.monotonic()) > 0:
-                connection.settimeout(left)
-                data = connection.recv(4096)
-                if not data:
-                    break
-                for frame in self._frames.feed(data):
-                    if frame.transaction == self._transaction:
-                        return frame
-                    self.strays += 1
-        except (OSError, modbus.FrameError) as error:
+            # Another thread, the guard's, may close the link meanwhile: an OSError then says so.
+            connection = self._command
+            if connection is None:
+                raise LinkLost("not connected")
+            self._transaction = number = (self._transaction + 1) & 0xFFFF
+            try:
+                reply, strays = _exchanged(connection, self._frames, request(number), number, self._timeout)
+            except (OSError, modbus.FrameError) as error:
+                self._lose(connection)
+                raise LinkLost(in_words(error) or "no answer in time") from None
+            self.strays += strays
+            if reply is None:
+                self._lose(connection)
+                raise LinkLost("no answer in time")
+            return reply
+        finally:
+            self._busy.release()
+
+    def _lose(self, connection: socket.socket) -> None:
+        """Closes the link, unless another thread has connected it anew."""
+        if self._command is connection:
             self.close()
-            raise LinkLost(in_words(error) or "no answer in time") from None
-        self.close()
-        raise LinkLost("no answer in time")
+
+
+def _exchanged(
+    connection: socket.socket, frames: modbus.Frames, request: bytes, number: int, timeout: float
+) -> tuple[modbus.Frame | None, int]:
+    """The answer with transaction ``number``, None where none comes within ``timeout`` s; how many others came."""
+    strays = 0
+    connection.settimeout(timeout)
+    connection.sendall(request)
+    deadline = time.monotonic() + timeout
+    while (left := deadline - time.monotonic()) > 0:
+        connection.settimeout(left)
+        try:
+            data = connection.recv(4096)
+        except TimeoutError:
+            break
+        if not data:
+            break
+        for frame in frames.feed(data):
+            if frame.transaction == number:
+                return frame, strays
+            strays += 1
+    return None, strays

@@ -24,10 +24,27 @@ def read_calibration(link: T7Link) -> t7.InputCalibration | None:
 
 def set_outputs_low(link: T7Link, lines: Iterable[int]) -> None:
     """Lines low, both DACs at 0 V."""
-    for line in lines:
-        link.write_word(t7.DIO + line, 0)
-    for dac in (0, 1):
-        link.write_float(t7.DAC + 2 * dac, 0.0)
+    for address, data in _outputs_low(lines):
+        link.write(address, data)
+
+
+def force_outputs_low(link: T7Link, lines: Iterable[int]) -> None:
+    """As ``set_outputs_low`` though the connection, or some of the outputs, fail: each on its own, afresh.
+
+    OSError where the T7 takes no connection: then its own watchdog is what is left.
+    """
+    writes = _outputs_low(lines)
+    try:
+        for address, data in writes:
+            link.write(address, data)
+    except OSError:
+        link.write_afresh(writes)
+
+
+def _outputs_low(lines: Iterable[int]) -> list[tuple[int, bytes]]:
+    """Register and data of each output in its safe state."""
+    low = [(t7.DIO + line, struct.pack(">H", 0)) for line in lines]
+    return low + [(t7.DAC + 2 * dac, struct.pack(">f", 0.0)) for dac in (0, 1)]
 
 
 def set_watchdog(link: T7Link, lines: Iterable[int], seconds: int) -> None:

@@ -46,6 +46,7 @@ READERS = {
     "status": ["{bad}"],
     "stop": ["{bad}"],
     "disarm": ["{bad}"],
+    "reset": ["{bad}"],
     "fetch": ["{bad}", "run.mcap"],
     "info": ["{bad}"],
     "recover": ["{bad}", "--out", "{out}"],

@@ -59,6 +59,7 @@ OTHERS = {
     "status",
     "stop",
     "disarm",
+    "reset",
     "fetch",
     "import",
     "model",

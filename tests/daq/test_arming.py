@@ -41,7 +41,7 @@ def test_status_stop_and_disarm_are_commands(lab: Lab, command: Callable[..., tu
     status, _, err = command("status")
     assert (status, err.count("\n")) == (3, 1)
     assert "no answer" in err
-    lab.daemon()
+    daemon = lab.daemon()
     assert json.loads(command("status", "--json")[1])["state"] == "idle"
     assert json.loads(command("stop", "--json")[1]) == {"state": "idle", "last": None}
     with lab.session() as session:
@@ -64,6 +64,25 @@ def test_status_stop_and_disarm_are_commands(lab: Lab, command: Callable[..., tu
     assert "nothing lost; stopped by command" in command("status")[1]
     assert command("stop") == (0, "idle; no run was going on\n", "")
     assert json.loads(command("disarm", "--json")[1]) == {"state": "idle"}
+    is_held_until_it_is_reset(lab, daemon, command)
+
+
+def is_held_until_it_is_reset(lab: Lab, daemon: Any, command: Callable[..., tuple[int, str, str]]) -> None:
+    """A daemon that stood still in a run holds its rig safe, and says with which command it is reset."""
+    with lab.session() as session:
+        lab.arm(session, "held.mcap")
+        call(session, lab.keys, "start")
+        daemon.send_signal(signal.SIGSTOP)
+        time.sleep(2 * lab.rig.watchdog)
+        daemon.send_signal(signal.SIGCONT)
+        lab.until(session, lambda status: status["state"] == "idle")
+        with pytest.raises(DeviceFault, match="then reset it: armscope reset RIG.toml"):
+            lab.arm(session, "refused.mcap")
+    why = "the sampler was not active for 0.5 s"
+    assert f"held safe: {why}" in command("status")[1]
+    assert command("reset") == (0, f"was held safe: {why}\n", "")
+    assert command("reset") == (0, "was not held safe\n", "")
+    assert json.loads(command("reset", "--json")[1]) == {"tripped": None, "was": None}
 
 
 def test_stop_ends_an_embedded_recording_with_its_rows(lab: Lab, command: Callable[..., tuple[int, str, str]]) -> None:

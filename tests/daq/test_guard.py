@@ -26,7 +26,7 @@ OUTPUTS = {
 }
 
 
-def _experiment(to: float, speed: float = 1.0) -> Experiment:
+def reach(to: float, speed: float = 1.0) -> Experiment:
     return Experiment.model_validate(
         {
             "name": "reach",
@@ -73,7 +73,7 @@ def test_outputs_are_known_by_name_and_kind() -> None:
 )
 def test_a_motion_beyond_the_rigs_limits_is_refused_before_anything_moves(limits: dict[str, Any], words: str) -> None:
     with open_bench(make_rig(more=[ARM], limits=limits)) as bench:
-        acquisition = Acquisition(bench, _experiment(0.5))
+        acquisition = Acquisition(bench, reach(0.5))
         with pytest.raises(InputError, match=words):
             acquisition.arm()
         assert acquisition.state is State.IDLE
@@ -82,7 +82,7 @@ def test_a_motion_beyond_the_rigs_limits_is_refused_before_anything_moves(limits
 
 def test_a_motion_for_another_arm_is_refused() -> None:
     three = {name: [1.0] * 3 for name in ("start", "full_speed", "full_acceleration")}
-    motion = Experiment.model_validate({**_experiment(0.5).model_dump(), **three})
+    motion = Experiment.model_validate({**reach(0.5).model_dump(), **three})
     with open_bench(make_rig(more=[ARM])) as bench, pytest.raises(InputError, match="for 3 joints, the rig has 2"):
         Acquisition(bench, motion).arm()
 
@@ -116,7 +116,7 @@ def test_a_joint_that_was_never_zeroed_ends_the_run_at_once() -> None:
     for joint in table["joint"]:
         joint["encoder"]["preset"] = None
     table["device"] = [{"name": d.name, "driver": d.driver, **d.options} for d in rig.device]
-    motion = _experiment(0.5).model_copy(update={"start": [0.7, 0.0]})
+    motion = reach(0.5).model_copy(update={"start": [0.7, 0.0]})
     acquisition, _ = run(Rig.model_validate(table), experiment=motion)
     assert acquisition.ending is not None and acquisition.ending.reason is End.LIMIT
     assert "joint 1 reads" in acquisition.ending.detail and "zero the encoders" in acquisition.ending.detail

@@ -102,6 +102,27 @@ def test_outputs(card) -> None:
         device.write_volts(0, 7.0)
 
 
+@pytest.mark.parametrize("broken", ["start", "brake", 0, 1])
+def test_an_output_that_fails_leaves_no_other_as_it_is(broken: str | int, monkeypatch: pytest.MonkeyPatch) -> None:
+    library = fake_comedilib()
+    monkeypatch.setitem(sys.modules, "comedi", library)
+    lines = {"start": 0, "brake": 3}
+    device = driver.make("card", driver.Config(inputs=4, lines=lines), RigContext())
+    device.open()
+    for line in lines:
+        device.write_line(line, True)
+    for channel in (0, 1):
+        device.write_volts(channel, 5.0)
+    name = "comedi_dio_write" if isinstance(broken, str) else "comedi_data_write"
+    at, works = (lines[broken] if isinstance(broken, str) else broken), getattr(library, name)
+    setattr(library, name, lambda *what: -1 if what[2] == at else works(*what))
+    device.safe()
+    kept = ("line" if isinstance(broken, str) else "out", at)
+    safe = {("line", 0): 0, ("line", 3): 0, ("out", 0): 2048, ("out", 1): 2048}
+    del safe[kept]
+    assert {key: library.written[key] for key in safe} == safe and library.written[kept] in (1, 4095)
+
+
 def test_an_overrun_is_a_fault_and_ceilings_are_refused(card) -> None:
     device, library = card
     device.open()
