@@ -14,10 +14,12 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
+from arm_io.parallel import in_parallel
 from arm_io.types import Array
 from arm_model import Arm, EffectTerm
 from arm_model.effects import CATALOGUE, Effect, friction_near_rest
@@ -38,6 +40,8 @@ from identification.selection.cluster_covariance import cluster_covariance
 
 STIFFNESSES, DAMPINGS = 10, np.array([0.0, 0.5, 2.0, 8.0])
 """Number of stiffnesses that are tried, each with these dampings, as multiples of friction over the highest speed."""
+TOGETHER = 2 * len(DAMPINGS)
+"""Lanes that are simulated together."""
 STEPS, STEP, FARTHEST = 4, 0.05, 0.5
 """Gauss-Newton steps from the best lane; relative step of a derivative; largest change of a logarithm in a step."""
 RESOLVES = 1.0 / (2 * np.pi * COMPARE_BAND)
@@ -130,17 +134,48 @@ class _Lanes:
 
 def _lanes(arm: Arm, recordings: Sequence[Recording], joint: int, values: dict[str, Array]) -> _Lanes:
     """Loops with ``values`` (lanes,) of parameters of the joint (``arm_model.parameters``)."""
-    angle, current, seconds, j = list[Array](), list[Array](), list[NDArray[np.intp]](), joint - 1
-    for r in recordings:
-        own = set_up(arm, r)
-        t, rate = r.t - r.t[0], rate_of(r.t)
-        lanes = {f"joint{joint}.{name}": of for name, of in values.items()}
-        shown = recorded(own, simulate_batch(own, demand_of_run(r, own), t, parameters=lanes))
-        errors = [_errors(r, j, q[:, j], i[:, j], rate) for q, i in zip(shown.q, shown.current)]
-        angle.append(np.stack([error for error, _ in errors]))
-        current.append(np.stack([error for _, error in errors]))
-        seconds.append((np.arange(angle[-1].shape[1]) // rate_kept(rate)).astype(np.intp))
-    return _Lanes(values, angle, current, seconds)
+    angle, current = zip(*in_parallel(partial(_loops, arm, joint, values), recordings))
+    return _Lanes(values, list(angle), list(current), [_seconds(r, part) for r, part in zip(recordings, angle)])
+
+
+def _promising_lanes(
+    arm: Arm, recordings: Sequence[Recording], joint: int, values: dict[str, Array], before: Array
+) -> _Lanes | None:
+    """The same, of many lanes; None as soon as they leave more than they may, whichever predicts a recording.
+
+    before: (recordings,) squared angle errors that they must reduce. Recordings with most of it per row come first: two
+    of three joints with nothing wrong need no other. The stiffest lane of those that are simulated together sets the
+    step of all: they are few, of like stiffness.
+    """
+    found, least = dict[int, tuple[Array, Array]](), 0.0
+    lanes = len(next(iter(values.values())))
+    # the stiffest take longest
+    together = [slice(first, first + TOGETHER) for first in reversed(range(0, lanes, TOGETHER))]
+    parts = [{name: of[some] for name, of in values.items()} for some in together]
+    for k in sorted(range(len(recordings)), key=lambda k: -before[k] / len(recordings[k].t)):
+        of_parts = in_parallel(partial(_loops, arm, joint, recording=recordings[k]), parts)
+        angle, current = (np.concatenate(signal[::-1]) for signal in zip(*of_parts))
+        found[k] = angle, current
+        least += float(np.sum(angle**2, axis=1).min())
+        if least > LIMITS.left * before.sum():
+            return None
+    angles, currents = ([found[k][signal] for k in range(len(recordings))] for signal in (0, 1))
+    return _Lanes(values, angles, currents, [_seconds(r, part) for r, part in zip(recordings, angles)])
+
+
+def _loops(arm: Arm, joint: int, values: dict[str, Array], recording: Recording) -> tuple[Array, Array]:
+    """(lanes, m) rad and A: errors of the closed loops of one recording."""
+    own, j = set_up(arm, recording), joint - 1
+    lanes = {f"joint{joint}.{name}": of for name, of in values.items()}
+    demand = demand_of_run(recording, own)
+    shown = recorded(own, simulate_batch(own, demand, recording.t - recording.t[0], parameters=lanes))
+    errors = [_errors(recording, j, q[:, j], i[:, j], rate_of(recording.t)) for q, i in zip(shown.q, shown.current)]
+    return np.stack([error for error, _ in errors]), np.stack([error for _, error in errors])
+
+
+def _seconds(recording: Recording, errors: Array) -> NDArray[np.intp]:
+    """(m,) which second, from 0, each row of the errors (lanes, m) is in."""
+    return (np.arange(errors.shape[1]) // rate_kept(rate_of(recording.t))).astype(np.intp)
 
 
 def _errors(r: Recording, j: int, q: Array, i: Array, rate: float) -> tuple[Array, Array]:
@@ -175,7 +210,12 @@ def _judged(arm: Arm, recordings: Sequence[Recording], joint: int, effect: Effec
     drive = arm.joints[joint - 1]
     smoothed = _lanes(arm, recordings, joint, {"sign_velocity": drive.sign_velocity * SMOOTHING})
     turned = _in(smoothed, [smoothed.best] * len(recordings))
-    tried = _lanes(_with(arm, effect, joint), recordings, joint, _grid(recordings, arm, joint, effect))
+    energy = np.array([part @ part for part in turned[0]])
+    tried = _promising_lanes(
+        _with(arm, effect, joint), recordings, joint, _grid(recordings, arm, joint, effect), energy
+    )
+    if tried is None:
+        return None
     held = _predicted(tried)
     before, after = ([float(sum(part @ part for part in signal)) for signal in side] for side in (turned, held))
     chance = tests * p_value(_gains(turned[0], held[0], tried.seconds))
