@@ -85,8 +85,8 @@ def at_the_limit(figures: dict[str, float], puma: Arm) -> None:
     figures["peak_gflops"] = peak / 1e9
     for n, name in ((3, "three_links"), (6, "six_links")):
         run = prepared(first_joints(puma, n), variations(LANES), np.zeros(n), None)
-        figures[f"{name}_operations"] = operations_a_step(run.program.system, run.program.params, run.substeps)
-        rate = figures[f"{name}_1000_sets_x_real_time"] / run.step
+        figures[f"{name}_operations"] = operations_a_step(run.program.system, run.program.params, run.substeps[0])
+        rate = figures[f"{name}_1000_sets_x_real_time"] * run.substeps[0] / run.period
         figures[f"{name}_share_of_peak"] = figures[f"{name}_operations"] * rate / peak
     dry = first_joints(puma, 3)
     wet = replace(dry, joints=tuple(replace(joint, cylinder=CYLINDER) for joint in dry.joints))

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import ctypes
+import itertools
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -76,36 +78,54 @@ def aligned(*shape: int, dtype: type[np.floating[Any]] = np.float64) -> Array:
     return raw[offset : offset + size].reshape(shape)
 
 
+@dataclass(frozen=True)
+class Schedule:
+    """When a block steps, and when its rows are taken: tables of ``arm_model.simulation.kernel``.
+
+    timing: step s, decay of the currents in half a step, time s at the start, ticks, substeps of a tick. substeps,
+    weights: of every row (R,), and one that never comes; (R, 5).
+    """
+
+    timing: Array
+    substeps: NDArray[np.int64]
+    weights: Array
+
+
 def run_blocks(
     program: Program,
-    timing: Array,
+    schedules: Sequence[Schedule],
     params: Array,
     states: Array,
     memories: Array,
     currents: Array,
     demands: Array,
-    rows: tuple[NDArray[np.int64], Array],
     out: Array,
 ) -> None:
-    """Runs all blocks on all cores.
+    """Runs all blocks on all cores, each by its schedule.
 
-    Blocks are the leading axis of everything but timing and rows; demands with one block are shared.
+    Blocks are the leading axis; demands with one block are shared.
 
     states, memories and currents are advanced in place; out (blocks, rows, states + joints, width) is filled.
     """
     blocks, count = states.shape[0], out.shape[1]
     stride = 0 if demands.shape[0] == 1 else demands[0].size // program.width
-    pointers = [array.ctypes.data for array in (timing, params, states, memories, currents, demands)]
-    tail = [array.ctypes.data for array in (*rows, out)]
+    pointers = [array.ctypes.data for array in (params, states, memories, currents, demands)]
 
     def part(first: int, last: int) -> None:
-        program.run(first, last, *pointers, stride, count, *tail)
+        own = schedules[first]
+        rows = own.substeps.ctypes.data, own.weights.ctypes.data, out.ctypes.data
+        program.run(first, last, own.timing.ctypes.data, *pointers, stride, count, *rows)
 
     pieces = min(blocks, 4 * cores()) if cores() > 1 else 1
-    if pieces == 1:
-        part(0, blocks)
+    edges = {*np.linspace(0, blocks, pieces + 1).astype(int).tolist()}
+    edges |= {k for k in range(1, blocks) if schedules[k] is not schedules[k - 1]}
+    parts = list(itertools.pairwise(sorted(edges)))
+    if cores() == 1 or len(parts) == 1:
+        for first, last in parts:
+            part(first, last)
         return
-    edges = np.linspace(0, blocks, pieces + 1).astype(int)
-    # threads that end here: beside those of a pool that stays, ``arm_io.parallel`` could not fork any more
+    # those that take longest first; threads that end here: beside those of a pool that stays, ``arm_io.parallel``
+    # could not fork any more
+    parts.sort(key=lambda one: -schedules[one[0]].timing[-1] * (one[1] - one[0]))
     with ThreadPoolExecutor(cores(), thread_name_prefix="arm") as pool:
-        list(pool.map(part, edges[:-1].tolist(), edges[1:].tolist()))
+        list(pool.map(part, *zip(*parts)))

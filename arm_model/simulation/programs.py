@@ -41,12 +41,18 @@ def program_for(arm: Arm, inputs: Mapping[str, Array], lanes: int, *, single: bo
     ]
     terms = [(term.name, term.joint) for term in arm.effects]
     width = SINGLE_LANES if single else 1 if lanes == 1 else LANES
-    key = repr((width, single, joints, arm.base, arm.coupling, arm.controller, terms, _base(arm), sorted(zero)))
+    key = repr((width, single, joints, arm.base, arm.coupling, _servo(arm), terms, _base(arm), sorted(zero)))
     if key not in _kept:
         if len(_kept) >= KEPT:
             _kept.pop(next(iter(_kept)))
         _kept[key] = program_of(build(arm, zero), width, single=single)
     return _kept[key]
+
+
+def _servo(arm: Arm) -> object:
+    """What the equations of the servos depend on: their gains are numbers."""
+    servo = arm.controller
+    return servo and (servo.servo_period, servo.velocity_bandwidth, servo.velocity_reference)
 
 
 def _base(arm: Arm) -> object:

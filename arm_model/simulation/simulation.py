@@ -19,7 +19,7 @@ from arm_model.description import Arm
 from arm_model.effects import check_terms
 from arm_model.geometry import relinked
 from arm_model.motion import BaseTrack, Motion
-from arm_model.simulation.engine import Program, aligned, run_blocks
+from arm_model.simulation.engine import Program, Schedule, aligned, run_blocks
 from arm_model.simulation.programs import program_for, zeros
 from arm_model.simulation.servo_references import Demand, references, row_times, servo_period
 from arm_model.symbolic.tape import evaluate
@@ -40,7 +40,10 @@ PART = 200_000
 
 @dataclass
 class Lanes:
-    """Lanes in the middle of a simulation: everything blocked as (blocks, ..., width)."""
+    """Lanes in the middle of a simulation: everything blocked as (blocks, ..., width).
+
+    substeps: Runge-Kutta steps per servo tick (``period`` s) of each block.
+    """
 
     arm: Arm
     program: Program
@@ -50,14 +53,9 @@ class Lanes:
     memories: Array
     currents: Array
     period: float
-    substeps: int
+    substeps: tuple[int, ...]
     lanes: int
     tick: int = 0
-
-    @property
-    def step(self) -> float:
-        """s of one Runge-Kutta step."""
-        return self.period / self.substeps
 
 
 def prepared(
@@ -82,14 +80,13 @@ def prepared(
     if system.held:
         memories |= base_memories(system, inputs, states, start)
     period = servo_period(arm)
-    if substeps is None:
-        substeps = needed_substeps(arm, inputs, period)
     blocks = -(-lanes // width)
+    order = np.minimum(np.arange(blocks * width), lanes - 1)
+    each = needed_substeps(arm, inputs, period) if substeps is None else np.full(lanes, substeps)
 
     def blocked(columns: list[Array]) -> Array:
         """(lanes,) each -> (blocks, columns, width); spare lanes repeat the last."""
         room = aligned(blocks, max(len(columns), 1), width, dtype=program.dtype)
-        order = np.minimum(np.arange(blocks * width), lanes - 1)
         for k, column in enumerate(columns):
             room[:, k] = np.broadcast_to(column, (lanes,))[order].reshape(blocks, width)
         return room
@@ -105,19 +102,19 @@ def prepared(
         memories=blocked([memories[name] for name in system.memories]),
         currents=blocked([*flowing, *flowing]),
         period=period,
-        substeps=substeps,
+        substeps=tuple(each[order].reshape(blocks, width).max(axis=1).tolist()),
         lanes=lanes,
     )
 
 
-def needed_substeps(arm: Arm, inputs: Mapping[str, Array], period: float) -> int:
-    """Runge-Kutta steps per servo tick: as many as the fastest spring or bristle of the arm asks for (1 without any).
+def needed_substeps(arm: Arm, inputs: Mapping[str, Array], period: float) -> NDArray[np.intp]:
+    """(lanes,) Runge-Kutta steps per servo tick that the fastest spring or bristle asks for (1 without any).
 
     A spring k between inertias a and b with damper c swings at sqrt(k (1/a + 1/b)) and decays at c (1/a + 1/b); the
     step keeps both products with it below 0.4 and 1. A bristle of stiffness s on friction F relaxes at s v / F at speed
     v: below 1.
     """
-    return max(1, math.ceil(period * fastest(arm, inputs)))
+    return np.maximum(1, np.ceil(period * fastest(arm, inputs))).astype(np.intp)
 
 
 def advance(run: Lanes, demands: Array, times: Array) -> Array:
@@ -141,11 +138,15 @@ def advance(run: Lanes, demands: Array, times: Array) -> Array:
         order = np.minimum(np.arange(blocks * width), run.lanes - 1)
         blocked[:] = np.moveaxis(demands[order].reshape(blocks, width, ticks, n), 1, -1)
     lag = 0.0 if run.arm.controller is None else run.arm.controller.current_lag
-    half_decay = math.exp(-run.step / 2 / lag) if lag > 0 else 0.0
-    timing = np.array([run.step, half_decay, run.tick * run.period, ticks, run.substeps], float)
-    rows = _row_table(times, run.tick, ticks, run.period, run.substeps, lag)
     out = aligned(run.states.shape[0], len(times), len(system.states) + n, width, dtype=program.dtype)
-    run_blocks(program, timing, run.params, run.states, run.memories, run.currents, blocked, rows, out)
+    schedules = {}
+    for substeps in set(run.substeps):
+        step = run.period / substeps
+        half_decay = math.exp(-step / 2 / lag) if lag > 0 else 0.0
+        timing = np.array([step, half_decay, run.tick * run.period, ticks, substeps], float)
+        schedules[substeps] = Schedule(timing, *_row_table(times, run.tick, ticks, run.period, substeps, lag))
+    of_blocks = [schedules[substeps] for substeps in run.substeps]
+    run_blocks(program, of_blocks, run.params, run.states, run.memories, run.currents, blocked, out)
     run.tick += ticks
     lanes_first = np.moveaxis(out, -1, 1).reshape(out.shape[0] * width, *out.shape[1:3])
     return np.asarray(lanes_first[: run.lanes], float)
@@ -244,9 +245,10 @@ def simulate_batch(
 
     times (R,) s of the rows, increasing, from 0 on; the arm starts at rest at ``start`` (n,) or (lanes, n) rad, by
     default demand(0), held by its motors. ``substeps``: Runge-Kutta steps per servo tick; default: as many as the
-    fastest part needs. Returns a Motion with a leading axis of lanes. A ``start`` (n + 13,) goes on with the position,
-    attitude and velocity of a floating base, which else begins at rest in the world's origin. ``single``: in single
-    precision, twice as fast; positions stay within 1e-5 rad (m) of those in double precision.
+    fastest part of each block of lanes needs (lanes that are alike belong side by side). Returns a Motion with a
+    leading axis of lanes. A ``start`` (n + 13,) goes on with the position, attitude and velocity of a floating base,
+    which else begins at rest in the world's origin. ``single``: in single precision, twice as fast; positions stay
+    within 1e-5 rad (m) of those in double precision.
     """
     times = np.asarray(times, float)
     period = servo_period(arm)

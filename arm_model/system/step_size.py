@@ -66,9 +66,9 @@ def contact(arm: Arm, j: int, values: Mapping[str, float]) -> dict[str, float]:
     return found
 
 
-def fastest(arm: Arm, inputs: Mapping[str, Array]) -> float:
-    """1/s: one over the step that the arm's springs and states of friction allow; 0 where there are none."""
-    rates = [0.0]
+def fastest(arm: Arm, inputs: Mapping[str, Array]) -> Array:
+    """(lanes,) 1/s: one over the step that springs and states of friction allow; 0 where there are none."""
+    rates = [np.zeros_like(inputs["gravity0"])]
     for number, term in enumerate(arm.effects):
         effect, j = CATALOGUE[term.name], (term.joint or 0) - 1
         prefix = "contact_" if effect.name == "backlash" else ""
@@ -76,13 +76,13 @@ def fastest(arm: Arm, inputs: Mapping[str, Array]) -> float:
             mobility = _mobility(arm, j)
             stiffness = inputs[f"effect{number}.{prefix}stiffness"]
             damping = inputs[f"effect{number}.{prefix}damping"]
-            rates.append(float(np.max(np.sqrt(stiffness * mobility))) / SWING)
-            rates.append(float(np.max(damping * mobility)) / DECAY)
+            rates.append(np.sqrt(stiffness * mobility) / SWING)
+            rates.append(damping * mobility / DECAY)
         if effect.rate is not None:
             joint = arm.joints[j]
             speed = 2.0 if joint.motor_speed_limit is None else joint.motor_speed_limit / joint.ratio
             level = np.maximum(inputs[f"coulomb_mean{j}"] - abs(inputs[f"coulomb_difference{j}"]), 1e-3)
             values = Values({p.name: inputs[f"effect{number}.{p.name}"] for p in effect.parameters})
             at = (effect.rate(values, Signals(v=speed, sign=1.0, coulomb=level, state=state)) for state in (0.0, 1.0))
-            rates.append(float(np.max(next(at) - next(at))) / BRISTLE)
-    return max(rates)
+            rates.append(np.asarray(next(at) - next(at)) / BRISTLE)
+    return np.max(np.stack(np.broadcast_arrays(*rates)), axis=0)

@@ -40,8 +40,6 @@ from identification.selection.cluster_covariance import cluster_covariance
 
 STIFFNESSES, DAMPINGS = 10, np.array([0.0, 0.5, 2.0, 8.0])
 """Number of stiffnesses that are tried, each with these dampings, as multiples of friction over the highest speed."""
-TOGETHER = 2 * len(DAMPINGS)
-"""Lanes that are simulated together."""
 STEPS, STEP, FARTHEST = 4, 0.05, 0.5
 """Gauss-Newton steps from the best lane; relative step of a derivative; largest change of a logarithm in a step."""
 RESOLVES = 1.0 / (2 * np.pi * COMPARE_BAND)
@@ -143,20 +141,13 @@ def _promising_lanes(
 ) -> _Lanes | None:
     """The same, of many lanes; None as soon as they leave more than they may, whichever predicts a recording.
 
-    before: (recordings,) squared angle errors that they must reduce. Recordings with most of it per row come first: two
-    of three joints with nothing wrong need no other. The stiffest lane of those that are simulated together sets the
-    step of all: they are few, of like stiffness.
+    before: (recordings,) squared angle errors that they must reduce. Recordings with most of it per row come first:
+    where nothing is wrong, one or two of them tell.
     """
     found, least = dict[int, tuple[Array, Array]](), 0.0
-    lanes = len(next(iter(values.values())))
-    # the stiffest take longest
-    together = [slice(first, first + TOGETHER) for first in reversed(range(0, lanes, TOGETHER))]
-    parts = [{name: of[some] for name, of in values.items()} for some in together]
     for k in sorted(range(len(recordings)), key=lambda k: -before[k] / len(recordings[k].t)):
-        of_parts = in_parallel(partial(_loops, arm, joint, recording=recordings[k]), parts)
-        angle, current = (np.concatenate(signal[::-1]) for signal in zip(*of_parts))
-        found[k] = angle, current
-        least += float(np.sum(angle**2, axis=1).min())
+        found[k] = _loops(arm, joint, values, recordings[k])
+        least += float(np.sum(found[k][0] ** 2, axis=1).min())
         if least > LIMITS.left * before.sum():
             return None
     angles, currents = ([found[k][signal] for k in range(len(recordings))] for signal in (0, 1))

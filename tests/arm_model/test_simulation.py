@@ -16,7 +16,7 @@ from arm_model.parameters import with_parameters
 from arm_model.rigid_body import numeric
 from arm_model.servo import servo_gains
 from arm_model.simulation.servo_references import references, row_times
-from arm_model.simulation.simulation import simulate, simulate_batch
+from arm_model.simulation.simulation import prepared, simulate, simulate_batch
 from arm_model.simulation.stepper import Stepper
 from arm_model.system import dynamics
 from tests.arm_model.pumas import swing, three_links
@@ -156,6 +156,42 @@ def test_single_precision_stays_with_double(puma: Arm, root: Path, kind: str) ->
     if exact.base is not None:
         assert rounded.base is not None
         np.testing.assert_allclose(rounded.base.position, exact.base.position, atol=1e-5, rtol=1e-6)
+
+
+def test_lanes_that_need_short_steps_do_not_shorten_those_of_other_blocks(puma: Arm) -> None:
+    """Each block of eight is what a batch of it alone is; the stiff one takes more steps."""
+    arm = three_links(puma).with_effect("joint_compliance", joint=2, stiffness=2e4, damping=20.0)
+    name, times = "joint2.joint_compliance.stiffness", row_times(0.5, 100)
+    stiffness = np.concatenate([np.linspace(1e4, 2e4, 8), np.linspace(1e6, 2e6, 8)])
+    batch = simulate_batch(arm, swing(3), times, parameters={name: stiffness})
+    for part in (slice(8), slice(8, 16)):
+        alone = simulate_batch(arm, swing(3), times, parameters={name: stiffness[part]})
+        np.testing.assert_allclose(batch.q[part], alone.q, atol=1e-12)
+    soft, stiff = prepared(arm, {name: stiffness}, np.zeros(3), None).substeps
+    assert (soft, stiff) == (1, 4)
+    finer = simulate_batch(arm, swing(3), times, parameters={name: stiffness[:8]}, substeps=stiff)
+    assert np.abs(finer.q - batch.q[:8]).max() > 1e-9
+
+
+def test_servos_of_other_gains_are_the_same_program(puma: Arm) -> None:
+    arm = three_links(puma)
+    gains = servo_gains(arm)
+    assert arm.controller is not None
+    servo = replace(
+        arm.controller,
+        kind="gains",
+        position_gain=tuple(0.5 * gains.position),
+        integral_gain=tuple(0.5 * gains.integral),
+        velocity_gain=tuple(gains.velocity),
+    )
+    other = replace(arm, controller=servo)
+    slower = replace(arm, controller=replace(arm.controller, servo_period=2 * arm.controller.servo_period))
+    first, second, third = (prepared(one, None, np.zeros(3), None).program for one in (arm, other, slower))
+    assert second is first
+    assert third is not first
+    times = row_times(0.5, 100)
+    one, two = (simulate_batch(a, swing(3), times).current for a in (arm, other))
+    assert np.abs(one - two).max() > 1e-3 * np.abs(one).max()
 
 
 def test_blocks_of_time_do_not_matter(puma: Arm) -> None:

@@ -8,11 +8,15 @@ from __future__ import annotations
 import math
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from arm_io.parallel import CORES
 from arm_model import Arm, Controller
+from arm_model.motion import Motion
+from arm_model.simulation import simulate_batch
 from daq.recording import Attachments, Recording, open_recording, write_table
 from diagnosis.cause import Cause, Estimate, Signal
 from diagnosis.closed_loop.friction import friction_in_loop, with_estimates_of
@@ -152,3 +156,16 @@ def test_friction_that_turns_at_once_is_none_whether_it_sticks_or_not(
     hidden: Hidden, creeping: bool, tmp_path: Path
 ) -> None:
     assert friction_in_loop(_axis(), _recordings(tmp_path, hidden, creeping=creeping), [1], ()) == []
+
+
+def test_one_recording_refutes_what_no_lane_of_it_allows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    simulated = list[int]()
+
+    def counted(*args: Any, parameters: dict[str, np.ndarray]) -> Motion:
+        simulated.append(len(next(iter(parameters.values()))))
+        return simulate_batch(*args, parameters=parameters)
+
+    monkeypatch.setattr("diagnosis.closed_loop.friction.simulate_batch", counted)
+    monkeypatch.setenv(CORES, "1")
+    assert friction_in_loop(_axis(), _recordings(tmp_path, (0.0, 0.0, 0.0, False)), [1], ()) == []
+    assert simulated == [8, 8, 8, 40]
