@@ -8,11 +8,13 @@ them, and they are found by Gauss-Newton steps with all joints varied at once: a
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from arm_io.parallel import in_parallel
 from arm_io.types import Array
 from arm_model import Arm
 from arm_model.servo import fixed_gains, servo_gains
@@ -33,10 +35,9 @@ def with_servo_gains(arm: Arm, recordings: Sequence[Recording]) -> Arm:
     arm = fixed_gains(arm)
     logarithm = np.zeros((2, len(arm)))
     for _ in range(STEPS):
-        here, *moved = (
-            np.concatenate([loop_errors(scaled(arm, logarithm + by[:, None]), r)[0] for r in recordings])
-            for by in np.vstack([np.zeros(2), STEP * np.eye(2)])
-        )
+        tried = [scaled(arm, logarithm + by[:, None]) for by in np.vstack([np.zeros(2), STEP * np.eye(2)])]
+        errors = iter(in_parallel(_error, list(itertools.product(tried, recordings))))
+        here, *moved = (np.concatenate([next(errors) for _ in recordings]) for _ in tried)
         if not all(np.isfinite(one).all() for one in (here, *moved)):
             return arm
         for j in range(len(arm)):
@@ -44,6 +45,11 @@ def with_servo_gains(arm: Arm, recordings: Sequence[Recording]) -> Arm:
             step = -np.linalg.lstsq(slopes, here[:, j], rcond=None)[0]
             logarithm[:, j] += np.clip(step, -FARTHEST, FARTHEST)
     return scaled(arm, logarithm) if np.all(np.abs(logarithm) < np.log(MOST)) else arm
+
+
+def _error(loop: tuple[Arm, Recording]) -> Array:
+    """(m, n) A: what one closed loop misses of one recording."""
+    return np.asarray(loop_errors(*loop)[0])
 
 
 def scaled(arm: Arm, logarithm: Array) -> Arm:
