@@ -6,8 +6,9 @@ links, which are most of it, by compiled code.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 
@@ -46,7 +47,8 @@ def torque_with_effects(arm: Arm, theta: Array, speed: Array, acceleration: Arra
     zeros = frozenset(name for name, value in inputs.items() if not value.any())
     compiled = len(theta) >= FEW and not wet(arm)
     equations = _equations(_Structure(kept), zeros, compiled)
-    n, of_links = len(arm), np.zeros((len(theta), 0))
+    n, moving = len(arm), [time, theta, speed, acceleration]
+    of_links = np.zeros((len(theta), 0))
     if equations.links_given:
         zero, bodies, gravity = (
             np.array([[inputs[name][0] for name in row] for row in rows])
@@ -56,15 +58,21 @@ def torque_with_effects(arm: Arm, theta: Array, speed: Array, acceleration: Arra
                 [[f"gravity{k}" for k in range(3)]],
             )
         )
-        of_links = links_torque(arm, bodies, gravity[0], (theta + zero, speed, acceleration))
+        motion = (theta, speed, acceleration)
+        if equations.links.asked:
+            of_motors = partial(_along, equations.tape, equations.links, inputs)
+            q, qd, qdd = np.split(in_blocks(of_motors, *moving), 3, axis=1)
+            motion = (q, qd, qdd)
+        of_links = links_torque(arm, bodies, gravity[0], (motion[0] + zero, *motion[1:]))
+    return in_blocks(partial(_along, equations.tape, equations.torque, inputs), *moving, of_links)
 
-    def block(theta: Array, speed: Array, acceleration: Array, time: Array, of_links: Array) -> Array:
-        columns = {"theta": theta, "speed": speed, "rate": acceleration, "links": of_links}
-        moving = {f"{name}{j}": column for name, values in columns.items() for j, column in enumerate(values.T)}
-        values = evaluate(equations.tape, equations.torque, {**inputs, **moving, "time": time}, equations.order)
-        return stacked(values, theta.shape[:1])
 
-    return in_blocks(block, theta, speed, acceleration, time, of_links)
+def _along(tape: Tape, part: _Part, inputs: Mapping[str, Array], time: Array, *motion: Array) -> Array:
+    """(N, ...) what is asked of a tape, at rows of a motion of the motors, and of torques of the links after it."""
+    names = ("theta", "speed", "rate", "links")
+    moving = {f"{name}{j}": column for name, values in zip(names, motion) for j, column in enumerate(values.T)}
+    values = evaluate(tape, part.asked, {**inputs, **moving, "time": time}, part.order)
+    return stacked(values, time.shape)
 
 
 class _Structure:
@@ -88,15 +96,24 @@ class _Structure:
 
 
 @dataclass(frozen=True)
+class _Part:
+    """Expressions that are asked for, and the nodes that they need."""
+
+    asked: list[Expr]
+    order: list[int]
+
+
+@dataclass(frozen=True)
 class _Equations:
     """Torques of the motors on a tape.
 
-    order  the nodes that they need; links_given: torques of the rigid links are the inputs ``links{j}``
+    links: angles, speeds and accelerations (3 n) of the links; nothing where they move as the motors do. links_given:
+    torques of the rigid links, at the links, are the inputs ``links{j}``.
     """
 
     tape: Tape
-    torque: list[Expr]
-    order: list[int]
+    torque: _Part
+    links: _Part
     links_given: bool
 
 
@@ -105,7 +122,7 @@ def _equations(structure: _Structure, zeros: frozenset[str], compiled: bool) -> 
     """Torques of the motors over angles ``theta{j}``, ``speed{j}``, ``rate{j}``.
 
     They are over ``time`` and the arm's numbers too, of which ``zeros`` are 0. ``compiled``: torques of the rigid links
-    may be the inputs ``links{j}``, and are where the links move as the motors do.
+    are the inputs ``links{j}``.
     """
     arm = structure.arm
     tape, n = Tape(), len(arm)
@@ -114,14 +131,19 @@ def _equations(structure: _Structure, zeros: frozenset[str], compiled: bool) -> 
     angles = [tape.input(f"theta{j}") for j in range(n)]
     speeds = [tape.input(f"speed{j}") for j in range(n)]
     rates = [tape.input(f"rate{j}") for j in range(n)]
-    zero = [tape.constant(0.0)] * n
-    joints = Joints(angles, speeds, mechanics.shape(angles, speeds), zero, tape.input("time"))
-    given = compiled and joints.shape.slope is None
-    if given:
-        load = [tape.input(f"links{j}") + own for j, own in enumerate(on_links(symbol, mechanics, joints))]
+    zero, shape = [tape.constant(0.0)] * n, mechanics.shape(angles, speeds)
+    joints = Joints(angles, speeds, shape, zero, tape.input("time"))
+    if compiled:
+        acting = on_links(symbol, mechanics, joints)
+        load = shape.pulled([tape.input(f"links{j}") + own for j, own in enumerate(acting)])
     else:
         links = rigid_links(arm, symbol, mechanics, joints)
         load = [sum((links.matrix[j][k] * rates[k] for k in range(n)), links.carried[j]) for j in range(n)]
+    motion: list[Expr] = []
+    if shape.slope is not None:
+        pushed = [sum((row[k] * rates[k] for k in range(n)), shape.bias[j]) for j, row in enumerate(shape.slope)]
+        motion = [*shape.q, *shape.qd, *pushed]
     drag = mechanics.drag(replace(joints, load=load))
     torque = [load[j] + symbol(f"rotor{j}") * rates[j] + drag.torque[j] for j in range(n)]
-    return _Equations(tape, torque, needed(tape, torque), given)
+    asked, moved = (_Part(part, needed(tape, part)) for part in (torque, motion))
+    return _Equations(tape, asked, moved, compiled)

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_io import InputError
+from arm_io.parallel import in_parallel
 from arm_io.types import Array
 from arm_model import EffectTerm
 from arm_model.effects import Instrument
@@ -98,15 +99,16 @@ def promising(
     """
     if state.model.data.two_fold:
         return []
-    found, rows = [], sum(part.rows for part in state.model.data)
+    rows, missed = sum(part.rows for part in state.model.data), _missed(state, others)
     taken = {*state.model.excluded, *(c.key for c in beside)}
-    for c in tuple(state.model.library):
-        if not c.definition.settable or c.key in taken:
-            continue
-        own = own_values([*beside, c], state, others)[-1]
-        more = own.gains.sum() - (0.0 if beside else _common_gain(state.model.columns(c), state, others))
-        if more > MATTERS * rows and exists_in_all(own, state):
-            found.append(own)
+    tried = [c for c in state.model.library if c.definition.settable and c.key not in taken]
+
+    def judged(c: Candidate) -> OwnValues | None:
+        own = _values([*beside, c], state, others, missed)[-1]
+        more = own.gains.sum() - (0.0 if beside else _common_gain(state.model.columns(c), state, missed))
+        return own if more > MATTERS * rows and exists_in_all(own, state) else None
+
+    found = [own for own in in_parallel(judged, tried) if own is not None]
     best = max((float(own.gains.sum()) for own in found), default=0.0)
 
     def rank(own: OwnValues) -> tuple[int, float]:
@@ -131,6 +133,18 @@ def exists_in_all(own: OwnValues, state: State) -> bool:
 
 def own_values(several: Sequence[Candidate], state: State, others: Sequence[EffectTerm] = ()) -> list[OwnValues]:
     """Candidates with a value per recording each, fitted together, with ``others`` in the arm."""
+    return _values(several, state, others, _missed(state, others))
+
+
+def _missed(state: State, others: Sequence[EffectTerm]) -> list[Array]:
+    """(n * rows,) whitened residual of each recording, the fitted ones first, with ``others`` in the arm."""
+    return [_flat(with_own(run, others)) for run in _runs(state)]
+
+
+def _values(
+    several: Sequence[Candidate], state: State, others: Sequence[EffectTerm], missed: Sequence[Array]
+) -> list[OwnValues]:
+    """``own_values``; missed: as ``_missed`` gives it."""
     pairs = [state.model.columns(c) for c in several]
     widths = [pair.fit.x.shape[1] for pair in pairs]
     edges = np.cumsum([0, *widths])
@@ -139,7 +153,7 @@ def own_values(several: Sequence[Candidate], state: State, others: Sequence[Effe
     bends = [_bends(c, pair, state) for c, pair in zip(several, pairs)]
     found: list[list[_OfRecording]] = [[] for _ in several]
     for k, (run, x) in enumerate(zip(_runs(state), _of_runs(pairs, state))):
-        y = first = _flat(with_own(run, others))
+        y = first = missed[k]
         for _ in range(CORRECTIONS):
             values = scaled_lstsq(x, y, INDEPENDENT)
             terms = [_term(c, values[place]) for c, place in zip(several, places)]
@@ -304,8 +318,7 @@ def _predicted_gains(x: Array, y: Array, without: Array, block: NDArray[np.intp]
     return gains
 
 
-def _common_gain(pair: Pair, state: State, others: Sequence[EffectTerm]) -> float:
-    """Fall of the squared residual of all recordings by one value for all, with ``others`` in the arm."""
-    x = np.concatenate(_of_runs([pair], state))
-    y = np.concatenate([_flat(with_own(run, others)) for run in _runs(state)])
+def _common_gain(pair: Pair, state: State, missed: Sequence[Array]) -> float:
+    """Fall of the squared residual of all recordings, ``missed``, by one value for all."""
+    x, y = np.concatenate(_of_runs([pair], state)), np.concatenate(missed)
     return float(np.sum(y**2) - np.sum((y - x @ scaled_lstsq(x, y, INDEPENDENT)) ** 2))

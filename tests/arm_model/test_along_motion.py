@@ -69,10 +69,13 @@ EFFECTS = (
     EffectTerm("gear_ripple", 1, {"amplitude": 3e-4, "order": 3.0, "phase": 0.4}),
     EffectTerm("hydrodynamic_drag", 1, {"drag": 3.0}),
 )
+COUPLED = EffectTerm("wrist_coupling", None, {"c54": 0.02, "c64": -0.03, "c65": 0.1})
 
 
 @pytest.mark.parametrize(
-    "terms", [EFFECTS[:3], EFFECTS[3:6], EFFECTS[6:], EFFECTS], ids=["drag", "links", "uneven", "all"]
+    "terms",
+    [EFFECTS[:3], EFFECTS[3:6], EFFECTS[6:], EFFECTS, (*EFFECTS[3:], COUPLED)],
+    ids=["drag", "links", "uneven", "all", "coupled"],
 )
 @pytest.mark.parametrize("name", ["puma560", "emps"])
 def test_inverse_dynamics_with_effects_is_that_of_few_rows(
