@@ -46,7 +46,7 @@ def torque_with_effects(arm: Arm, theta: Array, speed: Array, acceleration: Arra
         inputs |= moved
     zeros = frozenset(name for name, value in inputs.items() if not value.any())
     compiled = len(theta) >= FEW and not wet(arm)
-    equations = _equations(_Structure(kept), zeros, compiled)
+    equations = _equations(_Structure(kept, compiled), zeros)
     n, moving = len(arm), [time, theta, speed, acceleration]
     of_links = np.zeros((len(theta), 0))
     if equations.links_given:
@@ -78,15 +78,17 @@ def _along(tape: Tape, part: _Part, inputs: Mapping[str, Array], time: Array, *m
 class _Structure:
     """An arm as its equations see it.
 
-    Equal to any other with the same joints, base and kinds of effects, whatever the effects' parameters.
+    Equal to any other with the same joints, base and kinds of effects, whatever the effects' parameters. ``compiled``:
+    torques of the rigid links are given, so that their geometry and their bodies do not matter.
     """
 
-    def __init__(self, arm: Arm) -> None:
-        self.arm = arm
+    def __init__(self, arm: Arm, compiled: bool) -> None:
+        self.arm, self.compiled = arm, compiled
         terms = tuple((term.name, term.joint) for term in arm.effects)
         warm = tuple(warmth_knots(arm, j) for j in range(len(arm)))
-        numbers_of_arm = [getattr(arm, one.name) for one in fields(arm) if one.compare and one.name != "effects"]
-        self.key = repr(numbers_of_arm), terms, warm
+        drives = [(j.ratio, None if j.friction_curve is None else len(j.friction_curve.speed)) for j in arm.joints]
+        rest = [getattr(arm, one.name) for one in fields(arm) if one.compare and one.name != "effects"]
+        self.key = repr((drives, arm.coupling) if compiled else rest), terms, warm, compiled
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, _Structure) and self.key == other.key
@@ -118,13 +120,12 @@ class _Equations:
 
 
 @lru_cache(maxsize=32)
-def _equations(structure: _Structure, zeros: frozenset[str], compiled: bool) -> _Equations:
+def _equations(structure: _Structure, zeros: frozenset[str]) -> _Equations:
     """Torques of the motors over angles ``theta{j}``, ``speed{j}``, ``rate{j}``.
 
-    They are over ``time`` and the arm's numbers too, of which ``zeros`` are 0. ``compiled``: torques of the rigid links
-    are the inputs ``links{j}``.
+    They are over ``time`` and the arm's numbers too, of which ``zeros`` are 0.
     """
-    arm = structure.arm
+    arm, compiled = structure.arm, structure.compiled
     tape, n = Tape(), len(arm)
     symbol = Symbols(tape, zeros)
     mechanics = Mechanics(arm, symbol)

@@ -91,6 +91,27 @@ def test_inverse_dynamics_with_effects_is_that_of_few_rows(
     same(inverse_dynamics(arm, q, qd, qdd, time=t), by_numpy)
 
 
+def test_arms_that_share_equations_take_their_own_numbers(root: Path) -> None:
+    """Other bodies and frames leave the equations beside the links as they are; another gear ratio does not."""
+    puma = replace(read_model(root / "config/models/puma560.toml"), effects=EFFECTS)
+    q, qd, qdd = motion(puma)
+    joint = puma.joints[1]
+    others = (
+        joint,
+        replace(joint, mass=joint.mass + 1.0),
+        replace(joint, a=1.01 * joint.a),
+        replace(joint, gear=1.1 * joint.gear),
+        replace(joint, coulomb=tuple(1.5 * c for c in joint.coulomb)),
+    )
+    found = []
+    for other in others:
+        changed = replace(puma, joints=(puma.joints[0], other, *puma.joints[2:]))
+        parts = [slice(k, k + 100) for k in range(0, ROWS, 100)]
+        found.append(inverse_dynamics(changed, q, qd, qdd))
+        same(found[-1], np.concatenate([inverse_dynamics(changed, q[p], qd[p], qdd[p]) for p in parts]))
+    assert all(np.abs(one - found[0]).max() > 1e-6 * np.abs(found[0]).max() for one in found[1:])
+
+
 def test_expressions_by_rows_are_those_of_the_tape() -> None:
     tape = Tape()
     x, y, shared = (tape.input(name) for name in ("x", "y", "shared"))
