@@ -7,6 +7,7 @@ no other thread does.
 
 from __future__ import annotations
 
+import errno
 import logging
 import threading
 import time
@@ -24,6 +25,10 @@ MOST = 4096  # frames that a mailbox holds: unread frames are not kept for ever
 ATTENDED = 0.1
 LEFT = 0.01  # s between such looks
 TURN = 0.001  # s after which a thread that waits for another's reading checks its mailbox again
+# s for which a frame may wait for room in the transmit queue: twice the 0.1 s that a queue of 90 full frames takes at
+# 125 kbit/s. A queue that stays full longer is that of a bus on which nobody acknowledges.
+SEND = 0.2
+RETRY = 0.001  # s between tries
 OLDEST = 2.0  # s: a frame's stamp that is older was not given by this computer's clock
 NETWORKED = ("udp_multicast",)  # python-can's interfaces that open a port to everybody
 NO_BIT_RATE = ("virtual", "unix")
@@ -139,15 +144,29 @@ class CanBus:
         return box
 
     def send(self, identifier: int, data: bytes) -> None:
+        """Hands a frame to the bus; waits while its transmit queue is full. OSError where that lasts ``SEND`` s."""
         if self._error is not None or self._bus is None:
             raise OSError(self._error or "the bus is not open")
         message = self._can.Message(arbitration_id=identifier, data=data, is_extended_id=False)
         try:
             with self._sending:
-                self._bus.send(message)
+                self._send(message)
         except (self._can.CanError, OSError) as error:
             self._error = f"cannot send: {error}"
             raise OSError(self._error) from None
+
+    def _send(self, message: Any) -> None:
+        deadline = time.monotonic() + SEND
+        while True:
+            try:
+                self._bus.send(message, timeout=max(deadline - time.monotonic(), 0.0))
+                return
+            except self._can.CanError as error:
+                # python-can waits for the socket; a full queue of the interface shows as this error all the same.
+                full = getattr(error, "error_code", None) == errno.ENOBUFS
+                if not full or time.monotonic() > deadline:
+                    raise
+            time.sleep(RETRY)
 
     def network(self) -> Any:
         """A canopen.Network on this bus, for SDO and NMT; kept over ``reopen``."""

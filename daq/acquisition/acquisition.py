@@ -146,7 +146,7 @@ class Acquisition:
         for stream in self._intake.streams:
             device = self.bench.devices[stream.name]
             readings = device.clock_readings() if isinstance(device, ClockReadings) else []
-            fits.append(fit_clock(stream.name, readings) or fit_clock(stream.name, stream.pairs))
+            fits.append(fit_clock(stream.name, readings) or fit_clock(stream.name, stream.pairs.kept))
         return [fit for fit in fits if fit is not None]
 
     # Rows

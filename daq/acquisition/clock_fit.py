@@ -28,6 +28,7 @@ class ClockFit:
     std_ns        (k,) standard deviation of host_ns
     residual_rms  ns: scatter of single readings
     tick_rate     ticks per host second, over the whole fit
+    pairs         readings that were kept, of a long recording an even choice
     """
 
     device: str
@@ -56,6 +57,27 @@ class ClockFit:
             "tick_rate": self.tick_rate,
             "pairs": self.pairs,
         }
+
+
+class ClockPairs:
+    """Pairs (tick, host ns) of a run however long: every ``stride``-th of those added, at most ``MOST_PAIRS``.
+
+    Whenever so many are there, every second one is dropped and the stride doubled: they stay evenly spread.
+    """
+
+    def __init__(self) -> None:
+        self.kept: list[tuple[int, int]] = []
+        self.stride = 1
+        self.added = 0
+
+    def add(self, tick: int, host: int) -> None:
+        if self.added % self.stride == 0:
+            if len(self.kept) == MOST_PAIRS:
+                del self.kept[1::2]
+                self.stride *= 2
+            if self.added % self.stride == 0:
+                self.kept.append((tick, host))
+        self.added += 1
 
 
 def fit_clock(device: str, pairs: Sequence[tuple[int, int]], knot_seconds: float = KNOT_SECONDS) -> ClockFit | None:

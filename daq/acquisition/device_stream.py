@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from daq.acquisition.clock_fit import ClockPairs
 from daq.acquisition.trigger_index import Indexer
 from daq.rig.channels import Columns
 from drivers import extend
@@ -49,7 +50,7 @@ class Stream:
         self.rows = 0
         self.served = -1
         self.repeat = Quality.MISSING if points or readings else Quality.STALE
-        self.pairs: list[tuple[int, int]] = []  # tick and host time, one a block, for the fit of the clocks
+        self.pairs = ClockPairs()  # one a block, for the fit of the clocks
         self._widths = [columns.widths[i] for i in counters]
         self._last: list[int | None] = [presets.get(columns.counters[i][1]) for i in counters]
         self._waiting: Table | None = None
@@ -60,7 +61,7 @@ class Stream:
         if len(block):
             self.rows += len(block)
             if block.tick[-1]:
-                self.pairs.append((int(block.tick[-1]), int(block.host[-1])))
+                self.pairs.add(int(block.tick[-1]), int(block.host[-1]))
             self._waiting = append(self._waiting, self._table(block))
         waiting = self._waiting
         if waiting is None:

@@ -12,7 +12,7 @@ from __future__ import annotations
 import time
 
 from drivers.blocks import one_row
-from drivers.can_bus import CanBus, shared_bus
+from drivers.can_bus import CanBus, frame_bits, shared_bus
 from drivers.cia406 import protocol as cia
 from drivers.cia406.nodes import Config as Config
 from drivers.cia406.nodes import EncoderNodes
@@ -21,6 +21,7 @@ from drivers.protocols import Block, HostClock, Identity, Plan, Quality
 from drivers.rig_context import RigContext
 
 SEARCH = 0.3  # s for all nodes to answer
+SHARE = 0.4  # of the bus that the search's requests take: each may be answered by as long a frame
 
 
 class Cia406Encoders(EncoderNodes):
@@ -97,12 +98,12 @@ def find(config: Config) -> list[str]:
     """The nodes that answer on the bus when all are asked for their device type."""
     bus = CanBus(config)
     answers = bus.listen([cia.SDO_REPLY + n for n in range(1, 128)])
+    pause = frame_bits(8) / config.bitrate / SHARE  # s
     try:
         bus.open()
         for number in range(1, 128):
             bus.send(cia.SDO_REQUEST + number, cia.ASK_DEVICE_TYPE)
-            if number % 16 == 0:
-                time.sleep(0.005)
+            time.sleep(pause)
         time.sleep(SEARCH)
         profiles = {i - cia.SDO_REPLY: int.from_bytes(data[4:6], "little") for _, i, data in answers.take()}
     except OSError:

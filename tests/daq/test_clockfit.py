@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from daq.acquisition.clock_fit import ArrivalClock, fit_clock
+from daq.acquisition.clock_fit import MOST_PAIRS, ArrivalClock, ClockPairs, fit_clock
 
 
 @given(st.integers(0, 10_000), st.floats(-200e-6, 200e-6), st.floats(1e3, 1e8))
@@ -51,6 +51,25 @@ def test_the_stated_uncertainty_is_the_scatter_of_repeated_fits() -> None:
         found.append(fit.host_ns)
         stated.append(fit.std_ns)
     assert np.std(found, axis=0) == pytest.approx(np.mean(stated, axis=0), rel=0.2)
+
+
+def test_a_long_run_keeps_few_pairs_and_the_fit_of_all() -> None:
+    """A week of blocks is as many pairs as an hour's; what they say is the same, within its uncertainty."""
+    random = np.random.default_rng(3)
+    true = np.arange(3 * MOST_PAIRS + 1) * 0.01
+    ticks = np.round(true * 1e6 * (1 + 30e-6)).astype(np.int64)
+    host = np.round(true * 1e9 + random.normal(0, 5_000, len(true))).astype(np.int64)
+    kept, most = ClockPairs(), 0
+    for tick, at in zip(ticks.tolist(), host.tolist()):
+        kept.add(tick, at)
+        most = max(most, len(kept.kept))
+    assert MOST_PAIRS / 2 < len(kept.kept) <= most == MOST_PAIRS
+    assert kept.kept == list(zip(ticks.tolist(), host.tolist()))[:: kept.stride]
+    few, every = fit_clock("card", kept.kept), fit_clock("card", list(zip(ticks.tolist(), host.tolist())))
+    assert few is not None and every is not None
+    away = np.abs(few.to_host(ticks) - every.to_host(ticks))
+    assert away.max() < 6 * np.hypot(max(few.std_ns), max(every.std_ns))
+    assert few.residual_rms == pytest.approx(every.residual_rms, rel=0.1)
 
 
 @pytest.mark.parametrize("pairs", [[], [(1, 1), (2, 2)], [(5, 1), (5, 2), (5, 3)]])

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import errno
 import threading
 import time
+import types
 import uuid
 from collections.abc import Iterator
 from typing import Any
@@ -13,6 +15,7 @@ import pytest
 
 from drivers import can_bus
 from drivers.can_bus import CanBus, CanConfig
+from drivers.cia406 import device as cia406
 
 MINE, YOURS = 0x181, 0x182
 
@@ -101,6 +104,48 @@ def test_a_frame_is_of_the_time_at_which_the_kernel_had_it(bus: tuple[CanBus, An
         ((at, _, _),) = box.wait(within(5))
         after = time.monotonic_ns()
         assert before - age * 1e9 - 1e6 <= at <= after - age * 1e9 + (after - before) + 1e6
+
+
+def test_a_full_transmit_queue_is_waited_for(bus: tuple[CanBus, Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    """The kernel refuses a frame with ENOBUFS while the interface's queue is full, though its socket takes more."""
+    here, other = bus
+    send, full = here._bus.send, [True] * 5
+
+    def queue(message: can.Message, timeout: float | None = None) -> None:
+        assert timeout is not None, "python-can then fails at once"
+        if full and full.pop():
+            raise can.CanOperationError("Failed to transmit: No buffer space available", errno.ENOBUFS)
+        send(message, timeout)
+
+    monkeypatch.setattr(here._bus, "send", queue)
+    here.send(MINE, b"\x07")
+    assert here.is_open and other.recv(5.0).data == b"\x07"
+    monkeypatch.setattr(can_bus, "SEND", 0.02)
+    full += [True] * 1_000_000
+    with pytest.raises(OSError, match="cannot send: Failed to transmit: No buffer space"):
+        here.send(MINE, b"\x08")
+    assert not here.is_open
+
+
+@pytest.mark.parametrize("rate", [10_000, 125_000, 250_000, 1_000_000])
+def test_a_search_for_nodes_leaves_no_frames_waiting(rate: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Frames are handed over no faster than the wire carries them and as many answers."""
+    now, queued, most = 0.0, 0.0, 0.0
+
+    def pass_by(seconds: float) -> None:
+        nonlocal now, queued
+        now, queued = now + seconds, max(queued - seconds, 0.0)
+
+    def send(bus: CanBus, identifier: int, data: bytes) -> None:
+        nonlocal queued, most
+        queued += 2 * can_bus.frame_bits(8) / rate
+        most = max(most, queued * rate / can_bus.frame_bits(8))
+
+    monkeypatch.setattr(cia406, "time", types.SimpleNamespace(sleep=pass_by))
+    monkeypatch.setattr(CanBus, "send", send)
+    where = {"interface": "virtual", "channel": uuid.uuid4().hex, "bitrate": rate}
+    assert cia406.find(cia406.Config(**where, nodes=(1,))) == []
+    assert most < 3 and now < 0.5 + 127 * 3 * can_bus.frame_bits(8) / rate
 
 
 def test_a_bus_that_fails_while_somebody_waits(bus: tuple[CanBus, Any], monkeypatch: pytest.MonkeyPatch) -> None:
