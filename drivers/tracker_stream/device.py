@@ -22,6 +22,7 @@ from drivers.protocols import Block, EdgeSource, HostClock, Identity, Plan, Qual
 from drivers.reconnect import Reconnect, in_words
 from drivers.rig_context import RigContext
 from drivers.serial_port import SerialPort
+from drivers.tracker_stream.plausible import Numbering
 from drivers.tracker_stream.protocol import Frames, Lines
 
 METRES = {"m": 1.0, "mm": 1e-3}
@@ -73,6 +74,7 @@ class TrackerStream:
         self._socket: socket.socket | None = None
         self._serial = SerialPort(config.serial or "", config.baud)
         self._lines = Lines()
+        self._numbering = Numbering(self.rate, 0)
         self._last = 0  # newest frame
         self._sending: int | None = None  # newest frame of an earlier run that the tracker is still sending
         self._armed = False
@@ -106,9 +108,12 @@ class TrackerStream:
     def check(self) -> list[str]:
         if self._socket is None and not self._serial.is_open:
             return [f"{self._place} is not open"]
+        problems = []
         if self._lines.refused:
-            return [f"{self._lines.refused} lines were not points: is the tracker set to frame,seconds,x,y,z?"]
-        return []
+            problems.append(f"{self._lines.refused} lines were not points: is the tracker set to frame,seconds,x,y,z?")
+        if refused := self._numbering.refused:
+            problems.append(f"{refused} points had a number that does not fit their time: check the line for noise")
+        return problems
 
     def arm(self, plan: Plan) -> None:
         if self._socket is None and not self._serial.is_open:
@@ -130,6 +135,7 @@ class TrackerStream:
         # Its next line may still be of the earlier run, though none was waiting just now; half of one may have come.
         self._sending = self._last or self._sending
         self._lines.refused, self._last, self._armed = 0, 0, True
+        self._numbering = Numbering(self.rate, self._clock.monotonic_ns())
         self._reconnect.begin()
 
     def disarm(self) -> None:
@@ -153,8 +159,7 @@ class TrackerStream:
             self._reconnect.lose(self._clock.monotonic_ns())
             return empty(points=True)
         frames = self._of_this_run(frames)
-        # A datagram that was overtaken, or doubled, is no new sample.
-        fresh = frames.number > np.maximum.accumulate(np.concatenate([[self._last], frames.number[:-1]]))
+        fresh = self._numbering.sift(frames, self._clock.monotonic_ns())
         frames = Frames(frames.number[fresh], frames.seconds[fresh], frames.points[fresh])
         if len(frames):
             self._last = int(frames.number[-1])
