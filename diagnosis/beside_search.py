@@ -1,4 +1,4 @@
-"""Causes that show beside the search in the currents: friction near rest, transmissions in closed loop, chatter."""
+"""Causes that show beside the search: friction near rest, lost rows and transmissions in closed loop, chatter."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from arm_model.effects import CATALOGUE, Variable
 from diagnosis.cause import Cause, EffectKey, extend
 from diagnosis.closed_loop.comparison import with_smoothing_velocities
 from diagnosis.closed_loop.friction import friction_in_loop, has_state, with_estimates_of
+from diagnosis.closed_loop.lost_rows import LostInLoop, lost_in_loop
 from diagnosis.closed_loop.resonance import transmission_resonance, transmissions
 from diagnosis.measurements.currents.chatter import chattering_gaps
 from diagnosis.measurements.currents.structure.basis_functions import TWO_FACED
@@ -67,6 +68,17 @@ def resonance_in_loop(named: Named, recordings: Recordings) -> Cause | None:
         if (cause := transmission_resonance(arm, recordings.fit, recordings.held_out, joints, spring)) is not None:
             return cause
     return None
+
+
+def rows_lost_in_loop(named: Named, recordings: Recordings) -> LostInLoop | None:
+    """Rows of currents that closed loops show to be lost, of recordings that no search has put back."""
+    if named.axis or named.arm.uncertainty is not None or not named.library:
+        return None
+    arm = with_smoothing_velocities(extend(named.base, named.causes), recordings.fit)
+    found = lost_in_loop(arm, recordings.fit, recordings.held_out, [i for _, _, i in named.residuals.samples])
+    put_back = {loss.recording for loss in named.residuals.losses}
+    losses = [loss for loss in found.losses if loss.recording not in put_back] if found else []
+    return replace(found, losses=losses) if found and losses else None
 
 
 def gaps(named: Named, excluded: Set[EffectKey]) -> tuple[Cause, ...]:

@@ -12,7 +12,7 @@ from functools import cached_property
 
 from arm_io.types import Progress
 from arm_model import Arm
-from diagnosis.beside_search import friction_near_rest, gaps, resonance_in_loop
+from diagnosis.beside_search import friction_near_rest, gaps, resonance_in_loop, rows_lost_in_loop
 from diagnosis.cause import Cause, EffectKey, extend
 from diagnosis.closed_loop.resonance import transmissions
 from diagnosis.measurements.currents.causes import from_axis
@@ -29,7 +29,8 @@ from diagnosis.per_recording.values import cause_of
 from diagnosis.residual.expected_current import has_dynamics
 from diagnosis.residual.run import Run
 from diagnosis.residual.warmth import depends, not_warmed
-from diagnosis.screening.cleaned import Screened
+from diagnosis.screening.cleaned import Screened, with_rows_put_back
+from diagnosis.screening.lost_rows.lost_triggers import event_of
 from diagnosis.screening.residuals import Residuals, confirmed, realigned, residuals_of
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Dataset
@@ -111,6 +112,7 @@ def _named(search: Search) -> Named:
     if (of_recordings := _by_recording(search, named)) is not None:
         # the closed loops of a search for resonances are of one arm for all recordings
         return of_recordings
+    search, named = _in_step(search, named)
     progress("searching for transmission resonances in closed loop")
     resonance = resonance_in_loop(named, recordings) if has_dynamics(search.model) else None
     # of a gap that the arm has, residuals know how uncertain they are while teeth meet
@@ -122,6 +124,16 @@ def _named(search: Search) -> Named:
     terms = [term for term in named.found.state.terms if (term.name, term.joint) not in {one.key for one in found}]
     residuals = confirmed(realigned(search.residuals(), terms), terms)
     return replace(_searched(search, residuals), near_rest=near_rest, transmissions=found)
+
+
+def _in_step(search: Search, named: Named) -> tuple[Search, Named]:
+    """Both, repeated with rows of currents put back that closed loops show to be lost."""
+    search.progress("searching for lost rows in closed loop")
+    if (lost := rows_lost_in_loop(named, search.recordings)) is None:
+        return search, named
+    event = replace(event_of(lost.losses, named.residuals.runs), gain=lost.gain)
+    search = replace(search, screened=with_rows_put_back(search.screened, lost.losses, event))
+    return search, replace(_settled(search), near_rest=named.near_rest)
 
 
 def _settled(search: Search) -> Named:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from scipy import signal
@@ -50,26 +51,42 @@ def loop_errors(
     trials: of one effect and joint. at: the joints (from 0) that are asked for; default: all. NaN in lanes with an
     unstable loop. A delay of the recorded demand is estimated from the angles and corrected.
     """
+    t, rate = recording.t, 1.0 / recording.dt
+    end, asked = round(TRANSIENT * rate), list(range(len(arm)) if at is None else at)
+    errors = []
+    for q, i in zip(*(_simulated(arm, recording, trials) if trials else loop_of(arm, recording))):
+        if not np.isfinite(i).all():
+            errors.append(np.full((len(t) - 2 * end, len(asked)), np.nan))
+            continue
+        delay = late(recording.q - q, np.gradient(q, recording.dt, axis=0))
+        moved = np.column_stack([np.interp(t - delay, t, column) for column in i.T[asked]])
+        errors.append(zero_phase(band_sections(rate), recording.i[:, asked] - moved)[end:-end])
+    return np.stack(errors)
+
+
+_loops: WeakKeyDictionary[Recording, tuple[Arm, tuple[Array, Array]]] = WeakKeyDictionary()
+"""By recording, the last arm whose loop was simulated, and what it showed: two steps ask for the same arm."""
+
+
+def loop_of(arm: Arm, recording: Recording) -> tuple[Array, Array]:
+    """Angles and currents (1, m, n) rad and A that instruments show of the loop of an arm; NaN if it is unstable."""
+    of_arm, shown = _loops.get(recording, (None, None))
+    if of_arm != arm or shown is None:
+        shown = _simulated(arm, recording, ())
+        _loops[recording] = arm, shown
+    return shown
+
+
+def _simulated(arm: Arm, recording: Recording, trials: Sequence[Trial]) -> tuple[Array, Array]:
     carrying = set_up(arm, recording)
     lanes = {}
     if trials:
         carrying = trials[0].added_to(carrying)
         prefix = f"joint{trials[0].joint}.{trials[0].effect}"
         lanes = {f"{prefix}.{name}": np.array([t.values[name] for t in trials]) for name in trials[0].values}
-    t, rate = recording.t, 1.0 / recording.dt
     demand = demand_of_run(recording, carrying)
-    motion = simulate_batch(carrying, demand, t - t[0], parameters=lanes)
-    shown = recorded(carrying, motion)
-    end, asked = round(TRANSIENT * rate), list(range(len(arm)) if at is None else at)
-    errors = []
-    for q, i in zip(shown.q, shown.current):
-        if not np.isfinite(i).all():
-            errors.append(np.full((len(t) - 2 * end, len(asked)), np.nan))
-            continue
-        delay = late(recording.q - q, np.gradient(q, recording.dt, axis=0))
-        moved = np.column_stack([np.interp(t - delay, t, column) for column in i.T[asked]])
-        errors.append(zero_phase(_sections(rate), recording.i[:, asked] - moved)[end:-end])
-    return np.stack(errors)
+    shown = recorded(carrying, simulate_batch(carrying, demand, recording.t - recording.t[0], parameters=lanes))
+    return shown.q, shown.current
 
 
 def late(difference: Array, speed: Array) -> float:
@@ -115,7 +132,7 @@ def _noise_in_band(recordings: Sequence[Recording]) -> Array:
 
 
 @cache
-def _sections(rate: float) -> Array:
+def band_sections(rate: float) -> Array:
     half = rate / 2
     sections: Array = signal.butter(3, [BAND[0] / half, min(BAND[1] / half, 0.9)], btype="band", output="sos")
     return sections
@@ -123,5 +140,5 @@ def _sections(rate: float) -> Array:
 
 def _share_of_white_noise(recording: Recording) -> float:
     """Share of the power of white noise that lies in the band."""
-    _, response = signal.sosfreqz(_sections(1.0 / recording.dt), 2000)
+    _, response = signal.sosfreqz(band_sections(1.0 / recording.dt), 2000)
     return float(np.mean(np.abs(response) ** 4))

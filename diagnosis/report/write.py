@@ -13,7 +13,7 @@ from arm_model.effects import CATALOGUE
 from arm_report import write_report
 from daq.recording import Recording
 from diagnosis.cause import Cause, Estimate, in_words
-from diagnosis.closed_loop import clear_errors, friction, resonance
+from diagnosis.closed_loop import clear_errors, friction, lost_rows, resonance
 from diagnosis.experiments.discriminating import Separation, separations
 from diagnosis.experiments.revealing import Showing, shown_by
 from diagnosis.measurements.currents import limits as currents
@@ -43,6 +43,7 @@ LIMITS: dict[str, Thresholds] = {
     "demands": wrist_coupling.LIMITS,
     "closed_loop": resonance.LIMITS,
     "friction_in_loop": friction.LIMITS,
+    "lost_rows": lost_rows.LIMITS,
     "verdict": clear_errors.LIMITS,
 }
 """Thresholds of every measurement model."""

@@ -19,6 +19,7 @@ from diagnosis.screening.encoder_jumps import jumps, without_jumps
 from diagnosis.screening.event import Event, united
 from diagnosis.screening.lost_rows.counter_gaps import CounterGap, counter_gaps, put_back
 from diagnosis.screening.lost_rows.counter_gaps import event_of as event_of_gaps
+from diagnosis.screening.lost_rows.lost_triggers import DroppedTriggers, realigned_rows
 from diagnosis.screening.lost_rows.missing_rows import event_of as event_of_missing
 from diagnosis.screening.lost_rows.missing_rows import gaps_of, missing_rows
 from diagnosis.screening.lost_rows.skipped_rows import Hole, filled, holes_of, remark
@@ -86,6 +87,15 @@ def screened(arm: Arm, recordings: Sequence[Recording], progress: Progress = lam
         remarks=(*(remark(r, own) for r, own in zip(recordings, holes) if own), *other_lines(lines, arm)),
         oscillating=tuple(oscillating),
     )
+
+
+def with_rows_put_back(screened: Screened, losses: Sequence[DroppedTriggers], event: Event) -> Screened:
+    """The same with the currents put back that triggers dropped, and that event."""
+    samples = list(screened.samples)
+    for loss in losses:
+        t, q, i = samples[loss.recording]
+        samples[loss.recording] = t, q, realigned_rows(i, loss)
+    return replace(screened, samples=samples, events=united([*screened.events, event]))
 
 
 def _counter_gaps(

@@ -43,6 +43,7 @@ def test_the_file_has_every_threshold(monkeypatch: pytest.MonkeyPatch) -> None:
         "demands",
         "closed_loop",
         "friction_in_loop",
+        "lost_rows",
         "verdict",
     }
     for name, limits in LIMITS.items():
