@@ -42,6 +42,7 @@ from diagnosis.screening.cleaned import Screened, screened
 from diagnosis.screening.even_rows import even, even_samples, grid_of, known_noise
 from diagnosis.screening.event import Event
 from diagnosis.screening.plausibility import check, check_motion, mixed_up
+from diagnosis.told_by_currents import told_by_currents
 from diagnosis.units import recorded_signals
 from diagnosis.verification.idle_limits import idle_limits
 from diagnosis.verification.not_simulated import not_simulated
@@ -64,6 +65,7 @@ def diagnose(
     recordings = Split(cleaned.recordings[: len(fit)], cleaned.recordings[len(fit) :], recordings.two_fold)
     measured = measure(arm, recordings, cleaned, progress)
     recordings, cleaned = evenly(recordings, cleaned)
+    measured = told_by_currents(arm, measured, cleaned, progress)
     named = named_causes(arm, measured.known, recordings, cleaned, progress)
     causes, as_found = extend_by(arm, measured, named, recordings)
     extended = dissipative(as_found, top_speeds(named))

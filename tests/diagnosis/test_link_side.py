@@ -21,10 +21,13 @@ from daq.recording import Recording, open_recording
 from daq.recording.parts import Attachments
 from daq.recording.tables.table import write_table
 from diagnosis.cause import Cause
-from diagnosis.diagnose import diagnose
+from diagnosis.diagnose import diagnose, screen
 from diagnosis.measurements.link_encoders.causes import LinkSide, link_side
+from diagnosis.other_instruments import measure
 from diagnosis.screening.time_split import split
+from diagnosis.told_by_currents import told_by_currents
 from experiment import Experiment
+from identification.selection import Split
 from tests.blind.hide import Hidden
 from tests.blind.laboratory import Laboratory
 from tests.blind.motions import FULL_ACCELERATION, FULL_SPEED, HOME, fourier
@@ -166,6 +169,22 @@ def test_currents_are_judged_by_the_arm_that_its_encoders_show(root: Path, arm: 
     assert found.verdict == "explained"
     before, after = (np.mean([pair[k] for pair in found.along["held_out"]], axis=0)[2] for k in (0, 1))
     assert after < 0.5 * before
+
+
+@pytest.mark.parametrize("effect", ["gear_ripple", "encoder_ripple"])
+def test_currents_tell_a_wave_of_the_motor_s_encoder_from_one_of_its_gear(root: Path, arm: Arm, effect: str) -> None:
+    """The two encoders do not: an encoder's wave was a gear's, and cogging that makes up for it in the currents."""
+    wave = Hidden(effect, 2, {"amplitude": 3e-4, "order": 2.0, "phase": 0.7})
+    recordings = Split([(read := _recorded(root, (wave,)))[0]], [read[1]], False)
+    cleaned = screen(arm, recordings, lambda _: None)
+    shown = measure(arm, recordings, cleaned, lambda _: None)
+    assert shown.link is not None and [c.effect for c in shown.link.causes] == ["gear_ripple"]
+    told = told_by_currents(arm, shown, cleaned, lambda _: None)
+    assert told.link is not None and [(c.effect, c.joint) for c in told.link.causes] == [(effect, 2)]
+    for name in ("amplitude", "phase"):
+        value, std = _value(told.link.causes[0], name)
+        assert abs(value - wave.parameters[name]) < 3 * std + 0.02 * value
+        assert std < 0.1 * value
 
 
 @pytest.mark.filterwarnings("error::RuntimeWarning")

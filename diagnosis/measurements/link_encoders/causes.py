@@ -14,7 +14,7 @@ from arm_io.types import Array
 from arm_model import Arm
 from arm_model.effects import CATALOGUE, Instrument
 from daq.recording import Recording
-from diagnosis.cause import Cause, EffectKey, Signal, Structure, confidence_of
+from diagnosis.cause import Cause, EffectKey, Estimate, Signal, Structure, confidence_of
 from diagnosis.measurements.link_encoders.columns import LinkCandidate, Rows, orders
 from diagnosis.measurements.link_encoders.delay import delay_sentence
 from diagnosis.measurements.link_encoders.estimates import parameters_of
@@ -87,7 +87,6 @@ def _cause(candidate: LinkCandidate, chosen: Chosen, model: LinkEncoders, arm: A
     residuals = [model.residual(some, *model.rows)[:, felt] for some in (others, chosen)]
     before, after = (float(np.sqrt(np.mean(values**2))) for values in residuals)
     most = felt[int(np.argmax(np.sum(residuals[0] ** 2 - residuals[1] ** 2, axis=0)))]
-    group = _group(candidate, others, conditional.gain, model)
     unit = unit_at(arm.joints[int(model.rows.fit.joints[felt[0]]) - 1], "rad")
     evidence = (
         delay_sentence(others, model)
@@ -95,6 +94,7 @@ def _cause(candidate: LinkCandidate, chosen: Chosen, model: LinkEncoders, arm: A
         else _sentence(candidate, before, after, conditional.share, unit)
     )
     parameters = parameters_of(candidate, chosen, model, arm)
+    group = _group(candidate, others, conditional.gain, model, parameters)
     evidence += "".join(
         f"; these recordings do not determine its {p.name}: it is at most {2 * p.std:.2g} {p.unit}"
         for p in parameters
@@ -124,11 +124,17 @@ def _deviations(candidate: LinkCandidate, others: Chosen, model: LinkEncoders) -
     return in_deviations(model.chance(candidate, others, exact=True)), in_deviations(model.chance(candidate, others))
 
 
-def _group(candidate: LinkCandidate, others: Chosen, gain: float, model: LinkEncoders) -> tuple[EffectKey, ...]:
-    """The effects that these recordings do not distinguish from a candidate with this gain, itself included."""
+def _group(
+    candidate: LinkCandidate, others: Chosen, gain: float, model: LinkEncoders, parameters: Sequence[Estimate]
+) -> tuple[EffectKey, ...]:
+    """The effects that these recordings do not distinguish from a candidate with this gain, itself included.
+
+    An order that is within two std of a whole one may be that.
+    """
     group: list[EffectKey] = [candidate.key]
     for alias in candidate.definition.observed_by[Instrument.LINK_ENCODER].aliases:
-        if candidate.variant[1] in orders(CATALOGUE[alias]):
+        near = [p for p in parameters if candidate.definition[p.name].whole]
+        if any(abs(p.value - n) <= 2 * p.std for p in near for n in orders(CATALOGUE[alias])):
             group.append((alias, candidate.joint))
     for rival in model.best(others):
         felt = rival.joint == candidate.joint or len(model.rows.fit.joints) == 1

@@ -1,0 +1,135 @@
+"""Which of the effects that two encoders of a joint do not distinguish it is, where the currents tell.
+
+A wave of the gear and one of the motor's encoder are the same to the difference of motor and link encoder. With the
+gear's, the link moves otherwise than the motor's encoder says, with the encoder's the motor does as well. A wrong name
+would be in the model before the currents are judged, and leave there what other effects then explain. So would a
+right one whose size is not known as well as currents show it: a wave of the encoder is estimated by both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_io.types import Array, Progress
+from arm_model import Arm, EffectTerm
+from arm_model.effects import CATALOGUE, Signals, Values, solved, units
+from diagnosis.cause import Cause, Signal, extend
+from diagnosis.measurements.link_encoders.columns import Rows
+from diagnosis.other_instruments import OtherInstruments
+from diagnosis.residual.comparable_rows import comparable_rows
+from diagnosis.residual.other_effects import residual_with
+from diagnosis.residual.run import Run
+from diagnosis.screening.cleaned import Screened
+from diagnosis.screening.residuals import residuals_of
+from identification.selection import BLOCK_SECONDS, p_value
+from identification.selection.cluster_covariance import cluster_covariance
+
+SIGNIFICANT = 0.05
+"""Probability below which it is not chance that one effect leaves less of the currents than another."""
+STEP = 0.05
+"""Of an amplitude, by which it is changed for a derivative."""
+
+
+def told_by_currents(arm: Arm, measured: OtherInstruments, screened: Screened, progress: Progress) -> OtherInstruments:
+    """The same, each wave of a gear named as one of the motor's encoder where the currents are those of that."""
+    if measured.link is None or not measured.judged:
+        return measured
+    causes = list(measured.link.causes)
+    for place, cause in enumerate(causes):
+        motor = _motor_angles(measured.link.held_out, cause)
+        rivals = [other for name, joint in cause.group if joint == cause.joint for other in _as(cause, name, motor)]
+        if not rivals:
+            continue
+        progress("comparing currents with the waves of both encoders")
+        runs = residuals_of(extend(arm, [one for one in measured.known if one is not cause]), screened).runs
+        own, *of_rivals = (_left(runs, one.terms) for one in (cause, *rivals))
+        best = int(np.argmin([one.sum() for one in of_rivals]))
+        if p_value(own - of_rivals[best]) < SIGNIFICANT:
+            causes[place] = _estimated_by_both(rivals[best], runs)
+    return replace(measured, link=replace(measured.link, causes=causes))
+
+
+def _motor_angles(rows: Rows, cause: Cause) -> Array:
+    """(m,) rad: angles of the motor at the joint of a cause."""
+    k = int(np.argmax(rows.joints == cause.joint))
+    return np.asarray(rows.ratio[k] * rows.q[:, k])
+
+
+def _as(cause: Cause, name: str, motor: Array) -> list[Cause]:
+    """A wave of the gear as one of the motor's encoder that makes the same difference at angles of the ``motor`` (m,).
+
+    Nothing for other causes.
+    """
+    own, other = CATALOGUE[cause.effect], CATALOGUE[name]
+    if cause.signal is not Signal.LINK_ANGLE or not own.wave or own.deflection is None or other.angle is None:
+        return []
+    values = {p.name: p.value for p in cause.parameters}
+    whole = next(p.name for p in other.parameters if p.whole)
+    held = {whole: float(round(values[whole]))}
+    signals = Signals(motor=motor)
+    target = own.deflection(Values({p.name: values.get(p.name, 0.0) for p in own.parameters}), signals)
+    columns = np.column_stack([other.angle(unit, signals) for unit in units(other, held)])
+    sizes = solved(other, held, np.linalg.lstsq(columns, np.asarray(target), rcond=None)[0].tolist())
+    estimates = [replace(p, value=sizes[p.name]) for p in cause.parameters if p.name in sizes]
+    group = tuple(one for one in cause.group if one[0] != cause.effect)
+    sentence = f"{cause.evidence}; the currents are those of a wave of the motor's encoder"
+    return [replace(cause, effect=name, parameters=estimates, group=group, evidence=sentence, of_arm=True)]
+
+
+def _estimated_by_both(cause: Cause, runs: Sequence[Run]) -> Cause:
+    """A wave of an encoder with its size by the currents of ``runs`` as well: a Gauss-Newton step of the exact model.
+
+    Amplitude a and phase p are the coefficients c = a (cos p, sin p); estimates of both instruments are weighted by
+    their covariance.
+    """
+    effect = CATALOGUE[cause.effect]
+    held = {p.name: p.value for p in cause.parameters if effect[p.name].whole}
+    amplitude, phase = (p for p in cause.parameters if p.name not in held)
+    along = np.array([np.cos(phase.value), np.sin(phase.value)])
+    c, step = amplitude.value * along, STEP * amplitude.value
+
+    def left(of: Array) -> Array:
+        term = EffectTerm(cause.effect, cause.joint, solved(effect, held, of.tolist()))
+        return np.concatenate([_weighted(run, [term]).ravel() for run in runs])
+
+    here = left(c)
+    columns = np.stack([(left(c + step * one) - here) / step for one in np.eye(2)], axis=1)
+    change = -np.linalg.lstsq(columns, here, rcond=None)[0]
+    of_currents = cluster_covariance(columns, [here + columns @ change], _blocks(runs))
+    turned = np.column_stack([along, [-along[1], along[0]]])
+    of_links = turned @ np.diag([amplitude.std**2, (amplitude.value * phase.std) ** 2]) @ turned.T
+    both = np.linalg.inv(np.linalg.inv(of_currents) + np.linalg.inv(of_links))
+    c = c + both @ np.linalg.solve(of_currents, change)
+    values = solved(effect, held, c.tolist())
+    along = c / np.hypot(*c)
+    std = float(np.sqrt(along @ both @ along)), float(np.sqrt(along[::-1] * [-1, 1] @ both @ (along[::-1] * [-1, 1])))
+    better = {
+        amplitude.name: replace(amplitude, value=values[amplitude.name], std=std[0]),
+        phase.name: replace(phase, value=values[phase.name], std=std[1] / values[amplitude.name]),
+    }
+    return replace(cause, parameters=[better.get(p.name, p) for p in cause.parameters])
+
+
+def _left(runs: Sequence[Run], terms: Sequence[EffectTerm]) -> Array:
+    """(blocks,) squared residual currents of all joints over their variance, with more effects."""
+    squares = np.concatenate([np.sum(_weighted(run, terms) ** 2, axis=1) for run in runs])
+    joints = len(runs[0].arm)
+    return np.asarray(np.bincount(_blocks(runs)[::joints], weights=squares), float)
+
+
+def _weighted(run: Run, terms: Sequence[EffectTerm]) -> Array:
+    """(m, n) residual currents with more effects over their std; 0 where they are not compared."""
+    return np.asarray(residual_with(run, terms) / run.deviation * comparable_rows(run))
+
+
+def _blocks(runs: Sequence[Run]) -> NDArray[np.intp]:
+    """(rows * n,) number of the block of every current, of one recording after the other."""
+    numbers: list[NDArray[np.intp]] = []
+    for run in runs:
+        own = (np.arange(len(run.t)) // round(BLOCK_SECONDS * run.per_second)).astype(np.intp)
+        numbers.append(np.repeat(own + (int(numbers[-1][-1]) + 1 if numbers else 0), len(run.arm)))
+    return np.concatenate(numbers)
