@@ -125,8 +125,8 @@ class LagCosts:
 def lag_costs(arm: Arm, recording: Recording, current: Array) -> LagCosts | None:
     """By every lag of currents (m, n) A, what the loop of the arm on the recorded demands misses of them.
 
-    current: those recorded, with the rows put back that are known to be lost. None where no loop can judge: without demand or controller, unstable, with setpoints whose instants are not
-    recorded, or by servos that are not the arm's.
+    current: those recorded, with the rows put back that are known to be lost. None where no loop can judge: without
+    demand or controller, unstable, with setpoints whose instants are not recorded, or by servos that are not the arm's.
     """
     if arm.controller is None or not has_demand(recording) or not tracked_as_recorded(recording, arm):
         return None
