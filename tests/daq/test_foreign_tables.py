@@ -156,6 +156,17 @@ def test_libfranka_writes_ms_torques_and_a_name_twice(tmp_path: Path) -> None:
     assert recording.qref is not None and recording.qref[0, 0] == 1.07
 
 
+def test_names_of_libfranka_in_a_table_of_ones_own(tmp_path: Path) -> None:
+    names = [f"{signal}[{j}]" for signal in ("q", "q_d", "tau_J") for j in range(2)]
+    rows = [f"{2 * k}," + ",".join(f"{(k + n / 100) / 10:.4g}" for n in range(6)) for k in range(40)]
+    (tmp_path / "log.csv").write_text("\n".join(["time_ms," + ",".join(names), *rows]))
+    recording = imported(tmp_path / "log.csv", "--guess")
+    np.testing.assert_allclose(recording.t, np.arange(40) * 2e-3, atol=1e-12)
+    assert recording.q[1].tolist() == [0.1, 0.101] and recording.i[1].tolist() == [0.104, 0.105]
+    assert recording.qref is not None and recording.qref[1].tolist() == [0.102, 0.103]
+    assert recording.provenance["current_unit"] == "N m"
+
+
 FRANKA_STATE = ("q", "q_d", "dq", "dq_d", "tau_J", "tau_ext_hat_filtered")
 FRANKA_COMMAND = {"q_d": 7, "dq_d": 7, "O_T_EE_d": 16, "O_dP_EE_d": 6, "tau_J_d": 7}
 """As libfranka's csvRobotStateHeader and csvRobotCommandHeader name them (src/log.cpp, src/logging)."""
