@@ -104,8 +104,8 @@ def unphysical(mass: float, inertia: tuple[float, ...], tolerance: float = 1e-6)
         return f"inertia is not positive: principal inertias {shown} kg m2"
     if principal[2] > principal[0] + principal[1] + slack:
         return (
-            f"inertia breaks the triangle inequality: of the principal inertias {shown} kg m2 the "
-            "largest exceeds the sum"
+            f"inertia breaks the triangle inequality: of the principal inertias {shown} kg m2 the largest exceeds "
+            f"the sum of the others by {principal[2] - principal[0] - principal[1]:.2g}; it must not exceed it"
         )
     if mass == 0.0 and principal[2] > slack:
         return "inertia without mass: give the link a mass"

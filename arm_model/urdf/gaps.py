@@ -1,4 +1,4 @@
-"""What a URDF file leaves open, and what stands in for it: meshes that are not there, links without inertia."""
+"""What a URDF file leaves open, and what stands in for it: missing meshes, links without inertia, gears as words."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 from arm_io import read_file
 from arm_model.branches import are, counted_as_fixed, listed
 from arm_model.meshes import FORMATS, mesh_file
-from arm_model.urdf.reading import numbers_of
+from arm_model.urdf.reading import is_number, numbers_of, reductions
 from arm_model.urdf.tree import Tree, attribute, robot_of
 
 
@@ -30,7 +30,7 @@ def urdf_gaps(path: str | Path, uses: Collection[Use], *, tip: str | None = None
     path = Path(path)
     if path.suffix != ".urdf":
         return []
-    found = _beside(path, tip) + _mimics(path, tip) if Use.DYNAMICS in uses else []
+    found = _beside(path, tip) + _mimics(path, tip) + _gears(path) if Use.DYNAMICS in uses else []
     if Use.DYNAMICS in uses and (massless := _massless(path, tip)):
         found.append(
             f"{_names('link', massless)} no <inertial>: mass and inertia count as 0 until the file or "
@@ -106,6 +106,13 @@ def _mimics(path: Path, tip: str | None) -> list[str]:
         for joint in chain
         if joint.get("type") != "fixed" and (mimic := joint.find("mimic")) is not None
     ]
+
+
+def _gears(path: Path) -> list[str]:
+    """At most one sentence: of joints whose gear is a word, as a macro leaves one that it did not replace."""
+    words = {joint: text for joint, text in reductions(robot_of(path, read_file(path))).items() if not is_number(text)}
+    said = listed(list(dict.fromkeys(repr(text) for text in words.values())))
+    return [f"mechanicalReduction of {listed(list(words))} is {said}, no number: the gear counts as 1"] if words else []
 
 
 def _names(what: str, names: Sequence[str]) -> str:

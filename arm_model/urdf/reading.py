@@ -199,25 +199,34 @@ def _inertial(path: str | Path, link: xml.Element) -> Array:
     return transform(barycentric(mass, (0.0, 0.0, 0.0), entries), origin_of(path, inertial))
 
 
-def _gears(path: str | Path, robot: xml.Element) -> dict[str, float]:
-    """Mechanical reduction of every joint that a transmission names with one; motor angle over joint angle."""
-    gears = {}
+def reductions(robot: xml.Element) -> dict[str, str]:
+    """What the transmissions say of the gear, as it is written, of every joint that one of them names alone."""
+    found = {}
     for transmission in robot.findall("transmission"):
-        found = transmission.find(".//mechanicalReduction")
+        reduction = transmission.find(".//mechanicalReduction")
         driven = [joint.get("name", "") for joint in transmission.findall("joint")]
-        if found is None or len(driven) != 1:
-            continue
-        try:
-            gear = float(found.text or "")
-        except ValueError:
-            gear = 0.0
+        if reduction is not None and len(driven) == 1:
+            found[driven[0]] = (reduction.text or "").strip()
+    return found
+
+
+def is_number(text: str) -> bool:
+    """Whether Python reads a number in it."""
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _gears(path: str | Path, robot: xml.Element) -> dict[str, float]:
+    """Motor angle over joint angle of every joint of which a number is stated; a word is none (``urdf_gaps``)."""
+    gears = {joint: float(text) for joint, text in reductions(robot).items() if is_number(text)}
+    for joint, gear in gears.items():
         if not np.isfinite(gear) or gear == 0.0:
             raise InputError(
-                path,
-                f"transmission {transmission.get('name')!r}: mechanicalReduction is {found.text!r}; expected a number "
-                "other than 0",
+                path, f"joint {joint!r}: mechanicalReduction is {gear:g}; expected a finite number other than 0"
             )
-        gears[driven[0]] = gear
     return gears
 
 

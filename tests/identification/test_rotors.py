@@ -12,7 +12,7 @@ import armscope
 from arm_io import InputError
 from arm_model import Arm, read_model
 from arm_model.rigid_body.numeric import rigid_torque
-from arm_model.urdf import read_urdf, write_urdf
+from arm_model.urdf import Use, read_urdf, urdf_gaps, write_urdf
 from daq.recording import Recording, open_recording
 from daq.recording.parts import Attachments
 from daq.recording.tables.table import write_table
@@ -93,5 +93,15 @@ def test_gears_of_a_urdf_leave_torques_and_friction_at_the_joint(urdf: Path, tmp
         assert one.ratio * one.coulomb[0] == pytest.approx(other.coulomb[0])
         assert one.ratio**2 * one.viscous[0] == pytest.approx(other.viscous[0])
     (tmp_path / "wrong.urdf").write_text(text.replace(">-48.0<", ">0<"))
-    with pytest.raises(InputError, match="mechanicalReduction is '0'; expected a number other than 0"):
+    with pytest.raises(InputError, match="mechanicalReduction is 0; expected a finite number other than 0"):
         read_urdf(tmp_path / "wrong.urdf")
+    # as a macro leaves a word that it did not replace
+    (tmp_path / "word.urdf").write_text(text.replace(">-48.0<", ">reduction<"))
+    assert {joint.gear for joint in read_urdf(tmp_path / "word.urdf").joints} == {
+        *{one.gear for one in geared.joints},
+        1.0,
+    } - {-48.0}
+    (said,) = urdf_gaps(tmp_path / "word.urdf", {Use.DYNAMICS})
+    assert said.startswith("mechanicalReduction of ") and said.endswith(
+        "is 'reduction', no number: the gear counts as 1"
+    )
