@@ -56,6 +56,11 @@ class Remaining:
                 )
 
     @property
+    def by_lack(self) -> bool:
+        """Whether what the model lacked when it was identified is half of what it is known to, in squares, or more."""
+        return self.remainder is not None and 2 * self.remainder.before**2 >= (self.known_to or 0.0) ** 2
+
+    @property
     def _known(self) -> str:
         return f", where the model is known to {self.known_to:.1f} times" if self.known_to else ""
 

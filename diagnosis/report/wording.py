@@ -5,12 +5,14 @@ Report, terminal and the questions before an experiment on a rig share these sen
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+
 import numpy as np
 
 from arm_model import Arm
 from arm_model.effects import CATALOGUE
 from diagnosis.cause import NO_VARIABLE, Cause, EncoderJump, Estimate, LostRows, Signal, in_words
-from diagnosis.report.joint_verdicts import remaining
+from diagnosis.report.joint_verdicts import Remaining, remaining
 from diagnosis.result import Diagnosis
 from diagnosis.units import readable, recorded_quantity, rounded, variable_in_words
 
@@ -54,10 +56,33 @@ def sentence(result: Diagnosis) -> str:
 
 def _left_over(result: Diagnosis) -> str:
     """What remains, as its figures have it."""
-    above = [words for one in remaining(result) for words in one.words]
-    if above:
-        return f"Above the noise: {', '.join(above)}."
+    joints = [one for one in remaining(result) if any(one.words)]
+    if joints:
+        above = [words for one in joints for words in one.words]
+        return " ".join([f"Above the noise: {', '.join(above)}.", *deciding(joints)])
     return "The residual is noise." if result.verdict == "explained" and not result.warnings else ""
+
+
+def deciding(joints: Sequence[Remaining]) -> Iterator[str]:
+    """What would decide whether anything changed at joints that are above the noise, within what the model is known to.
+
+    What the model lacks is in recordings of the day of its identification as well, and cancels where both days are
+    compared. What noise left unknown of its parameters more recordings tell.
+    """
+    known = [one for one in joints if one.known_to]
+    lacking = [one.joint for one in known if one.by_lack]
+    unsure = [one.joint for one in known if not one.by_lack]
+    if lacking:
+        yield (
+            f"To decide at {_joints(lacking)}: repeat an experiment of the model's identification and compare both "
+            "recordings (armscope compare); what the model lacks is in both."
+        )
+    if unsure:
+        yield f"To decide at {_joints(unsure)}: identify from more recordings; its parameters are known no better."
+
+
+def _joints(numbers: Sequence[int]) -> str:
+    return f"joint{'s' * (len(numbers) > 1)} {', '.join(map(str, numbers))}"
 
 
 def _judged(result: Diagnosis) -> str:

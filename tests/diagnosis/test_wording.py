@@ -18,6 +18,7 @@ from arm_model.model_file import read_model
 from diagnosis.cause import NO_VARIABLE, Estimate, Signal, Structure
 from diagnosis.measurements.currents.design_matrix import dataset_of
 from diagnosis.measurements.currents.shortage import Shortage
+from diagnosis.remainder.of_identification import Remainder
 from diagnosis.remainder.predictable import predictable
 from diagnosis.report.joint_verdicts import Remaining
 from diagnosis.report.tables import unseen
@@ -73,6 +74,28 @@ def test_no_sentence_calls_noise_what_a_table_shows_above_it(monkeypatch: pytest
     ):
         monkeypatch.setattr("diagnosis.report.wording.remaining", lambda result, left=left: left)
         assert sentence(result) == f"Explained: backlash of joint 3. {said}"
+
+
+@pytest.mark.parametrize(
+    ("left_when_identified", "said"),
+    [
+        (4.1, "repeat an experiment of the model's identification and compare both recordings"),
+        (2.0, "identify from more recordings"),
+        (None, "identify from more recordings"),
+    ],
+)
+def test_within_what_the_model_is_known_to_the_experiment_that_decides_is_said(
+    monkeypatch: pytest.MonkeyPatch, left_when_identified: float | None, said: str
+) -> None:
+    """What the model lacked on its own day is no matter of more recordings."""
+    before = left_when_identified
+    left = None if before is None else Remainder(joint=2, against="load", before=before, before_against="")
+    loud = Remaining(joint=2, verdict="consistent", along={"fit": 4.6}, known_to=4.3, remainder=left)
+    exact = Remaining(joint=3, verdict="consistent", along={"fit": 1.5})
+    monkeypatch.setattr("diagnosis.report.wording.remaining", lambda result: [loud, exact])
+    told = sentence(cast(Diagnosis, Verdict("consistent", [])))
+    assert told.startswith("Consistent, as far as the model is known: ") and told.count("To decide") == 1
+    assert f"To decide at joint 2: {said}" in told
 
 
 def test_a_group_is_never_told_as_one_lucky_member() -> None:
