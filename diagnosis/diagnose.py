@@ -41,6 +41,7 @@ from diagnosis.result import Diagnosis
 from diagnosis.screening.cleaned import Screened, screened
 from diagnosis.screening.even_rows import even, even_samples, grid_of, known_noise
 from diagnosis.screening.event import Event
+from diagnosis.screening.lost_rows.blank_samples import without_blanks
 from diagnosis.screening.plausibility import check, check_motion, mixed_up
 from diagnosis.told_by_currents import told_by_currents
 from diagnosis.units import recorded_signals
@@ -85,7 +86,7 @@ def diagnose(
         unexplained=unexplained,
         compared=verified.compared,
         along=verified.along,
-        encoder_noise=angle_noise(fit[0].q),
+        encoder_noise=angle_noise(without_blanks(fit[0]).q),
         link=measured.link,
         tracked=measured.tracked,
         axis=named.axis,

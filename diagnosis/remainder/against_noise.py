@@ -17,6 +17,7 @@ from diagnosis.residual.noise.channels import KnownNoise, still_noise
 from diagnosis.residual.run import Run
 from diagnosis.residual.run_setup import known_setpoints, set_up, setup_of
 from diagnosis.screening.even_rows import even_samples, grid_of, known_noise
+from diagnosis.screening.lost_rows.blank_samples import blanks_of, unweighted, without_blanks
 from diagnosis.screening.lost_rows.skipped_rows import filled, holes_of, without_skipped
 from diagnosis.screening.plausibility import check
 from identification import JointNoise
@@ -35,16 +36,18 @@ def against_noise(arm: Arm, recordings: Sequence[Recording], beside: Sequence[Re
 def runs_of(arm: Arm, recordings: Sequence[Recording], beside: Sequence[Recording]) -> list[Run]:
     """Residuals of recordings under an arm, with the noise that they and ``beside`` show at standstill."""
     check(arm, recordings)
+    blanks = [blanks_of(r) for r in recordings]
+    recordings, beside = ([without_blanks(r) for r in of_side] for of_side in (recordings, beside))
     still = still_noise([r for r in (*beside, *recordings) if not setup_of(r).drives_off])
     runs = []
-    for recording in recordings:
+    for recording, none in zip(recordings, blanks):
         holes = holes_of(recording.t)
         r = filled(recording, holes)
         setup, samples = setup_of(r), even_samples((r.t, r.q, r.i))
         powered, noise = not setup.drives_off, KnownNoise(still=still, setpoints=known_setpoints(arm, r))
         known = known_noise(r.q, grid_of(r.t), noise)
         run = residual_run(r.path.name, set_up(arm, r), *samples, powered=powered, known=known)
-        runs.append(without_skipped(run, holes))
+        runs.append(unweighted(without_skipped(run, holes), none))
     return runs
 
 

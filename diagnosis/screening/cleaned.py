@@ -17,6 +17,7 @@ from diagnosis.residual.run_setup import known_setpoints, set_up, setup_of
 from diagnosis.screening.current_limit import current_limits
 from diagnosis.screening.encoder_jumps import jumps, without_jumps
 from diagnosis.screening.event import Event, united
+from diagnosis.screening.lost_rows.blank_samples import Blank, blanks_of, sentences, without_blanks
 from diagnosis.screening.lost_rows.counter_gaps import CounterGap, counter_gaps, put_back
 from diagnosis.screening.lost_rows.counter_gaps import event_of as event_of_gaps
 from diagnosis.screening.lost_rows.lost_triggers import DroppedTriggers, realigned_rows
@@ -39,6 +40,7 @@ class Screened:
     known    of the noise of the instruments of each recording
     counter_gaps  of every recording: rows that its counters lost, interpolated in its angles
     holes    ... and rows that its stamps leave out, interpolated
+    blanks   ... and samples that are none, interpolated
     remarks  what the raw rows show besides
     oscillating  currents that oscillate while the arm stands
     """
@@ -49,6 +51,7 @@ class Screened:
     known: list[KnownNoise]
     counter_gaps: tuple[tuple[CounterGap, ...], ...]
     holes: tuple[tuple[Hole, ...], ...]
+    blanks: tuple[tuple[Blank, ...], ...]
     remarks: tuple[str, ...] = ()
     oscillating: tuple[Oscillation, ...] = ()
 
@@ -58,6 +61,9 @@ def screened(arm: Arm, recordings: Sequence[Recording], progress: Progress = lam
     recordings = list(recordings)
     check(arm, recordings)
     progress("searching for events in raw rows")
+    unmeasured = [sentence for r in recordings for sentence in sentences(r)]
+    blanks = tuple(blanks_of(r) for r in recordings)
+    recordings = [without_blanks(r) for r in recordings]
     holes = tuple(holes_of(r.t) for r in recordings)
     recordings = [filled(r, own) for r, own in zip(recordings, holes)]
     powered = [r for r in recordings if not setup_of(r).drives_off]
@@ -84,7 +90,8 @@ def screened(arm: Arm, recordings: Sequence[Recording], progress: Progress = lam
         known=known,
         counter_gaps=tuple((*own, *single) for own, single in zip(by_all, gaps)),
         holes=holes,
-        remarks=(*(remark(r, own) for r, own in zip(recordings, holes) if own), *other_lines(lines, arm)),
+        blanks=blanks,
+        remarks=(*unmeasured, *(remark(r, own) for r, own in zip(recordings, holes) if own), *other_lines(lines, arm)),
         oscillating=tuple(oscillating),
     )
 

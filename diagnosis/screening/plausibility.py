@@ -11,7 +11,8 @@ from arm_model import Arm
 from daq.recording import Recording
 from diagnosis.residual.run import Run
 from diagnosis.residual.run_setup import setup_of
-from diagnosis.units import recorded_quantity, recorded_signals, variable_in_words
+from diagnosis.screening.lost_rows.blank_samples import without_blanks
+from diagnosis.units import recorded_quantity, recorded_signals
 from identification.preprocessing import check_joints
 
 STANDSTILL = 0.005
@@ -29,7 +30,7 @@ LEAST_RATE = 20.0
 
 
 def check(arm: Arm, recordings: Sequence[Recording]) -> None:
-    """InputError where a recording does not belong to the arm, is too short, or has missing or constant signals."""
+    """InputError where a recording does not belong to the arm, is too short, lacks samples or has constant signals."""
     for r in recordings:
         check_joints(r, arm)
         if r.dt > 1.0 / LEAST_RATE:
@@ -40,11 +41,7 @@ def check(arm: Arm, recordings: Sequence[Recording]) -> None:
             )
         if len(r) < 3 / r.dt:
             raise InputError(r.path, f"is {len(r) * r.dt:.1f} s long; at least 3 s are needed")
-        for name, values in (("position", r.q), ("current", r.i)):
-            missing = np.isnan(values).any(axis=0)
-            if missing.any():
-                j = int(np.argmax(missing))
-                raise InputError(r.path, f"{variable_in_words(name, arm, j + 1)} of joint {j + 1} has missing samples")
+        r = without_blanks(r)
         constant = np.ptp(r.i, axis=0) == 0.0
         if constant.any() and not setup_of(r).drives_off:
             j = int(np.argmax(constant))
@@ -56,12 +53,12 @@ def check_motion(arm: Arm, recordings: Sequence[Recording], words: str) -> None:
     """InputError where no joint moves in any of the recordings (named by ``words``), or angles are not in radians."""
     for r in recordings:
         for j, joint in enumerate(arm.joints):
-            most = float(np.abs(r.q[:, j]).max())
+            most = float(np.nanmax(np.abs(r.q[:, j])))
             if joint.revolute and joint.limits and most > BEYOND * max(map(abs, joint.limits)):
                 raise InputError(
                     r.path, f"joint {j + 1} reads up to {most:.3g} rad, far beyond its limits; are these degrees?"
                 )
-    if all(np.ptp(r.q, axis=0).max() < STANDSTILL for r in recordings):
+    if all(np.max(np.nanmax(r.q, axis=0) - np.nanmin(r.q, axis=0)) < STANDSTILL for r in recordings):
         raise InputError(recordings[0].path, f"no joint moves in the {words} recordings; a motion is needed")
 
 

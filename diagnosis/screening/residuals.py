@@ -20,6 +20,7 @@ from diagnosis.residual.run import Run
 from diagnosis.residual.run_setup import set_up, setup_of
 from diagnosis.screening.cleaned import Screened
 from diagnosis.screening.event import Event, Gain, united
+from diagnosis.screening.lost_rows.blank_samples import Blank, unweighted
 from diagnosis.screening.lost_rows.counter_gaps import without_lost
 from diagnosis.screening.lost_rows.lost_triggers import (
     MOST_ROWS,
@@ -42,7 +43,7 @@ class Residuals:
     runs, samples  every recording without its events, as residual and as t (k,) s, q (k, n) rad, i (k, n) A
     periods        s between rows
     known          of the noise of the instruments of each recording
-    holes          rows of each that its stamps leave out
+    holes, blanks  rows of each that its stamps leave out, and samples that are none
     losses         dropped triggers that were corrected
     as_recorded    the same before; None: none were
     """
@@ -53,6 +54,7 @@ class Residuals:
     periods: list[float]
     known: list[KnownNoise]
     holes: Sequence[Sequence[Hole]]
+    blanks: Sequence[Sequence[Blank]]
     losses: Sequence[DroppedTriggers] = ()
     as_recorded: Residuals | None = None
 
@@ -73,9 +75,10 @@ def residuals_of(arm: Arm, screened: Screened, progress: Progress = lambda sente
     runs = [replace(run, raw=(t, q), arm=own) for run, (t, q, _), own in zip(found, screened.samples, arms)]
     for k, gaps in enumerate(screened.counter_gaps):
         runs[k] = without_lost(runs[k], gaps, screened.recordings[k].dt) if gaps else runs[k]
-    runs = [without_skipped(run, holes) for run, holes in zip(runs, screened.holes)]
+    holes, blanks = screened.holes, screened.blanks
+    runs = [unweighted(without_skipped(run, left_out), none) for run, left_out, none in zip(runs, holes, blanks)]
     periods = [r.dt for r in screened.recordings]
-    return realigned(Residuals(screened.events, runs, screened.samples, periods, screened.known, screened.holes), [])
+    return realigned(Residuals(screened.events, runs, screened.samples, periods, screened.known, holes, blanks), [])
 
 
 def realigned(residuals: Residuals, terms: Sequence[EffectTerm]) -> Residuals:
@@ -99,7 +102,8 @@ def realigned(residuals: Residuals, terms: Sequence[EffectTerm]) -> Residuals:
         for loss in here:
             i = realigned_rows(i, loss)
         again = residual_run(runs[k].name, runs[k].arm, t, q, i, powered=runs[k].powered, known=residuals.known[k])
-        again = unmeasured(without_skipped(again, residuals.holes[k]), here)
+        again = unweighted(without_skipped(again, residuals.holes[k]), residuals.blanks[k])
+        again = unmeasured(again, here)
         # of the same rows: those that were not measured have no say in either
         if _energy(again, terms) < _energy(unmeasured(before[k], here), terms):
             samples[k], runs[k] = (t, q, i), again

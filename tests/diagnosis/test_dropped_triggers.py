@@ -56,7 +56,7 @@ def _residuals(root: Path, *hidden: Hidden, seed: int = 3) -> Residuals:
     rows = recorded(what, LABORATORY, seed)
     samples = what.signals.t, rows.q, rows.i
     run = residual_run("run", read_model(root / "config" / "models" / "puma560.toml"), *samples)
-    return Residuals([], [run], [samples], [PERIOD], [KnownNoise()], [()])
+    return Residuals([], [run], [samples], [PERIOD], [KnownNoise()], [()], [()])
 
 
 def _seen(root: Path, *hidden: Hidden, seed: int = 3) -> Run:

@@ -13,9 +13,13 @@ NO_WEIGHT = 1e6
 """Times the std of a row, at which it has no say."""
 
 
-def without_weight(run: Run, spans: Iterable[tuple[float, float]]) -> Run:
-    """The run with rows of no weight in each of the ``spans``: first and last time, s of ``Run.t``."""
+def without_weight(run: Run, spans: Iterable[tuple[float, float]], joint: int | None = None) -> Run:
+    """The run with rows of no weight in each of the ``spans``: first and last time, s of ``Run.t``.
+
+    joint  (from 1) whose rows they are; None: of all
+    """
     deviation = run.deviation.copy()
+    column = slice(None) if joint is None else joint - 1
     for start, end in spans:
-        deviation[(run.t > start - SMEARED) & (run.t < end + SMEARED)] *= NO_WEIGHT
+        deviation[(run.t > start - SMEARED) & (run.t < end + SMEARED), column] *= NO_WEIGHT
     return replace(run, deviation=deviation)
