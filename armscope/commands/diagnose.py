@@ -140,7 +140,10 @@ def _distorted(arm: Arm, name: str, recordings: list[Recording], out: Output, as
     from diagnosis.screening import residuals_of, screened
 
     named_parameter(arm, name)
-    found = distort(arm, name, residuals_of(arm, screened(arm, recordings)).runs, recordings)
+    cleaned = screened(arm, recordings)
+    for remark in cleaned.remarks:
+        print(f"warning: {remark}", file=sys.stderr)
+    found = distort(arm, name, residuals_of(arm, cleaned).runs, recordings)
     table = write_distortion(out.folder, found, out.pictures)
     print(json_text(table) if as_json else f"{table['verdict']}\n{out.folder / 'distortion.html'}")
     return DONE
