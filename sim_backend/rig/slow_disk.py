@@ -4,31 +4,42 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from typing import Any
 from unittest.mock import patch
+
+SYNCS = [name for name in ("fsync", "fdatasync") if hasattr(os, name)]
+"""The calls of ``os`` that wait for the disk; POSIX has both, Windows only the first."""
 
 
 @dataclass
 class Waits:
-    """Number of delayed fsyncs."""
+    """Number of delayed calls."""
 
     count: int = 0
 
 
 @contextmanager
-def slow_disk(seconds: float) -> Iterator[Waits]:
-    """While the context lasts, every ``os.fsync`` of this process takes ``seconds`` s longer.
+def slow_disk(seconds: float | Callable[[], float]) -> Iterator[Waits]:
+    """While the context lasts, every ``os.fsync`` and ``os.fdatasync`` of this process takes ``seconds`` s longer.
 
-    The data is written all the same.
+    The data is written all the same. A function is asked at every call; 0: no delay, and none counted.
     """
-    true, waits = os.fsync, Waits()
+    waits = Waits()
 
-    def slow(file: int) -> None:
-        waits.count += 1
-        time.sleep(seconds)
-        true(file)
+    def slowed(call: Callable[[Any], None]) -> Callable[[Any], None]:
+        def slow(file: Any) -> None:
+            delay = seconds() if callable(seconds) else seconds
+            if delay > 0:
+                time.sleep(delay)
+                waits.count += 1
+            call(file)
 
-    with patch.object(os, "fsync", slow):
+        return slow
+
+    with ExitStack() as patches:
+        for name in SYNCS:
+            patches.enter_context(patch.object(os, name, slowed(getattr(os, name))))
         yield waits

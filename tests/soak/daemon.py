@@ -1,30 +1,29 @@
 """The daemon under test, on a disk whose slowness can be set while it runs.
 
-``python -m tests.soak.daemon RIG.toml DELAY_FILE``.
+``python -m tests.soak.daemon RIG.toml DELAY_FILE``: every call that waits for the disk takes as many s longer as the
+file says ('' or no file: none), and makes ``DELAY_FILE.waits`` a byte longer.
 """
 
 from __future__ import annotations
 
-import os
 import sys
-import time
 from pathlib import Path
 
 from armscope.cli import main
+from sim_backend.rig.slow_disk import slow_disk
 
 
-def slow_down(delay_file: Path) -> None:
-    """From now on every ``os.fsync`` of this process takes as many s longer as the file says; '' or no file: none."""
-    true = os.fsync
-
-    def slow(file: int) -> None:
-        time.sleep(float(delay_file.read_text() or 0) if delay_file.exists() else 0.0)
-        true(file)
-
-    os.fsync = slow
+def delay_by(file: Path) -> float:
+    """s that the next call takes longer; counts it."""
+    seconds = float(file.read_text() or 0) if file.exists() else 0.0
+    if seconds > 0:
+        with open(f"{file}.waits", "ab") as waits:
+            waits.write(b".")
+    return seconds
 
 
 if __name__ == "__main__":
-    slow_down(Path(sys.argv[2]))
+    delay_file = Path(sys.argv[2])
     sys.argv = ["armscope", "daemon", "--rig", sys.argv[1]]
-    sys.exit(main())
+    with slow_disk(lambda: delay_by(delay_file)):
+        sys.exit(main())

@@ -43,6 +43,7 @@ def as_table(account: Account, seconds: float) -> Table:
         "lost": dict(account.lost),
         "subscriber": dict(account.subscriber),
         "killed_ms": [round(1e3 * rows / RATE) for rows in account.killed_rows],
+        "disk_delays": account.delays,
         "slowest_answer_s": round(account.slowest_answer, 3),
         "memory_mb": [[(round(s), round(m, 1)) for s, m in life] for life in account.memory],
         "memory_growth_mb": [None if rise is None else round(rise, 1) for rise in growth],

@@ -33,7 +33,7 @@ KINDS = ("plain", "plain", "stopped", "device lost", "disk slow", "disk full", "
 WARM_UP, MOST_GROWTH = 60.0, 20.0  # s after which memory must be flat, and MB by which it may still rise
 LOST = ("device_lost", "no_answer", "watchdog")  # how a run may end whose device is lost
 DEVICE_BACK = 10.0  # s, for which a lost device may stay away
-SLOW_DISK, FULL_DISK = 0.7, 2_000_000  # s an fsync; bytes that a file may have
+SLOW_DISK, FULL_DISK = 0.7, 2_000_000  # s a call that waits for the disk; bytes that a file may have
 LEAST_LIFE, MOST_LIFE = 180.0, 3600.0  # s, after which a daemon is killed and started again; else a third of the soak
 
 
@@ -49,6 +49,7 @@ class Account:
     wrong: list[str] = field(default_factory=list)
     subscriber: Counter[str] = field(default_factory=Counter)
     killed_rows: list[int] = field(default_factory=list)
+    delays: list[int] = field(default_factory=list)  # of the disk, in each run that met a slow one
     slowest_answer: float = 0.0
     memory: list[list[tuple[float, float]]] = field(default_factory=list)  # per life: s since it began, MB when idle
     crowd: list[Table] = field(default_factory=list)
@@ -64,7 +65,7 @@ class Soak:
         self.rig: SoakRig = write_rig(root, folder)
         self.keys = keys_of(self.rig.rig.name)
         self.out = folder / "run.mcap"
-        self._delay = folder / "delay"
+        self._delay, self._waits = folder / "delay", folder / "delay.waits"  # the second: a byte per delayed call
         self._crowd: list[subprocess.Popen[str]] = []
 
     def go(self, seconds: float) -> None:
@@ -146,6 +147,7 @@ class Soak:
         """The daemon's disk: slow, full, or as it is."""
         if kind == "disk full":
             resource.prlimit(self.daemon.pid, resource.RLIMIT_FSIZE, (FULL_DISK, resource.RLIM_INFINITY))
+        self._waits.write_bytes(b"")
         self._delay.write_text(str(SLOW_DISK) if kind == "disk slow" else "")
         try:
             yield
@@ -164,6 +166,12 @@ class Soak:
         if self.out.exists():
             for fault in judge.finished(self.out, last):
                 self._wrong(f"{kind}: {fault}")
+            if kind == "disk slow":
+                # One after each batch of rows, which may be several chunks where the disk is slow, and one at the end.
+                delays = len(self._waits.read_bytes())
+                account.delays.append(delays)
+                if delays < 2:
+                    self._wrong(f"{kind}: the disk was waited for {delays} times with a delay")
         elif kind == "disk full":
             faults, _ = judge.unfinished(self.out.with_name(self.out.name + ".active"), 0)
             for fault in faults:
