@@ -11,6 +11,7 @@ Tokens travel in a header that a page of another origin cannot set, never in a c
 
 from __future__ import annotations
 
+import hashlib
 import hmac
 import secrets
 import time
@@ -45,7 +46,7 @@ class Access:
     def role(self, token: str) -> Role | None:
         """Of who shows a token ('': none); None: must log in."""
         if self.passwords is None:
-            return Role.STEER if hmac.compare_digest(token.encode(), self.key.encode()) else Role.WATCH
+            return Role.STEER if same(token, self.key) else Role.WATCH
         user, until = self._sessions.get(token, ("", 0.0))
         if not user or time.monotonic() > until:
             return None
@@ -57,10 +58,8 @@ class Access:
         if now < self._not_before.get(address, 0.0):
             return None
         known = (self.passwords or {}).get(user, secrets.token_urlsafe(24))
-        if not hmac.compare_digest(password.encode(), known.encode()):
-            self._not_before = {a: t for a, t in self._not_before.items() if t > now}
-            if len(self._not_before) < MOST_ADDRESSES:
-                self._not_before[address] = now + WRONG_SECONDS
+        if not same(password, known):
+            self._delay(address, now)
             return None
         self._sessions = {t: entry for t, entry in self._sessions.items() if entry[1] > now}
         while len(self._sessions) >= MOST_SESSIONS:
@@ -68,6 +67,19 @@ class Access:
         token = secrets.token_urlsafe(24)
         self._sessions[token] = (user, now + SESSION_SECONDS)
         return token
+
+    def _delay(self, address: str, now: float) -> None:
+        """Notes a wrong password. Of too many addresses the oldest is forgotten: the newest is always delayed."""
+        waiting = {a: t for a, t in self._not_before.items() if t > now and a != address}
+        while len(waiting) >= MOST_ADDRESSES:
+            del waiting[next(iter(waiting))]
+        self._not_before = waiting | {address: now + WRONG_SECONDS}
+
+
+def same(one: str, other: str) -> bool:
+    """Whether two secrets are equal, of any characters, in a time that shows neither where they differ nor a length."""
+    digests = (hashlib.sha256(text.encode("utf-8", "surrogatepass")).digest() for text in (one, other))
+    return hmac.compare_digest(*digests)
 
 
 def hosts_of(host: str, port: int, others: Collection[str] = ()) -> frozenset[str]:

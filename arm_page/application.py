@@ -16,7 +16,7 @@ from starlette.requests import Request
 from starlette.responses import FileResponse, JSONResponse, Response
 from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
-from starlette.types import ASGIApp, Receive, Scope, Send
+from starlette.types import ASGIApp
 
 from arm_io import DeviceFault, InputError
 from arm_page.access import Access, Role
@@ -24,6 +24,7 @@ from arm_page.analyses import Analyses
 from arm_page.archive import FolderArchive
 from arm_page.experiments import Experiments
 from arm_page.fleets import Fleets
+from arm_page.guard import Guarded, failed, refusal
 from arm_page.link import RigLink
 from arm_page.live import Viewers
 from arm_page.recordings import Recordings
@@ -33,10 +34,6 @@ from arm_report.vendor import VENDOR
 Table = dict[str, Any]
 STATIC = Path(__file__).parent / "static"
 MOST_BODY = 1 << 16
-POLICY = (
-    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self'; "
-    "frame-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
-)
 REPORT_POLICY = (
     "sandbox allow-scripts allow-popups; default-src 'none'; img-src data:; style-src 'unsafe-inline'; "
     "script-src 'unsafe-inline'; frame-ancestors 'self'"
@@ -92,7 +89,8 @@ class Server:
             Mount("/static/charts", StaticFiles(directory=VENDOR)),
             Mount("/static", StaticFiles(directory=STATIC)),
         ]
-        self.application: ASGIApp = _Guarded(Starlette(routes=routes, lifespan=self._life), hosts, secure=secure)
+        inner = Starlette(routes=routes, lifespan=self._life, exception_handlers={Exception: failed})
+        self.application: ASGIApp = Guarded(inner, hosts, secure=secure)
 
     @contextlib.asynccontextmanager
     async def _life(self, application: Starlette) -> AsyncIterator[None]:
@@ -113,17 +111,20 @@ class Server:
     # Requests
 
     async def _login(self, request: Request) -> Response:
-        table = await _body(request)
+        try:
+            table = await _body(request)
+        except InputError as error:
+            return refusal(error)
         address = request.client.host if request.client else ""
         token = self._parts.access.log_in(str(table.get("user", "")), str(table.get("password", "")), address)
         if token is None:
-            return _refusal(InputError("login", "user or password is wrong; after a mistake wait a second"), 401)
+            return refusal(InputError("login", "user or password is wrong; after a mistake wait a second"), 401)
         return JSONResponse({"token": token})
 
     async def _rig(self, request: Request) -> Response:
         role = self._parts.access.role(_token(request))
         if role is None:
-            return _refusal(InputError("login", "is required"), 401)
+            return refusal(InputError("login", "is required"), 401)
         known = self._parts.analyses.known.values()
         analyses = [{"name": a.name, "title": a.title, "help": a.help, "needs_points": a.needs_points} for a in known]
         log_in = self._parts.access.passwords is not None
@@ -133,9 +134,9 @@ class Server:
         """The file of a mesh of the scene, by its number there."""
         number = request.path_params["number"]
         if self._parts.access.role(_token(request)) is None:
-            return _refusal(InputError("login", "is required"), 401)
+            return refusal(InputError("login", "is required"), 401)
         if number >= len(self._parts.meshes):
-            return _refusal(InputError("mesh", "there is none of that number"), 404)
+            return refusal(InputError("mesh", "there is none of that number"), 404)
         return FileResponse(self._parts.meshes[number])
 
     async def _experiments(self, request: Request) -> Response:
@@ -150,7 +151,7 @@ class Server:
         try:
             arguments = await _body(request)
         except InputError as error:
-            return _refusal(error)
+            return refusal(error)
         pool = self._stopping if verb == "stop" else self._working
         return await self._answer(request, Role.STEER, lambda: self._parts.steering.command(verb, arguments), pool=pool)
 
@@ -200,7 +201,7 @@ class Server:
         try:
             table = await _body(request)
         except InputError as error:
-            return _refusal(error)
+            return refusal(error)
         return await self._answer(request, Role.STEER, begun)
 
     async def _stop_analysis(self, request: Request) -> Response:
@@ -214,7 +215,7 @@ class Server:
             analysed = self._parts.analyses.holds(name)
             path = self._parts.analyses.report(name) if analysed else self._parts.archive.report(name)
         except InputError as error:
-            return _refusal(error, 404)
+            return refusal(error, 404)
         return FileResponse(path, headers={"content-security-policy": REPORT_POLICY})
 
     async def _fleet(self, request: Request) -> Response:
@@ -222,7 +223,7 @@ class Server:
         try:
             path = self._parts.fleets.file(request.path_params["fleet"], request.path_params["name"])
         except InputError as error:
-            return _refusal(error, 404)
+            return refusal(error, 404)
         return FileResponse(path, headers={"content-security-policy": REPORT_POLICY})
 
     async def _answer(
@@ -231,58 +232,14 @@ class Server:
         """What ``work`` returns, done on a thread, if who asks may have it; one typed error otherwise."""
         role = self._parts.access.role(_token(request))
         if role is None:
-            return _refusal(InputError("login", "is required"), 401)
+            return refusal(InputError("login", "is required"), 401)
         if least is Role.STEER and role is not Role.STEER:
-            return _refusal(InputError("page", "you may watch, not steer; open the address with the key"), 403)
+            return refusal(InputError("page", "you may watch, not steer; open the address with the key"), 403)
         try:
             result = await asyncio.get_running_loop().run_in_executor(pool or self._working, work)
         except (InputError, DeviceFault) as error:
-            return _refusal(error)
+            return refusal(error)
         return JSONResponse(result)
-
-
-class _Guarded:
-    """Refuses requests under a foreign name or from a foreign page, and says what the browser may load."""
-
-    def __init__(self, inner: ASGIApp, hosts: frozenset[str], *, secure: bool) -> None:
-        self._inner, self._hosts = inner, hosts
-        schemes = ("https",) if secure else ("http",)
-        self._origins = {f"{scheme}://{host}" for scheme in schemes for host in hosts}
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] not in ("http", "websocket"):
-            await self._inner(scope, receive, send)
-            return
-        headers = {name: value.decode("latin-1") for name, value in scope["headers"]}
-        origin = headers.get(b"origin")
-        foreign = headers.get(b"host", "").lower() not in self._hosts or (
-            origin is not None and origin not in self._origins and origin != "null"
-        )
-        if foreign or (origin == "null" and scope["type"] == "websocket"):
-            await self._refuse(scope, receive, send)
-            return
-
-        async def sent(message: Any) -> None:
-            if message["type"] == "http.response.start":
-                names = {name for name, _ in message["headers"]}
-                extra = {
-                    b"content-security-policy": POLICY.encode(),
-                    b"x-content-type-options": b"nosniff",
-                    b"referrer-policy": b"no-referrer",
-                    b"cache-control": b"no-store",
-                }
-                message["headers"] = [*message["headers"], *((k, v) for k, v in extra.items() if k not in names)]
-            await send(message)
-
-        await self._inner(scope, receive, sent)
-
-    async def _refuse(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] == "websocket":
-            await receive()
-            await send({"type": "websocket.close", "code": 4403})
-            return
-        refusal = _refusal(InputError("page", "was asked for under a name that is not its own"), 403)
-        await refusal(scope, receive, send)
 
 
 def _token(request: Request) -> str:
@@ -311,9 +268,3 @@ def _names(table: Table, key: str) -> list[str]:
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names) or len(names) > 20:
         raise InputError(key, "must be a list of at most 20 names")
     return names
-
-
-def _refusal(error: InputError | DeviceFault, status: int = 409) -> Response:
-    where = error.where if isinstance(error, InputError) else error.device
-    kind = "input" if isinstance(error, InputError) else "device"
-    return JSONResponse({"error": kind, "where": str(where), "what": error.what}, status_code=status)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from arm_io import InputError, read_text
+from arm_page.access import same
 from arm_page.recordings import Recordings
 
 Table = dict[str, Any]
@@ -44,7 +45,7 @@ class Fleets:
 
     def file(self, ticket: str, name: str) -> Path:
         """A page of a fleet: its own, that of an arm, the report of a night. InputError: there is none of that name."""
-        folder = next((one for one, its in self._tickets.items() if secrets.compare_digest(its, ticket)), None)
+        folder = next((one for one, its in self._tickets.items() if same(its, ticket)), None)
         path = None if folder is None else (folder / name).resolve()
         if folder is None or path is None or path.suffix != ".html" or not path.is_relative_to(folder):
             raise InputError("fleet", "there is no page of that name")

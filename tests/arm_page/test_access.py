@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import http.client
 import json
 import os
@@ -11,8 +12,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from starlette.applications import Starlette
+from starlette.requests import Request
+from starlette.responses import Response
+from starlette.routing import Route
 
-from arm_page.access import Access, Role, hosts_of
+from arm_page.access import MOST_ADDRESSES, Access, Role, hosts_of
+from arm_page.guard import Guarded, failed
 from armscope.cli import run
 from tests.arm_page.room import Room, lay_out, open_room, rig_table
 from tests.daq.certificates import make_certificates
@@ -73,6 +79,40 @@ def test_nonsense_is_refused_in_one_sentence(room: Room, body: bytes) -> None:
             continue  # a command without arguments
         status, answer = room.ask(path, body)
         assert status == 409 and answer["error"] == "input" and "\n" not in answer["what"]
+
+
+@pytest.mark.parametrize("body", [b"[]", b"{", b"\xff", b"x" * 70_000])
+def test_nonsense_at_the_login_is_refused(room: Room, body: bytes) -> None:
+    status, answer = room.ask("/api/login", body, key="")
+    assert status == 409 and answer["error"] == "input" and "\n" not in answer["what"]
+
+
+def test_characters_of_any_kind_are_no_failure(room: Room) -> None:
+    assert room.ask("/api/login", b'{"user": "lab", "password": "\\ud800"}', key="")[0] == 401
+    assert room.ask("/fleets/%C3%A9/fleet.html")[0] == 404
+    assert room.ask("/fleets/%00/fleet.html")[0] == 404
+
+
+def test_a_failure_of_the_page_is_one_line_in_its_log(caplog: pytest.LogCaptureFixture) -> None:
+    async def fails(request: Request) -> Response:
+        raise ZeroDivisionError("of\nthe page")
+
+    sent: list[Any] = []
+
+    async def send(message: Any) -> None:
+        sent.append(message)
+
+    async def receive() -> Any:
+        return {"type": "http.request"}
+
+    inner = Starlette(routes=[Route("/x", fails)], exception_handlers={Exception: failed})
+    guarded = Guarded(inner, frozenset({"a:1"}), secure=False)
+    scope = {"type": "http", "method": "GET", "path": "/x", "query_string": b"", "headers": [(b"host", b"a:1")]}
+    asyncio.run(guarded(scope, receive, send))
+    assert sent[0]["status"] == 500 and json.loads(sent[1]["body"])["error"] == "page"
+    line = [record.getMessage() for record in caplog.records if record.levelname == "ERROR"]
+    assert len(line) == 1 and "\n" not in line[0]
+    assert line[0].startswith("GET '/x' failed: ZeroDivisionError: ") and "test_access.py" in line[0]
 
 
 def test_names_of_files_lead_nowhere_else(room: Room) -> None:
@@ -151,6 +191,28 @@ def test_sessions_end_and_a_wrong_password_costs_time(monkeypatch: pytest.Monkey
     for _ in range(1000):
         assert access.log_in("guest", "x", "a")
     assert len(access._sessions) <= 256
+
+
+def test_a_wrong_password_of_any_characters_tells_no_users(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [0.0]
+    monkeypatch.setattr("arm_page.access.time.monotonic", lambda: now[0])
+    access = Access({"lab": "sécret"}, ["lab"])
+    for user in ("lab", "nobody", "\ud800"):
+        for password in ("\ud800", "é", ""):
+            now[0] += 2.0
+            assert access.log_in(user, password, "a") is None
+    now[0] += 2.0
+    assert access.log_in("lab", "sécret", "a")
+
+
+def test_after_many_addresses_a_wrong_password_still_costs_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("arm_page.access.time.monotonic", lambda: 0.0)
+    access = Access({"lab": "secret"}, ["lab"])
+    for number in range(MOST_ADDRESSES + 10):
+        assert access.log_in("lab", "wrong", f"10.0.0.{number}") is None
+    assert access.log_in("lab", "secret", f"10.0.0.{MOST_ADDRESSES + 9}") is None  # the newest
+    assert access.log_in("lab", "secret", "10.0.0.0")  # the oldest is forgotten
+    assert len(access._not_before) <= MOST_ADDRESSES
 
 
 def test_names_of_a_page() -> None:
