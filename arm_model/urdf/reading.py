@@ -1,4 +1,4 @@
-"""URDF in and out: the kinematics, inertias, limits and joint friction of one serial chain.
+"""URDF in: the kinematics, inertias, limits and joint friction of one serial chain.
 
 See http://wiki.ros.org/urdf/XML.
 
@@ -17,21 +17,22 @@ from pathlib import Path
 import numpy as np
 from pydantic import ValidationError
 
-from arm_io import InputError, read_file, write_text
+from arm_io import InputError, read_file
 from arm_io.toml import one_line
 from arm_io.types import Array
 from arm_model.assumed_capsules import assumed_capsules
 from arm_model.capsules import moved, of_geometry, round_points
 from arm_model.description import Arm, Capsule, Joint
 from arm_model.meshes import mesh_file, vertices_of
-from arm_model.rigid_body.friction_curve import nearest_line
 from arm_model.rigid_body.inertia import about_com, barycentric, transform, unphysical
-from arm_model.rigid_body.kinematics import placement, roll_pitch_yaw, rpy_of
+from arm_model.rigid_body.kinematics import roll_pitch_yaw, rpy_of
 from arm_model.tables.fields import Pose
 from arm_model.urdf.tree import Tree, attribute, robot_of
 
 _MOVING = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic"}
 _LIMITS = ("lower", "upper")
+UNKNOWN = 1e9
+"""N m, N, rad/s, m/s or m: a limit of this size or above stands for none, where URDF requires a number."""
 _SIZES = {
     "box": {"size": 3},
     "cylinder": {"radius": 1, "length": 1},
@@ -254,12 +255,12 @@ def _joint(path: str | Path, element: xml.Element, pose: Array, gear: float) -> 
             xyz=(float(pose[0, 3]), float(pose[1, 3]), float(pose[2, 3])),
             rpy=rpy_of(pose),
             axis=(axis[0], axis[1], axis[2]),
-            limits=(lower, upper) if limited and lower < upper else None,
-            torque_limit=effort if effort > 0 else None,
+            limits=(lower, upper) if limited and lower < upper and max(-lower, upper) < UNKNOWN else None,
+            torque_limit=effort if 0 < effort < UNKNOWN else None,
             gear=gear,
             # so that torque at the joint = |gear| torque_constant i = i
             torque_constant=1.0 / ratio,
-            motor_speed_limit=speed * ratio if speed > 0 else None,
+            motor_speed_limit=speed * ratio if 0 < speed < UNKNOWN else None,
             viscous=(damping / ratio**2, damping / ratio**2),
             coulomb=(friction / ratio, friction / ratio),
         )
@@ -289,103 +290,3 @@ def _with_lump(path: str | Path, joints: list[Joint], lump: Array) -> list[Joint
         raise InputError(path, f"the link that joint {joints[-1].name!r} moves, with what is fixed to it: {problem}")
     x, y, z, xy, yz, xz = inertia
     return [*joints[:-1], replace(joints[-1], mass=mass, com=com, inertia=(x, y, z, xy, yz, xz))]
-
-
-def _text(values: Array | tuple[float, ...] | list[float]) -> str:
-    return " ".join(repr(float(value) + 0.0) for value in values)
-
-
-def _text_of_origin(pose: Array) -> dict[str, str]:
-    return {"xyz": _text(pose[:3, 3]), "rpy": _text(rpy_of(pose))}
-
-
-def not_in_urdf(arm: Arm, form: str = "URDF") -> list[str]:
-    """One sentence per joint whose friction the file cannot express, and one that names the effects it cannot hold.
-
-    Friction of a drive and of the joint's own axis are one in URDF: without couplings, both follow the same motion.
-    form: name of the format, URDF or another with one Coulomb and one viscous coefficient per joint.
-    """
-    found = []
-    for number, joint in enumerate(arm.joints, 1):
-        _, _, off = nearest_line(joint)
-        if joint.friction_curve is not None or off > 1e-9:
-            what = "has a friction curve" if joint.friction_curve is not None else "differs between the directions"
-            found.append(
-                f"friction of joint {number} {what}; {form} has one Coulomb and one viscous coefficient: the nearest "
-                f"line is written, off by up to {off:.2g} {'N m' if joint.revolute else 'N'}"
-            )
-        if joint.temperature is not None:
-            found.append(
-                f"friction of joint {number} is that at {joint.temperature:g} degC and without load; {form} has no "
-                "place for either"
-            )
-    if arm.effects:
-        names = sorted({term.name for term in arm.effects})
-        found.append(f"{form} has no place for effects; left out: {', '.join(names)}")
-    return found
-
-
-def write_urdf(path: str | Path, arm: Arm) -> None:
-    """Writes the arm as URDF: link frames sit on the joints' axes; joint-side friction.
-
-    The tool as a fixed link "tool".
-
-    Rotor inertias, torque constants, effects and the controller have no place in URDF and are left out; friction of
-    other shape than Coulomb and viscous, equal in both directions, becomes the nearest such (``not_in_urdf`` says so).
-    InputError for an arm with coupled joints, which URDF cannot describe.
-    """
-    if arm.coupling:
-        raise InputError(path, "URDF has no place for [[coupling]]; write the arm as .toml")
-    robot = xml.Element("robot", name=arm.name)
-    xml.SubElement(robot, "link", name="base")
-    pose, parent = np.array(arm.base), "base"
-    for number, joint in enumerate(arm.joints, 1):
-        before, after = placement(joint)
-        name = f"link{number}"
-        _write_joint(robot, joint, f"joint{number}", parent, name, pose @ before)
-        _write_link(robot, joint, name, after)
-        if joint.gear != 1.0:
-            _write_gear(robot, joint, joint.name or f"joint{number}")
-        pose, parent = after, name
-    fixed = xml.SubElement(robot, "joint", name="flange", type="fixed")
-    xml.SubElement(fixed, "parent", link=parent)
-    xml.SubElement(fixed, "child", link="tool")
-    xml.SubElement(fixed, "origin", _text_of_origin(pose @ np.array(arm.tool)))
-    xml.SubElement(robot, "link", name="tool")
-    xml.indent(robot)
-    write_text(path, xml.tostring(robot, encoding="utf-8", xml_declaration=True).decode())
-
-
-def _write_joint(robot: xml.Element, joint: Joint, name: str, parent: str, child: str, origin: Array) -> None:
-    kind = joint.type if joint.limits or not joint.revolute else "continuous"
-    element = xml.SubElement(robot, "joint", name=joint.name or name, type=kind)
-    xml.SubElement(element, "parent", link=parent)
-    xml.SubElement(element, "child", link=child)
-    xml.SubElement(element, "origin", _text_of_origin(origin))
-    xml.SubElement(element, "axis", xyz="0 0 1")
-    lower, upper = joint.limits or (0.0, 0.0)
-    speed = (joint.motor_speed_limit or 0.0) / joint.ratio
-    limit = {"lower": lower, "upper": upper, "effort": joint.torque_limit or 0.0, "velocity": speed}
-    xml.SubElement(element, "limit", {key: repr(float(value)) for key, value in limit.items()})
-    friction, damping, _ = nearest_line(joint)
-    dynamics = {"damping": repr(damping), "friction": repr(friction)}
-    xml.SubElement(element, "dynamics", dynamics)
-
-
-def _write_gear(robot: xml.Element, joint: Joint, name: str) -> None:
-    transmission = xml.SubElement(robot, "transmission", name=f"{name}_transmission")
-    xml.SubElement(transmission, "type").text = "transmission_interface/SimpleTransmission"
-    xml.SubElement(transmission, "joint", name=name)
-    actuator = xml.SubElement(transmission, "actuator", name=f"{name}_motor")
-    xml.SubElement(actuator, "mechanicalReduction").text = repr(float(joint.gear))
-
-
-def _write_link(robot: xml.Element, joint: Joint, name: str, after: Array) -> None:
-    link = xml.SubElement(robot, "link", name=name)
-    inertial = xml.SubElement(link, "inertial")
-    centre = after.copy()
-    centre[:3, 3] = after[:3, :3] @ np.array(joint.com) + after[:3, 3]
-    xml.SubElement(inertial, "origin", _text_of_origin(centre))
-    xml.SubElement(inertial, "mass", value=repr(float(joint.mass)))
-    names = ("ixx", "iyy", "izz", "ixy", "iyz", "ixz")
-    xml.SubElement(inertial, "inertia", {key: repr(float(value)) for key, value in zip(names, joint.inertia)})

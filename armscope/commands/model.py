@@ -167,10 +167,10 @@ def _update(original: Path, arm: Arm, out: Path | None, tip: str | None) -> None
 
 def _write(path: Path, arm: Arm) -> None:
     if path.suffix == ".urdf":
-        from arm_model.urdf import not_in_urdf, write_urdf
+        from arm_model.urdf import not_in_urdf, unknown_in_urdf, write_urdf
 
         write_urdf(path, arm)
-        for sentence in not_in_urdf(arm):
+        for sentence in not_in_urdf(arm) + unknown_in_urdf(arm):
             print(f"note: {sentence}", file=sys.stderr)
     elif path.suffix == ".toml":
         write_model(path, arm)
