@@ -38,6 +38,14 @@ def ends_that_move(chains: Sequence[Sequence[object]]) -> list[int]:
     return [index for index, way in enumerate(ways) if way and way not in begun and way not in ways[:index]]
 
 
+def follows(joint: str, leader: str, element: str) -> str:
+    """The sentence on a joint of the arm that the file makes follow another one by an ``element``."""
+    return (
+        f"{joint} follows {leader} (<{element}>): read as a joint of its own, with an angle and a motor of its own in "
+        "each recording; if one motor turns both, its torques here are not those of the motor"
+    )
+
+
 def counted_as_fixed(joints: Sequence[str], end: str, mass: float) -> str:
     """What is said of moving joints beside those of the arm; mass: of everything behind them, kg."""
     return (

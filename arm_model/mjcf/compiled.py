@@ -14,10 +14,14 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from arm_io import InputError
-from arm_model.mjcf.tree import NeedsCompiler
+from arm_model.mjcf.tree import FLAGS, NeedsCompiler
 
 _TYPES = ("free", "ball", "slide", "hinge")
 """By MuJoCo's numbers, mjtJoint."""
+_EQUALITIES = (("connect", "body"), ("weld", "body"), ("joint", "joint"), ("tendon", "tendon"))
+"""By MuJoCo's numbers, mjtEq: tag, and what it is between."""
+_SITE = 6
+"""MuJoCo's number of sites, mjtObj."""
 _DRIVES_JOINT = (0, 1)
 """By MuJoCo's numbers, mjtTrn: in the frame of the joint or of its parent."""
 
@@ -49,9 +53,11 @@ def compiled_text(path: Path, needed: NeedsCompiler, content: bytes | None = Non
     name = model.names.split(b"\0")[0].decode()
     gravity = _numbers(model.opt.gravity)
     return (
-        f'<mujoco model={quoteattr(name)}><compiler angle="radian" autolimits="true"/><option gravity="{gravity}"/>'
+        f'<mujoco model={quoteattr(name)}><compiler angle="radian" autolimits="true"/><option gravity="{gravity}">'
+        f"{_flags(model, mujoco.mjtDisableBit)}</option>"
         f"<worldbody>{''.join(_body(model, one) for one in _children(model, 0))}</worldbody>"
-        f"<actuator>{''.join(_motor(model, one) for one in range(model.nu))}</actuator></mujoco>"
+        f"<actuator>{''.join(_motor(model, one) for one in range(model.nu))}</actuator>"
+        f"<equality>{''.join(_equality(model, one) for one in range(model.neq))}</equality></mujoco>"
     ).encode()
 
 
@@ -77,7 +83,8 @@ def _body(model: Any, body: int) -> str:
     first = model.body_jntadr[body]
     joints = "".join(_joint(model, first + k) for k in range(model.body_jntnum[body]))
     inside = "".join(_body(model, one) for one in _children(model, body))
-    place = f'pos="{_numbers(model.body_pos[body])}" quat="{_numbers(model.body_quat[body])}"'
+    gravcomp = _numbers(model.body_gravcomp[body])
+    place = f'gravcomp="{gravcomp}" pos="{_numbers(model.body_pos[body])}" quat="{_numbers(model.body_quat[body])}"'
     return f"<body name={name} {place}>{inertial}{joints}{inside}</body>"
 
 
@@ -92,9 +99,8 @@ def _joint(model: Any, joint: int) -> str:
         "axis": _numbers(model.jnt_axis[joint]),
         "pos": _numbers(model.jnt_pos[joint]),
         "ref": _numbers(model.qpos0[model.jnt_qposadr[joint]]),
-        # MuJoCo 4 has the coefficients of a polynomial, of which the first is the linear spring and damper
-        "stiffness": _numbers(np.ravel(model.jnt_stiffness[joint])[:1]),
-        "damping": _numbers(np.ravel(model.dof_damping[dof])[:1]),
+        "stiffness": _polynomial(model, "jnt_stiffness", joint),
+        "damping": _polynomial(model, "dof_damping", dof),
         "frictionloss": _numbers(model.dof_frictionloss[dof]),
         "armature": _numbers(model.dof_armature[dof]),
     }
@@ -103,6 +109,30 @@ def _joint(model: Any, joint: int) -> str:
     if model.jnt_actfrclimited[joint]:
         given["actuatorfrcrange"] = _numbers(model.jnt_actfrcrange[joint])
     return f"<joint name={name} {' '.join(f'{key}={quoteattr(value)}' for key, value in given.items())}/>"
+
+
+def _polynomial(model: Any, name: str, place: int) -> str:
+    """Coefficients of a spring or damper: the linear one, and those of higher powers, which MuJoCo has since 4."""
+    higher = getattr(model, f"{name}poly", None)
+    return _numbers([*np.ravel(getattr(model, name)[place]), *([] if higher is None else higher[place])])
+
+
+def _equality(model: Any, constraint: int) -> str:
+    """A constraint that acts from the beginning, between joints, or bodies by their sites or not; else nothing."""
+    kind, ends = model.eq_type[constraint], (model.eq_obj1id[constraint], model.eq_obj2id[constraint])
+    if kind >= len(_EQUALITIES) or not model.eq_active0[constraint]:
+        return ""
+    tag, what = _EQUALITIES[kind]
+    if what == "body" and model.eq_objtype[constraint] == _SITE:
+        ends = tuple(model.site_bodyid[end] for end in ends)
+    named = [getattr(model, what)(end).name for end in ends if end >= 0]
+    return f"<{tag} {' '.join(f'{what}{place}={quoteattr(name)}' for place, name in enumerate(named, 1))}/>"
+
+
+def _flags(model: Any, bits: Any) -> str:
+    """What the model disables, of what is read; ``bits``: MuJoCo's mjtDisableBit."""
+    off = [one for one in FLAGS if int(model.opt.disableflags) & int(getattr(bits, f"mjDSBL_{one.upper()}", 0))]
+    return "<flag " + " ".join(f'{name}="disable"' for name in off) + "/>"
 
 
 def _numbers(values: Any) -> str:

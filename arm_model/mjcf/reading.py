@@ -115,7 +115,7 @@ def read_all(path: str | Path, *, tip: str | None = None, content: bytes | None 
     option = {
         name: value for one in tree.sections if one.tag == "option" for name, value in one.element.attributes.items()
     }
-    gravity = tree.numbers(option, "gravity", "0 0 -9.81", 3)
+    gravity = np.zeros(3) if "gravity" in tree.disabled else tree.numbers(option, "gravity", "0 0 -9.81", 3)
     arm = Arm(
         name=tree.text.root.attributes.get("model", "robot"),
         joints=tuple(_with_bodies(joint, k, bodies) for k, joint in enumerate(joints)),
@@ -244,9 +244,8 @@ def _joint(tree: Tree, node: Node, given: Attributes, origin: Array) -> Joint:
     else:
         back[:3, 3] = -reference * axis
     pose = origin @ back
-    damping, friction, armature = (
-        float(tree.numbers(given, name, "0", 1)[0]) for name in ("damping", "frictionloss", "armature")
-    )
+    friction, armature = (float(tree.numbers(given, name, "0", 1)[0]) for name in ("frictionloss", "armature"))
+    damping = _damping(tree, node, given)
     force = np.abs(tree.numbers(given, "actuatorfrcrange", "0 0", 2)).max()
     return Joint(
         name=node.name,
@@ -261,6 +260,16 @@ def _joint(tree: Tree, node: Node, given: Attributes, origin: Array) -> Joint:
         viscous=(damping, damping),
         coulomb=(friction, friction),
     )
+
+
+def _damping(tree: Tree, node: Node, given: Attributes) -> float:
+    """N m s/rad (N s/m). InputError where it is more than linear in the speed: MuJoCo 4 has polynomials."""
+    text = given.get("damping", "0")
+    linear, *higher = tree.numbers(given, "damping", "0", max(1, len(text.split())))
+    if any(higher):
+        advice = "only the first number, linear in the speed, is read; remove the others"
+        raise InputError(tree.path, f"joint {node.name!r} has damping={text!r}: {advice}")
+    return float(linear)
 
 
 def _range(tree: Tree, given: Attributes, unit: float) -> tuple[float, float] | None:

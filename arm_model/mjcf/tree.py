@@ -19,6 +19,8 @@ from arm_model.xml_edit import Element, XmlText
 Attributes = dict[str, str]
 ORIENTATIONS = ("quat", "axisangle", "xyaxes", "zaxis", "euler")
 """Attributes that give an orientation; an element has one of them."""
+FLAGS = ("gravity", "equality", "constraint", "passive", "damper", "frictionloss", "limit")
+"""What <flag> may disable of what is read or said."""
 _UNREAD = ("frame", "replicate", "attach", "composite", "flexcomp")
 """Elements that make bodies or move them in ways that are not read here."""
 
@@ -87,6 +89,16 @@ class Tree:
         if name not in self.defaults:
             raise InputError(self.path, f"<{node.tag} name={node.name!r}>: there is no default class {name!r}")
         return {**self.defaults[name].get(node.tag, {}), **node.element.attributes}
+
+    @property
+    def disabled(self) -> set[str]:
+        """Names of what <flag> of <option> disables in the whole model, as gravity."""
+        flags: Attributes = {}
+        for section in self.sections:
+            if section.tag == "option":
+                for flag in section.all("flag"):
+                    flags |= flag.element.attributes
+        return {name for name, value in flags.items() if value == "disable"}
 
     @property
     def angle(self) -> float:

@@ -8,7 +8,7 @@ from enum import StrEnum
 from pathlib import Path
 
 from arm_io import read_file
-from arm_model.branches import are, counted_as_fixed, listed
+from arm_model.branches import are, counted_as_fixed, follows, listed
 from arm_model.meshes import FORMATS, mesh_file
 from arm_model.urdf.reading import is_number, numbers_of, reductions
 from arm_model.urdf.tree import Tree, attribute, robot_of
@@ -101,8 +101,7 @@ def _mimics(path: Path, tip: str | None) -> list[str]:
     """One sentence per joint of the chain that follows another one: here every joint of an arm moves for itself."""
     chain = Tree.of(path, robot_of(path, read_file(path))).chain(tip)
     return [
-        f"{joint.get('name')} follows {mimic.get('joint')} (<mimic>): read as a joint of its own, with an angle and a "
-        "motor of its own in each recording; if one motor turns both, its torques here are not those of the motor"
+        follows(joint.get("name", ""), mimic.get("joint", ""), "mimic")
         for joint in chain
         if joint.get("type") != "fixed" and (mimic := joint.find("mimic")) is not None
     ]
