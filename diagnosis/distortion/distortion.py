@@ -23,7 +23,7 @@ from arm_model import Arm, Joint, parameter, with_parameters
 from arm_model.system import inverse_dynamics
 from daq.recording import Recording
 from diagnosis.distortion.dependence import Path, Share, shares_of
-from diagnosis.distortion.random_walk import STEP, gains_of, likelihood, memory, smoothed, strength
+from diagnosis.distortion.random_walk import GAP, STEP, gains_of, likelihood, memory, predicted, smoothed, strength
 from diagnosis.measurements.currents.design_matrix import dataset_of, free_columns
 from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.residual.comparable_rows import comparable_rows
@@ -38,6 +38,8 @@ CERTAIN = 0.01
 
 Like a cause, it must also explain more than ``LIMITS.min_gain``.
 """
+LEAST_PREDICTED = 3
+"""Steps: more than the two unknowns that prediction errors determine, the strength of the walk and the noise."""
 JOINT_SIDE = (
     "viscous",
     "coulomb",
@@ -121,6 +123,13 @@ def distort(arm: Arm, name: str, runs: Sequence[Run], recordings: Sequence[Recor
     information = float(sum(seen.sum() for _, seen in steps))
     if information <= 0.0:
         raise InputError("--distort", f"{own} does not affect these recordings; must be excited by the motion")
+    if predicted(steps) < LEAST_PREDICTED:
+        shown = sum(int(np.sum(seen > 0.0)) for _, seen in steps) * STEP
+        raise InputError(
+            "--distort",
+            f"{own} affects {shown:.1f} s of these recordings, which is too short to say how it varies; must be excited"
+            f" by the motion for longer than {GAP:g} s",
+        )
     constant = float(sum(score.sum() for score, _ in steps)) / information
     ratio, scale = strength(steps)
     enough = LIMITS.min_gain * sum(int(np.any(column != 0.0, axis=1).sum()) for column in columns)

@@ -55,6 +55,11 @@ def prediction_errors(score: Array, seen: Array, ratio: float) -> tuple[NDArray[
     return k, score[k] / seen[k] - mean[k - gap], variance[k - gap] + gap * ratio + 1.0 / seen[k]
 
 
+def predicted(steps: Steps) -> int:
+    """Number of steps that can be predicted from others ``GAP`` before."""
+    return sum(len(prediction_errors(score, seen, 0.0)[0]) for score, seen in steps)
+
+
 def likelihood(steps: Steps, ratio: float) -> tuple[float, float]:
     """Log likelihood of the prediction errors at the best scale of the noise, and that scale."""
     squares, logs, count = 0.0, 0.0, 0

@@ -55,7 +55,8 @@ def ratios(runs: Sequence[Run], whitened: Array) -> list[JointNoise]:
     """Errors over the noise floor, per joint, from residuals (n * rows,) of ``runs`` over their deviations.
 
     Rows count in which the noise is that of the instruments: where a joint moves, away from its reversals. A joint
-    without any is left out.
+    without any is left out. Of a joint whose residual is exactly 0, as where all of it lies in what is free in its
+    recording (``Run.own_directions``), the error and its ratio are 0.
     """
     data, found = dataset_of(runs), []
     for j, joint in enumerate(runs[0].arm.joints):
@@ -66,7 +67,8 @@ def ratios(runs: Sequence[Run], whitened: Array) -> list[JointNoise]:
         error = float(np.sqrt(np.mean((whitened[data.of(j + 1)] * deviation)[sure] ** 2)))
         ratio = noise_ratio(whitened, data, j + 1)
         # noise that is as large in the quietest seconds is the floor, though the standstill shows less of it
-        floor, limit = error / ratio, LIMITS.above_noise
+        floor = error / ratio if ratio > 0.0 else float(np.sqrt(np.mean(deviation[sure] ** 2)))
+        limit = LIMITS.above_noise
         found.append(
             JointNoise(joint=j + 1, error=error, floor=floor, ratio=ratio, limit=limit, unit=joint.command_unit)
         )

@@ -97,7 +97,7 @@ def _prior(problem: Problem, method: Method) -> tuple[tuple[Array, Joints, Array
     smooth = smoothness(problem, friction_sizes(problem, free))
     if smooth is None:
         return None, None
-    noise = joint_noise(free.residual, rows.joint)
+    noise = joint_noise(free.residual, rows.joint, joints=len(problem.arm))
     best, weighed = regularised(columns, torque, rows.joint, method, (smooth.rows, smooth.joint, noise))
     scale = cross_validated_scale(uncertainty(columns, rows, best, prior=weighed), best, smooth)
     return (smooth.rows / scale, smooth.joint, noise), scale

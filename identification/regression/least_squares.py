@@ -173,9 +173,12 @@ def _solved(triangle: Array) -> tuple[Array, Array]:
     return lapack.dtrtrs(r, right)[0] / scale, r
 
 
-def joint_noise(residual: Array, joint: Joints, *, robust: bool = False) -> Array:
-    """(J,) standard deviation of each joint's residual; ``robust``: from the median of its magnitude."""
-    noise = np.ones(int(joint.max()) + 1 if len(joint) else 0)
+def joint_noise(residual: Array, joint: Joints, *, robust: bool = False, joints: int = 0) -> Array:
+    """(J,) standard deviation of each joint's residual; ``robust``: from the median of its magnitude.
+
+    J is at least ``joints``; a joint without rows has 1.
+    """
+    noise = np.ones(max(joints, int(joint.max(initial=-1)) + 1))
     for j in np.unique(joint):
         rows = residual[joint == j]
         noise[j] = MAD_TO_SIGMA * np.median(np.abs(rows)) if robust else np.sqrt(np.mean(rows**2))

@@ -16,7 +16,8 @@ from arm_io import InputError
 from arm_model.description import Arm
 from daq.recording import Recording
 from diagnosis.diagnose import diagnose
-from diagnosis.remainder.against_noise import against_noise
+from diagnosis.measurements.currents.design_matrix import dataset_of
+from diagnosis.remainder.against_noise import against_noise, ratios, runs_of
 from diagnosis.screening.lost_rows.blank_samples import Blank, blanks_of, sentences, unweighted, without_blanks
 from diagnosis.screening.plausibility import check
 from drivers.protocols import Quality
@@ -107,8 +108,6 @@ def test_currents_at_the_end_of_their_range_weigh_nothing_and_stay(arm: Arm, run
 
 
 def test_blanks_of_one_current_leave_the_weight_of_other_joints(arm: Arm, runs: list[Recording]) -> None:
-    from diagnosis.remainder.against_noise import runs_of
-
     (run,) = runs_of(arm, runs[:1], [])
     less = unweighted(run, [Blank(4.0, 4.4, 2)])
     heavy = (run.t > 3.95) & (run.t < 4.45)
@@ -116,6 +115,22 @@ def test_blanks_of_one_current_leave_the_weight_of_other_joints(arm: Arm, runs: 
     np.testing.assert_array_equal(less.deviation[~heavy], run.deviation[~heavy])
     np.testing.assert_array_equal(less.deviation[:, 0], run.deviation[:, 0])
     assert unweighted(run, ()) is run
+
+
+def test_samples_that_another_recording_lacks_leave_the_noise_known(arm: Arm, runs: list[Recording]) -> None:
+    """As ``identify`` asks, of what it held out beside what it fitted: their noise was none, and no SVD converged."""
+    i = runs[1].i.copy()
+    i[2000:2030, 1] = np.nan
+    found = against_noise(arm, runs[:1], [replace(runs[1], i=i)])
+    assert [one.joint for one in found] == [1, 2] and all(0.7 < one.ratio < 1.3 for one in found)
+
+
+def test_a_residual_of_which_nothing_is_left_is_zero_times_the_noise(arm: Arm, runs: list[Recording]) -> None:
+    """All of it may lie in what is free in a recording."""
+    (run,) = runs_of(arm, runs[:1], [])
+    for one, plain in zip(ratios([run], np.zeros(run.residual.size)), ratios([run], dataset_of([run]).y), strict=True):
+        assert (one.error, one.ratio) == (0.0, 0.0)
+        assert one.floor == pytest.approx(plain.floor, rel=0.2)
 
 
 @pytest.mark.parametrize(("channel", "step"), [("q", 1), ("i", 1), ("q", 10)])

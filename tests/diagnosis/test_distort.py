@@ -106,6 +106,15 @@ def test_the_smoother_is_least_squares_on_all_that_was_seen() -> None:
     np.testing.assert_allclose(variance, np.diag(np.linalg.inv(information)), rtol=1e-9)
 
 
+def test_a_parameter_that_too_few_steps_show_is_refused(puma: Arm, plain: tuple[Run, ...]) -> None:
+    """Of 0.2 s no step is predicted from another, and the noise of the walk was zero."""
+    run = plain[0]
+    shown = (run.t > 3.0) & (run.t < 3.2)
+    hidden = replace(run, deviation=np.where(shown[:, None], run.deviation, 1e6 * run.deviation))
+    with pytest.raises(InputError, match=r"joint2.viscous affects 0\.[23] s of these recordings, .* too short"):
+        _distorted(puma, "link2.viscous", (hidden,))
+
+
 def test_names_are_those_of_identify_and_the_issue(puma: Arm) -> None:
     assert named_parameter(puma, "link2.viscous") == ("joint2.viscous", 2)
     assert named_parameter(puma, "link3.mass") == ("link3.mass", 3)

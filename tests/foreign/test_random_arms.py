@@ -125,10 +125,12 @@ def test_pictures_that_are_left_out_can_be_read() -> None:
         ("a.html", "<html><body><table><td>nan</td></table></body></html>", "has nan in a table"),
         ("a.urdf", "<robot><link>", "no element found"),
         ("a.mcap.active", "", "left behind half written"),
+        (".a.json", "", "left behind half written"),
     ],
 )
 def test_what_cannot_be_opened_is_a_flaw(name: str, text: str, flaw: str, tmp_path: Path) -> None:
     (tmp_path / "well.json").write_text('{"rms": [1.0, null]}')
+    (tmp_path / ".diagnosis.files").write_text("{}")
     (tmp_path / "well.html").write_text("<html><body><br><td>0.1</td></body></html>")
     assert flaws(tmp_path) == []
     (tmp_path / name).write_text(text)

@@ -19,7 +19,8 @@ def flaws(folder: Path) -> list[str]:
     """Files below a folder that cannot be opened or hold a number that is none, each with what is wrong with it."""
     found = []
     for path in sorted(folder.rglob("*")):
-        if path.name.startswith(".") or path.suffix in (".tmp", ".active", ".part"):
+        hidden = path.name.startswith(".") and path.suffix != ".files"  # which says what a run wrote
+        if hidden or path.suffix in (".tmp", ".active", ".part"):
             found.append(f"{path.relative_to(folder)}: left behind half written")
         elif path.is_file() and (reader := READERS.get(path.suffix)):
             try:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -83,6 +84,18 @@ def test_a_curve_in_the_model_is_identified_again_to_the_same(curved: tuple[arms
     for band, other in zip(result.friction_bands, again.friction_bands):
         assert np.all(np.abs(band.torque - other.torque) < 0.5 * band.std + 1e-3 * band.torque)
     assert "as in the model" in str(again)
+
+
+def test_a_joint_that_stands_has_no_curve_and_hinders_no_other(
+    curved: tuple[armscope.Identification, Path],
+) -> None:
+    """It has no rows, and its curve is to be smooth with the noise of its rows."""
+    _, folder = curved
+    whole = armscope.open(folder / "1.mcap")
+    q, i = whole.q.copy(), whole.i.copy()
+    q[:, 2], i[:, 2] = q[0, 2], i[0, 2]
+    found = armscope.identify(replace(whole, q=q, i=i, qref=None), folder / "out/model.toml", method="ols")
+    assert [band.joint for band in found.friction_bands if band.curve] == [1, 2]
 
 
 def test_straight_friction_stays_straight(tmp_path: Path) -> None:
