@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from armscope.cli import run
 from daq.recording import Attachments, Recording, open_long, open_recording, write_table
 from daq.recording.tables import write_matlab, write_parquet
+from daq.recording.tables.matlab import MatlabSource
 from tests.daq.recorded import LAYOUT, make_rows
 
 N = 700
@@ -125,6 +126,36 @@ def test_parquet_and_mat_come_back_to_the_last_bit(data: st.DataObject) -> None:
             np.testing.assert_array_equal(back.time, before.time)
             for signal in signals:
                 np.testing.assert_array_equal(getattr(back, signal), getattr(before, signal))
+
+
+def test_further_columns_of_a_mat_keep_their_names(tmp_path: Path) -> None:
+    from scipy.io import loadmat, whosmat
+
+    rng = np.random.default_rng(2)
+    path, out, rows = tmp_path / "run.mcap", tmp_path / "run.mat", 20
+    signals = {"q": rng.normal(size=(rows, 1)), "i": rng.normal(size=(rows, 1))}
+    for extra in ({"force_x": rng.normal(size=rows), "Temperatur Öl 😀": np.full(rows, np.nan)}, {"f": np.ones(rows)}):
+        write_table(path, np.arange(rows) * 0.01, signals, Attachments(), extra=extra)
+        write_matlab(out, open_long(path))
+        assert ("extra_names", (len(extra), 1), "cell") in whosmat(out)
+        assert [str(cell[0]) for cell in loadmat(out)["extra_names"][:, 0]] == list(extra)
+        assert run(["import", str(out), "--keep-extra", "--out", str(tmp_path / "back.mcap")]) == 0
+        back = open_recording(tmp_path / "back.mcap")
+        assert list(back.extra) == list(extra)
+        for name, values in extra.items():
+            np.testing.assert_array_equal(back.extra[name], values)
+        path.unlink(), (tmp_path / "back.mcap").unlink()
+
+
+def test_names_that_do_not_fit_the_columns_are_left_alone(tmp_path: Path) -> None:
+    """Of another program: fewer names than columns, or the names of signals."""
+    from scipy.io import savemat
+
+    numbers = np.random.default_rng(3).normal(size=(20, 2))
+    table = {"t": np.arange(20) * 0.01, "q": numbers[:, :1], "i": numbers[:, :1], "extra": numbers}
+    for names in (["one"], ["one", "v"], ["one", "one"], ["one", "q"]):
+        savemat(tmp_path / "run.mat", table | {"extra_names": np.array(names, object)})
+        assert MatlabSource(tmp_path / "run.mat").names == ["t", "q1", "i1", "extra1", "extra2"]
 
 
 def test_what_cannot_be_written_leaves_nothing(file: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:

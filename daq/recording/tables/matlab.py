@@ -15,6 +15,7 @@ from arm_io.optional import optional
 from daq.recording.messages.row_format import JOINT_TOPICS
 from daq.recording.tables.columns import Chunk, Exact
 from daq.recording.tables.mapping import Mapping
+from daq.recording.tables.matlab_writer import EXTRA, EXTRA_NAMES
 
 ROWS = 1 << 14
 
@@ -24,7 +25,8 @@ class MatlabSource:
 
     A vector of n numbers is a column of its name; a matrix q (n, J) or (J, n) is q1 to qJ. Fields of a structure are
     named STRUCTURE.FIELD; if the file has one structure and nothing else, they have their own names. n is the length of
-    the longest vector; a column of a matrix without any number is left out. InputError where it cannot be read, or has
+    the longest vector; a column of a matrix without any number is left out. The columns of ``EXTRA`` have the names in
+    ``EXTRA_NAMES``, where that is there. InputError where it cannot be read, or has
     no vector.
     """
 
@@ -106,7 +108,20 @@ def _of_v5(path: Path) -> dict[str, Any]:
             found |= {f"{name}.{field}": value[field].flat[0] for field in value.dtype.names}
         else:
             found[name] = value
-    return {name: value for name, value in found.items() if getattr(value, "dtype", np.dtype("O")).kind in "fiu"}
+    numbers = {name: value for name, value in found.items() if getattr(value, "dtype", np.dtype("O")).kind in "fiu"}
+    return _with_names(numbers, found.get(EXTRA_NAMES))
+
+
+def _with_names(found: dict[str, Any], cells: Any) -> dict[str, Any]:
+    """With the columns of ``EXTRA`` under names of their own, where ``cells`` has one for each and they are free."""
+    if cells is None or EXTRA not in found or cells.dtype != object:
+        return found
+    names = [str(cell.flat[0]) if getattr(cell, "size", 0) == 1 else "" for cell in cells.flat]
+    others = {name: value for name, value in found.items() if name != EXTRA}
+    taken = {*others, *JOINT_TOPICS, ""}
+    if len(set(names) - taken) != found[EXTRA].shape[1]:
+        return found
+    return others | {name: found[EXTRA][:, column] for column, name in enumerate(names)}
 
 
 def _of_hdf5(path: Path) -> dict[str, Any]:

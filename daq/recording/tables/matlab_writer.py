@@ -7,6 +7,7 @@ so that the place of every number is known before the first is written, and noth
 from __future__ import annotations
 
 import struct
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -17,8 +18,10 @@ from daq.recording.blocks import LongRecording
 from daq.recording.reader import Recording
 
 _HEAD = b"MATLAB 5.0 MAT-file, made by armscope"
-_DOUBLE, _INT8, _INT32, _UINT32, _MATRIX = 9, 1, 5, 6, 14
-_DOUBLE_CLASS = 6
+_DOUBLE, _INT8, _INT32, _UINT32, _MATRIX, _UTF8 = 9, 1, 5, 6, 14, 16
+_CELL_CLASS, _CHAR_CLASS, _DOUBLE_CLASS = 1, 4, 6
+EXTRA, EXTRA_NAMES = "extra", "extra_names"
+"""Further columns (n, k), and a cell array (k, 1) of their names."""
 LARGEST = (1 << 31) - 1
 """Bytes of a matrix that MATLAB reads."""
 
@@ -26,8 +29,8 @@ LARGEST = (1 << 31) - 1
 def write_matlab(path: str | Path, recording: LongRecording) -> list[str]:
     """Writes a recording, whole or not at all; returns the names of the matrices. NaN: missing sample.
 
-    A joint without a signal has NaN in its matrix; x, y, z of a tracker are xyz (n, 3). InputError where a matrix is
-    too large for the format, or the file cannot be written.
+    A joint without a signal has NaN in its matrix; x, y, z of a tracker are xyz (n, 3); further columns are ``EXTRA``.
+    InputError where a matrix is too large for the format, or the file cannot be written.
     """
     widths = {name: values.shape[1] for name, values in _matrices(next(recording.blocks())).items()}
     rows = len(recording)
@@ -41,6 +44,8 @@ def write_matlab(path: str | Path, recording: LongRecording) -> list[str]:
             file.write(_matrix_head(name, rows, width))
             places[name] = file.tell()
             file.seek(8 * rows * width, 1)
+        if recording.layout.extra:
+            file.write(_cells(EXTRA_NAMES, recording.layout.extra))
         file.truncate()
         row = 0
         for block in recording.blocks():
@@ -60,16 +65,28 @@ def _matrices(block: Recording) -> dict[str, Array]:
     if block.xyz is not None:
         matrices["xyz"] = block.xyz
     if block.extra:
-        matrices["extra"] = np.column_stack(list(block.extra.values()))
+        matrices[EXTRA] = np.column_stack(list(block.extra.values()))
     return matrices
 
 
 def _matrix_head(name: str, rows: int, width: int) -> bytes:
     """All of a matrix of doubles ahead of its numbers."""
-    text = name.encode()
-    head = _element(_UINT32, struct.pack("<II", _DOUBLE_CLASS, 0)) + _element(_INT32, struct.pack("<ii", rows, width))
-    head += _element(_INT8, text) + struct.pack("<II", _DOUBLE, 8 * rows * width)
+    head = _array(_DOUBLE_CLASS, name, rows, width) + struct.pack("<II", _DOUBLE, 8 * rows * width)
     return struct.pack("<II", _MATRIX, len(head) + 8 * rows * width) + head
+
+
+def _cells(name: str, texts: Sequence[str]) -> bytes:
+    """A cell array (k, 1) of strings."""
+    content = _array(_CELL_CLASS, name, len(texts), 1)
+    for text in texts:
+        content += _element(_MATRIX, _array(_CHAR_CLASS, "", 1, len(text)) + _element(_UTF8, text.encode()))
+    return _element(_MATRIX, content)
+
+
+def _array(kind: int, name: str, rows: int, width: int) -> bytes:
+    """Class, size and name, with which every array begins."""
+    size = _element(_INT32, struct.pack("<ii", rows, width))
+    return _element(_UINT32, struct.pack("<II", kind, 0)) + size + _element(_INT8, name.encode())
 
 
 def _element(kind: int, data: bytes) -> bytes:
