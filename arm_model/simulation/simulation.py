@@ -25,6 +25,7 @@ from arm_model.simulation.servo_references import Demand, references, row_times,
 from arm_model.symbolic.tape import evaluate
 from arm_model.system.closed_loop_system import System, build
 from arm_model.system.floating_base import POSE, VELOCITY
+from arm_model.system.friction_rate import PRODUCT, friction_rates, softened
 from arm_model.system.initial_state import base_memories, standing, start_memories
 from arm_model.system.kernel_inputs import numbers
 from arm_model.system.step_size import fastest, joint_without_inertia
@@ -82,6 +83,8 @@ def prepared(
     period = servo_period(arm)
     blocks = -(-lanes // width)
     order = np.minimum(np.arange(blocks * width), lanes - 1)
+    if substeps is None:
+        inputs = softened(arm, inputs, period)
     each = needed_substeps(arm, inputs, period) if substeps is None else np.full(lanes, substeps)
 
     def blocked(columns: list[Array]) -> Array:
@@ -108,13 +111,14 @@ def prepared(
 
 
 def needed_substeps(arm: Arm, inputs: Mapping[str, Array], period: float) -> NDArray[np.intp]:
-    """(lanes,) Runge-Kutta steps per servo tick that the fastest spring or bristle asks for (1 without any).
+    """(lanes,) Runge-Kutta steps per servo tick: as many as the fastest spring, bristle or friction at rest asks for.
 
     A spring k between inertias a and b with damper c swings at sqrt(k (1/a + 1/b)) and decays at c (1/a + 1/b); the
     step keeps both products with it below 0.4 and 1. A bristle of stiffness s on friction F relaxes at s v / F at speed
-    v: below 1.
+    v: below 1. Friction at rest: ``arm_model.system.friction_rate``.
     """
-    return np.maximum(1, np.ceil(period * fastest(arm, inputs))).astype(np.intp)
+    rate = np.maximum(fastest(arm, inputs), friction_rates(arm, inputs).max(axis=1) / PRODUCT)
+    return np.maximum(1, np.ceil(period * rate - 1e-9)).astype(np.intp)
 
 
 def advance(run: Lanes, demands: Array, times: Array) -> Array:
