@@ -70,6 +70,7 @@ def unit_torques(speed: Sequence[float], v: Array, sign: Array) -> tuple[Array, 
 def nearest_line(joint: Joint) -> tuple[float, float, float]:
     """Coulomb N m (N) and viscous N m s/rad (N s/m) friction at the joint nearest to all of a joint's friction.
 
+    Neither is negative, as files of other programs have it: of a line that would be, the other coefficient alone.
     That of its own axis (``link_viscous``, ``link_coulomb``) included. The third: by how much the line is off at most,
     N m (N), at the speeds of its curve; both directions are taken together.
     """
@@ -78,7 +79,12 @@ def nearest_line(joint: Joint) -> tuple[float, float, float]:
     speed = np.array([0.0, 1.0] if curve is None else curve.speed)
     own = total_at(joint, speed)
     if curve is not None:
-        level, slope = line_through(speed) @ ((own[0] + own[1]) / 2)
+        mean = (own[0] + own[1]) / 2
+        level, slope = line_through(speed) @ mean
+        if level < 0.0:
+            level, slope = 0.0, np.sum(weights(speed) * speed * mean) / np.sum(weights(speed) * speed**2)
+        elif slope < 0.0:
+            level, slope = np.sum(weights(speed) * mean) / np.sum(weights(speed)), 0.0
     off = float(max(np.abs(each - level - slope * speed).max() for each in own))
     return float(level) + (joint.link_coulomb or 0.0), float(slope) + (joint.link_viscous or 0.0), off
 

@@ -25,7 +25,7 @@ from arm_model.simulation.servo_references import Demand, references, row_times,
 from arm_model.symbolic.tape import evaluate
 from arm_model.system.closed_loop_system import System, build
 from arm_model.system.floating_base import POSE, VELOCITY
-from arm_model.system.friction_rate import PRODUCT, friction_rates, softened
+from arm_model.system.friction_rate import MOST, PRODUCT, friction_rates, softened
 from arm_model.system.initial_state import base_memories, standing, start_memories
 from arm_model.system.kernel_inputs import numbers
 from arm_model.system.step_size import fastest, joint_without_inertia
@@ -117,8 +117,8 @@ def needed_substeps(arm: Arm, inputs: Mapping[str, Array], period: float) -> NDA
     step keeps both products with it below 0.4 and 1. A bristle of stiffness s on friction F relaxes at s v / F at speed
     v: below 1. Friction at rest: ``arm_model.system.friction_rate``.
     """
-    rate = np.maximum(fastest(arm, inputs), friction_rates(arm, inputs).max(axis=1) / PRODUCT)
-    return np.maximum(1, np.ceil(period * rate - 1e-9)).astype(np.intp)
+    friction = np.minimum(period * friction_rates(arm, inputs).max(axis=1) / PRODUCT, MOST + 1.0)
+    return np.maximum(1, np.ceil(np.maximum(period * fastest(arm, inputs), friction) - 1e-9)).astype(np.intp)
 
 
 def advance(run: Lanes, demands: Array, times: Array) -> Array:

@@ -21,8 +21,8 @@ from arm_model.rigid_body.numeric import drive_mass_matrix, drive_rigid_torque
 
 PRODUCT = 2.0
 """Largest product of step and relaxation rate: of 2.785, at which steps chatter."""
-MOST = 16
-"""Most steps per servo tick because of friction; beyond, it is smoothed over a larger velocity (``softened``)."""
+MOST, SOFTER = 64, 10.0
+"""Most steps per servo tick because of friction, and factor by which a smoothing velocity may be larger instead."""
 POSES = 8
 """Poses at which the inertia of each joint is looked at, the least of which counts."""
 
@@ -44,13 +44,14 @@ def friction_rates(arm: Arm, inputs: Mapping[str, Array]) -> Array:
 
 
 def softened(arm: Arm, inputs: Mapping[str, Array], period: float) -> dict[str, Array]:
-    """The inputs with friction smoothed over a larger velocity, where ``MOST`` steps of ``period`` s do not suffice."""
-    rates = friction_rates(arm, inputs)
-    most = PRODUCT * MOST / period
-    found = dict(inputs)
-    for j in range(len(arm)):
-        found[f"sign_velocity{j}"] = inputs[f"sign_velocity{j}"] * np.maximum(rates[:, j] / most, 1.0)
-    return found
+    """The inputs with friction smoothed over a larger velocity, where ``MOST`` steps per tick (s) do not suffice.
+
+    Not where that would be more than ``SOFTER`` times as large: friction would no longer be what it is, and such a
+    joint, of a URDF file without rotors, diverges.
+    """
+    factors = np.maximum(friction_rates(arm, inputs) * period / (PRODUCT * MOST), 1.0)
+    factors = np.where(factors > SOFTER, 1.0, factors)
+    return dict(inputs) | {f"sign_velocity{j}": inputs[f"sign_velocity{j}"] * factors[:, j] for j in range(len(arm))}
 
 
 def _slope(arm: Arm, inputs: Mapping[str, Array], j: int, load: float) -> Array:

@@ -185,6 +185,13 @@ class Guard:
         self.tripped = self.tripped or why
         self.make_safe()
 
+    def hold(self, why: str) -> threading.Thread:
+        """As ``trip``, without waiting: the thread that makes all safe, whatever the devices are doing meanwhile."""
+        self.tripped = self.tripped or why
+        making_safe = threading.Thread(target=self.make_safe, name="hold", daemon=True)
+        making_safe.start()
+        return making_safe
+
     def reset(self) -> None:
         """Somebody has looked: commands are taken again."""
         self.tripped = self.silent = None

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import threading
 import time
 from concurrent.futures import Future
 from functools import partial
@@ -86,6 +87,7 @@ class Service:
         self._armed: Armed | None = None
         self._why_disarmed: str | None = None
         self._cancel: str | None = None  # why arming is to end in idle
+        self._holding: threading.Thread | None = None  # makes all safe while the devices are being armed
         self._answers = PendingAnswers()
         self._published_at = self._tripped = 0.0
         if folder is None and not self.rig.zenoh.loopback and role == "daemon":
@@ -224,11 +226,19 @@ class Service:
             raise InputError(
                 "daemon", f"runs rig '{self.rig.name}' from a file of other content; restart it, or use that file"
             )
-        job = partial(self._jobs.arm, request, self._served.folder, self._publisher, time.monotonic())
-        self._job = self._devices.submit(job)
         self._why_disarmed = self._cancel = None
+        self._job = self._devices.submit(partial(self._armed_by, request, time.monotonic()))
         self._go("arming")
         return self._answers.of(self._job, self._armed_answer)
+
+    def _armed_by(self, request: ArmArguments, asked: float) -> Armed:
+        """On the thread of the devices. What they raise because arming was ended is that it was."""
+        try:
+            return self._jobs.arm(request, self._served.folder, self._publisher, asked)
+        except DeviceFault:
+            if self._cancel is None:
+                raise
+            raise InputError("daemon", f"arm: {self._cancel}") from None
 
     def _start(self, arguments: Table) -> Outcome:
         checked("start", arguments, NoArguments)
@@ -287,9 +297,11 @@ class Service:
         self._answers.settle_idle(result)
 
     def _stop_all(self, reason: End) -> None:
-        """Makes for idle from any state."""
+        """Makes for idle from any state. An arm on its way to the start pose is stopped where it is."""
         if self.state == "arming":
-            self._cancel = "was stopped before it was ready"
+            if self._cancel is None:
+                self._cancel = "was stopped before it was ready"
+                self._holding = self.bench.guard.hold(self._cancel)
         elif self.state == "armed":
             self._leave()
         elif self.run is not None:
@@ -304,14 +316,22 @@ class Service:
 
     def _collect(self) -> None:
         """Takes what the other threads have done, and sends the answers that wait for it."""
-        if self._job is not None and self._job.done():
+        held = self._holding is not None and self._holding.is_alive()
+        if self._job is not None and self._job.done() and not held:
             job, self._job = self._job, None
+            self._release()
             if self.state == "arming":
                 self._armed_now(job)
             else:
                 self._ended(job)
         self._answers.settle()
         self._expire()
+
+    def _release(self) -> None:
+        """Ends what ``_stop_all`` began while the rig was armed; what else tripped stays."""
+        if self._holding is not None and self.bench.guard.tripped == self._cancel:
+            self.bench.guard.reset()
+        self._holding = None
 
     def _armed_answer(self, armed: Armed) -> Table:
         if self._cancel is not None:

@@ -58,9 +58,11 @@ class Lab:
         """A busy machine may leave the sampler standing for longer than half a second; that is not what is tested."""
         self.rig_file.write_text(self.rig_file.read_text().replace("[trigger]", "watchdog = 10.0\n[trigger]", 1))
 
-    def slow_arming(self, seconds: float, *, refusal: str = "") -> None:
-        """The arm's controller takes so long to arm, or refuses to start (``tests.daq.slow_controller``)."""
-        driver = f'driver = "tests.daq.slow_controller"\narming = {seconds}\nrefusal = "{refusal}"'
+    def slow_arming(self, seconds: float, *, approach: float = 0.0, refusal: str = "") -> None:
+        """The arm's controller (``slow_controller``) takes so long to arm and to drive to the start, or refuses."""
+        driver = (
+            f'driver = "tests.daq.slow_controller"\narming = {seconds}\napproach = {approach}\nrefusal = "{refusal}"'
+        )
         text = self.rig_file.read_text()
         assert '"sim_backend.unimation"' in text
         self.rig_file.write_text(text.replace('driver = "sim_backend.unimation"', driver))

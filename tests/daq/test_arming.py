@@ -181,6 +181,23 @@ def test_stop_is_heard_while_the_rig_is_being_armed(lab: Lab) -> None:
         assert not list(lab.folder.glob("run.mcap*"))
 
 
+def test_stop_stops_an_arm_on_its_way_to_the_start_pose(lab: Lab) -> None:
+    """Not after the minute that the way takes; the next run is not refused because of it."""
+    lab.slow_arming(0.0, approach=60.0)
+    lab.daemon()
+    recorder = lab.record()
+    with lab.session() as session:
+        lab.until(session, lambda status: status["state"] == "arming")
+        time.sleep(0.5)
+        asked = time.monotonic()
+        call(session, lab.keys, "stop", {"wait": True}, timeout=30.0)
+        assert time.monotonic() - asked < 20.0
+        _, err = recorder.communicate(timeout=60)
+        assert err == "error: daemon: arm: was stopped before it was ready\n"
+        assert call(session, lab.keys, "status")["tripped"] is None
+        assert not list(lab.folder.glob("run.mcap*"))
+
+
 @pytest.mark.parametrize("way", [signal.SIGINT, signal.SIGKILL])
 def test_a_recorder_that_ends_while_it_arms_leaves_the_rig_idle(lab: Lab, way: signal.Signals) -> None:
     lab.slow_arming(2.0)
