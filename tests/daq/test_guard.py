@@ -129,10 +129,11 @@ def test_a_consumer_that_hangs_trips_the_watchdog_on_the_real_clock() -> None:
             if number == 5:
                 bench.guard.set_volts("drive", 1.0)
                 deadline = time.monotonic() + 5.0
-                while bench.guard.tripped is None and time.monotonic() < deadline:
+                arm: Any = bench.devices["arm"]
+                while not (_is_safe(bench) and arm.stopped) and time.monotonic() < deadline:
                     time.sleep(0.01)  # the consumer hangs
-                assert _is_safe(bench)
-                assert bench.devices["arm"].stopped  # type: ignore[attr-defined]
+                assert _is_safe(bench) and arm.stopped
+                assert bench.guard.tripped is not None
         assert acquisition.ending is not None and acquisition.ending.reason is End.WATCHDOG
         with pytest.raises(DeviceFault, match="held safe: the sampler was not active"):
             bench.guard.set_volts("drive", 1.0)
