@@ -20,6 +20,7 @@ from daq.acquisition.ledger import SENTENCES, LedgerSummary, Loss
 from daq.recording.mcap_file import writer as mcap_writer
 from daq.recording.mcap_file.writer import McapFile
 from daq.recording.messages import ros2_messages
+from daq.recording.messages.rates import rates
 from daq.recording.messages.row_format import POSE_COLUMNS, Layout, RowFormat
 from daq.recording.messages.viewers import UNKNOWN_POSE, held, places_in, viewer_channels, viewer_schemas
 
@@ -143,28 +144,26 @@ def ledger_table(ledger: LedgerSummary) -> dict:
 class Derivatives:
     """What viewers need in addition to the measured columns.
 
-    Of the joints velocity (difference quotient) and effort (torque); of a floating base its newest known pose.
+    Of the joints velocity (``rates``, with the two rows before a piece, without those behind it) and effort (torque);
+    of a floating base its newest known pose.
     """
 
     def __init__(self, layout: Layout) -> None:
         self._effort = np.array(layout.effort)
         self._pose = [layout.extra.index(name) for name in POSE_COLUMNS] if layout.pose else []
         self._newest_pose = UNKNOWN_POSE
-        self._q: NDArray[np.float64] | None = None
-        self._wall_ns = 0
+        self._q = np.empty((0, len(layout.signals["q"])))
+        self._wall_ns = np.empty(0, np.int64)
 
     def __call__(self, piece: dict[str, NDArray]) -> dict[str, NDArray]:
-        q, wall_ns = piece["q"], piece["wall_ns"]
-        before_q = q[:1] * np.nan if self._q is None else self._q
-        with np.errstate(all="ignore"):
-            seconds = np.diff(wall_ns, prepend=self._wall_ns) * 1e-9
-            derived = {"velocity": np.diff(q, axis=0, prepend=before_q) / seconds[:, None]}
+        q, wall_ns = np.concatenate([self._q, piece["q"]]), np.concatenate([self._wall_ns, piece["wall_ns"]])
+        derived = {"velocity": rates(q, wall_ns)[len(self._q) :]}
         if len(self._effort) and "i" in piece:
             derived["torque"] = piece["i"] * self._effort
         if self._pose:
             derived["base_pose"] = held(piece["extra"][:, self._pose], self._newest_pose)
             self._newest_pose = derived["base_pose"][-1]
-        self._q, self._wall_ns = q[-1:], int(wall_ns[-1])
+        self._q, self._wall_ns = q[-2:], wall_ns[-2:]
         return derived
 
 

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from daq.recording.messages import ros2_messages
 from daq.recording.messages.cdr import fillable, stamps
+from daq.recording.messages.rates import rates
 from daq.recording.messages.row_format import POSE_FRAME
 from daq.recording.messages.viewers import UNKNOWN_POSE
 from daq.service.row_block import MEDIA_TYPE, Columns, describe, encode, poses_of
@@ -144,7 +145,7 @@ class Publisher:
 
 
 class _JointState:
-    """sensor_msgs/JointState of one row: position, and velocity as the difference to the message before."""
+    """sensor_msgs/JointState of one row: position, and velocity by the two messages before (``rates``)."""
 
     def __init__(self, joints: Sequence[str]) -> None:
         self._buffer, self._fields = fillable(
@@ -154,15 +155,13 @@ class _JointState:
 
     def forget(self) -> None:
         """The next message is the first of a run: its velocity is unknown (NaN)."""
-        self._position: NDArray[np.float64] | None = None
-        self._wall_ns = 0
+        self._positions: list[NDArray[np.float64]] = []
+        self._wall_ns: list[int] = []
 
     def __call__(self, position: NDArray[np.float64], wall_ns: int) -> bytes:
-        seconds = (wall_ns - self._wall_ns) * 1e-9
+        self._positions = [*self._positions[-2:], position.copy()]
+        self._wall_ns = [*self._wall_ns[-2:], wall_ns]
         self._fields["stamp"] = stamps(np.array([wall_ns]))
         self._fields["position"] = position
-        self._fields["velocity"] = np.nan
-        if self._position is not None and seconds > 0:
-            self._fields["velocity"] = (position - self._position) / seconds
-        self._position, self._wall_ns = position.copy(), wall_ns
+        self._fields["velocity"] = rates(np.array(self._positions), np.array(self._wall_ns))[-1]
         return bytes(self._buffer)

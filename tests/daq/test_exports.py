@@ -128,6 +128,21 @@ def test_parquet_and_mat_come_back_to_the_last_bit(data: st.DataObject) -> None:
                 np.testing.assert_array_equal(getattr(back, signal), getattr(before, signal))
 
 
+def test_no_velocity_of_a_bag_is_early_or_late(tmp_path: Path) -> None:
+    """Of an imported table, in several blocks of uneven steps, against the law of its motion."""
+    any_reader = pytest.importorskip("rosbags.highlevel").AnyReader
+    t = np.cumsum(np.random.default_rng(5).uniform(0.8e-3, 1.2e-3, 2000))
+    q = np.column_stack([np.sin(9 * t), np.cos(7 * t)])
+    write_table(tmp_path / "run.mcap", t, {"q": q, "i": q}, Attachments())
+    exported(tmp_path / "run.mcap", tmp_path / "bag", "--to", "ros2")
+    with any_reader([tmp_path / "bag"]) as reader:
+        of = [one for one in reader.connections if one.topic == "/joint_states"]
+        found = [reader.deserialize(raw, one.msgtype).velocity for one, _, raw in reader.messages(connections=of)]
+    law = np.column_stack([9 * np.cos(9 * t), -7 * np.sin(7 * t)])
+    # half a step late: 81 * 0.5e-3 = 0.04
+    np.testing.assert_allclose(found, law, rtol=0, atol=1e-3)
+
+
 def test_further_columns_of_a_mat_keep_their_names(tmp_path: Path) -> None:
     from scipy.io import loadmat, whosmat
 

@@ -132,11 +132,12 @@ def _write_rows(
     for columns in blocks:
         count = len(columns["time"])
         columns["number"] = np.arange(rows, rows + count)
+        if count:
+            columns |= derive(columns)
         for start in range(0, count, size):
             if total:
                 report("writing", rows + start, total)
             piece = {name: values[start : start + size] for name, values in columns.items()}
-            piece |= derive(piece)
             write_chunk(file, form, piece)
             if viewers is not None:
                 for content in viewers.contents(piece["q"], piece["wall_ns"], piece.get("base_pose")):
