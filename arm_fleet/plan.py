@@ -12,7 +12,7 @@ from pydantic import AfterValidator, Field, model_validator
 
 from arm_io import InputError, check_table, read_toml
 from arm_io.table import Seconds, Table
-from comparison.trend import Limit
+from comparison.trend import Limit, limits_from
 
 
 def _night(text: str) -> str:
@@ -67,7 +67,7 @@ class Plan(Table):
     seconds     s of an arm and night that are examined at most, in stretches evenly spread over its recordings
     timeout     s of one task; memory: GB of one task
     night_begins  hour (UTC) with which the day of a night begins: recordings before it belong to the night before
-    limits      quantity -> value that it must not pass, or "+50%" of its first value
+    limits      quantity -> value that it must not pass, "..14" (at most), "14.." (at least), or "+50%" of its first
     rate        expected share of false names among all arms and nights that are named
     storage     options of the file system (fsspec), such as endpoint_url; no secrets: those belong into the environment
     """
@@ -116,13 +116,14 @@ class Plan(Table):
 
     def owners_limits(self) -> list[Limit]:
         """What the owner must know of. ValueError where one is no number and no share."""
-        found = []
+        found: list[Limit] = []
         for name, value in self.limits.items():
             try:
-                found.append(Limit.of(f"{name}={value}"))
+                found += limits_from(f"{name}={value}")
             except InputError:
                 raise ValueError(
-                    f"limits.{name}: must be a number, or '+50%' of the first value (is {value!r})"
+                    f"limits.{name}: must be a number, or '+50%' of the first value, '..14' (at most), "
+                    f"'14..' (at least) (is {value!r})"
                 ) from None
         return found
 

@@ -9,6 +9,7 @@ from arm_fleet.judging.alarms import FEWEST_REFERENCE, Alarm
 from arm_fleet.judging.verdicts import Condition, Verdict
 from arm_fleet.plan import Plan
 from arm_fleet.tasks.store import TaskLine
+from comparison.trend import State
 
 SILENT = 3
 """Days after an arm's last recording, with others recording, from which on it is said."""
@@ -20,7 +21,7 @@ MOST_NAMES = 5
 
 def missing(plan: Plan, verdicts: Sequence[Verdict], tasks: Sequence[TaskLine], alarms: Sequence[Alarm]) -> list[str]:
     """Sentences for the top of the page; ``alarms`` of each arm by night."""
-    return [*_reference(plan, verdicts), *_silent(tasks), *_warmer(alarms), *_limits(verdicts)]
+    return [*_reference(plan, verdicts), *_silent(tasks), *_warmer(alarms), *_limits(plan, verdicts)]
 
 
 def _reference(plan: Plan, verdicts: Sequence[Verdict]) -> Iterator[str]:
@@ -60,13 +61,29 @@ def _warmer(alarms: Sequence[Alarm]) -> Iterator[str]:
         )
 
 
-def _limits(verdicts: Sequence[Verdict]) -> Iterator[str]:
-    """Limits of quantities that no arm has: a misspelt name must not look like one that is kept."""
+def _limits(plan: Plan, verdicts: Sequence[Verdict]) -> Iterator[str]:
+    """Limits that are not kept: of a quantity that no arm has, of a side that is not clear, a share of nothing."""
     judged = [one for one in verdicts if one.without_limit is not None]
     for name in judged[0].without_limit or () if judged else ():
         if all(name in (one.without_limit or ()) for one in judged):
             hint = next((one.quantities for one in judged if one.quantities), ())
             yield f"limits: {name} is no quantity of any arm; there are {', '.join(hint)}"
+    for name, given in plan.limits.items():
+        unclear, zero = (_arms(verdicts, name, stand) for stand in (State.UNCLEAR, State.NO_SHARE))
+        if unclear:
+            yield (
+                f"limits: {name} = {given} is not above the first value of {unclear}: write '..{given}' if it is an "
+                f"upper limit, '{given}..' if it is a lower one"
+            )
+        if zero:
+            yield (
+                f"limits: {name} = {given}: the first value of {zero} does not differ from zero; give an absolute limit"
+            )
+
+
+def _arms(verdicts: Sequence[Verdict], name: str, stand: State) -> str:
+    """Names of the arms in which a limit of a quantity stands so."""
+    return _names([one.arm for one in verdicts if any(its.name == name and its.stand is stand for its in one.limits)])
 
 
 def _names(several: Sequence[str]) -> str:

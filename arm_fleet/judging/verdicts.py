@@ -15,6 +15,7 @@ from arm_fleet.tasks.store import Record
 from arm_fleet.tasks.task import State
 from comparison import Quantity
 from comparison.trend import Movement, Trend, limit_sentence, sentence, trend_of
+from comparison.trend import State as Stand
 
 FEWEST = 3
 """Results of a trend."""
@@ -35,6 +36,20 @@ class Condition(StrEnum):
     UNKNOWN = "no result that can be compared"
 
 
+@dataclass(frozen=True)
+class Limited:
+    """Where a quantity stands with respect to a limit of the plan, and the sentence about it."""
+
+    name: str
+    stand: Stand
+    sentence: str
+
+    @property
+    def alarming(self) -> bool:
+        """Whether it is passed, or will be at the present drift."""
+        return self.stand in (Stand.PASSED, Stand.PASSED_AT_FIRST, Stand.AHEAD)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Verdict:
     """What is said of one arm.
@@ -45,6 +60,7 @@ class Verdict:
     trends   of its identifications and diagnoses; empty where nothing was named and no limit is set
     told     quantities that moved: of an arm whose temperature is recorded, friction only where a named night shows it
     moved    sentences about them, and limits
+    limits   of each limit that its quantities have: name, where it stands, the sentence
     actions  what to do next
     key      of the last named night, whose report shows the cause
     failed   its nights without a result: night, state, reason
@@ -63,6 +79,7 @@ class Verdict:
     trends: tuple[Trend, ...] = ()
     told: tuple[str, ...] = ()
     moved: tuple[str, ...] = ()
+    limits: tuple[Limited, ...] = ()
     actions: tuple[str, ...] = ()
     key: str | None = None
     failed: tuple[tuple[str, str, str], ...] = field(default=())
@@ -106,7 +123,8 @@ def verdict_of(
     trends = _trends(plan, nights) if series or plan.limits else []
     told = _told(trends, series, any(one.temperature is not None for one in nights))
     moved = [sentence(one, trend.histories) for one, trend in told]
-    moved += [limit_sentence(one, trend.histories) for trend in trends for one in trend.limited]
+    limits = _limits(trends)
+    moved += [one.sentence for one in limits]
     by_key = {one["key"]: one for one in records}
     known = [one.moved.history.quantity.name for trend in trends for one in trend.movements]
     absent = tuple(name for name in plan.limits if name not in known)
@@ -121,7 +139,8 @@ def verdict_of(
         trends=tuple(trends),
         told=tuple(one.moved.history.quantity.name for one, _ in told),
         moved=tuple(moved),
-        actions=tuple(_actions(condition, series, by_key, failed, trends)),
+        limits=tuple(limits),
+        actions=tuple(_actions(condition, series, by_key, failed, limits)),
         key=series[-1].key if series else None,
         failed=failed,
         without_limit=absent if known else None,
@@ -194,6 +213,15 @@ def _trends(plan: Plan, nights: Sequence[Night]) -> list[Trend]:
     return found
 
 
+def _limits(trends: Sequence[Trend]) -> list[Limited]:
+    return [
+        Limited(one.moved.history.quantity.name, its.state, limit_sentence(one, its, trend.histories))
+        for trend in trends
+        for one in trend.limited
+        for its in one.reaches
+    ]
+
+
 def _that_changed(causes: Sequence[Mapping[str, Any]], series: Sequence[Alarm]) -> list[Mapping[str, Any]]:
     """Of the causes of a night those that changed, in most nights first; else those that the changed parameters fit."""
     nights = _nights_of_causes(series)
@@ -211,7 +239,7 @@ def _actions(
     series: Sequence[Alarm],
     records: Mapping[str, Record],
     failed: Sequence[tuple[str, str, str]],
-    trends: Sequence[Trend],
+    limits: Sequence[Limited],
 ) -> list[str]:
     """What to do next: checks of the likely origins, what reaches its limit, and recordings that fail."""
     found = []
@@ -222,12 +250,11 @@ def _actions(
             found += [f"{one['title']}: {one['check']}" for one in cause.get("origins", [])[:CHECKS]]
         if not fitting:
             found.append("Record the same experiments once more, with more speed, so that diagnose can name a cause")
-    for trend in trends:
-        found += [
-            f"{limit_sentence(one, trend.histories)}: plan its maintenance before"
-            for one in trend.limited
-            if one.reach is not None and (one.reach.passed or one.reach.day is not None)
-        ]
+    found += [
+        f"{one.sentence}: plan its maintenance {'before' if one.stand is Stand.AHEAD else 'now'}"
+        for one in limits
+        if one.alarming
+    ]
     if len(failed) >= FAILED:
         found.append(f"{len(failed)} nights gave no result; the last: {failed[-1][2]}")
     return list(dict.fromkeys(found))

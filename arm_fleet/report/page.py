@@ -13,6 +13,7 @@ from arm_fleet.report.arm import link, unbroken
 from arm_fleet.report.text import tasks, verdict
 from arm_report import Chart, Panel, Report, Series, table
 from arm_report.palette import AFTER, MEASURED
+from comparison.trend import State
 
 if TYPE_CHECKING:
     from arm_fleet.fleet import Fleet
@@ -24,8 +25,6 @@ MOST_ARMS = 400
 """Arms of the map of nights and of the table of all arms; fleet.json has all."""
 MOST_FAILED = 1000
 """Tasks without a result that are listed; tasks.parquet has all."""
-NOT_REACHED = "is not reached at the present trend"
-"""Of a limit: such sentences are counted, not listed."""
 MARKS = {"named": "●", "compared": "·", "failed": "×", "reference": "○"}
 """Of an arm and night; a mark with a report links to it."""
 
@@ -33,7 +32,7 @@ MARKS = {"named": "●", "compared": "·", "failed": "×", "reference": "○"}
 def fleet_page(fleet: Fleet) -> Report:
     """The whole fleet."""
     changed = fleet.changed
-    limits = [(one.arm, s) for one in fleet.verdicts for s in one.moved if ": limit " in s]
+    limits = [(one.arm, its) for one in fleet.verdicts for its in one.limits]
     failed = [[one.arm, one.night or "baseline", one.state, one.reason] for one in fleet.failed[:MOST_FAILED]]
     return Report(
         title=f"{fleet.plan.name}: which arms changed",
@@ -49,8 +48,8 @@ def fleet_page(fleet: Fleet) -> Report:
                 Markup("{}: {}, named {} to {}").format(link(one.page, one.arm), one.cause, one.since, one.until)
                 for one in fleet.returned
             ],
-            "limits": [(arm, s) for arm, s in limits if NOT_REACHED not in s],
-            "not_reached": sum(NOT_REACHED in s for _, s in limits),
+            "limits": [(arm, its.sentence) for arm, its in limits if its.alarming],
+            "not_reached": sum(its.stand is State.NOT_REACHED for _, its in limits),
             "chart": _named_per_night(fleet),
             "nights": _map(fleet),
             "marks": MARKS,

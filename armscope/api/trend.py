@@ -21,7 +21,7 @@ RESULTS = ("identification.json", "diagnosis.json")
 
 def trend(
     results: Comparable | Sequence[Comparable],
-    limits: Mapping[str, float] | Sequence[Limit] = (),
+    limits: Mapping[str, float | str] | Sequence[Limit] = (),
     *,
     filters: Filters | None = None,
     progress: Callable[[str], None] = silent,
@@ -29,15 +29,17 @@ def trend(
     """How the parameters of an arm moved over many identifications, or many diagnoses.
 
     results  files, folders of results, or folders in which results are searched for (``armscope.open_archive``)
-    limits   name of a quantity -> value that it must not pass
+    limits   name of a quantity -> value that it must not pass, "..14" (at most), "14.." (at least), "+50%" of the first
     filters  of results that are searched for
     Raises InputError where there are fewer than three, of different kinds, or of different arms.
     """
-    from comparison.trend import Limit, trend_of
+    from comparison.trend import limits_from, trend_of
 
     listed = list(results) if isinstance(results, Sequence) and not isinstance(results, str) else [results]
     found = [one for each in listed for one in _expanded(each, filters)]
-    given = [Limit(name, value) for name, value in limits.items()] if isinstance(limits, Mapping) else list(limits)
+    given = list(limits) if not isinstance(limits, Mapping) else []
+    for name, value in limits.items() if isinstance(limits, Mapping) else ():
+        given += limits_from(f"{name}={value}")
     stored: list[Stored] = []
     for one in found:
         progress(Step("reading results", len(stored), len(found)))

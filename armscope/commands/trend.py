@@ -27,7 +27,8 @@ def command(
     limit: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="NAME=VALUE", help="say when a limit is reached: joint3.coulomb=12, or =+50% of the first"
+            metavar="NAME=VALUE",
+            help="say when a limit is reached: joint3.coulomb=..12 (at most), =12.. (at least), =12, or =+50%",
         ),
     ] = None,
     kind: Annotated[str | None, typer.Option(metavar="KIND", help="of a folder: identification or diagnosis")] = None,
@@ -45,9 +46,9 @@ def command(
     from arm_archive import Filters
     from arm_report import wrapped
     from armscope.api.trend import trend
-    from comparison.trend import Limit
+    from comparison.trend import limits_from
 
-    limits = [Limit.of(one) for one in limit or []]
+    limits = [its for one in limit or [] for its in limits_from(one)]
     filters = Filters(kind=kind, arm=arm, path=path, since=since, until=until)
     if out is not None:
         check_folder(out)

@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING
 from arm_io import lazy
 
 if TYPE_CHECKING:
-    from comparison.trend.forecast import Limit
+    from comparison.trend.forecast import Reach, State
+    from comparison.trend.limits import Limit, limits_from
     from comparison.trend.movement import Movement
     from comparison.trend.outcome import Trend
     from comparison.trend.plots import histories_chart
@@ -14,4 +15,15 @@ if TYPE_CHECKING:
 else:
     __getattr__ = lazy(__name__)
 
-__all__ = ["Limit", "Movement", "Trend", "histories_chart", "limit_sentence", "sentence", "trend_of"]
+__all__ = [
+    "Limit",
+    "Movement",
+    "Reach",
+    "State",
+    "Trend",
+    "histories_chart",
+    "limit_sentence",
+    "limits_from",
+    "sentence",
+    "trend_of",
+]

@@ -1,133 +1,147 @@
-"""When a drift will reach a limit, with an interval of 95 %."""
+"""Where a quantity stands with respect to its limits, and when a drift will reach them, with an interval of 95 %."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 
 import numpy as np
 from scipy import stats
 
 from arm_io import InputError
 from arm_io.types import Array
+from comparison.trend.limits import Limit, Side
+from comparison.trend.onsets import averaged, each
 from comparison.trend.selection import Moved
 
 FARTHEST = 36_500.0
 """days from the first result: later dates are not stated."""
+OUTSIDE = 0.025
+"""Chance at each end of an interval."""
 
 
-@dataclass(frozen=True)
-class Limit:
-    """A value that a quantity must not pass: ``value`` in its unit, or a share of its first value (``relative``)."""
+class State(StrEnum):
+    """Of a quantity with respect to a limit."""
 
-    name: str
-    value: float
-    relative: bool = False
-
-    @classmethod
-    def of(cls, text: str) -> Limit:
-        """'joint3.coulomb=12' or 'joint3.coulomb=+50%'; InputError for anything else."""
-        name, equals, number = text.rpartition("=")
-        share = number.endswith("%")
-        try:
-            value = float(number.removesuffix("%"))
-        except ValueError:
-            value = math.nan
-        if not name or not equals or not math.isfinite(value) or (share and value == 0):
-            raise InputError("--limit", f"must be NAME=VALUE or NAME=+50% of the first value (is {text!r})")
-        return cls(name, value / 100 if share else value, share)
+    PASSED_AT_FIRST = "passed since the first result"
+    PASSED = "passed"
+    AHEAD = "will be reached"
+    NOT_REACHED = "not reached at the present trend"
+    UNCLEAR = "not said whether it is an upper or a lower one"
+    NO_SHARE = "a share of a first value that is not different from zero"
 
 
 @dataclass(frozen=True)
 class Reach:
-    """Where a quantity stands with respect to its limit; days count from the first result.
+    """Where a quantity stands with respect to a limit; days count from the first result.
 
-    passed   whether the fitted value of the last result is beyond it
-    day      when the drift reaches it; None: it does not drift towards it
+    limit    in the unit of the quantity; None: a share of a first value that is not different from zero
+    side     upper: must not be exceeded; lower: must not fall below
+    day      when the drift reaches it; None: it does not drift towards it, or is beyond it
     between  the interval of 95 %; None at its end: the drift may also never reach it
     """
 
-    limit: float
-    passed: bool
-    day: float | None
-    between: tuple[float, float | None] | None
+    asked: Limit
+    limit: float | None
+    side: Side
+    state: State
+    day: float | None = None
+    between: tuple[float, float | None] | None = None
+
+    @property
+    def passed(self) -> bool:
+        """Whether the fitted value of the last result is beyond it."""
+        return self.state in (State.PASSED, State.PASSED_AT_FIRST)
 
 
 def trend_row(one: Moved, day: float) -> Array:
-    """(p,) how the fitted value at any day follows from the coefficients; steps count from the result they begin with.
+    """(m, p) how the fitted value at any day follows from the coefficients, with each of m combinations of onsets.
 
-    -inf: the value before anything moved.
+    Steps count from the result they begin with; -inf: the value before anything moved.
     """
-    row = [1.0]
-    for term in one.fit.terms:
-        begin = float(one.history.days[term.at])
-        row.append(max(day - begin, 0.0) if term.shape == "drift" else float(day >= begin))
-    return np.array(row)
+    columns = [np.ones(len(one.onsets.weights))]
+    for k, term in enumerate(one.fit.terms):
+        begin = one.onsets.begins[:, k]
+        columns.append(np.maximum(day - begin, 0.0) if term.shape == "drift" else np.asarray(day >= begin, float))
+    return np.stack(columns, axis=1)
 
 
 def slope_row(one: Moved) -> Array:
-    """(p,) how the present drift per day follows from the coefficients."""
-    return np.array([0.0, *(float(term.shape == "drift") for term in one.fit.terms)])
+    """(1, p) how the present drift per day follows from the coefficients."""
+    return np.array([[0.0, *(float(term.shape == "drift") for term in one.fit.terms)]])
 
 
 def value_and_std(one: Moved, row: Array) -> tuple[float, float]:
     """A linear combination of the coefficients and its standard deviation, two of which hold 95 %."""
-    variance = float(row @ one.fit.covariance @ row)
-    # Deviations that allow for few blocks are wider than the raw ones by this factor.
-    widened = float(np.median(one.history.std / one.history.raw))
-    return float(row @ one.fit.coefficients), widened * math.sqrt(max(variance, 0.0))
+    return averaged(one.onsets, row)
 
 
 def reach(one: Moved, limit: Limit) -> Reach:
-    """When the fitted history reaches the limit."""
-    first = value_and_std(one, trend_row(one, -math.inf))[0]
+    """Where the fitted history stands, and when it reaches the limit.
+
+    A limit that does not say its side is a lower one where the first value is clearly above it (two deviations), else
+    an upper one. Where the first value is not clearly below it and nothing moves across it or towards it, an upper
+    limit may be meant that was passed all the time: that is ``State.UNCLEAR``.
+    """
+    first, doubt = value_and_std(one, trend_row(one, -np.inf))
+    doubt *= 2
+    if limit.relative and abs(first) <= doubt:
+        return Reach(limit, None, limit.side or ("upper" if limit.value > 0 else "lower"), State.NO_SHARE)
     bound = first + abs(first) * limit.value if limit.relative else limit.value
+    side = limit.side or ("lower" if bound < first - doubt else "upper")
+    towards = 1.0 if side == "upper" else -1.0
     last = float(one.history.days[-1])
     now, _ = value_and_std(one, trend_row(one, last))
-    towards = 1.0 if bound >= first else -1.0
     if towards * (now - bound) >= 0:
-        return Reach(bound, True, None, None)
+        beyond = towards * (first - bound) > doubt
+        return Reach(limit, bound, side, State.PASSED_AT_FIRST if beyond else State.PASSED)
     slope, _ = value_and_std(one, slope_row(one))
-    drifts = any(term.shape == "drift" for term in one.fit.terms)
-    if not drifts or towards * slope <= 0:
-        return Reach(bound, False, None, None)
-    day = last + (bound - now) / slope
+    day = last + (bound - now) / slope if towards * slope > 0 else np.inf
     if day > FARTHEST:
-        return Reach(bound, False, None, None)
-    return Reach(bound, False, day, _between(one, bound, towards, day))
+        unsaid = limit.side is None and not limit.relative and bound <= first + doubt
+        return Reach(limit, bound, side, State.UNCLEAR if unsaid else State.NOT_REACHED)
+    return Reach(limit, bound, side, State.AHEAD, float(day), _between(one, bound, towards, float(day)))
 
 
 def _between(one: Moved, bound: float, towards: float, day: float) -> tuple[float, float | None]:
-    """First and last day at which the limit is within the band of 95 % about the drift (Fieller's interval)."""
-    quantile = float(stats.t.ppf(0.975, max(min(one.freedom, 1e6), 1.0)))
+    """First and last day at which it is open, with 95 %, whether the limit is reached.
 
-    def outside(at: float, side: float) -> float:
-        """Below 0 until the edge of the band passes the limit."""
-        value, std = value_and_std(one, trend_row(one, at))
-        return towards * (value - bound) + side * quantile * std
+    With one onset this is Fieller's interval; chances of several onsets are averaged.
+    """
+    degrees = max(min(one.freedom, 1e6), 1.0)
+
+    def chance(at: float) -> float:
+        """That the fitted value is beyond the limit."""
+        values, std = each(one.onsets, trend_row(one, at))
+        return float(one.onsets.weights @ stats.t.cdf(towards * (values - bound) / std, degrees))
 
     last = float(one.history.days[-1])
-    early = last if outside(last, 1.0) >= 0 else _crossing(lambda at: outside(at, 1.0), last, day)
-    late = None if outside(FARTHEST, -1.0) < 0 else _crossing(lambda at: outside(at, -1.0), day, FARTHEST)
-    return early, late
+    early = last if chance(last) >= OUTSIDE else _crossing(lambda at: chance(at) - OUTSIDE, last, day)
+    if chance(FARTHEST) < 1 - OUTSIDE:
+        return early, None
+    return early, _crossing(lambda at: chance(at) - 1 + OUTSIDE, day, FARTHEST)
 
 
 def _crossing(function: Callable[[float], float], low: float, high: float) -> float:
-    """Where a function that changes sign between two days is zero."""
+    """Where a function that rises from below zero is zero; an end where it does not change sign."""
     from scipy import optimize
 
+    if function(low) >= 0:
+        return low
+    if function(high) <= 0:
+        return high
     return float(optimize.brentq(function, low, high))
 
 
-def limits_of(limits: Sequence[Limit], found: Sequence[Moved]) -> dict[str, Reach]:
-    """Name of a quantity -> where it stands; InputError for a limit of a quantity that no history has."""
+def limits_of(limits: Sequence[Limit], found: Sequence[Moved]) -> dict[str, tuple[Reach, ...]]:
+    """Name of a quantity -> where it stands with each of its limits; InputError: no history has such a quantity."""
     known = {one.history.quantity.name: one for one in found}
-    stands = {}
-    for limit in limits:
+    stands: dict[str, tuple[Reach, ...]] = {}
+    for limit in dict.fromkeys(limits):
         if limit.name not in known:
             alike = [name for name in known if limit.name.lower() in name.lower()] or list(known)
             hint = ", ".join(alike[:6]) + (" ..." if len(alike) > 6 else "")
             raise InputError("--limit", f"{limit.name} is no quantity of these results; they have {hint}")
-        stands[limit.name] = reach(known[limit.name], limit)
+        stands[limit.name] = (*stands.get(limit.name, ()), reach(known[limit.name], limit))
     return stands

@@ -25,7 +25,7 @@ def report(trend: Trend) -> Report:
     shown = [*moved, *(one for one in limited if one not in moved)]
     still = [one for one in trend.movements if one not in shown][:MOST_PLOTS]
     said = [sentence(one, trend.histories) for one in moved]
-    said += [limit_sentence(one, trend.histories) for one in limited]
+    said += [limit_sentence(one, its, trend.histories) for one in limited for its in one.reaches]
     first, last = trend.histories.date(0.0), trend.histories.date(_last(trend.movements))
     name = "" if trend.arm is None else f"{trend.arm.name}: "
     histories = trend.histories

@@ -11,6 +11,7 @@ from scipy import stats
 
 from comparison.trend.forecast import Reach, slope_row, trend_row, value_and_std
 from comparison.trend.history import Histories
+from comparison.trend.onsets import interval
 from comparison.trend.selection import Moved
 from comparison.trend.terms import candidates, fit, tests
 
@@ -22,7 +23,7 @@ MONTH = 30.0
 class Onset:
     """One term: its shape, the value that it adds (a drift: per day), and when it began.
 
-    after, by  days: the last result before it may have begun and the first after, with 95 %
+    after, by  days between which it began, with 95 %; a step: the last result before it and the first after
     """
 
     shape: str
@@ -42,7 +43,7 @@ class Movement:
     change: tuple[float, float]
     drift: tuple[float, float] | None
     onsets: tuple[Onset, ...]
-    reach: Reach | None
+    reaches: tuple[Reach, ...]
 
     @property
     def significant(self) -> bool:
@@ -72,7 +73,7 @@ class Movement:
                 }
                 for onset in self.onsets
             ],
-            "limit": None if self.reach is None else _reach(self.reach, histories),
+            "limits": [_reach(one, histories) for one in self.reaches],
             "std_between_results": float(np.sqrt(self.moved.fit.between)),
             "history": [
                 {"date": histories.date(day), "value": float(value), "std": float(std), "source": source}
@@ -89,6 +90,8 @@ def _reach(reach: Reach, histories: Histories) -> dict[str, Any]:
     late = None if reach.between is None else reach.between[1]
     return {
         "value": reach.limit,
+        "side": reach.side,
+        "state": str(reach.state),
         "passed": reach.passed,
         "date": None if reach.day is None else histories.date(reach.day),
         "earliest": None if reach.between is None else histories.date(reach.between[0]),
@@ -96,7 +99,7 @@ def _reach(reach: Reach, histories: Histories) -> dict[str, Any]:
     }
 
 
-def movement_of(moved: Moved, reach: Reach | None) -> Movement:
+def movement_of(moved: Moved, reaches: tuple[Reach, ...] = ()) -> Movement:
     """The numbers of one history."""
     days = moved.history.days
     begin = trend_row(moved, -math.inf)
@@ -110,21 +113,23 @@ def movement_of(moved: Moved, reach: Reach | None) -> Movement:
         change=value_and_std(moved, end - begin),
         drift=value_and_std(moved, slope_row(moved)) if drifts else None,
         onsets=tuple(_onset(moved, k) for k in order),
-        reach=reach,
+        reaches=reaches,
     )
 
 
 def _onset(moved: Moved, k: int) -> Onset:
-    """Term ``k`` with the interval in which it may have begun: all places of its shape that fit nearly as well."""
+    """Term ``k`` with the interval in which it may have begun; of a step all places that fit nearly as well."""
     term, days = moved.fit.terms[k], moved.history.days
-    value, std = value_and_std(moved, np.eye(len(moved.fit.coefficients))[k + 1])
+    value, std = value_and_std(moved, np.eye(len(moved.fit.coefficients))[None, k + 1])
+    if term.shape == "drift":
+        after, by = interval(moved.onsets, k, moved.freedom)
+        return Onset(shape=term.shape, value=value, std=std, after=after, by=by)
     others = fit(moved.history, tuple(one for one in moved.fit.terms if one != term), moved.fit.between)
     same = [one for one in candidates(moved.history) if one.shape == term.shape and one not in others.terms]
     _, gain = tests(moved.history, others, same, moved.freedom)
     allowed = float(stats.chi2.ppf(0.95, 1))
     near = [one.at for one, its in zip(same, gain) if its >= max(gain) - allowed] or [term.at]
     low, high = min(near), max(near)
-    # A step lies between two results, a drift begins anywhere up to the next but one.
+    # A step lies between two results.
     after = days[max(low - 1, 0)]
-    by = days[min(high + 1, len(days) - 1)] if term.shape == "drift" else days[high]
-    return Onset(shape=term.shape, value=value, std=std, after=float(after), by=float(by))
+    return Onset(shape=term.shape, value=value, std=std, after=float(after), by=float(days[high]))

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from arm_model import Arm
 
-SCHEMA = "armscope.trend/1"
+SCHEMA = "armscope.trend/2"
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -39,7 +39,7 @@ class Trend:
     @property
     def limited(self) -> list[Movement]:
         """Those that have a limit."""
-        return [one for one in self.movements if one.reach is not None]
+        return [one for one in self.movements if one.reaches]
 
     def __repr__(self) -> str:
         moved = ", ".join(one.moved.history.quantity.words for one in self.moved)

@@ -1,4 +1,4 @@
-"""Histories as charts: values with two deviations, the fitted trend with its band, the limit."""
+"""Histories as charts: values with two deviations, the fitted trend with its band, the limits."""
 
 from __future__ import annotations
 
@@ -52,7 +52,11 @@ def _panel(histories: Histories, one: Movement) -> Panel:
         title=words if len(words) < 58 else f"{words[:55]}...",
         x="date",
         y=history.quantity.unit or "1",
-        levels=() if one.reach is None else (Level(value=one.reach.limit, colour=BEFORE, dashed=True, label="limit"),),
+        levels=tuple(
+            Level(value=its.limit, colour=BEFORE, dashed=True, label="limit")
+            for its in one.reaches
+            if its.limit is not None
+        ),
         joint=history.quantity.joint,
         dates=True,
     )
@@ -66,6 +70,7 @@ def _seconds(histories: Histories, days: Array) -> Array:
 def _end(one: Movement) -> float:
     """The last day drawn: where a limit is reached, unless that is far ahead."""
     last = float(one.moved.history.days[-1])
-    if one.reach is None or one.reach.day is None:
+    reached = [its.day for its in one.reaches if its.day is not None]
+    if not reached:
         return last
-    return min(1.1 * one.reach.day, (1 + MOST_AHEAD) * max(last, 1.0), FARTHEST)
+    return min(1.1 * max(reached), (1 + MOST_AHEAD) * max(last, 1.0), FARTHEST)

@@ -18,6 +18,7 @@ from scipy import stats
 from comparison.change import SIGNIFICANT
 from comparison.significance import FEWEST, common_scatter
 from comparison.trend.history import History
+from comparison.trend.onsets import Onsets, onsets_of
 from comparison.trend.terms import Fit, Scatter, Term, between_of, candidates, fit, tests
 
 MOST_TERMS = 4
@@ -30,12 +31,14 @@ FEW = Scatter(1.0, 2.0)
 class Moved:
     """One history, what it is made of, and how surely it moved.
 
+    onsets        the same fit with every onset that its drifts may have
     p, corrected  of "it moved", corrected for the number of quantities
     freedom       degrees of freedom of the variance between results
     """
 
     history: History
     fit: Fit
+    onsets: Onsets
     p: float
     corrected: float
     freedom: float
@@ -64,10 +67,13 @@ def select(histories: Sequence[History]) -> list[Moved]:
         if not added:
             break
     fits = [one if mine else alone for one, alone, mine in zip(fits, still, moved)]
-    return [
-        Moved(h, fit(h, one.terms, between_of(h, one, k)), float(p), float(q), k.freedom + one.freedom)
-        for h, one, p, q, k in zip(histories, fits, first, corrected, known)
-    ]
+    return [_moved(*one) for one in zip(histories, fits, first, corrected, known)]
+
+
+def _moved(history: History, fitted: Fit, p: float, corrected: float, known: Scatter) -> Moved:
+    final = fit(history, fitted.terms, between_of(history, fitted, known))
+    freedom = known.freedom + fitted.freedom
+    return Moved(history, final, onsets_of(history, final, freedom), float(p), float(corrected), freedom)
 
 
 def _extended(history: History, fitted: Fit, tried: list[Term], freedom: float, level: float) -> tuple[Term, ...]:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from arm_report import text_table
 from comparison.change import SIGNIFICANT
+from comparison.trend.forecast import Reach, State
 from comparison.trend.history import Histories
 from comparison.trend.movement import MONTH, Movement, Onset
 
@@ -24,7 +25,7 @@ def text(trend: Trend) -> str:
     lines = lines if moved else []
     lines += [f"warning: {warning}" for warning in trend.histories.warnings]
     lines += [sentence(one, trend.histories) for one in moved]
-    lines += [limit_sentence(one, trend.histories) for one in trend.limited]
+    lines += [limit_sentence(one, its, trend.histories) for one in trend.limited for its in one.reaches]
     return "\n".join([*lines, verdict(trend)])
 
 
@@ -79,19 +80,33 @@ def _onset(onset: Onset, unit: str, histories: Histories) -> str:
     between = f"on {by}" if after == by else f"between {after} and {by}"
     if onset.shape == "step":
         return f"step of {_size(onset.value, onset.std)}{unit} {between}"
-    since = "since the first result" if onset.after == 0 and onset.by <= 0 else f"since a day {between}"
+    # One that began before the first result is the same straight line.
+    since = f"since {by} at the latest" if onset.after <= 0 else f"since a day {between}"
     return f"drift of {_size(MONTH * onset.value, MONTH * onset.std)}{unit} per {MONTH:.0f} days, {since}"
 
 
-def limit_sentence(one: Movement, histories: Histories) -> str:
-    """When a quantity reaches its limit."""
-    assert one.reach is not None
-    quantity, reach = one.moved.history.quantity, one.reach
-    words = f"{quantity.words[:1].upper()}{quantity.words[1:]}: limit {reach.limit:.4g}{_unit(one)}"
-    if reach.passed:
-        return f"{words} is passed (now {one.last[0]:.4g})"
+def limit_sentence(one: Movement, reach: Reach, histories: Histories) -> str:
+    """Where a quantity stands with respect to a limit, when it reaches it, or what the limit lacks."""
+    quantity, unit = one.moved.history.quantity, _unit(one)
+    words = f"{quantity.words[:1].upper()}{quantity.words[1:]}"
+    first, now = level(*one.first), level(*one.last)
+    if reach.limit is None:
+        share = f"limit {reach.asked.value:+.0%} of the first value"
+        return f"{words}: {share}, which does not differ from zero ({_size(*one.first)}{unit}); give an absolute limit"
+    value = f"{reach.limit:.4g}"
+    if reach.state is State.UNCLEAR:
+        return (
+            f"{words}: limit {value}{unit} is not above the first value ({first}, now {now}): an upper limit is passed "
+            f"since the first result (write {quantity.name}=..{value}), a lower one is not reached (write "
+            f"{quantity.name}={value}..)"
+        )
+    words = f"{words}: {reach.side} limit {value}{unit}"
+    if reach.state is State.PASSED_AT_FIRST:
+        return f"{words} is passed since the first result ({first}, now {now})"
+    if reach.state is State.PASSED:
+        return f"{words} is passed (now {now})"
     if reach.day is None or reach.between is None:
-        return f"{words} is not reached at the present trend (now {one.last[0]:.4g})"
+        return f"{words} is not reached at the present trend (now {now})"
     early, late = reach.between
     until = "no date" if late is None else histories.date(late)
     between = f"{histories.date(early)} to {until}"

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 
 from arm_io.types import Progress
 from comparison.stored.from_results import Stored
-from comparison.trend.forecast import Limit, limits_of
+from comparison.trend.forecast import limits_of
 from comparison.trend.history import histories_of
+from comparison.trend.limits import Limit
 from comparison.trend.movement import movement_of
 from comparison.trend.outcome import Trend
 from comparison.trend.selection import select
@@ -24,5 +25,5 @@ def trend_of(results: Sequence[Stored], limits: Sequence[Limit] = (), *, progres
     progress("trends")
     found = select(histories.histories)
     stands = limits_of(limits, found)
-    movements = [movement_of(one, stands.get(one.history.quantity.name)) for one in found]
+    movements = [movement_of(one, stands.get(one.history.quantity.name, ())) for one in found]
     return Trend(arm=results[0].arm, histories=histories, movements=movements)

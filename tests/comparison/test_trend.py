@@ -67,30 +67,49 @@ def test_a_step_is_dated(night: float) -> None:
     for seed in range(12):
         found = select(histories(100 + seed, 20, night, lambda days: 12.0 * (days > 150)))
         assert found[0].fit.terms and sum(bool(one.fit.terms) for one in found) <= 2
-        movement = movement_of(found[0], None)
+        movement = movement_of(found[0])
         onset = movement.onsets[0]
         dated += onset.shape == "step" and len(movement.onsets) == 1 and onset.after <= 150 <= onset.by
     assert dated >= 9
 
 
-def test_a_drift_is_timed_and_reaches_its_limit_when_it_should() -> None:
-    """A drift of 0.1 deviations per day from day 100 on reaches 40 deviations on day 500."""
-    inside, begun = 0, 0
-    for seed in range(20):
-        shift: Shift = lambda days: 0.1 * np.maximum(days - 100, 0)  # noqa: E731
-        (moved, *_) = select(histories(200 + seed, 25, 0.5, shift))
-        assert any(term.shape == "drift" for term in moved.fit.terms)
-        usual = float(np.median(moved.history.raw))
-        # The true limit is counted from the true level, which is drawn first of all after the days.
-        level, unit = truth(200 + seed, 25)
-        stands = reach(moved, Limit("q0", level + 40 * unit))
-        movement = movement_of(moved, stands)
-        assert movement.drift is not None
-        assert stands.day is not None and stands.between is not None
+def test_intervals_hold_the_truth() -> None:
+    """Date of a limit, speed and onset of drifts that begin between results or with the first, in 210 histories.
+
+    Intervals of 95 % hold less than 0.91 of 210 with a chance of 0.6 %; with onsets taken as known they held 0.8.
+    """
+    draw = np.random.default_rng(6)
+    held = []
+    for results, onset, slope in [(12, 40.0, 0.3), (15, 43.0, 0.15), (10, 0.0, 0.15)] * 70:
+        days = np.linspace(0, 100, results)
+        drift = slope * np.maximum(days - onset, 0)
+        (moved, *_) = select([of_unit_noise(draw, days, drift if k == 0 else 0 * days, f"q{k}") for k in range(3)])
+        stands = reach(moved, Limit("q0", 10 + slope * 120, side="upper"))
+        movement = movement_of(moved)
+        if stands.between is None or movement.drift is None:
+            continue  # taken for a step
         early, late = stands.between
-        inside += early <= 500 and (late is None or late >= 500)
-        begun += abs(movement.drift[0] - 0.1 * unit) < 3 * movement.drift[1] + 0.01 * usual
-    assert inside >= 15 and begun >= 17
+        (*_, last) = [one for one in movement.onsets if one.shape == "drift"]
+        held.append(
+            (
+                early <= onset + 120 and (late is None or late >= onset + 120),
+                abs(movement.drift[0] - slope) < 2 * movement.drift[1],
+                last.after <= onset <= last.by,
+            )
+        )
+    assert len(held) >= 205
+    assert np.mean(held, axis=0).min() >= 0.91, np.mean(held, axis=0)
+
+
+def of_unit_noise(draw: np.random.Generator, days: Array, shift: Array, name: str) -> History:
+    """A level of 10 with noise of one, whose deviations are estimates from 20 blocks."""
+    raw = np.sqrt(draw.chisquare(20, len(days)) / 20)
+    quantity = Quantity(name=name, words=name, unit="", kind="friction")
+    freedom, sources = np.full(len(days), 20.0), ("",) * len(days)
+    values = 10 + draw.normal(size=len(days)) + shift
+    return History(
+        quantity=quantity, days=days, values=values, std=1.064 * raw, raw=raw, freedom=freedom, sources=sources
+    )
 
 
 def truth(seed: int, results: int) -> tuple[float, float]:
@@ -100,14 +119,6 @@ def truth(seed: int, results: int) -> tuple[float, float]:
     usual = 10 ** draw.uniform(-3, 1)
     draw.uniform(0.5, 1.5, results)
     return draw.normal(0, 20) * usual, usual
-
-
-def test_a_limit_that_is_passed_or_never_reached() -> None:
-    (moved, *_) = select(histories(1, 20, 0.0, lambda days: 30.0 * (days > 150)))
-    level, unit = truth(1, 20)
-    assert reach(moved, Limit("q0", level + 20 * unit)).passed
-    ahead = reach(moved, Limit("q0", level + 50 * unit))
-    assert not ahead.passed and ahead.day is None
 
 
 def test_units_do_not_matter() -> None:
@@ -142,13 +153,13 @@ def test_the_command(lab: Path, tmp_path: Path, capsys: pytest.CaptureFixture[st
     shown = capsys.readouterr().out
     assert "Coulomb friction of joint 3 moved; 1 of 6 quantities in 24 results" in shown
     assert "limit 30 N m is reached on 2028-" in shown
-    assert "Coulomb friction of joint 1: limit 7.4" in shown and "is not reached at the present trend" in shown
+    assert "Coulomb friction of joint 1: upper limit 7.4" in shown and "is not reached at the present trend" in shown
     table = json.loads((out / "trend.json").read_text())
     (moved,) = [one for one in table["quantities"] if one["moved"]]
     assert moved["drift_per_day"]["value"] == pytest.approx(0.5 / 30, rel=0.05)
-    (since,) = moved["since"]
+    (since,), (limit,) = moved["since"], moved["limits"]
     assert since["shape"] == "drift" and since["after"] <= "2026-05-01" <= since["by"]
-    assert moved["limit"]["earliest"] <= "2028-10-17" <= moved["limit"]["latest"]
+    assert limit["earliest"] <= "2028-10-17" <= limit["latest"]
     assert [one["date"] for one in moved["history"]][:2] == ["2026-01-01", "2026-01-31"]
     page = (out / "trend.html").read_text()
     assert page.count('role="img"') == 2 and "drift of +0.5" in page
@@ -179,9 +190,6 @@ def test_what_does_not_belong_together_is_refused(lab: Path, tmp_path: Path) -> 
         armscope.trend(tmp_path)
     with pytest.raises(InputError, match="holds no such"):
         armscope.trend(lab, filters=Filters(since="2029"))
-    for wrong in ("joint3.coulomb", "x=", "=3", "x=+0%", "x=nan"):
-        with pytest.raises(InputError, match="--limit: must be NAME=VALUE"):
-            Limit.of(wrong)
 
 
 def test_a_rounding_error_reads_zero() -> None:

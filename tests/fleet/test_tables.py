@@ -138,3 +138,20 @@ def test_what_results_lack_is_said(tmp_path: Path, root: Path) -> None:
     assert "joint9.nothing is no quantity" in (tmp_path / "fleet.html").read_text()
     elsewhere = fleet_of(plan(2, baseline=["2027-01-01", "2027-01-05"]), tmp_path, parts)
     assert "arm-0, arm-1 cannot be compared: that needs results of at least 2 nights of the baseline" in str(elsewhere)
+
+
+def test_limits_that_are_not_kept_are_said(tmp_path: Path, root: Path) -> None:
+    """A limit whose side is not clear, and a share of a gap that was zero: neither asks for maintenance."""
+    nights = fleet(2, 3, shift={1: lambda night: 3.0 * night}, gap={0: lambda night: 8e-4 if night >= 4 else None})
+    parts = stored(tmp_path, nights, read_model(root / "config/models/two_link.toml"))
+    limits = {"joint1.coulomb": 1.0, "joint1.backlash.half_gap": "+50%", "joint2.coulomb": "..1"}
+    result = fleet_of(plan(2, limits=limits), tmp_path, parts)
+    assert result.notes[0] == (
+        "limits: joint1.coulomb = 1.0 is not above the first value of arm-0, arm-1: write '..1.0' if it is an upper "
+        "limit, '1.0..' if it is a lower one"
+    )
+    assert result.notes[1].endswith("first value of arm-0 does not differ from zero; give an absolute limit")
+    for verdict in result.verdicts:
+        (asked,) = [one for one in verdict.actions if "limit" in one]
+        assert "joint 2: upper limit 1 N m is passed since the first result" in asked and asked.endswith("now")
+        assert verdict.arm != "arm-1" or any("write joint1.coulomb=..1)" in one for one in verdict.moved)
