@@ -92,7 +92,8 @@ def limit_sentence(one: Movement, reach: Reach, histories: Histories) -> str:
     first, now = level(*one.first), level(*one.last)
     if reach.limit is None:
         share = f"limit {reach.asked.value:+.0%} of the first value"
-        return f"{words}: {share}, which does not differ from zero ({_size(*one.first)}{unit}); give an absolute limit"
+        zero = f"{first} +- {2 * one.first[1]:.2g}{unit}"
+        return f"{words}: {share}, which does not differ from zero ({zero}); give an absolute limit"
     value = f"{reach.limit:.4g}"
     if reach.state is State.UNCLEAR:
         return (
