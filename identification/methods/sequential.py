@@ -5,12 +5,13 @@ Each step's result is used by the next (thesis, section 5.4).
 While one joint moves alone, its equation shows few combinations of parameters, and with those of the outer links known
 already, fewer still: each step is a small, well-conditioned fit. What a step finds is held by all later ones;
 directions that no step shows stay where the model has them. The price: what a step gets wrong, the next ones inherit.
+The stated covariance has that in it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from arm_model import Arm
 from daq.recording import Recording
 from identification.methods.joint_by_joint import own_run
 from identification.regression.conclusion import conclude
+from identification.regression.equations import Equations
 from identification.regression.least_squares import Fit, least_squares
 from identification.regression.model_parameters import Friction, model_values
 from identification.regression.problem import Problem, prepare
@@ -66,16 +68,45 @@ def identify_in_sequence(
     return result
 
 
-def _steps(problem: Problem, progress: Progress) -> tuple[Array, Array, list[str]]:
-    """Values (b,) and covariance (b, b) of the base parameters, and a sentence per step.
+@dataclass(frozen=True)
+class Known:
+    """What the steps so far have found of b parameters: values (b,), covariance (b, b), and what is left to later ones.
 
-    In units of ``size``, beta = size (x0 + open z), where the columns of ``open`` span what no step has shown yet.
+    open (b, k): columns span the directions that no step has shown yet; there the values are the model's.
     """
+
+    values: Array
+    covariance: Array
+    open: Array
+
+
+def next_step(known: Known, columns: Array, rows: Equations) -> tuple[Known, float]:
+    """With what ``rows`` show of the open directions, ``columns`` (rows, b) being those of the parameters.
+
+    Also the condition number of the step; NaN where it shows none.
+
+    The step fits what the values so far leave of the torque, and so takes their errors e for parameters of its own:
+    of columns W and directions S that it shows its estimate moves by -(W S)^+ W e, and e becomes (1 - S (W S)^+ W) e.
+    """
+    left, right = np.linalg.svd(np.linalg.qr(columns @ known.open, mode="r"))[1:]
+    count = int(np.sum(left > SHOWN * left.max(initial=0.0)))
+    if not count:
+        return known, float("nan")
+    shown = known.open @ right[:count].T
+    fit = least_squares(columns @ shown, rows.torque - columns @ known.values, np.zeros(len(rows), np.intp), "ols")
+    own = uncertainty(columns @ shown, rows, fit).covariance
+    inherits = np.eye(len(known.values)) - shown @ np.linalg.lstsq(columns @ shown, columns)[0]
+    covariance = inherits @ known.covariance @ inherits.T + shown @ own @ shown.T
+    return Known(known.values + shown @ fit.values, covariance, known.open @ right[count:].T), fit.condition
+
+
+def _steps(problem: Problem, progress: Progress) -> tuple[Array, Array, list[str]]:
+    """Values (b,) and covariance (b, b) of the base parameters, and a sentence per step."""
     base, rows = problem.base, problem.rows
     start = base.grouping @ model_values(problem.arm, problem.friction)
     size = np.maximum(np.abs(start), 0.1 * float(np.median(np.abs(start[start != 0]))) if start.any() else 1.0)
-    x, open_ = start / size, np.eye(len(base))
-    covariance = np.zeros((len(base), len(base)))
+    # In units of ``size``. What no step shows is as uncertain as the model's own number is large.
+    known = Known(start / size, np.eye(len(base)), np.eye(len(base)))
     sentences = []
     for j in reversed(range(joints := len(problem.arm))):
         runs = [run for run, motion in enumerate(problem.motions) if own_run([motion], j) is not None]
@@ -84,21 +115,13 @@ def _steps(problem: Problem, progress: Progress) -> tuple[Array, Array, list[str
             sentences.append(f"joint {j + 1} moves in no run; its step is left out")
             continue
         progress(Step("joints, tip first", joints - 1 - j, joints, detail=f"joint {j + 1}"))
-        columns = mine.columns[:, base.kept] * size
-        left, right = np.linalg.svd(columns @ open_, full_matrices=True)[1:]
-        count = int(np.sum(left > SHOWN * left[0]))
-        shown = open_ @ right[:count].T
-        fit = least_squares(columns @ shown, mine.torque - columns @ x, np.zeros(len(mine), np.intp), "ols")
-        spread = uncertainty(columns @ shown, mine, fit)
-        x = x + shown @ fit.values
-        covariance += shown @ spread.covariance @ shown.T
-        open_ = open_ @ right[count:].T
+        before = known.open.shape[1]
+        known, condition = next_step(known, mine.columns[:, base.kept] * size, mine)
+        count = before - known.open.shape[1]
         names = ", ".join(problem.fit[run].path.name for run in runs)
-        sentences.append(f"joint {j + 1}: {count} combinations from {names}, condition {fit.condition:.3g}")
-    if open_.shape[1] == len(base):
+        sentences.append(f"joint {j + 1}: {count} combinations from {names}, condition {condition:.3g}")
+    if known.open.shape[1] == len(base):
         raise InputError(
             ", ".join(str(r.path) for r in problem.fit), "no joint moves in any run; record one run per joint"
         )
-    # What no step has shown is as uncertain as the model's own number is large.
-    covariance += open_ @ open_.T
-    return x * size, covariance * size[:, None] * size, sentences
+    return known.values * size, known.covariance * size[:, None] * size, sentences
