@@ -49,8 +49,8 @@ _TIME = re.compile(
 POSITION = "q|pos|positions?|angles?|joint|winkel"
 _JOINT = "joint|axis|achse|gelenk"
 _WORDS = {
-    "qref": rf"({POSITION})?[ _.]*(ref|reference|demand|demanded|target|setpoint|desired|des|cmd|command)[ _.]*"
-    rf"({POSITION})?|q_d",
+    "qref": rf"(({POSITION})?[ _.]*(ref|reference|demand|demanded|target|setpoint|desired|des|cmd|command)[ _.]*"
+    rf"({POSITION})?|q_d)",
     "ql": r"(link|load|output)[ _.]*(side)?[ _.]*(q|pos|position|angle|encoder)",
     "i": r"(i|cur|curr|currents?|motor[ _.]*currents?|actual[ _.]*current|tau(_J)?|torques?|effort|actual[ _.]*torque"
     r"|strom|motorstrom|drehmoment)",
