@@ -59,6 +59,7 @@ class Movement:
             "moved": self.significant,
             "p": self.moved.p,
             "p_corrected": self.moved.corrected,
+            "p_shape": self.moved.p_shape,
             "first": _pair(self.first),
             "last": _pair(self.last),
             "change": _pair(self.change),

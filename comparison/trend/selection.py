@@ -34,6 +34,7 @@ class Moved:
     onsets        the same fit with every onset that its drifts may have
     p, corrected  of "it moved", corrected for the number of quantities
     freedom       degrees of freedom of the variance between results
+    p_shape       that results scatter so much about the fit, as far as others of their kind do about theirs
     """
 
     history: History
@@ -42,6 +43,7 @@ class Moved:
     p: float
     corrected: float
     freedom: float
+    p_shape: float
 
 
 def select(histories: Sequence[History]) -> list[Moved]:
@@ -73,7 +75,11 @@ def select(histories: Sequence[History]) -> list[Moved]:
 def _moved(history: History, fitted: Fit, p: float, corrected: float, known: Scatter) -> Moved:
     final = fit(history, fitted.terms, between_of(history, fitted, known))
     freedom = known.freedom + fitted.freedom
-    return Moved(history, final, onsets_of(history, final, freedom), float(p), float(corrected), freedom)
+    p_shape = 1.0
+    if final.freedom > 0:
+        others = min(known.freedom, 1e6)
+        p_shape = float(stats.f.sf(final.rest / final.freedom / known.value, final.freedom, others))
+    return Moved(history, final, onsets_of(history, final, freedom), float(p), float(corrected), freedom, p_shape)
 
 
 def _extended(history: History, fitted: Fit, tried: list[Term], freedom: float, level: float) -> tuple[Term, ...]:

@@ -13,6 +13,8 @@ from comparison.trend.movement import MONTH, Movement, Onset
 if TYPE_CHECKING:
     from comparison.trend.outcome import Trend
 
+DOUBTFUL = 0.01
+"""p-value of a shape, below which it is said."""
 HEADS = ("quantity", "first", "last", "change", "2 std", "since", "p corr.", "unit")
 
 
@@ -67,6 +69,9 @@ def sentence(one: Movement, histories: Histories) -> str:
     parts = [_onset(onset, unit, histories) for onset in one.onsets]
     if sum(onset.shape == "drift" for onset in one.onsets) > 1 and one.drift is not None:
         parts.append(f"now drifts by {_size(MONTH * one.drift[0], MONTH * one.drift[1])}{unit} per {MONTH:.0f} days")
+    if one.moved.p_shape < DOUBTFUL:
+        chances = f"p = {chance(one.moved.p_shape)}"
+        parts.append(f"its results scatter more about this than others do ({chances}): the shape may be wrong")
     return f"{words}: {level(*one.first)} -> {level(*one.last)}{unit}; {'; '.join(parts)}"
 
 

@@ -101,6 +101,22 @@ def test_intervals_hold_the_truth() -> None:
     assert np.mean(held, axis=0).min() >= 0.91, np.mean(held, axis=0)
 
 
+def test_a_shape_that_may_be_wrong_is_doubted() -> None:
+    """A step and a drift after it are taken for one drift in most histories, which is said; a drift alone is one."""
+    draw = np.random.default_rng(5)
+    days = np.linspace(0, 100, 24)
+    right, doubted = 0, 0
+    for both in [True, False] * 12:
+        shift = 8.0 * both * (days >= 20) + 0.3 * np.maximum(days - 50, 0)
+        (moved, *_) = select([of_unit_noise(draw, days, shift if k == 0 else 0 * days, f"q{k}") for k in range(20)])
+        if both:
+            found = len(moved.fit.terms) > 1
+            right, doubted = right + found, doubted + (moved.p_shape < 0.01 and not found)
+        else:
+            assert moved.p_shape > 0.01
+    assert doubted >= 4 and right + doubted >= 9, (right, doubted)
+
+
 def of_unit_noise(draw: np.random.Generator, days: Array, shift: Array, name: str) -> History:
     """A level of 10 with noise of one, whose deviations are estimates from 20 blocks."""
     raw = np.sqrt(draw.chisquare(20, len(days)) / 20)
