@@ -72,7 +72,10 @@ def clear_errors(
     for side, several in compared.items():
         if not several:
             continue
-        noise = np.mean([run.loop_noise for run in runs[side]], axis=0), [scatter(one.current) for _, one in several]
+        noise = (
+            np.mean([run.loop_noise for run in runs[side]], axis=0),
+            [scatter(one.current, one.measured("current")) for _, one in several],
+        )
         ratios = _ratios(several, *noise)
         if not any(np.any(ratio > most) for _, most, ratio in ratios):
             continue
@@ -139,8 +142,8 @@ def _below(one: Compared, noise: Array) -> Array:
 def _above(before: Compared, one: Compared, white: Array) -> tuple[Array, Array]:
     """(blocks, n) mean squares of the error from COMPARE_BAND to HIGHEST over the noise of a row, ``white`` (n,) A.
 
-    The instants of the setpoints are not recorded: the simulation is moved to where its transients are those measured;
-    first as a whole, then only what it is without the causes.
+    At rows that were measured. The instants of the setpoints are not recorded: the simulation is moved to where its
+    transients are those measured; first as a whole, then only what it is without the causes.
     """
     rate = rate_of(one.t)
     if rate < 4 * COMPARE_BAND:
@@ -148,17 +151,22 @@ def _above(before: Compared, one: Compared, white: Array) -> tuple[Array, Array]
         return none, none
     sections = _sections(rate)
     noise = _in_band(white, sections)
+    known = one.measured("current")
     measured, simulated, without = (
         zero_phase(sections, current) / noise
-        for current in (one.current, one.simulated_current, before.simulated_current)
+        for current in (
+            np.where(known, one.current, one.simulated_current),
+            one.simulated_current,
+            before.simulated_current,
+        )
     )
     end = round(TRANSIENT * rate)
-    lag = lag_of(measured[end:-end], simulated[end:-end], rate)
+    lag = lag_of((known * measured)[end:-end], (known * simulated)[end:-end], rate)
 
     def left(moving: Array) -> Array:
         moved = CubicSpline(one.t, moving)(np.clip(one.t - lag, one.t[0], one.t[-1])) + (simulated - moving)
         error = (measured - moved)[end:-end]
-        return _of_blocks(error, np.ones(error.shape, bool), round(rate))
+        return _of_blocks(error, known[end:-end], round(rate))
 
     return left(simulated), left(without)
 

@@ -8,6 +8,9 @@ methods depend on the controller).
 Errors are compared in the band of the residual and where friction is known: at standstill the current depends on how
 the servo came to rest. What sampling may fold onto the acceleration counts as little as along the measured motion: the
 loop has its setpoints at other instants than the arm, so that another share of its ripple folds.
+
+Where a recording has no sample, what stands there was interpolated and lacks all that the loop does: such rows have no
+error, and means are over the others.
 """
 
 from __future__ import annotations
@@ -19,6 +22,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import welch
 
 from arm_io import InputError
 from arm_io.parallel import cores, in_parallel
@@ -30,7 +34,7 @@ from daq.recording import Recording
 from diagnosis.residual.comparable_rows import comparable_rows, rms_where
 from diagnosis.residual.filters import COMPARE_BAND, kept, low_pass, rate_of
 from diagnosis.residual.other_effects import residual_under, with_own
-from diagnosis.residual.run import Run
+from diagnosis.residual.run import Run, Span
 from diagnosis.residual.run_setup import set_up, setup_of
 from identification.preprocessing import demand_of_run
 
@@ -49,7 +53,8 @@ def as_it_is(values: Array) -> Array:
 class Compared:
     """One recording and its simulation: t (m,) s, currents (m, n) A and angles (m, n) rad.
 
-    known: (r, n) rows of the run that are compared; less_folded: of values (r, n) A, as ``Run.less_folded``.
+    known: (r, n) rows of the run that are compared; less_folded: of values (r, n) A, as ``Run.less_folded``;
+    unmeasured: where there is no sample, as ``Run.unmeasured``.
     """
 
     name: str
@@ -60,6 +65,7 @@ class Compared:
     simulated_angle: Array
     known: NDArray[np.bool_]
     less_folded: Callable[[Array], Array] = as_it_is
+    unmeasured: tuple[Span, ...] = ()
 
     @cached_property
     def _errors(self) -> dict[str, Array]:
@@ -72,10 +78,31 @@ class Compared:
             self._errors[signal] = self._error(signal)
         return self._errors[signal]
 
+    def measured(self, signal: str) -> NDArray[np.bool_]:
+        """(m, n): whether ``current`` or ``angle`` was measured; of a current at a row without angles, it was not."""
+        found = np.ones(self.current.shape, bool)
+        since = self.t - self.t[0]
+        for start, end, joint in self.unmeasured:
+            if joint is None or signal == "current":
+                found[(since > start) & (since < end), slice(None) if joint is None else joint - 1] = False
+        return found
+
+    def difference(self, signal: str) -> Array:
+        """(m, n) measured less simulated ``current`` (A) or ``angle`` (rad); 0 in rows that were not measured."""
+        return (getattr(self, signal) - getattr(self, f"simulated_{signal}")) * self.measured(signal)
+
+    def spectrum(self, signal: str, joint: int, rows: int) -> tuple[Array, Array]:
+        """Hz, and power density per Hz of the ``difference`` of a joint (from 1), in segments of so many rows.
+
+        Per row that was measured: what is as strong throughout is shown by as much less as rows are missing.
+        """
+        share = float(np.mean(self.measured(signal)[:, joint - 1]))
+        frequency, power = welch(self.difference(signal)[:, joint - 1], rate_of(self.t), nperseg=rows)
+        return frequency, power / max(share, 1.0 / len(self.t))
+
     def _error(self, signal: str) -> Array:
         rate = rate_of(self.t)
-        difference = getattr(self, signal) - getattr(self, f"simulated_{signal}")
-        error = low_pass(difference, COMPARE_BAND, rate)[kept(rate)]
+        error = low_pass(self.difference(signal), COMPARE_BAND, rate)[kept(rate)]
         return self.less_folded(error) if signal == "current" else error
 
     def error_rms(self, signal: str) -> Array:
@@ -117,7 +144,7 @@ def _simulated(case: Case) -> tuple[Array, Array] | None:
 
 def _compared(recording: Recording, run: Run, current: Array, angle: Array) -> Compared:
     signals = recording.i, current, recording.q, angle
-    return Compared(recording.path.name, recording.t, *signals, comparable_rows(run), run.less_folded)
+    return Compared(recording.path.name, recording.t, *signals, comparable_rows(run), run.less_folded, run.unmeasured)
 
 
 def before_and_after(

@@ -6,7 +6,6 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import signal
 
 from arm_io.types import Array
 from arm_model import Arm
@@ -45,15 +44,13 @@ def with_oscillations(structures: Sequence[Structure], compared: Iterable[Compar
 def oscillation(compared: Sequence[Compared], joint: int, band: tuple[float, float]) -> Oscillation | None:
     """What a joint (from 1) does at one frequency in a ``band`` (Hz) and its loop does not; None where none stands out.
 
-    Recordings of one rate, that of the first.
+    Recordings of one rate, that of the first that measured this joint.
     """
-    alike = [one for one in compared if len(one.t) >= _segment(one) and np.isclose(_rate(one), _rate(compared[0]))]
+    seen = [one for one in compared if one.measured("current")[:, joint - 1].any()]
+    alike = [one for one in seen if len(one.t) >= _segment(one) and np.isclose(_rate(one), _rate(seen[0]))]
     if not alike:
         return None
-    powers = [
-        _power([getattr(one, of) - getattr(one, f"simulated_{of}") for one in alike], joint, alike)
-        for of in ("current", "angle")
-    ]
+    powers = [_power(alike, of, joint) for of in ("current", "angle")]
     frequency: Array = np.asarray(np.fft.rfftfreq(_segment(alike[0]), 1.0 / _rate(alike[0])), float)
     inside = (frequency >= band[0]) & (frequency <= min(band[1], 0.45 * _rate(alike[0])))
     found = peak(frequency, powers[0], inside)
@@ -72,12 +69,10 @@ def _segment(one: Compared) -> int:
     return round(SECONDS * _rate(one))
 
 
-def _power(errors: Sequence[Array], joint: int, compared: Sequence[Compared]) -> Array:
-    """Mean power density of errors (m, n) of a joint over all recordings, by their lengths."""
-    of_each = [
-        signal.welch(error[:, joint - 1], _rate(one), nperseg=_segment(one))[1] for error, one in zip(errors, compared)
-    ]
-    return np.asarray(np.average(of_each, axis=0, weights=[len(error) for error in errors]))
+def _power(compared: Sequence[Compared], of: str, joint: int) -> Array:
+    """Mean power density of the errors of a joint's ``current`` or ``angle`` over all recordings, by their lengths."""
+    of_each = [one.spectrum(of, joint, _segment(one))[1] for one in compared]
+    return np.asarray(np.average(of_each, axis=0, weights=[one.measured(of)[:, joint - 1].sum() for one in compared]))
 
 
 def _words(own: Oscillation, arm: Arm, joint: int) -> str:

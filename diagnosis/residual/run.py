@@ -31,6 +31,9 @@ from identification.preprocessing import UNKNOWN, Setpoints, unbounded
 KEPT = 8
 """Residuals of one recording under other effects that are kept."""
 
+Span = tuple[float, float, int | None]
+"""First and last time, s from the start of the recording, and the joint (from 1) without a current; None: all are."""
+
 
 @dataclass(frozen=True)
 class Run:
@@ -51,7 +54,8 @@ class Run:
     arm: as it was set up for this run (with a known payload, say); powered: False where the drives were off: the brakes
     hold the arm, and the currents show what their own instruments add; own: effects that only this recording has, which
     ``expected`` contains (``with_own``); own_directions (m n, r), orthonormal: what values of this recording alone
-    explain of the whitened residual, which is no evidence of anything else (``with_free``).
+    explain of the whitened residual, which is no evidence of anything else (``with_free``);
+    unmeasured: spans without a sample, which weigh nothing (``deviation``).
     """
 
     name: str
@@ -80,6 +84,7 @@ class Run:
     own: tuple[EffectTerm, ...] = ()
     own_directions: Array | None = None
     recordings: tuple[Run, ...] = ()
+    unmeasured: tuple[Span, ...] = ()
 
     @cached_property
     def parts(self) -> tuple[slice, ...]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy import signal
 
 from arm_io.types import Array
 from arm_model import Joint
@@ -45,5 +44,5 @@ def loop_chart(name: str, pairs: Sequence[tuple[Compared, Compared]], joint: int
 def _spectrum(loops: Sequence[Compared], joint: int) -> tuple[Array, Array]:
     rate = rate_of(loops[0].t)
     rows = min(round(SEGMENT * rate), *(len(one.t) for one in loops))
-    each = [signal.welch((one.current - one.simulated_current)[:, joint - 1], rate, nperseg=rows) for one in loops]
+    each = [one.spectrum("current", joint, rows) for one in loops]
     return each[0][0], np.sqrt(np.mean([density for _, density in each], axis=0))

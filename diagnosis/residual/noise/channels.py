@@ -31,11 +31,16 @@ STILL_SECONDS = 0.2
 """Shortest standstill of the whole arm from which noise is estimated."""
 
 
-def scatter(values: Array) -> Array:
-    """(n,) std of white noise on (m, n) samples, from the median absolute value above 0.7 of the Nyquist frequency."""
+def scatter(values: Array, measured: NDArray[np.bool_] | None = None) -> Array:
+    """(n,) std of white noise on (m, n) samples, from the median absolute value above 0.7 of the Nyquist frequency.
+
+    measured: (m, n) samples that count, as interpolated ones have no noise; all of a column that has none. None: all.
+    """
     sections, passed = _high_pass()
-    high = zero_phase(sections, values)
-    deviation: Array = MAD_TO_STD * np.median(np.abs(high), axis=0) / np.sqrt(passed)
+    high = np.abs(zero_phase(sections, values))
+    if measured is not None and not measured.all():
+        high[~measured & measured.any(axis=0)] = np.nan
+    deviation: Array = MAD_TO_STD * np.nanmedian(high, axis=0) / np.sqrt(passed)
     return deviation
 
 

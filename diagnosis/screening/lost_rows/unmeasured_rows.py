@@ -18,8 +18,8 @@ def without_weight(run: Run, spans: Iterable[tuple[float, float]], joint: int | 
 
     joint  (from 1) whose rows they are; None: of all
     """
-    deviation = run.deviation.copy()
-    column = slice(None) if joint is None else joint - 1
-    for start, end in spans:
-        deviation[(run.t > start - SMEARED) & (run.t < end + SMEARED), column] *= NO_WEIGHT
-    return replace(run, deviation=deviation)
+    deviation, column = run.deviation.copy(), slice(None) if joint is None else joint - 1
+    smeared = tuple((start - SMEARED, end + SMEARED, joint) for start, end in spans)
+    for start, end, _ in smeared:
+        deviation[(run.t > start) & (run.t < end), column] *= NO_WEIGHT
+    return replace(run, deviation=deviation, unmeasured=run.unmeasured + smeared)
