@@ -38,10 +38,11 @@ def scatter(values: Array, measured: NDArray[np.bool_] | None = None) -> Array:
     """
     sections, passed = _high_pass()
     high = np.abs(zero_phase(sections, values))
-    if measured is not None and not measured.all():
-        high[~measured & measured.any(axis=0)] = np.nan
-    deviation: Array = MAD_TO_STD * np.nanmedian(high, axis=0) / np.sqrt(passed)
-    return deviation
+    median = np.median(high, axis=0)
+    if measured is not None:
+        for j in np.flatnonzero(measured.any(axis=0) & ~measured.all(axis=0)):
+            median[j] = np.median(high[measured[:, j], j])
+    return np.asarray(MAD_TO_STD * median / np.sqrt(passed))
 
 
 def floor(values: Array) -> Array:
