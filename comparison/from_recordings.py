@@ -22,7 +22,7 @@ from comparison.quantities import friction_maps, values_quantities
 from comparison.regression import Fitted, Rows, Structure, fit, rows_of, shown_by, structure_of, unfitted
 from comparison.significance import changes
 from comparison.summary import summaries
-from daq.recording import Recording
+from daq.recording import Recording, overlaps
 from diagnosis.residual.run_setup import set_up, setup_of
 from identification.preprocessing.signals import Motion
 from identification.regression.base_parameters import structural_base
@@ -120,13 +120,13 @@ def _as_decided(alone: Sequence[Change], decided: Sequence[Change]) -> list[Chan
 
 
 def _check(before: Sequence[Recording], after: Sequence[Recording]) -> None:
-    for one in before:
-        for other in after:
-            rows = min(len(one), len(other))
-            if one.q.shape[1:] == other.q.shape[1:] and np.array_equal(one.i[:rows], other.i[:rows], equal_nan=True):
-                raise InputError(
-                    other.path, f"has the same currents as {one.path}; before and after must be two recordings"
-                )
+    every = [*before, *after]
+    for pair in overlaps(every):
+        one, other = every[pair.one].path, every[pair.other].path
+        rows = f"{pair.share:.0%} of its rows are in {one}"
+        if pair.one < len(before) <= pair.other:
+            raise InputError(other, f"{rows}; before and after must be two recordings")
+        raise InputError(other, f"{rows}, which is on the same side; give each recording once")
     for recording in [*before, *after]:
         if setup_of(recording).drives_off:
             raise InputError(recording.path, "was recorded with the drives off; must be a recording of driven motion")

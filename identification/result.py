@@ -124,6 +124,7 @@ class Identification:
     smoothness  scale of that of friction curves, as a share of the joint's friction; None without a curve
     noise       errors of ``arm`` over the noise floor, of the held-out recordings or without any of the fitted ones;
                 None: not compared
+    chosen_on_held_out  terms of the model that are there because they reduce the error on held-out rows
     clips       motion of the recordings, by their names: the report draws the arm; empty: it does not
     """
 
@@ -146,6 +147,7 @@ class Identification:
     noise: list[JointNoise] | None = None
     friction_bands: list[FrictionBand] = field(default_factory=list)
     smoothness: float | None = None
+    chosen_on_held_out: list[str] = field(default_factory=list)
     clips: dict[str, Clip] = field(default_factory=dict)
 
     def __repr__(self) -> str:
@@ -260,6 +262,7 @@ class Identification:
                 "fit": _number(self.relative_error(False)),
                 "held_out": _number(self.relative_error(True)),
             },
+            "chosen_on_held_out": self.chosen_on_held_out,
             "joints": joints,
             "compared": {
                 name: {"fit": _number(fit), "held_out": _number(held)} for name, (fit, held) in self.compared.items()

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from arm_io.types import Array
     from arm_model import Arm
     from arm_report import Report
-    from identification.kinematics.data import Tracked
+    from identification.kinematics.data import Poses, Tracked
     from identification.kinematics.estimation import Calibration as Estimate
 
 Point = tuple[float, float, float]
@@ -32,11 +32,13 @@ class Calibration:
     nominal  the arm that was started from, in Denavit-Hartenberg parameters
     runs     the recordings with their tracked points, fitted ones first
     details  everything that was estimated: ``identification.kinematics.estimation.calibration.Calibration``
+    again    warnings of held-out poses that were fitted, too
     """
 
     nominal: Arm
     runs: tuple[Tracked, ...]
     details: Estimate
+    again: tuple[str, ...] = ()
 
     @cached_property
     def model(self) -> Arm:
@@ -84,6 +86,7 @@ class Calibration:
             for run in self.runs
             if run.merged is not None and not run.merged.sure
         ]
+        table["warnings"] += self.again
         return table
 
     def plot(self) -> Figure:
@@ -169,15 +172,18 @@ def calibrate(
     model          the nominal arm; joints placed as in URDF are given Denavit-Hartenberg parameters
     tracker        what is known of the tracker and its targets
     geometry_only  do not try couplings, sag, encoder errors and delays
-    Raises InputError where points or poses do not suffice, or recordings do not belong together.
+    Raises InputError where points or poses do not suffice, recordings do not belong together, or rows are both fitted
+    and held out.
     """
-    from identification.kinematics.data import common_targets, gravity_of
+    from identification.kinematics.data import check_new, common_targets, gravity_of
     from identification.kinematics.estimation import Settings, calibrate
 
     if not 0 < tracker.target_std < 10:
         raise InputError("target_std", f"must be a length in m above 0, is {tracker.target_std:g}")
     arm, last_link = nominal_arm(model)
-    fitted, judged = _tracked(recordings, tracker.files, len(arm)), _tracked(held_out, (), len(arm))
+    sides = [_tracked(recordings, tracker.files, len(arm)), _tracked(held_out, (), len(arm))]
+    fitted, judged = ([one for one, _ in side] for side in sides)
+    again = check_new(*([one for _, recorded in side for one in recorded] for side in sides))
     common = common_targets([*fitted, *judged], tracker.given, tracker.target_std, fitted=len(fitted))
     runs = [run for one in common.runs[: len(fitted)] for run in one]
     estimate = calibrate(
@@ -192,13 +198,18 @@ def calibrate(
         ),
         progress=progress,
     )
-    return Calibration(arm, (*fitted, *judged), estimate)
+    return Calibration(arm, (*fitted, *judged), estimate, tuple(again))
 
 
-def _tracked(sources: Source | Sequence[Source], files: Sequence[File], joints: int) -> list[Tracked]:
-    """Recordings and tables of poses (.csv), each with its tracker's own file if there are any."""
+def _tracked(
+    sources: Source | Sequence[Source], files: Sequence[File], joints: int
+) -> list[tuple[Tracked, list[Poses]]]:
+    """Recordings and tables of poses (.csv), each with its tracker's own file if there are any; and what they hold.
+
+    Of a recording its angles as they were recorded, not those between the counts.
+    """
     from daq.recording import Recording
-    from identification.kinematics.data import read_poses, tracked
+    from identification.kinematics.data import Poses, read_poses, tracked
 
     listed = [sources] if isinstance(sources, Recording | str | PathLike) else list(sources)
     if files and len(files) != len(listed):
@@ -208,9 +219,13 @@ def _tracked(sources: Source | Sequence[Source], files: Sequence[File], joints: 
         if not isinstance(source, Recording) and Path(source).suffix.lower() == ".csv":
             if files:
                 raise InputError(Path(source), "is a table of poses, which holds its points; omit --tracker")
-            found.append(read_poses(Path(source), joints))
+            table = read_poses(Path(source), joints)
+            places = [run for run in table.runs if not run.lever]
+            found.append((table, [Poses(Path(source), run.q, run.xyz, run.still) for run in places]))
         else:
-            found.append(tracked(open_recording(source), Path(files[k]) if files else None))
+            recording = open_recording(source)
+            one = tracked(recording, Path(files[k]) if files else None)
+            found.append((one, [Poses(recording.path, recording.q, one.run.xyz, False)]))
     return found
 
 

@@ -85,28 +85,24 @@ def for_analysis(*groups: Source | Sequence[Source], **bounds: Any) -> list[list
 
 
 def check_distinct(fitted: Sequence[Recording], held_out: Sequence[Recording]) -> None:
-    """InputError where a recording is on both sides, which validates nothing, or twice among the fitted ones."""
-    for number, one in enumerate(fitted):
-        if any(_same(one, other) for other in fitted[:number]):
-            raise InputError(one.path, "is fitted twice; give each recording once")
-    for one in held_out:
-        if any(_same(one, other) for other in fitted):
+    """InputError where rows are on both sides, which validates nothing, or twice on one, where they count as new ones.
+
+    Rows are compared as they were recorded (``daq.recording.shared_rows``): copies, parts and other formats of a file.
+    """
+    from daq.recording import overlaps
+
+    every = [*fitted, *held_out]
+    for pair in overlaps(every) if len(every) > 1 else []:
+        one, other = every[pair.one].path, every[pair.other].path
+        rows = f"{pair.share:.0%} of its rows are in {one}"
+        if pair.one < len(fitted) <= pair.other:
             raise InputError(
-                one.path,
-                "is both fitted and held out; must be one of the two (without held-out recordings each is split by "
-                "time)",
+                other,
+                f"is both fitted and held out ({rows}); must be one of the two (without held-out recordings each is "
+                "split by time)",
             )
-
-
-def _same(one: Recording, other: Recording) -> bool:
-    """Whether two files hold the same rows, or one a part of the other's from its beginning on."""
-    import numpy as np
-
-    rows = min(len(one), len(other))
-    return one.q.shape[1:] == other.q.shape[1:] and bool(
-        np.array_equal(one.q[:rows], other.q[:rows], equal_nan=True)
-        and np.array_equal(one.i[:rows], other.i[:rows], equal_nan=True)
-    )
+        which = "held out" if pair.one >= len(fitted) else "fitted"
+        raise InputError(other, f"is {which} twice ({rows}); give each recording once")
 
 
 def _floats(model: str) -> bool:

@@ -13,6 +13,7 @@ from typing import Literal
 from arm_io.types import Progress
 from arm_model import Arm
 from daq.recording import Recording
+from identification.methods.chosen_terms import chosen_terms
 from identification.methods.free_friction import with_free_friction
 from identification.methods.friction_trial import Trial
 from identification.methods.lag_of_currents import Lag, delayed, judged, lag_shown
@@ -70,7 +71,9 @@ def identify(
         result.notes.append(str(lag))
         result.extra["lag_of_currents"] = lag.to_json()
     bands = bands_of(found.problem, result.arm, found.spread)
-    result = replace(result, friction_bands=bands, smoothness=found.scale)
+    # curves of shape free are there whatever the held-out rows say
+    chosen = chosen_terms(lag, [] if shape == "free" else trials, depends, ripples or [])
+    result = replace(result, friction_bands=bands, smoothness=found.scale, chosen_on_held_out=chosen)
     return result if ripples is None else with_found(result, found.problem, ripples)
 
 

@@ -71,7 +71,23 @@ def _refuted(result: Identification) -> bool:
 
 
 def verdict(result: Identification) -> str:
-    """The first sentences: the error of model.toml, and whether it is more than noise at the worst joint."""
+    """The first sentences: the error of model.toml, whether it is more than noise, and what held-out rows chose."""
+    return f"{_validated(result)}{_chosen(result)}"
+
+
+def _chosen(result: Identification) -> str:
+    """What of the model the held-out rows chose, which they therefore do not judge as new rows would; or nothing."""
+    if not result.chosen_on_held_out:
+        return ""
+    rows = "the last part of the runs" if result.held_out == "split" else "the held-out recordings"
+    return (
+        f" Terms of the model were chosen by their error on {rows}: {', '.join(result.chosen_on_held_out)}. No "
+        "parameter was fitted to these, but only a further recording (armscope.predict) judges the choice."
+    )
+
+
+def _validated(result: Identification) -> str:
+    """The error of model.toml, and whether it is more than noise at the worst joint."""
     fit, held = result.relative_error(False), result.relative_error(True)
     if held != held:
         sentence = f"Relative error of model.toml {fit:.2%} on the fitted runs."
@@ -103,7 +119,8 @@ def verdict(result: Identification) -> str:
         return f"{sentence} Not validated at {joints}: the held-out runs contain effects that are not in the model."
     if not result.noise:
         return f"{sentence} Not compared with the noise of the instruments."
-    return f"{sentence} Validated on motions that were not fitted.{_worst(result, which)}"
+    judged = "to which no parameter was fitted" if result.chosen_on_held_out else "that were not fitted"
+    return f"{sentence} Validated on motions {judged}.{_worst(result, which)}"
 
 
 def _no_rotors(arm: Arm) -> str:

@@ -32,6 +32,9 @@ def folder(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     off = 'name = "off"\nstart = [0.0, 0.0]\nfull_speed = [1.0, 1.0]\nfull_acceleration = [1.0, 1.0]\n'
     off += 'setup = { drives_off = true }\nsegment = [{ type = "hold", duration = 1.0 }]\n'
     record(folder / "off.mcap", arm, 5, experiment=off, **short)
+    whole = (folder / "first.mcap").read_bytes()
+    (folder / "recovered.mcap.active").write_bytes(whole[: len(whole) * 3 // 4])
+    assert run(["recover", str(folder / "recovered.mcap.active")]) == 4
     (folder / "empty").mkdir()
     (folder / "text.json").write_text("{")
     (folder / "other.json").write_text('{"schema": "armscope.info/1"}')
@@ -112,7 +115,14 @@ BAD = {
     "absent": (["none.mcap", "again.mcap", *MODEL], "none.mcap: no such file"),
     "no model": (["first.mcap", "again.mcap"], "first.mcap carries no model"),
     "no such model": (["first.mcap", "again.mcap", "--model", "none.toml"], "none.toml: no such file"),
-    "same recording": (["first.mcap", "first.mcap", *MODEL], "has the same currents as first.mcap"),
+    "same recording": (
+        ["first.mcap", "first.mcap", *MODEL],
+        "100% of its rows are in first.mcap; before and after must be two recordings",
+    ),
+    "copy on one side": (
+        ["--before", "first.mcap", "--before", "recovered.mcap", "--after", "again.mcap", *MODEL],
+        "of its rows are in first.mcap, which is on the same side",
+    ),
     "drives off": (["first.mcap", "off.mcap", *MODEL], "off.mcap: was recorded with the drives off"),
     "other arm": (
         ["first.mcap", "again.mcap", "--model", "config/models/puma560.toml"],

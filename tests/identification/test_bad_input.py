@@ -13,6 +13,7 @@ from arm_model.description import Arm
 from arm_model.model_file import read_model
 from arm_model.system.dynamics import inverse_dynamics
 from armscope.cli import run
+from daq.recording import read_csv
 from daq.recording.parts import Attachments
 from daq.recording.tables.table import write_table
 
@@ -120,20 +121,35 @@ def test_degrees_are_noticed(motion: tuple, root: Path, tmp_path: Path, capfd: p
 def test_a_recording_on_both_sides_validates_nothing(
     motion: tuple, root: Path, tmp_path: Path, capfd: pytest.CaptureFixture
 ) -> None:
+    """Whole, as a part with times of its own, exported and imported again, or within another recording."""
     t, q, i = motion
-    for name in ("run.mcap", "copy.mcap"):
-        write_table(tmp_path / name, t, {"q": q, "i": i}, Attachments())
-    model, run_, copy = (
-        str(path) for path in (root / "config/models/scara.toml", tmp_path / "run.mcap", tmp_path / "copy.mcap")
-    )
-    for arguments, says in (
-        ([run_, "--held-out", copy], "both fitted and held out"),
-        ([run_, copy], "is fitted twice"),
+    tail = slice(len(t) // 2 + 1, None)
+    mixed = [np.concatenate([array[: len(t) // 2] + 1e-3, array[len(t) // 2 :]]) for array in (q, i)]
+    for name, times, angles, currents in (
+        ("run", t, q, i),
+        ("copy", t, q, i),
+        ("tail", t[tail] - t[tail][0], q[tail], i[tail]),
+        ("mixed", t, *mixed),
     ):
-        assert run(["identify", *arguments, "--model", model, "--out", str(tmp_path / "out")]) == 2
+        write_table(tmp_path / f"{name}.mcap", times, {"q": angles, "i": currents}, Attachments())
+    assert run(["export", str(tmp_path / "tail.mcap"), "--out", str(tmp_path / "tail.csv")]) == 0
+    table = read_csv(tmp_path / "tail.csv")
+    write_table(tmp_path / "back.mcap", table.t, table.signals, Attachments())
+    model, out = str(root / "config/models/scara.toml"), tmp_path / "out"
+    capfd.readouterr()
+    for one, option, other, says in (
+        ("run", ["--held-out"], "copy", "is both fitted and held out (100% of its rows are in "),
+        ("run", ["--held-out"], "tail", "is both fitted and held out (100% of its rows are in "),
+        ("run", ["--held-out"], "back", "is both fitted and held out (100% of its rows are in "),
+        ("run", ["--held-out"], "mixed", "is both fitted and held out (50% of its rows are in "),
+        ("run", [], "copy", "is fitted twice"),
+        ("run", [], "tail", "is fitted twice"),
+    ):
+        files = [str(tmp_path / f"{one}.mcap"), *option, str(tmp_path / f"{other}.mcap")]
+        assert run(["identify", *files, "--model", model, "--out", str(out)]) == 2
         line = capfd.readouterr().err
-        assert "copy.mcap" in line and says in line and line.count("\n") == 1
-    assert not (tmp_path / "out").exists()
+        assert f"{other}.mcap" in line and says in line and line.count("\n") == 1
+    assert not out.exists()
 
 
 def test_milliamperes_are_noticed(motion: tuple, root: Path, tmp_path: Path, capfd: pytest.CaptureFixture) -> None:

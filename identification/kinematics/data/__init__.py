@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from identification.kinematics.data.points import Points
     from identification.kinematics.data.pose_table import HOLDS, read_poses
     from identification.kinematics.data.recordings import Place, Tracked, gravity_of, tracked
+    from identification.kinematics.data.repeated_poses import Poses, check_new
     from identification.kinematics.data.runs import aligned, correlation_time
     from identification.kinematics.data.targets import common_targets
 else:
@@ -17,8 +18,10 @@ __all__ = [
     "HOLDS",
     "Place",
     "Points",
+    "Poses",
     "Tracked",
     "aligned",
+    "check_new",
     "common_targets",
     "correlation_time",
     "gravity_of",

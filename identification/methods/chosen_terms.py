@@ -1,0 +1,24 @@
+"""Which terms of a fitted model are there because they reduce the error on held-out rows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from identification.methods.friction_trial import Trial
+from identification.methods.lag_of_currents import Lag
+from identification.methods.load_and_temperature import Dependence
+from identification.ripples import Ripple
+
+
+def chosen_terms(
+    lag: Lag | None, trials: Sequence[Trial], depends: Sequence[Dependence], ripples: Sequence[Ripple]
+) -> list[str]:
+    """A phrase each. The values of these terms are fitted to other rows; that they are in the model is not."""
+    chosen = ["lag of the currents"] if lag is not None and lag.stays else []
+    chosen += [f"friction curve of joint {trial.joint}" for trial in trials if trial.stays]
+    chosen += [f"friction of joint {one.joint} over {one.on}" for one in depends if one.stays]
+    waves = [one.joint for one in ripples if one.stays]
+    for joint in dict.fromkeys(waves):
+        count = waves.count(joint)
+        chosen.append(f"{count} ripples of joint {joint}" if count > 1 else f"ripple of joint {joint}")
+    return chosen
