@@ -22,7 +22,8 @@ from comparison.quantities import friction_maps, values_quantities
 from comparison.regression import Fitted, Rows, Structure, fit, rows_of, shown_by, structure_of, unfitted
 from comparison.significance import changes
 from comparison.summary import summaries
-from daq.recording import Recording, overlaps
+from daq.recording import Recording
+from daq.recording.shared_rows import overlaps
 from diagnosis.residual.run_setup import set_up, setup_of
 from identification.preprocessing.signals import Motion
 from identification.regression.base_parameters import structural_base

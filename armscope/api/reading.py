@@ -89,7 +89,7 @@ def check_distinct(fitted: Sequence[Recording], held_out: Sequence[Recording]) -
 
     Rows are compared as they were recorded (``daq.recording.shared_rows``): copies, parts and other formats of a file.
     """
-    from daq.recording import overlaps
+    from daq.recording.shared_rows import overlaps
 
     every = [*fitted, *held_out]
     for pair in overlaps(every) if len(every) > 1 else []:

@@ -11,7 +11,6 @@ if TYPE_CHECKING:
     from daq.recording.plots import plot
     from daq.recording.reader import Recording, open_recording
     from daq.recording.several import open_recordings
-    from daq.recording.shared_rows import Overlap, overlaps, overlaps_of, row_keys
     from daq.recording.stretches import Ranges
     from daq.recording.tables.columns import Table
     from daq.recording.tables.csv_reader import read_csv
@@ -24,7 +23,6 @@ else:
 __all__ = [
     "Attachments",
     "LongRecording",
-    "Overlap",
     "Ranges",
     "Recording",
     "Table",
@@ -33,11 +31,8 @@ __all__ = [
     "open_long",
     "open_recording",
     "open_recordings",
-    "overlaps",
-    "overlaps_of",
     "plot",
     "read_csv",
-    "row_keys",
     "warnings_on",
     "write_blocks",
     "write_csv",

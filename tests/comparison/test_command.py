@@ -34,7 +34,7 @@ def folder(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     record(folder / "off.mcap", arm, 5, experiment=off, **short)
     whole = (folder / "first.mcap").read_bytes()
     (folder / "recovered.mcap.active").write_bytes(whole[: len(whole) * 3 // 4])
-    assert run(["recover", str(folder / "recovered.mcap.active")]) == 4
+    assert run(["recover", str(folder / "recovered.mcap.active")]) == 0  # all its rows were on the disk
     (folder / "empty").mkdir()
     (folder / "text.json").write_text("{")
     (folder / "other.json").write_text('{"schema": "armscope.info/1"}')

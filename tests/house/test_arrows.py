@@ -40,7 +40,7 @@ MAY_IMPORT = {
     "arm_io": set(),
 }
 # Of daq, the archive, the fleet, identification, diagnosis and comparison take recordings, and nothing else.
-READERS = ("daq.recording", "daq.recording.losses")
+READERS = ("daq.recording", "daq.recording.losses", "daq.recording.shared_rows")
 ONLY_READ = ("arm_archive", "arm_fleet", "identification", "diagnosis", "comparison")
 
 

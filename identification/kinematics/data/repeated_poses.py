@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from arm_io import InputError
 from arm_io.types import Array
-from daq.recording import overlaps_of, row_keys
+from daq.recording.shared_rows import overlaps_of, row_keys
 
 SHARE = 0.01
 """Of the poses of a table: more of them, and more than one, that were measured with the same result are copies."""

@@ -18,12 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_io import InputError
-from arm_io.types import Array
 from daq.recording.blocks import open_long
 from daq.recording.reader import Recording
+from daq.recording.shared_rows.row_keys import Keys, row_keys
 
-GRID = 1e-7
-"""rad, m, A: values are compared to this, finer than instruments resolve and coarser than texts round."""
 LONGEST, SHORTEST = 500, 50
 """Successive rows in the same order, half of those that may be, that no chance explains: where noise is a fiftieth of a
 step of the instruments, a repeated motion of 10 s at 1 kHz has runs of 200."""
@@ -31,9 +29,6 @@ SHARE = 0.01
 """Of the rows of the recording that has the larger share in common: less is no matter."""
 MOST = 4_000_000
 """Rows that are compared, of all recordings together."""
-MISSING = -(2.0**62)
-
-Keys = NDArray[np.uint64]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,18 +38,6 @@ class Overlap:
     one: int
     other: int
     share: float
-
-
-def row_keys(*signals: Array) -> Keys:
-    """(n,) a hash of each row of the signals, (n, k) each: by random odd factors (Dietzfelbinger et al., 1997)."""
-    columns = [column for one in signals for column in np.asarray(one, float).T]
-    factors = np.random.default_rng(0).integers(2**63, size=len(columns), dtype=np.uint64) * np.uint64(2) + np.uint64(1)
-    keys = np.zeros(len(signals[0]), np.uint64)
-    for column, factor in zip(columns, factors):
-        whole = np.rint(column / GRID)
-        whole[~np.isfinite(whole)] = MISSING
-        keys += whole.astype(np.int64).view(np.uint64) * factor
-    return keys ^ (keys >> np.uint64(32))
 
 
 def overlaps(recordings: Sequence[Recording]) -> list[Overlap]:
