@@ -73,6 +73,7 @@ def test_what_is_written_is_what_was_printed(
     (again,) = armscope.predict(folder / "3.mcap", folder / "out/model.toml")
     assert again.relative_error == pytest.approx(table["relative_error"]["held_out"], rel=1e-6)
     assert "friction of joint 3: a curve of free shape through" in str(result)
+    assert table["chosen_on_held_out"] == [f"friction curve of joint {joint}" for joint in (1, 2, 3)]
     assert "Friction over speed" in (folder / "out/report.html").read_text()
     assert run(["model", str(folder / "out/model.toml")]) == 0
     assert "joint 2: friction curve beside them" in capsys.readouterr().out
@@ -103,6 +104,7 @@ def test_straight_friction_stays_straight(tmp_path: Path) -> None:
     assert not any(band.curve for band in result.friction_bands)
     assert all(joint.friction_curve is None for joint in result.arm.joints)
     assert "friction of joints 1, 2, 3: Coulomb and viscous (a curve is not justified" in str(result)
+    assert result.chosen_on_held_out == [] and "were chosen by" not in str(result)
     result.write(tmp_path / "out")
     assert "friction of joint 1: Coulomb and viscous (a curve is not" in (tmp_path / "out/report.html").read_text()
     for trial in result.extra["friction_trials"]:

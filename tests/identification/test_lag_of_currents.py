@@ -40,7 +40,12 @@ def test_a_lag_of_all_currents_is_found_and_written(tmp_path: Path) -> None:
     assert viscous.std is not None and abs(viscous.value - 8.0) < 3 * viscous.std + 0.02
     result.write(tmp_path / "out")
     assert [term.name for term in read_model(tmp_path / "out/model.toml").effects] == ["time_skew"]
-    assert json.loads((tmp_path / "out/identification.json").read_text())["lag_of_currents"]["delay"] == lag["delay"]
+    table = json.loads((tmp_path / "out/identification.json").read_text())
+    assert table["lag_of_currents"]["delay"] == lag["delay"]
+    assert table["chosen_on_held_out"] == ["lag of the currents"]
+    said = "were chosen by their error on the held-out recordings: lag of the currents."
+    assert said in str(result) and said in (tmp_path / "out/report.html").read_text()
+    assert "motions that were not fitted" not in str(result)
 
 
 @pytest.mark.parametrize("current", [lambda current: current, first_joint_late])

@@ -80,6 +80,7 @@ def test_what_is_written_is_what_was_printed(identified: tuple[armscope.Identifi
         assert sentence in said and sentence in page
     table = json.loads((folder / "out/identification.json").read_text())
     assert [one["stays"] for one in table["ripples"]] == [True, True, True]
+    assert set(table["chosen_on_held_out"]) >= {"ripple of joint 1", "2 ripples of joint 2"}
     assert "joint2.gear_ripple.torque" in {one["name"] for one in table["parameters"]}
 
 
