@@ -183,7 +183,7 @@ def calibrate(
     arm, last_link = nominal_arm(model)
     sides = [_tracked(recordings, tracker.files, len(arm)), _tracked(held_out, (), len(arm))]
     fitted, judged = ([one for one, _ in side] for side in sides)
-    again = check_new(*([one for _, recorded in side for one in recorded] for side in sides))
+    again = check_new(*([recorded for _, recorded in side] for side in sides))
     common = common_targets([*fitted, *judged], tracker.given, tracker.target_std, fitted=len(fitted))
     runs = [run for one in common.runs[: len(fitted)] for run in one]
     estimate = calibrate(
@@ -201,9 +201,7 @@ def calibrate(
     return Calibration(arm, (*fitted, *judged), estimate, tuple(again))
 
 
-def _tracked(
-    sources: Source | Sequence[Source], files: Sequence[File], joints: int
-) -> list[tuple[Tracked, list[Poses]]]:
+def _tracked(sources: Source | Sequence[Source], files: Sequence[File], joints: int) -> list[tuple[Tracked, Poses]]:
     """Recordings and tables of poses (.csv), each with its tracker's own file if there are any; and what they hold.
 
     Of a recording its angles as they were recorded, not those between the counts.
@@ -220,12 +218,11 @@ def _tracked(
             if files:
                 raise InputError(Path(source), "is a table of poses, which holds its points; omit --tracker")
             table = read_poses(Path(source), joints)
-            places = [run for run in table.runs if not run.lever]
-            found.append((table, [Poses(Path(source), run.q, run.xyz, run.still) for run in places]))
+            found.append((table, Poses.of(Path(source), table.runs)))
         else:
             recording = open_recording(source)
             one = tracked(recording, Path(files[k]) if files else None)
-            found.append((one, [Poses(recording.path, recording.q, one.run.xyz, False)]))
+            found.append((one, Poses(recording.path, recording.q, one.run.xyz, False)))
     return found
 
 

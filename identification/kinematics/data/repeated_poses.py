@@ -12,6 +12,7 @@ from scipy.spatial import cKDTree
 from arm_io import InputError
 from arm_io.types import Array
 from daq.recording.shared_rows import overlaps_of, row_keys
+from identification.kinematics.data.runs import Run
 
 SHARE = 0.01
 """Of the poses of a table: more of them, and more than one, that were measured with the same result are copies."""
@@ -23,12 +24,22 @@ COUNT = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class Poses:
-    """What was recorded of a file: q (n, J) rad or m, xyz (n, 3) m; still: each row is a pose at rest."""
+    """What was recorded in a file: q (n, J) rad or m, xyz (n, 3) m; still: each row is a pose at rest.
+
+    Of several reflectors the rows of one stand behind those of the other.
+    """
 
     path: Path
     q: Array
     xyz: Array
     still: bool
+
+    @staticmethod
+    def of(path: Path, runs: Sequence[Run]) -> Poses:
+        """The positions of all targets of a table."""
+        places = [run for run in runs if not run.lever]
+        q, xyz = (np.concatenate([getattr(run, name) for run in places]) for name in ("q", "xyz"))
+        return Poses(path, q, xyz, places[0].still)
 
     def seen(self) -> Poses:
         """The rows with angles and a point."""
