@@ -6,80 +6,52 @@ else (trajectories, sines) are refused before anything moves: VAL cannot do them
 
 from __future__ import annotations
 
+import threading
 import time
-from dataclasses import dataclass
-from typing import Annotated, Literal
+from collections.abc import Callable
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
 
 from arm_io import DeviceFault
-from arm_io.table import Seconds, Table
 from drivers.protocols import HostClock, Identity, Plan
 from drivers.reconnect import or_fault
 from drivers.rig_context import RigContext
 from drivers.serial_port import SerialPort, serial_ports
+from drivers.val_terminal import motion
 from drivers.val_terminal import protocol as val
+from drivers.val_terminal.config import Config
 from experiment import Experiment
-from experiment.segments import Drive, Hold, Move, Repeat, Segment
 
 ADVICE = "is the controller on, and nothing else on its terminal line?"
 ARRIVED = 0.05  # deg: how near to the start pose the arm must stand
 SETTLE = 8.0  # s that it may take for the last of it, under an integrating servo
-SMALLEST = 5e-4  # deg: no move
-PERCENT_TOLERANCE = 1e-6
 SAME_SPEED = 0.02  # relative
 QUIET = 0.05  # s without a letter: 50 letters' time at 9600 baud
 MOST_DRAINED = 200
-MOST_SEGMENTS = 100_000
-
-
-class Config(Table):
-    """A VAL controller in the rig file.
-
-    dialect         "val2" knows joint-interpolated moves of all joints (DO MOVE #PPOINT); "val" only DRIVE
-    sign, zero      VAL's joint angle (deg) = sign x the model's angle + zero, one entry per joint
-    full_speed, full_acceleration  rad/s and rad/s2 of each joint at 100 %: an experiment that means something else by
-                    "full speed" is refused
-    approach_speed  per cent, on the way to the start pose
-    answer_timeout  s until a command that moves nothing must be answered
-    move_timeout    s until the longest single move must be over
-    """
-
-    port: str
-    baud: int = 9600
-    dialect: Literal["val", "val2"] = "val2"
-    joints: Annotated[int, Field(ge=1, le=6)] = 6
-    sign: tuple[Literal[-1, 1], ...] = (1, 1, 1, 1, 1, 1)
-    zero: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    full_speed: tuple[Annotated[float, Field(gt=0)], ...] = (1.4312, 1.2915, 2.1293, 3.9794, 4.2062, 3.9794)
-    full_acceleration: tuple[Annotated[float, Field(gt=0)], ...] = (8.0, 6.0, 12.0, 20.0, 25.0, 25.0)
-    approach_speed: Annotated[int, Field(ge=1, le=100)] = 20
-    answer_timeout: Seconds = 2.0
-    move_timeout: Seconds = 60.0
-
-
-@dataclass(frozen=True)
-class Step:
-    """Commands to type one after the other, or, with none, seconds to wait."""
-
-    commands: tuple[str, ...] = ()
-    seconds: float = 0.0
+NOTICE = 0.05  # s within which a wait for an answer notices that the arm is to stop
+T = TypeVar("T")
 
 
 class ValTerminal:
-    """The device (shape: ArmController)."""
+    """The device (shape: ArmController).
+
+    ``stop`` may come from another thread than everything else: whoever waits for a move to end then gives up.
+    """
 
     def __init__(self, name: str, config: Config, clock: HostClock) -> None:
         self.name, self.config, self._clock = name, config, clock
         self.joints = config.joints
         self._port = SerialPort(config.port, config.baud)
         self._session = val.Session()
-        self._steps: list[Step] = []
+        self._steps: list[motion.Step] = []
         self._queue: list[str] = []
         self._running = False
         self._deadline = self._wait_until = 0
+        self._line = threading.RLock()  # one conversation at a time
+        self._halt = threading.Event()  # the conversation that goes on is to end, unless it is that of ``stop``
+        self._halting = False
 
     def open(self) -> Identity:
         with or_fault(self.name, ADVICE, self._port.close):
@@ -104,7 +76,8 @@ class ValTerminal:
             return []
         problems = []
         try:
-            self._where()
+            with self._line:
+                self._where()
         except OSError as error:
             problems.append(f"{error}; is the controller on, is the baud rate {self.config.baud}?")
         if self._session.retyped:
@@ -123,7 +96,10 @@ class ValTerminal:
     # -- motion -------------------------------------------------------------------------------------------------------
 
     def load(self, experiment: object) -> None:
-        """Drives the arm slowly to the start pose and waits until it rests there; refuses what VAL cannot do."""
+        """Drives the arm slowly to the start pose and waits until it rests there; refuses what VAL cannot do.
+
+        DeviceFault, too, where ``stop`` ends this on another thread.
+        """
         if not isinstance(experiment, Experiment):
             raise self._fault(f"needs an Experiment, has {type(experiment).__name__}")
         if len(experiment.start) != self.joints:
@@ -132,14 +108,14 @@ class ValTerminal:
             has, needed = list(experiment.full_speed), list(self.config.full_speed)
             raise self._fault(f"the experiment has full_speed {has} rad/s, this controller {needed}")
         try:
-            self._steps = self._compile(experiment)
+            self._steps = motion.steps(experiment, self.config)
         except ValueError as error:
             raise self._fault(f"cannot do this experiment: {error}") from None
-        with or_fault(self.name, ADVICE):
+        with self._line, or_fault(self.name, ADVICE):
             self._command(val.speed(100))
-            here, start = self._where(), self._degrees(experiment.start)
+            here, start = self._where(), motion.degrees(experiment.start, self.config)
             for joint in range(self.joints):
-                if not abs(start[joint] - here[joint]) <= SMALLEST:
+                if not abs(start[joint] - here[joint]) <= motion.SMALLEST:
                     by = val.drive(joint + 1, start[joint] - here[joint], self.config.approach_speed)
                     self._command(by, self.config.move_timeout)
             here = self._settled(start)
@@ -162,28 +138,42 @@ class ValTerminal:
     def start(self) -> None:
         if not self._steps:
             raise self._fault("has no experiment: load one before starting")
-        self._pending = list(self._steps)
-        self._running = True
-        self._wait_until = 0
-        self._pump()
-        # the first command is entered before this returns; ``finished`` enters later ones
-        with or_fault(self.name, ADVICE):
-            if self._session.state == val.State.TYPED:
-                self._port.wait_for(self._entered, self.config.answer_timeout)
+        with self._line:
+            self._pending = list(self._steps)
+            self._running = True
+            self._wait_until = 0
+            self._pump()
+            # the first command is entered before this returns; ``finished`` enters later ones
+            with or_fault(self.name, ADVICE):
+                if self._session.state == val.State.TYPED:
+                    self._wait(self._entered, self.config.answer_timeout)
 
     def stop(self) -> None:
-        self._running, self._pending, self._queue = False, [], []
+        self._halt.set()
         try:
-            self._port.write(self._session.interrupt())
-            self._silence()
-            self._command(val.ABORT)
+            self._port.write(val.INTERRUPT)  # before the line is free: the arm may be moving
+            if not self._line.acquire(timeout=self.config.answer_timeout):
+                raise OSError("the line is busy")
+            self._halting = True
+            try:
+                self._running, self._pending, self._queue = False, [], []
+                self._port.write(self._session.interrupt())
+                self._silence()
+                self._command(val.ABORT)
+            finally:
+                self._halting = False
+                self._halt.clear()
+                self._line.release()
         except OSError as error:
             raise self._fault(f"{error}: the arm may still move, press the emergency stop") from None
 
     def finished(self) -> bool:
         """True once the last motion is over; types the next command where one is due."""
-        if self._running:
-            self._pump()
+        if self._running and self._line.acquire(blocking=False):
+            try:
+                self._pump()
+            finally:
+                self._line.release()
         return not self._running
 
     def demand(self, times: NDArray[np.float64]) -> NDArray[np.float64] | None:
@@ -214,45 +204,6 @@ class ValTerminal:
             self._running = False
             raise self._fault(f"{error}; {ADVICE}") from None
 
-    # -- experiment -> commands ---------------------------------------------------------------------------------------
-
-    def _compile(self, experiment: Experiment) -> list[Step]:
-        if (count := _count(experiment.segment)) > MOST_SEGMENTS:
-            raise self._fault(f"the experiment is {count} segments; at most {MOST_SEGMENTS} are typed, one by one")
-        at = self._degrees(experiment.start)
-        steps: list[Step] = []
-        for segment in _flat(experiment.segment):
-            match segment:
-                case Hold():
-                    steps.append(Step(seconds=segment.duration))
-                case Drive():
-                    joint = segment.joint - 1
-                    sign = self.config.sign[joint]
-                    if segment.to is not None:
-                        target = sign * np.degrees(segment.to) + self.config.zero[joint]
-                    else:
-                        target = at[joint] + sign * np.degrees(segment.by or 0.0)
-                    if not abs(target - at[joint]) <= SMALLEST:
-                        steps.append(Step((val.drive(joint + 1, target - at[joint], self._percent(segment.speed)),)))
-                    at[joint] = target
-                case Move() if self.config.dialect == "val2":
-                    at = self._degrees(segment.to)
-                    steps.append(Step((val.program_speed(self._percent(segment.speed)), val.move(at))))
-                case _:
-                    can = "hold, drive and move" if self.config.dialect == "val2" else "hold and drive"
-                    raise self._fault(f"cannot do a segment of type {segment.type!r} from its terminal; it can {can}")
-        return steps
-
-    def _percent(self, fraction: float) -> int:
-        percent = round(fraction * 100) if 0 < fraction <= 1 else 0  # 0 for NaN
-        if percent < 1 or not abs(percent - fraction * 100) <= PERCENT_TOLERANCE:
-            raise self._fault(f"a speed of {fraction:g} is not a whole number of per cent, which VAL requires")
-        return percent
-
-    def _degrees(self, radians: list[float]) -> list[float]:
-        degrees = [s * np.degrees(q) + z for s, q, z in zip(self.config.sign, radians, self.config.zero)]
-        return [float(d) for d in degrees]
-
     # -- terminal -----------------------------------------------------------------------------------------------------
 
     def _where(self) -> list[float]:
@@ -267,16 +218,31 @@ class ValTerminal:
         An echo that does not come in time is asked for again, once.
         """
         timeout = timeout or self.config.answer_timeout
+        self._heed()
         self._port.write(self._session.type(command))
         deadline = time.monotonic() + timeout
         for wait in (timeout / 2, timeout):
-            done = self._port.wait_for(self._take, min(wait, deadline - time.monotonic()))
+            done = self._wait(self._take, min(wait, deadline - time.monotonic()))
             if done is not None:
                 return done
             if self._session.state == val.State.TYPED:
                 self._retype()
         self._port.write(self._session.interrupt())
         raise OSError(f"no answer to {command!r} in {timeout:g} s")
+
+    def _wait(self, take: Callable[[bytes], T | None], seconds: float) -> T | None:
+        """``SerialPort.wait_for`` that ends when the arm is to stop."""
+        deadline = time.monotonic() + seconds
+        while True:
+            self._heed()
+            found = self._port.wait_for(take, max(min(NOTICE, deadline - time.monotonic()), 0.0))
+            if found is not None or time.monotonic() >= deadline:
+                return found
+
+    def _heed(self) -> None:
+        """DeviceFault where another thread stops the arm."""
+        if self._halt.is_set() and not self._halting:
+            raise self._fault("was stopped")
 
     def _retype(self) -> None:
         self._port.write(val.CANCEL_LINE)
@@ -301,24 +267,13 @@ class ValTerminal:
             self._retype()
         for result in done:
             if result.complaint is not None:
+                self._heed()
                 raise OSError(f"{result.command!r} was refused: {result.complaint}")
             return result
         return None
 
     def _fault(self, what: str) -> DeviceFault:
         return DeviceFault(self.name, what)
-
-
-def _count(segments: list[Segment]) -> int:
-    """Segments with all repetitions, without writing them out."""
-    return sum(_count(s.segment) * s.times if isinstance(s, Repeat) else 1 for s in segments)
-
-
-def _flat(segments: list[Segment]) -> list[Segment]:
-    flat: list[Segment] = []
-    for segment in segments:
-        flat += _flat(segment.segment) * segment.times if isinstance(segment, Repeat) else [segment]
-    return flat
 
 
 def make(name: str, config: Config, context: RigContext) -> ValTerminal:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -102,6 +103,36 @@ def test_drives_holds_and_moves_as_typed(rig) -> None:
         "DO MOVE #PPOINT(5.730,-11.459,107.189,0.000,0.000,0.000)",
     ]
     assert arm.position(time.monotonic_ns()) == pytest.approx([0.1, 0.2, 0.3, 0, 0, 0], abs=1e-4)
+
+
+def test_stop_of_another_thread_ends_the_way_to_the_start_pose(rig) -> None:
+    device, box, arm = rig
+    device.open()
+    begun = time.monotonic()
+    with ThreadPoolExecutor(1) as other:
+        loading = other.submit(device.load, experiment({"type": "hold", "duration": 0.1}, start=[3.0] + [0.0] * 5))
+        while "DRIVE 1,171.887,20" not in box.entered or not arm.moving(time.monotonic_ns()):
+            assert time.monotonic() < begun + 5 and not loading.done()
+            time.sleep(0.01)
+        device.stop()
+        with pytest.raises(DeviceFault, match="was stopped"):
+            loading.result(timeout=5)
+    assert not arm.moving(time.monotonic_ns()) and 0 < arm.position(time.monotonic_ns())[0] < 2.9
+    device.load(experiment({"type": "hold", "duration": 0.01}))  # and takes orders again
+    assert arm.position(time.monotonic_ns()) == pytest.approx(np.zeros(6), abs=1e-4)
+
+
+def test_stop_of_another_thread_beside_a_motion_that_is_watched(rig) -> None:
+    device, _, arm = rig
+    device.open()
+    device.load(experiment({"type": "drive", "joint": 1, "by": 3.0, "speed": 0.1}))
+    device.start()
+    with ThreadPoolExecutor(1) as other:
+        watching = other.submit(until_finished, device)
+        time.sleep(0.1)
+        device.stop()
+        watching.result(timeout=5)
+    assert not arm.moving(time.monotonic_ns()) and 0 < arm.position(time.monotonic_ns())[0] < 1.5
 
 
 def test_stop_ends_a_motion_at_once(rig) -> None:
