@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from arm_io import DeviceFault
 
 FASTEST_STOP = 6400.0
-"""counts/s: no joint that turns so fast stands still at count 0 one row later."""
+"""counts/s: no joint that turns so fast stands still at count 0 ``ROW_NS`` later."""
+ROW_NS = 10_000_000
 
 
 def extend(raw: NDArray[np.int64], width: int, last: int) -> NDArray[np.int64]:
@@ -31,17 +34,38 @@ def extend(raw: NDArray[np.int64], width: int, last: int) -> NDArray[np.int64]:
     return last + np.cumsum(((steps + half) & mask) - half)
 
 
-def fell_to_zero(count: int, last: int, elapsed_ns: int) -> bool:
-    """Whether a counter may have lost its power between two rows.
+@dataclass
+class ZeroAfterMotion:
+    """What the last rows of a counter say where it shows 0, as it does once it has lost its power.
 
-    It shows exactly 0, and came there faster than an arm stops.
-
-    count, last  raw counts of this row and of the one before it, signed
-    elapsed_ns   between them
-
-    A counter that was within ``FASTEST_STOP`` of 0 is not found out by this.
+    Not found: a counter that lost its power within a row of 0 while its joint turned slower than ``FASTEST_STOP``.
     """
-    return count == 0 and abs(last) > FASTEST_STOP * max(elapsed_ns, 10_000_000) * 1e-9
+
+    count: int = 0
+    at: int = 0
+    speed: float = 0.0
+    """counts/s, of the last two rows that were not both 0"""
+    stopping_ns: int = 0
+    """in which it stopped, where the last row is the first at 0"""
+
+    def lost_power(self, count: int, now: int) -> bool:
+        """Whether the row at ``now`` (ns) with the raw, signed ``count`` shows exactly 0 sooner than a joint stops.
+
+        That is a fall to 0 from afar, or a second row at 0 of a counter that was turning. Takes the row in.
+        """
+        elapsed = max(now - self.at, ROW_NS)
+        speed = abs(count - self.count) * 1e9 / elapsed
+        if count:
+            fell = stopped = False
+            self.speed = speed
+        else:
+            fell = speed > FASTEST_STOP
+            stopped = self.count == 0 and self.speed > FASTEST_STOP * self.stopping_ns / ROW_NS
+            if self.count == 0:
+                self.speed = 0.0
+            self.stopping_ns = elapsed
+        self.count, self.at = count, now
+        return fell or stopped
 
 
 def check_channel(device: str, channel: int, channels: int) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from arm_io import DeviceFault
 from arm_io.table import NoSeconds, Seconds, Table
 from drivers.blocks import one_row
-from drivers.counting import check_channel, fell_to_zero
+from drivers.counting import ZeroAfterMotion, check_channel
 from drivers.protocols import Block, CounterMode, HostClock, Identity, Plan, Quality
 from drivers.reconnect import Reconnect, or_fault
 from drivers.rig_context import RigContext
@@ -37,7 +37,7 @@ class Ad4b:
         self._added = 0
         self._stray = 0
         self._was_reset = False
-        self._last = (0, 0)  # count and ns of the last row
+        self._history = ZeroAfterMotion()
         self._reconnect = Reconnect(name, config.patience, ADVICE, self._port.close)
 
     def open(self) -> Identity:
@@ -89,10 +89,8 @@ class Ad4b:
 
     def _asked(self, now: int) -> Block:
         count = self._position()
-        last, at = self._last
-        if fell_to_zero(count, last, now - at):
+        if self._history.lost_power(count - (count >> 23 << 24), now):
             raise OSError("its count has fallen to 0: has it lost its power?")
-        self._last = count - (count >> 23 << 24), now
         quality = Quality.DEVICE_RESET if self._was_reset else Quality.GOOD
         if self._clock.monotonic_ns() - now > SLOW:
             quality |= Quality.LATE
@@ -134,7 +132,7 @@ class Ad4b:
         command = ad4b.initialise_command(self._mode)
         if not ad4b.confirms_initialise(command, self._ask(command, 1)):
             raise OSError("the AD4-B did not confirm its mode")
-        self._last = (0, 0)
+        self._history = ZeroAfterMotion()
 
     def _ask(self, command: bytes, length: int) -> bytes:
         """The answer, of exactly ``length`` bytes.

@@ -14,7 +14,7 @@ from arm_io import DeviceFault
 from arm_io.table import NoSeconds, Seconds, Table
 from drivers import stream_age
 from drivers.blocks import one_row
-from drivers.counting import check_channel, fell_to_zero
+from drivers.counting import ZeroAfterMotion, check_channel
 from drivers.protocols import Block, CounterMode, EdgeSource, HostClock, Identity, Plan, Quality
 from drivers.reconnect import Reconnect, or_fault
 from drivers.rig_context import RigContext
@@ -56,6 +56,7 @@ class Qsb:
         self._mode = CounterMode.X4
         self._added = 0
         self._count = self._taken = 0  # newest of the stream, and ns at which it came
+        self._history = ZeroAfterMotion()
         self._age = stream_age.StreamAge(qsb.BAUD / 10)
         self._armed = self._was_reset = False
         self._reconnect = Reconnect(name, config.patience, ADVICE, self._port.close)
@@ -168,9 +169,10 @@ class Qsb:
         """
         count = self._ask(qsb.read_command(qsb.COUNT), "r", qsb.COUNT)
         after = self._clock.monotonic_ns()
-        if self._replies.line_ends or fell_to_zero(count, self._count, now - self._taken):
+        signed = count - (count >> 31 << 32)
+        if self._history.lost_power(signed, now) or self._replies.line_ends:
             raise OSError("it answers as after power-up")
-        self._count, self._taken = count - (count >> 31 << 32), now
+        self._count, self._taken = signed, now
         return self._row((now + after) // 2, count, Quality.LATE if after - now > SLOW else Quality.GOOD)
 
     def _newest(self, now: int) -> Block:
@@ -225,7 +227,7 @@ class Qsb:
     def _write_mode(self) -> None:
         self._ask(qsb.write_command(qsb.MDR0, qsb.FREE_RUNNING[self._mode], 2), "w", qsb.MDR0)
         self._ask(qsb.write_command(qsb.CLEAR, qsb.CLEAR_COUNTER), "w", qsb.CLEAR)
-        self._count = 0
+        self._count, self._history = 0, ZeroAfterMotion()
 
     def preset(self, channel: int, value: int) -> None:
         """Clears the counter; the driver adds ``value`` from now on."""
