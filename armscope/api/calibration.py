@@ -9,8 +9,9 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from arm_io import InputError, make_folder
+from arm_io import InputError
 from arm_io.progress import silent
+from arm_io.whole_folder import whole_folder
 from armscope.api.reading import File, Source, fixed_model, open_recording
 
 if TYPE_CHECKING:
@@ -100,16 +101,20 @@ class Calibration:
     def write(self, folder: str | PathLike[str], *, pictures: Collection[str] = ()) -> dict[str, Any]:
         """Writes kinematics.json, report.html, model.toml and its charts as ``pictures`` ("png", "pdf").
 
-        Returns what kinematics.json says.
+        All of them or none. Returns what kinematics.json says.
         """
+        with whole_folder(folder, "calibration") as there:
+            return self.write_into(there, pictures=pictures)
+
+    def write_into(self, there: Path, *, pictures: Collection[str] = ()) -> dict[str, Any]:
+        """What ``write`` writes, into a folder that exists, whose owner adds other files."""
         from arm_model import write_model
         from arm_report import write_report
 
-        out, table = Path(folder), self.to_json()
-        make_folder(out)
+        table = self.to_json()
         heading = f"{self.nominal.name}, kinematics calibrated by armscope"
-        write_model(out / "model.toml", self.model, heading=heading)
-        return write_report(out, ("report.html", "kinematics.json"), self._page(table), table, pictures)
+        write_model(there / "model.toml", self.model, heading=heading)
+        return write_report(there, ("report.html", "kinematics.json"), self._page(table), table, pictures)
 
     def _page(self, table: dict[str, Any]) -> Report:
         from identification.kinematics.data import gravity_of

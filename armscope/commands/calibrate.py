@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from arm_io import InputError, check_folder, make_folder
+from arm_io import InputError, check_folder
 from arm_io.json_text import json_text
 from arm_io.plain_data import point_of
+from arm_io.whole_folder import whole_folder
 from armscope.commands.options import Pdf, Png, pictures
 from armscope.progress import shown
 
@@ -28,6 +29,7 @@ MANY = ("--held-out", "--tracker")
 """Options that take several values."""
 SIDE = 0.5
 """m: of the ISO 9283 cube."""
+POSES = "poses.toml"
 
 
 Model = Annotated[
@@ -117,12 +119,14 @@ def command(
         noise = 1e-4 if calibration is None else float(calibration.to_json()["noise"])
         plan = None if poses is None or place is None else _planned(arm, place, poses, noise, memory)
         cubes = _cubes(arm, None if calibration is None else calibration.details) if cube else []
-        make_folder(out)
-        written = {} if calibration is None else calibration.write(out, pictures=pictures(png, pdf))
-        if plan is not None:
-            _write_poses(out, arm, *plan, noise, written)
-        if cube:
-            _write_cubes(out, cubes, written)
+        # a plan stays beside the calibration that is made of its recording, an earlier calibration's targets do not
+        results = "calibration" if run else "cube" if poses is None else "poses"
+        with whole_folder(out, results) as there:
+            written = {} if calibration is None else calibration.write_into(there, pictures=pictures(png, pdf))
+            if plan is not None:
+                written["poses"] = _write_poses(there, arm, *plan, noise) | {"file": str(out / POSES)}
+            if cube:
+                written["cube"] = _write_cubes(there, out, cubes)
     if as_json:
         print(json_text(written, indent=1))
     else:
@@ -165,7 +169,7 @@ def _say(out: Path, calibration: Calibration | None, written: dict[str, Any], po
         print(wrapped(summary(written)))
         for line in written["warnings"] + [str(shift) for shift in calibration.details.shifts]:
             print(f"note: {line}", file=sys.stderr)
-    names += [name for name, there in (("poses.toml", poses), ("iso_cube.toml", cube)) if there]
+    names += [name for name, there in ((POSES, poses), ("iso_cube.toml", cube)) if there]
     print("\n".join(str(out / name) for name in names))
 
 
@@ -185,9 +189,7 @@ def _planned(arm: Arm, target: Point, count: int, noise: float, memory: int | No
     return plan, experiment_of(arm, plan, rows=memory)
 
 
-def _write_poses(
-    out: Path, arm: Arm, plan: PosePlan, experiment: Experiment, noise: float, written: dict[str, Any]
-) -> None:
+def _write_poses(there: Path, arm: Arm, plan: PosePlan, experiment: Experiment, noise: float) -> dict[str, Any]:
     from experiment import demand_of, write_experiment
 
     enough = (
@@ -202,9 +204,8 @@ def _write_poses(
         f"for a tracker noise of {1e3 * noise:.4f} mm.\nSupervise the first run: only collisions with the floor and "
         "the arm's column are avoided."
     )
-    write_experiment(out / "poses.toml", experiment, heading=heading)
-    written["poses"] = {
-        "file": str(out / "poses.toml"),
+    write_experiment(there / POSES, experiment, heading=heading)
+    return {
         "q": plan.q.tolist(),
         "duration": demand_of(experiment).duration,
         "rate": experiment.rate,
@@ -258,17 +259,19 @@ def _cubes(arm: Arm, calibration: Estimate | None) -> list[_Cube]:
     return cubes
 
 
-def _write_cubes(out: Path, cubes: list[_Cube], written: dict[str, Any]) -> None:
+def _write_cubes(there: Path, out: Path, cubes: list[_Cube]) -> dict[str, Any]:
+    """Writes into ``there``, whose files are those of ``out`` soon."""
     from experiment import write_experiment
 
     for one in cubes:
-        write_experiment(out / one.name, one.experiment, heading=one.heading)
+        write_experiment(there / one.name, one.experiment, heading=one.heading)
     nominal, *corrected = cubes
-    written["cube"] = {
+    written: dict[str, Any] = {
         "file": str(out / nominal.name),
         "side": SIDE,
         "points": nominal.points.tolist(),
         "targets": nominal.targets.tolist(),
     }
     for one in corrected:
-        written["cube"] |= {"corrected_file": str(out / one.name), "corrected_targets": one.targets.tolist()}
+        written |= {"corrected_file": str(out / one.name), "corrected_targets": one.targets.tolist()}
+    return written

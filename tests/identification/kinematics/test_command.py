@@ -100,6 +100,27 @@ def test_what_a_script_needs_of_poses_and_cube_is_in_the_json(root: Path, tmp_pa
     assert "corrected_file" not in cube
 
 
+def test_files_of_an_earlier_calibration_do_not_stay_beside_a_new_one(
+    root: Path, recordings, tmp_path: Path, monkeypatch
+) -> None:
+    def there() -> set[str]:
+        return {path.name for path in out.glob("[!.]*")}
+
+    fitted, held = recordings
+    out = tmp_path / "out"
+    assert calibrate(root, "--out", out, "--poses", "5", "--target", "0.05,0,0.1") == 0
+    with monkeypatch.context() as patch:
+        patch.setattr("experiment.write_experiment", lambda *_, **__: (_ for _ in ()).throw(KeyboardInterrupt))
+        assert calibrate(root, fitted, "--held-out", held, "--out", out, "--cube") == 130
+    assert there() == {"poses.toml"}
+    calibration = {"kinematics.json", "report.html", "model.toml", "model_kinematic_uncertainty.json"}
+    calibration |= {"poses.toml"}  # the plan stays
+    assert calibrate(root, fitted, "--held-out", held, "--out", out, "--cube") == 0
+    assert there() == calibration | {"iso_cube.toml", "iso_cube_corrected.toml"}
+    assert calibrate(root, fitted, "--held-out", held, "--out", out) == 0
+    assert there() == calibration
+
+
 def test_a_model_from_urdf_is_given_d_h_parameters(root: Path, recordings, tmp_path: Path) -> None:
     """The target stays where it is on the arm, though the last link's frame is another.
 
