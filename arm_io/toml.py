@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from arm_io.entries import hint
+from arm_io.entries import KINDS, hint
 from arm_io.errors import InputError
 from arm_io.files import read_text
 from arm_io.plain_data import DEEPEST, check_plain
@@ -40,6 +41,22 @@ def toml_of(text: str, where: str | Path) -> dict[str, Any]:
         raise InputError(where, f"not valid TOML: {error}") from None
     check_plain(where, table)
     return table
+
+
+def check_kind(path: str | Path, entry: str) -> None:
+    """InputError where a file is at ``path`` that is no TOML file with ``entry`` at its top, which would be replaced.
+
+    ``entry`` is one of ``KINDS``. For ahead of writing a file of that kind; an empty file is no error.
+    """
+    if not os.path.isfile(path) or not os.path.getsize(path):
+        return
+    try:
+        found = entry in read_toml(path)
+    except InputError:
+        found = False
+    if not found:
+        kind = KINDS[entry].removeprefix("a ").removeprefix("an ")
+        raise InputError(path, f"exists already and is no {kind}, which alone would be replaced; use another name")
 
 
 def check_table(where: str | Path, table: Mapping[str, Any], model: type[M]) -> M:

@@ -11,6 +11,7 @@ import typer
 
 from arm_io.json_text import json_text
 from arm_io.progress import Step
+from arm_io.toml import check_kind
 from armscope.commands.options import Json
 from armscope.progress import shown
 
@@ -73,6 +74,7 @@ def command(
     from experiment import check_trajectory, demand_of, write_experiment, write_trajectory
     from identification.experiment_design import Series
 
+    check_kind(out, "segment")
     if plot is not None:
         check_picture(plot)
     task = _task(model, rig, space, floor)

@@ -12,6 +12,7 @@ import typer
 
 from arm_io import InputError
 from arm_io.json_text import json_text
+from arm_io.toml import check_kind
 from arm_model import Arm, on_fixed_base, read_model, write_model
 from arm_model.mjcf import SUFFIXES
 from arm_model.rigid_body import regeared
@@ -173,6 +174,7 @@ def _write(path: Path, arm: Arm) -> None:
         for sentence in not_in_urdf(arm) + unknown_in_urdf(arm):
             print(f"note: {sentence}", file=sys.stderr)
     elif path.suffix == ".toml":
+        check_kind(path, "units")
         write_model(path, arm)
     else:
         raise InputError(path, "must end in .toml or .urdf")

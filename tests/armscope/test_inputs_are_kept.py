@@ -95,6 +95,9 @@ def test_what_was_imported_is_imported_again(folder: Path) -> None:
         (["simulate", "--model", "emps.toml", "--like", "run.mcap"], "other.csv", "is no recording"),
         (["recover", "run.mcap", "--force"], "other.csv", "is no recording"),
         (["recover", "run.mcap"], "other.csv", "exists"),
+        (["excite", "--model", "emps.toml"], "link.toml", "is no experiment file"),
+        (["excite", "--model", "emps.toml"], "other.csv", "is no experiment file"),
+        (["model", "emps.toml"], "rig.toml", "is no model file"),
         (["export", "run.mcap"], "other.csv", "may be the only copy"),
         (["export", "run.mcap", "--to", "csv"], "link.toml", "may be the only copy"),
         (["export", "run.mcap", "--to", "csv"], "other.mcap", "may be the only copy"),
@@ -105,6 +108,7 @@ def test_tables_and_models_are_not_replaced(
 ) -> None:
     shutil.copy(root / "config/models/emps.toml", folder)
     shutil.copy(root / "config/models/emps.toml", "model.toml")
+    shutil.copy(root / "config/puma560_sim.toml", "rig.toml")
     Path("link.toml").symlink_to("model.toml")
     Path("other.csv").write_text(TABLE)
     shutil.copy("run.mcap", "other.mcap")
