@@ -73,6 +73,11 @@ def compare_recordings(
         changes=[*decided, *added, *limit_changes(before, after, arm)],
         circumstances=circumstances(recordings, motions, side, arm),
         summaries=summaries(structure, *_long(fits, side, short), _as_decided(alone, decided), found, added),
+        alternatives=[
+            f"{one.tested.hypothesis.words}: these recordings are explained as well by {rivals}"
+            for one in found
+            if (rivals := ", or by ".join(each.words for each in one.rivals))
+        ],
         assumptions=[assumed(len(recordings))],
         warnings=[
             *(

@@ -68,6 +68,7 @@ class Comparison:
     assumptions    sentences about what the deviations contain beside what recordings or results show
     causes         of diagnoses: sentences about causes that appeared or vanished
     summaries      of recordings: causes that sum up several changes
+    alternatives   of recordings: sentences about what explains them as well as a change that is named
     """
 
     what: Literal["recordings", "identifications", "diagnoses"]
@@ -80,6 +81,7 @@ class Comparison:
     warnings: list[str] = field(default_factory=list)
     causes: list[str] = field(default_factory=list)
     summaries: list[Summary] = field(default_factory=list)
+    alternatives: list[str] = field(default_factory=list)
 
     @property
     def significant(self) -> list[Change]:
@@ -143,5 +145,6 @@ class Comparison:
             "changes": [one.to_json() for one in self.changes],
             "causes": self.causes,
             "summaries": [one.to_json() for one in self.summaries],
+            "alternatives": self.alternatives,
             "warnings": self.warnings,
         }

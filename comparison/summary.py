@@ -103,7 +103,9 @@ def summaries(
     found    by the joint fit; added: changes of effects beyond the model
     """
     significant = [one for one in changes if one.significant]
-    if side.all() or not side.any():
+    # where the arm is acts on values that a regression of one recording has no column for
+    placed = any(one.tested.hypothesis.added is not None and one.tested.hypothesis.added.placed for one in found)
+    if placed or side.all() or not side.any():
         return list(_by_joint_fit(found, [*significant, *(one for one in added if one.significant)]))
     seen = _seen(fits, side, changes[len(changes) - structure.size :])
     of_all = [*significant, *(one for one in added if one.significant)]
@@ -240,8 +242,10 @@ def _by_joint_fit(found: Sequence[Found], significant: Sequence[Change]) -> Iter
         tested, joint = one.tested, one.tested.hypothesis.joint
         what, added = tested.hypothesis.what, tested.hypothesis.added
         if joint is None:
-            continue
-        if what == "scale":
+            names = [each.name for each in of if added is not None and each.name.startswith(f"{added.effect}.")]
+            if names:
+                yield _tilt(tested, names, len(of))
+        elif what == "scale":
             names = [each.name for each in of if each.name in one.makes or each.joint == joint]
             if (summary := _scale_found(joint, tested, names, len(of) - len(names))) is not None:
                 yield summary
@@ -254,6 +258,23 @@ def _by_joint_fit(found: Sequence[Found], significant: Sequence[Change]) -> Iter
             names = [each.name for each in of if each.name in one.makes]
             if len(names) > 1:
                 yield _cause("link_inertia", joint, f"body of link {joint}, or what it carries", names, len(of))
+
+
+def _tilt(tested: Tested, explains: Sequence[str], of: int) -> Summary:
+    """Another tilt of the base."""
+    values, stds = tested.seen_by(tested.hypothesis.directions.T)
+    roll, pitch = ((float(value), float(std), "rad") for value, std in zip(values, stds))
+    size = float(np.hypot(*values))
+    std = float(np.hypot(*(values * stds))) / max(size, 1e-300)
+    said = f"{1e3 * size:.3g} +- {2e3 * std:.2g} mrad (roll {1e3 * values[0]:.3g}, pitch {1e3 * values[1]:.3g})"
+    sentence = f"Base tilted by {said}: explains {_all(len(explains), of)}"
+    return Summary(
+        effect="base_tilt",
+        joint=None,
+        parameters={"roll": roll, "pitch": pitch},
+        explains=tuple(explains),
+        sentence=sentence,
+    )
 
 
 def _cause(effect: str, joint: int, words: str, explains: Sequence[str], of: int) -> Summary:

@@ -43,9 +43,9 @@ def added_changes(
     return [change for part in parts for change in part]
 
 
-def _best(tested: Sequence[Tested]) -> dict[tuple[str, int, float], Tested]:
+def _best(tested: Sequence[Tested]) -> dict[tuple[str, int | None, float], Tested]:
     """Per effect, joint and order, that of effects beyond the model which explains most."""
-    best: dict[tuple[str, int, float], Tested] = {}
+    best: dict[tuple[str, int | None, float], Tested] = {}
     for one in tested:
         if one.hypothesis.added is not None:
             added = _added(one)
@@ -66,6 +66,9 @@ def _changes(arm: Arm, one: Tested, log_corrected: float, values: Array, covaria
     by, along = places @ one.changes, places @ one.directions
     changed = along @ one.covariance @ along.T
     judged = float(np.exp(one.log_p)), min(1.0, float(np.exp(log_corrected)))
+    if added.placed:
+        yield from _of_place(arm, added, by, changed, judged)
+        return
     if not added.wave:
         quantity, size = _of_size(arm, added)
         stds = size * np.sqrt(np.maximum([spread[0, 0], changed[0, 0]], 0.0))
@@ -74,8 +77,26 @@ def _changes(arm: Arm, one: Tested, log_corrected: float, values: Array, covaria
     yield from _of_wave(arm, added, (then, spread), (by, changed), judged)
 
 
+def _of_place(arm: Arm, added: Added, by: Array, spread: Array, judged: tuple[float, float]) -> Iterator[Change]:
+    """Tilts of the base, or the zero of an encoder, from where it was before: what was wrong then no fit says.
+
+    That which changed clearly carries the chance of both.
+    """
+    stds = np.sqrt(np.maximum(np.diag(spread), 0.0))
+    clear = np.abs(by) > CLEARLY * stds
+    clear[int(np.argmax(np.abs(by) / np.maximum(stds, 1e-300)))] = True
+    unit = "rad" if added.joint is None or arm.joints[added.joint - 1].revolute else "m"
+    for k, parameter in enumerate(added.definition.parameters):
+        words = (
+            f"{parameter.name} of the base" if added.joint is None else f"zero of the encoder of joint {added.joint}"
+        )
+        quantity = _quantity(added, parameter.name, f"{words}, from where it was", unit)
+        yield _change(quantity, 0.0, float(by[k]), np.array([0.0, stds[k]]), judged if clear[k] else (1.0, 1.0))
+
+
 def _of_size(arm: Arm, added: Added) -> tuple[Quantity, float]:
     """The quantity of a spring, an elastic gear or a gap, and its value per unit of the coefficient."""
+    assert added.joint is not None
     revolute, n = arm.joints[added.joint - 1].revolute, added.joint
     if added.effect == "gravity_spring":
         words, name, unit, size = f"stiffness of a spring at joint {n}", "stiffness", ("N m/rad", "N/m"), 1.0
@@ -91,6 +112,7 @@ def _of_wave(
     arm: Arm, added: Added, before: tuple[Array, Array], by: tuple[Array, Array], judged: tuple[float, float]
 ) -> Iterator[Change]:
     """Amplitude and phase of a ripple: that which changed carries the chance of both."""
+    assert added.joint is not None
     joint = arm.joints[added.joint - 1]
     torque = bool(added.amplitude)
     name = added.amplitude or added.definition.linear[0].name
@@ -134,7 +156,8 @@ def _along(vector: Array, covariance: Array) -> float:
 
 
 def _quantity(added: Added, entry: str, words: str, unit: str) -> Quantity:
-    name = f"joint{added.joint}.{added.effect}.{entry}"
+    place = "" if added.joint is None else f"joint{added.joint}."
+    name = f"{place}{added.effect}.{entry}"
     return Quantity(name=name, words=words, unit=unit, kind="effect", joint=added.joint)
 
 

@@ -1,5 +1,6 @@
-"""Effects beyond the model whose change is looked for: springs, elastic gears, gaps, and ripples that stand out.
+"""Effects beyond the model whose change is looked for: springs, elastic gears, gaps, ripples, the arm out of place.
 
+Ripples are those that stand out. Out of place is an arm whose base is tilted, or whose encoders have other zeros.
 Each is columns of the joint fit: the torque of all joints for a unit of each coefficient, by the law of the catalogue.
 All sides share its value, and its change is a hypothesis like any other.
 """
@@ -35,18 +36,20 @@ ABOVE, LINES = 10.0, 9
 spectrum: rates of it are in proportion at every frequency."""
 STEP = 1e-3
 """Of an angle (rad) and its rates: of the central differences by which an error of an angle moves the torques."""
+NOTHING = 1e-9
+"""Of the largest torque, per rad (m): less is rounding, as of the zero of an axis along gravity."""
 
 
 @dataclass(frozen=True)
 class Added:
-    """One effect at one joint (from 1) with its nonlinear parameters ``held``.
+    """One effect at one joint (from 1), or of the whole arm (None), with its nonlinear parameters ``held``.
 
     amplitude  of a ripple: the linear parameter that it has; "": the effect's first
     tries      number of alternatives from which it was chosen by the data
     """
 
     effect: str
-    joint: int
+    joint: int | None
     held: Mapping[str, float] = field(default_factory=dict)
     amplitude: str = ""
     tries: int = 1
@@ -60,6 +63,11 @@ class Added:
     def wave(self) -> bool:
         """Whether it is a ripple."""
         return self.definition.wave
+
+    @property
+    def placed(self) -> bool:
+        """Whether it is an error of where the model has the arm: of its base, or of the zero of an encoder."""
+        return self.definition.change is not None
 
     def near(self, other: Added) -> bool:
         """Whether both are ripples of one joint that a travel of one turn hardly distinguishes."""
@@ -77,17 +85,20 @@ class Added:
         """Parameter values, one set per column."""
         if self.definition.wave:
             return units(self.definition, self.held, self.amplitude)
+        names = [p.name for p in self.definition.parameters]
+        if self.placed:
+            return [Values(dict.fromkeys(names, 0.0) | {name: 1.0}) for name in names]
         # of a spring at rest at some angle: elsewhere, it adds a constant torque, which friction has as well
-        first = self.definition.parameters[0].name
-        return [Values({p.name: 0.0 for p in self.definition.parameters} | {first: 1.0} | dict(self.held))]
+        return [Values(dict.fromkeys(names, 0.0) | {names[0]: 1.0} | dict(self.held))]
 
 
 def always(arm: Arm, motions: Sequence[Motion]) -> list[Added]:
-    """Springs, elastic gears and gaps of every joint, but those that the model has."""
+    """The tilt of the base; zeros, springs, elastic gears and gaps of every joint, but those that the model has."""
     centre = np.mean([arm.link_angles(motion.q).mean(axis=0) for motion in motions], axis=0)
     own = {(term.name, term.joint) for term in arm.effects}
-    every = []
+    every = [Added("base_tilt", None)]
     for joint in range(1, len(arm) + 1):
+        every.append(Added("joint_zero_offset", joint))
         every.append(Added("gravity_spring", joint, {"rest_angle": float(centre[joint - 1])}))
         elastic = [{"stiffness": stiffness, "damping": DAMPING} for stiffness in STIFFNESSES]
         every += [Added("joint_compliance", joint, held, tries=len(elastic)) for held in elastic]
@@ -116,6 +127,9 @@ def torque_of(one: Added, arm: Arm, motion: Motion, load: Array, inertia: Array)
 
     load, inertia  (m, J) N m and kg m2 (N and kg) of the links at the drives
     """
+    if one.placed:
+        return _misplaced(one, arm, motion)
+    assert one.joint is not None
     j, effect = one.joint - 1, one.definition
     motor = Signals(q=arm.link_angles(motion.q)[:, j], motor=arm.joints[j].ratio * motion.q[:, j])
     found = []
@@ -135,11 +149,26 @@ def torque_of(one: Added, arm: Arm, motion: Motion, load: Array, inertia: Array)
     return np.stack(found, axis=-1)
 
 
+def _misplaced(one: Added, arm: Arm, motion: Motion) -> Array:
+    """(m, J, k) of an error of where the arm is: central differences of the torque of its links."""
+    change = one.definition.change
+    assert change is not None
+    found = []
+    for p in one.units:
+        ends = [change(arm, one.joint, Values({name: sign * STEP * of for name, of in p.items()})) for sign in (1, -1)]
+        ahead, behind = (rigid_torque_along(each, motion.q, motion.qd, motion.qdd) for each in ends)
+        torque = (ahead - behind) / (2 * STEP)
+        found.append(torque if np.abs(torque).max() > NOTHING * np.abs(ahead).max() else np.zeros_like(torque))
+    return np.stack(found, axis=-1)
+
+
 def _twist(one: Added, p: Values, load: Array, inertia: Array, motion: Motion) -> tuple[Array, Array, Array]:
     """Motor angle less link angle (m,) and its rates."""
     if one.effect == "joint_compliance":
         return wound_up(load, inertia, p["stiffness"], p["damping"], motion.dt)
-    gap = _smooth(through_gap(load, inertia, p["half_gap"], motion.dt)[:, None], motion)[:, 0]
+    gap = through_gap(load, inertia, p["half_gap"], motion.dt)
+    # a gap that the load never crosses is as another zero of the encoder
+    gap = _smooth((gap if np.ptp(gap) > p["half_gap"] else np.zeros_like(gap))[:, None], motion)[:, 0]
     speed = np.gradient(gap, motion.dt)
     return gap, speed, np.gradient(speed, motion.dt)
 

@@ -18,7 +18,7 @@ from comparison.joint_fit.both_sides import Both, Tested, both_sides, left_of, s
 from comparison.joint_fit.effects import Added, added_rows, always, with_columns
 from comparison.joint_fit.hypotheses import Hypothesis, chance, hypotheses, point_masses, single_values, size_with
 from comparison.joint_fit.ripples import ripples
-from comparison.joint_fit.selection import in_one, selected
+from comparison.joint_fit.selection import in_one, rivals_of, selected
 from comparison.quantities import friction_maps
 from comparison.regression import Fitted, Rows, Structure
 from identification.preprocessing.signals import Motion
@@ -56,10 +56,15 @@ class _Joint:
 
 @dataclass(frozen=True)
 class Found:
-    """A hypothesis that entered, and the names of the quantities that it changes by more than two deviations."""
+    """A hypothesis that entered.
+
+    makes   names of the quantities that it changes by more than two deviations
+    rivals  hypotheses that explain as much in its place
+    """
 
     tested: Tested
     makes: frozenset[str]
+    rivals: Sequence[Hypothesis] = ()
 
 
 def with_fewest(recorded: Recorded, changes: Sequence[Change]) -> tuple[list[Change], list[Change], list[Found]]:
@@ -89,10 +94,11 @@ def with_fewest(recorded: Recorded, changes: Sequence[Change]) -> tuple[list[Cha
             decided[k] = _conditional(decided[k], before, after, one, joint.every)
             own[k] = True
     causes = []
-    for own, one in zip(made, found):
+    for own, one, rivals in zip(made, found, rivals_of(joint.both, joint.every, found)):
         # without what the others change less beside it
         touched = own & np.any(maps @ one.hypothesis.directions != 0.0, axis=1)
-        causes.append(Found(one, frozenset(each.quantity.name for each, by in zip(decided, touched) if by)))
+        makes = frozenset(each.quantity.name for each, by in zip(decided, touched) if by)
+        causes.append(Found(one, makes, [each.hypothesis for each in rivals]))
     return decided, added_changes(structure, joint.every, found, values, covariance), causes
 
 

@@ -19,6 +19,7 @@ from comparison.joint_fit.effects import Added
 from comparison.load_friction import loaded_joints
 from comparison.quantities import values_quantities
 from comparison.regression import Structure
+from comparison.wording import in_words
 
 
 @dataclass(frozen=True)
@@ -39,6 +40,20 @@ class Hypothesis:
     quantity: str = ""
     added: Added | None = None
     tries: int = 1
+
+    @property
+    def words(self) -> str:
+        """'Coulomb friction of joint 3', 'base tilt', 'body of link 2'."""
+        if self.quantity:
+            return in_words(self.quantity)
+        if self.added is not None:
+            effect = self.added.effect.replace("_", " ")
+            return effect if self.joint is None else f"{effect} of joint {self.joint}"
+        if self.what == "scale":
+            return f"scale of the currents of joint {self.joint}"
+        if self.what == "friction":
+            return f"friction near rest of joint {self.joint}"
+        return f"body of link {self.joint}" if self.directions.shape[1] > 1 else f"rotor inertia of joint {self.joint}"
 
 
 def hypotheses(structure: Structure, added: Sequence[Added]) -> list[Hypothesis]:
@@ -67,7 +82,7 @@ def _of_added(structure: Structure, added: Sequence[Added]) -> Iterator[Hypothes
     size, first = size_with(structure, added), structure.size
     for one in added:
         own = np.eye(size)[:, first : (first := first + len(one.units))]
-        if one.effect == "gravity_spring":
+        if one.effect == "gravity_spring" and one.joint is not None:
             constant = friction_shapes(structure, one.joint - 1)[2]
             own = np.column_stack([own, np.pad(constant, (0, size - structure.size))])
         yield Hypothesis("effect beyond the model", one.joint, own, added=one, tries=one.tries)

@@ -21,6 +21,8 @@ STIFFER = 4.0
 """Deviations by which the stiffness of a spring must change, beside the constant torque that it may have."""
 MOST = 6
 """Changes at most: an arm that differs in more is another arm."""
+AS_WELL = 6.0
+"""Squares, in those of the noise, by which a rival of a change may explain less: a ratio of likelihoods of 20."""
 
 
 def selected(both: Both, every: Sequence[Hypothesis], first: Sequence[Hypothesis] = ()) -> list[Tested]:
@@ -69,6 +71,31 @@ def in_one(
     return [replace(one, log_p=min(one.log_p, surest)) if one.hypothesis is point else one for one in others]
 
 
+def rivals_of(both: Both, every: Sequence[Hypothesis], found: Sequence[Tested]) -> list[list[Tested]]:
+    """Per change found, the hypotheses that explain as much in its place; those of which it is a part are none."""
+    rivals = []
+    for one in found:
+        others = [each.hypothesis for each in found if each is not one]
+        free = [each for each in every if all(each is not other for other in others)]
+        rivals.append(
+            [
+                each
+                for each in tested(both, free, others)
+                if each.hypothesis is not one.hypothesis
+                and _explained(each) > _explained(one) - AS_WELL
+                and _is_possible(both, each)
+                and not _is_part(one.hypothesis, each.hypothesis)
+            ]
+        )
+    return rivals
+
+
+def _is_part(one: Hypothesis, of: Hypothesis) -> bool:
+    """Whether a change is a special case of another."""
+    within = of.directions @ np.linalg.lstsq(of.directions, one.directions, rcond=None)[0]
+    return bool(np.allclose(within, one.directions, atol=1e-9 * np.abs(one.directions).max()))
+
+
 def _left(both: Both, found: Sequence[Tested]) -> float:
     """Squares over the noise that the shared fit with the changes ``found`` leaves, and 2 for each coefficient."""
     squares = sum(float(np.sum(left**2)) for left in left_of(both, found))
@@ -114,7 +141,7 @@ def _is_possible(both: Both, one: Tested) -> bool:
     The constant torque that a spring may have is, alone, an asymmetry of friction.
     """
     added = one.hypothesis.added
-    if added is None or added.wave:
+    if added is None or added.wave or added.placed:
         return True
     place = int(np.argmax(one.hypothesis.directions[:, 0]))
     if added.definition.spring is None:

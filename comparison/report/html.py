@@ -30,6 +30,7 @@ def report(result: Comparison) -> Report:
             "changed": bool(result.significant),
             "causes": result.causes,
             "changed_sentences": changed_sentences(result),
+            "alternatives": result.alternatives,
             "circumstances": [one.sentence for one in result.circumstances],
             "assumptions": result.assumptions,
             "overview": plots.overview(result),

@@ -40,6 +40,7 @@ def text(result: Comparison) -> str:
     lines += [f"warning: {warning}" for warning in result.warnings]
     said = verdict(result)
     sentences = [*result.causes, *(one.sentence for one in result.summaries), *changed_sentences(result)]
+    sentences += [f"not distinguished: {one}" for one in result.alternatives]
     return "\n".join([*lines, *(one for one in sentences if one not in said), said])
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 from scipy.signal import lfilter
+from scipy.spatial.transform import Rotation
 
 from arm_model.description import Arm
 from arm_model.model_file import read_model
@@ -65,6 +66,9 @@ def record(
     ripple: tuple[float, float, float] = (0.0, 1.0, 0.0),
     spring: float = 0.0,
     limit: float = np.inf,
+    tilt: tuple[float, float] = (0.0, 0.0),
+    zeros: Sequence[float] = (),
+    reach: float = 1.0,
 ) -> Recording:
     """Encoders of 1e-5 rad; currents with white noise of 10 mA and as much that is correlated over 20 rows.
 
@@ -72,11 +76,20 @@ def record(
                  by_load: share of the load of joint 2 that is added to its friction
     ripple       of joint 1: N m, cycles per turn of the joint, rad; spring: N m/rad at joint 2, at rest at 0.4 rad;
                  limit: A that the current of joint 1 does not exceed
+    tilt         rad by which the base is turned about its x, then about its y axis
+    zeros        (J,) rad that the encoders read where the links are at 0
+    reach        factor of the motion of joint 1
     """
     t = np.arange(int(rate * seconds)) / rate
     q, qd, qdd = motion(t, len(arm), seed, speed)
+    for each in (q, qd, qdd):
+        each[:, 0] *= reach
     if resting is not None:
         q[:, resting], qd[:, resting], qdd[:, resting] = q[0, resting], 0.0, 0.0
+    roll, pitch = (Rotation.from_euler(axis, angle) for axis, angle in zip("xy", tilt))
+    level = arm.gravity
+    # what the base feels: the world's gravity seen from the turned frame
+    arm = replace(arm, gravity=tuple((pitch * roll).inv().apply(level).tolist()))
     torque = rigid_torque(arm, q, qd, qdd)
     torque[:, 1] += by_load * np.abs(torque[:, 1]) * np.sign(qd[:, 1])
     for j, joint in enumerate(arm.joints):
@@ -87,7 +100,8 @@ def record(
     i = torque / arm.joint_array("drive_constant")
     i[:, 0] = np.clip(i[:, 0], -limit, limit)
     i += 0.01 * white + 0.01 * lfilter([np.sqrt(1 - 0.95**2)], [1, -0.95], driven, axis=0)
-    signals = {"q": np.round(q / 1e-5) * 1e-5, "i": i}
+    read = q + np.asarray(zeros) if len(zeros) else q
+    signals = {"q": np.round(read / 1e-5) * 1e-5, "i": i}
     if temp is not None:
         signals["temp"] = np.full_like(q, temp)
     write_table(path, t, signals, Attachments(experiment=experiment))

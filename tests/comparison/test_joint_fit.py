@@ -69,6 +69,43 @@ def test_a_spring_that_came_is_named(arm: Arm, before: Recording, tmp_path: Path
     assert summed == (dict.fromkeys(found, "gravity_spring") if len(found) > 1 else {})
 
 
+TILT = (0.008, -0.012)
+"""rad of roll and pitch."""
+
+
+def tilted(root: Path, folder: Path, reach: float) -> Comparison:
+    days = enumerate([(0.0, 0.0), TILT])
+    pair = [record(folder / f"{k}.mcap", puma(root), k + 2, **SHORT, reach=reach, tilt=tilt) for k, tilt in days]
+    return compare_recordings(pair[:1], pair[1:], puma(root))
+
+
+def test_a_base_that_was_tilted_is_named(root: Path, tmp_path: Path) -> None:
+    result = tilted(root, tmp_path, 4.0)
+    found = significant(result)
+    assert set(found) == {"base_tilt.roll", "base_tilt.pitch"} and result.alternatives == []
+    for one, hidden in zip((found["base_tilt.roll"], found["base_tilt.pitch"]), TILT):
+        assert one.std is not None and one.change == pytest.approx(hidden, abs=3 * one.std)
+    (summary,) = result.summaries
+    assert summary.effect == "base_tilt" and summary.sentence.startswith("Base tilted by")
+
+
+def test_what_no_motion_distinguishes_stands_beside_what_is_named(root: Path, tmp_path: Path) -> None:
+    """Where joint 1 swings by half a radian, the weight of a tilted arm is nearly a constant torque there."""
+    result = tilted(root, tmp_path, 1.0)
+    (said,) = result.alternatives
+    assert said.startswith("base tilt: ") and said.endswith("asymmetry of joint 1") and said in str(result)
+
+
+def test_an_encoder_whose_zero_moved_is_named(root: Path, tmp_path: Path) -> None:
+    days = [
+        record(tmp_path / f"{k}.mcap", puma(root), k, **SHORT, seed=k % 2, zeros=(0.0, 0.04 * (k > 1), 0.0))
+        for k in range(4)
+    ]
+    ((name, one),) = significant(compare_recordings(days[:2], days[2:], puma(root))).items()
+    assert name == "joint2.joint_zero_offset.offset"
+    assert one.std is not None and one.change == pytest.approx(0.04, abs=3 * one.std)
+
+
 def test_a_limit_that_came_is_named(arm: Arm, before: Recording, tmp_path: Path) -> None:
     limit = 0.8 * float(np.quantile(np.abs(before.i[:, 0]), 0.99))
     after = record(tmp_path / "after.mcap", arm, 2, **SHORT, limit=limit)
