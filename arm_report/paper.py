@@ -17,8 +17,6 @@ if TYPE_CHECKING:
 WIDTH = 10.5
 """Inches."""
 PICTURE_DPI = 200
-PICTURES = ("png", "pdf")
-"""Kinds of files that ``write_report`` can draw beside a report."""
 
 
 def figure(chart: Chart) -> Figure:

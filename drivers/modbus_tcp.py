@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 READ, WRITE, EXCEPTION = 3, 16, 0x80
 LONGEST = 260  # bytes of a frame: the standard's limit
-MOST_REGISTERS = 125  # of one read
 EXCEPTIONS = {
     1: "function not known",
     2: "no such register",

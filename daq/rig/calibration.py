@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -55,14 +54,6 @@ class Calibration:
     def as_table(self) -> dict[str, Any]:
         """Plain data with its hash, as recordings keep it."""
         return {**{name: list(values) for name, values in asdict(self).items()}, "hash": self.hash}
-
-
-def from_table(table: Mapping[str, Any]) -> Calibration:
-    """The calibration of a recording. ValueError if its content is not what its hash says."""
-    calibration = Calibration(**{name: tuple(table[name]) for name in Calibration.__dataclass_fields__})
-    if table.get("hash", calibration.hash) != calibration.hash:
-        raise ValueError("the calibration was changed after its hash was written")
-    return calibration
 
 
 def calibration_of(rig: Rig, columns: Columns) -> Calibration:

@@ -21,7 +21,6 @@ from drivers.modbus_tcp import FrameError, Frames
 AIN = 0  # (f) + 2 a channel
 DAC = 1000  # (f) + 2 a channel
 DIO = 2000  # (h) + 1 a line: writing makes the line an output
-DIO_STATE = 2800  # (u)
 EF_READ_A = 3000  # (u) + 2 a line
 STREAM_SCANRATE_HZ = 4002  # (f)
 STREAM_NUM_ADDRESSES = 4004  # (u)

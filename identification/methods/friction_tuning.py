@@ -63,7 +63,7 @@ def tune_friction(
     _check_closed_loop(recordings, motions, arm)
     moving = [j for j in range(len(arm)) if any(motion.moves(j) for motion in motions)]
     names = tuple(f"joint{j + 1}.{kind}" for j in moving for kind in ("viscous", *DIRECTIONS))
-    loops, floor = _Loops(recordings, motions, arm, names), _floors(arm, names, motions)
+    loops, floor = _Loops(recordings, motions, arm, names), _floors(names, motions)
     start = np.maximum(np.array([parameter(arm, name) for name in names]), floor)
     before = loops.relative_error(start)
     values, error, jacobian, simulations = _minimised(loops, start, floor, iterations, progress)
@@ -212,7 +212,7 @@ def _step(gram: Array, slope: Array, damping: float) -> Array:
     return np.asarray(np.linalg.solve(scaled + damping * np.eye(len(size)), slope / size) / size)
 
 
-def _floors(arm: Arm, names: Sequence[str], motions: Sequence[Motion]) -> Array:
+def _floors(names: Sequence[str], motions: Sequence[Motion]) -> Array:
     """A hundredth of each joint's torque, as friction: where to start from nothing, and the least nudge."""
     floor = []
     for name in names:

@@ -103,14 +103,6 @@ def phase(encoder: SineEncoder, motor_angle: Array) -> Array:
     return encoder.lines * motor_angle
 
 
-def signals(encoder: SineEncoder, motor_angle: Array, noise_a: Array, noise_b: Array) -> tuple[Array, Array]:
-    """Sine and cosine (..., n) as they reach the comparators; noise in standard deviations."""
-    phi = phase(encoder, motor_angle)
-    a = encoder.sine_offset + encoder.sine_gain * np.sin(phi) + encoder.noise * noise_a
-    b = encoder.cosine_offset + encoder.cosine_gain * np.cos(phi + encoder.phase_error) + encoder.noise * noise_b
-    return a, b
-
-
 def switching(line: Line, noise: Array) -> tuple[Array, Array]:
     """Phases of the line's own sine at which it switches near 0, for noise (..., n) in standard deviations.
 

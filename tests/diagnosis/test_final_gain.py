@@ -17,7 +17,7 @@ from diagnosis.cause import Cause, Estimate
 from diagnosis.measurements.currents.columns import candidates
 from diagnosis.measurements.currents.design_matrix import Library, dataset_of
 from diagnosis.measurements.currents.model import Currents
-from diagnosis.measurements.currents.refinement import is_physical
+from diagnosis.measurements.currents.possible import is_physical
 from diagnosis.measurements.currents.structure.noise_ratio import noise_ratio
 from diagnosis.residual.generation import residual_run
 from diagnosis.selection.candidate import Candidate

@@ -14,6 +14,7 @@ from sim_backend.electronics import noise, quadrature, sine_encoder
 from sim_backend.electronics.sine_encoder import SineEncoder
 
 LINES = 250.0
+COUNTS_PER_LINE = {CounterMode.X1: 1, CounterMode.X2: 2, CounterMode.X4: 4}
 
 
 def _encoder(**changes: float) -> SineEncoder:
@@ -50,6 +51,29 @@ def _comparator(signal: NDArray, hysteresis: float, high: bool) -> NDArray:
     return out
 
 
+def _signals(encoder: SineEncoder, angle: NDArray, noise_a: NDArray, noise_b: NDArray) -> tuple[NDArray, NDArray]:
+    """Sine and cosine (m, 1) as they reach the comparators; noise in standard deviations."""
+    phi = encoder.lines * angle
+    sine = encoder.sine_offset + encoder.sine_gain * np.sin(phi) + encoder.noise * noise_a
+    cosine = encoder.cosine_offset + encoder.cosine_gain * np.cos(phi + encoder.phase_error) + encoder.noise * noise_b
+    return sine, cosine
+
+
+def _levels(passed: NDArray) -> NDArray:
+    """Level of a line: high past an even edge."""
+    return (passed & 1) == 0
+
+
+def _decoded(a: NDArray, b: NDArray) -> tuple[NDArray, NDArray]:
+    """What an x4 decoder clocked once a row makes of the levels (m,) of two lines: counts from row 0, and errors.
+
+    A row in which both lines changed at once is an error: its direction cannot be known, and it counts nothing.
+    """
+    place = np.array([2, 3, 1, 0])[2 * a.astype(int) + b]
+    step = np.diff(place, axis=0, prepend=place[:1]) & 3
+    return np.cumsum(np.where(step == 2, 0, np.where(step == 3, -1, step))), step == 2
+
+
 def _motion(seed: int, samples: int) -> NDArray:
     """A random motion with reversals, of at most a fortieth of a line a sample: fine enough for a clocked decoder."""
     random = np.random.default_rng(seed)
@@ -76,12 +100,12 @@ def test_edges_are_those_of_comparators_and_decoder_clocked_through(
     angle = _motion(seed, 3000)
     noises = tuple(noise.normals(noise.keys(seed, "test", 1), np.arange(len(angle))[:, None], 2))
     passed_a, passed_b = _passed(encoder, angle, noises)
-    a, b = sine_encoder.signals(encoder, angle, *noises)
-    level_a = _comparator(a[:, 0], hysteresis, bool(quadrature.levels(passed_a)[0, 0]))
-    level_b = _comparator(b[:, 0], hysteresis, bool(quadrature.levels(passed_b)[0, 0]))
-    assert (level_a == quadrature.levels(passed_a)[:, 0]).all()
-    assert (level_b == quadrature.levels(passed_b)[:, 0]).all()
-    clocked, error = quadrature.decode(level_a, level_b)
+    a, b = _signals(encoder, angle, *noises)
+    level_a = _comparator(a[:, 0], hysteresis, bool(_levels(passed_a)[0, 0]))
+    level_b = _comparator(b[:, 0], hysteresis, bool(_levels(passed_b)[0, 0]))
+    assert (level_a == _levels(passed_a)[:, 0]).all()
+    assert (level_b == _levels(passed_b)[:, 0]).all()
+    clocked, error = _decoded(level_a, level_b)
     assert not error.any()
     counts = quadrature.count(passed_a, passed_b, CounterMode.X4)[:, 0]
     assert (counts - counts[0] == clocked).all()
@@ -95,7 +119,7 @@ def test_counts_give_the_angle_back_within_one_count(seed: int, mode: CounterMod
     angle = _motion(seed, 5000)[::stride] * 40
     quiet = np.zeros_like(angle)
     counts = quadrature.count(*_passed(encoder, angle, (quiet, quiet)), mode)
-    per_radian = quadrature.PER_LINE[mode] * LINES / (2 * np.pi)
+    per_radian = COUNTS_PER_LINE[mode] * LINES / (2 * np.pi)
     error = counts - angle * per_radian  # a count stands for the interval from itself to the next
     widening = 0.02 * 4 / (2 * np.pi) * 1.01
     assert error.max() <= widening and error.min() >= -1.0 - widening

@@ -18,7 +18,6 @@ from arm_io.types import Array
 from daq.recording.messages.row_format import JOINT_TOPICS
 from daq.recording.tables.csv_time import TimeUnit
 
-Signal = Literal["q", "i", "qref", "ql", "v", "temp"]
 _LENGTHS = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "in": 0.0254}
 _POSITIONS = {"rad": 1.0, "mrad": 1e-3, "deg": np.pi / 180, "rev": 2 * np.pi} | _LENGTHS
 UNITS: dict[str, dict[str, float]] = {

@@ -17,7 +17,8 @@ from diagnosis.measurements.currents.design_matrix import Library, columns_of
 from diagnosis.measurements.currents.limits import LIMITS, CurrentLimits, leakage, matters
 from diagnosis.measurements.currents.model_errors import ModelUncertainty
 from diagnosis.measurements.currents.pairs import pair_of
-from diagnosis.measurements.currents.refinement import is_physical, refined
+from diagnosis.measurements.currents.possible import is_physical
+from diagnosis.measurements.currents.refinement import refined
 from diagnosis.measurements.currents.state import Rivals, State, corrected
 from diagnosis.measurements.currents.structure.noise_ratio import joints_above_noise
 from diagnosis.selection.bodies import body_of, link_of

@@ -18,7 +18,7 @@ from arm_model.effects import same_columns
 from diagnosis.cause import EffectKey
 from diagnosis.measurements.currents.design_matrix import Library
 from diagnosis.measurements.currents.limits import LIMITS, leakage, matters
-from diagnosis.measurements.currents.refinement import is_physical
+from diagnosis.measurements.currents.possible import is_physical
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Columns, Dataset, Pair
 from diagnosis.selection.regression import Fitted, at_joint, best_of_each, chance, gain_of

@@ -1,4 +1,4 @@
-"""Whether there can be an arm with the parameters that causes have: sizes that a body may have."""
+"""Whether there can be an arm with the parameters that causes have: signs of effects, sizes that a body may have."""
 
 from __future__ import annotations
 
@@ -13,11 +13,20 @@ from arm_model import Arm, EffectTerm, Joint
 from arm_model.effects import described
 from arm_model.rigid_body.inertia import PARAMETERS, barycentric, tensor
 from diagnosis.cause import Cause, extend
+from diagnosis.selection.candidate import Candidate
 
 DEVIATIONS = 2.0
 """std by which a size must miss what a body may have to be impossible."""
 DUST = 1e-9
 """Relative rounding errors."""
+
+
+def is_physical(candidate: Candidate, coefficients: Array) -> bool:
+    """Whether the parameters have admissible signs and sizes: no negative mass, stiffness, gap or friction share."""
+    if candidate.unit_amplitude and not 0.25 < coefficients[0] < 4.0:
+        return False  # its true coefficient is 1; between the points of the grid it may differ
+    values = candidate.parameters(coefficients.tolist())
+    return all(candidate.definition.admits(name, value) for name, value in values.items())
 
 
 def exists(arm: Arm, terms: Iterable[EffectTerm]) -> bool:

@@ -1,23 +1,18 @@
-"""Candidates of the currents: physical admissibility, and refinement of nonlinear parameters between grid values."""
+"""Refinement of nonlinear parameters: each between grid values, then all together in the exact model."""
 
 from __future__ import annotations
 
 import numpy as np
 from scipy import optimize
 
+from arm_io.parallel import in_parallel
 from arm_io.types import Array
-from diagnosis.measurements.currents.design_matrix import columns_of
+from diagnosis.measurements.currents.design_matrix import columns_of, dataset_with
+from diagnosis.measurements.currents.possible import exists
+from diagnosis.measurements.currents.state import State, terms
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Dataset
 from diagnosis.selection.regression import Fitted, fit_gain
-
-
-def is_physical(candidate: Candidate, coefficients: Array) -> bool:
-    """Whether the parameters have admissible signs and sizes: no negative mass, stiffness, gap or friction share."""
-    if candidate.unit_amplitude and not 0.25 < coefficients[0] < 4.0:
-        return False  # its true coefficient is 1; between the points of the grid it may differ
-    values = candidate.parameters(coefficients.tolist())
-    return all(candidate.definition.admits(name, value) for name, value in values.items())
 
 
 def refined(candidate: Candidate, fitted: Fitted, fit: Dataset) -> Candidate:
@@ -41,3 +36,34 @@ def refined(candidate: Candidate, fitted: Fitted, fit: Dataset) -> Candidate:
         )
         candidate = candidate.at(name, float(np.exp(optimum.x)))
     return candidate
+
+
+def gauss_newton_refined(state: State) -> State:
+    """The state after a Gauss-Newton step of its nonlinear parameters in the exact model, if the residual falls.
+
+    Unchanged where the chosen effects make no arm that exists.
+    """
+    searched = [(k, name) for k, c in enumerate(state.chosen) for name in c.searched()]
+    if not searched:
+        return state
+    model, own, basis = state.model, state.coefficients, state.fitted.basis
+    if not exists(model.arm, state.terms):
+        return state
+    here = dataset_with(model.data.fit, state.terms)
+
+    def slope_of(place: tuple[int, str]) -> Array:
+        k, name = place
+        value = dict(state.chosen[k].shape)[name]
+        step = 0.02 * value
+        moved = [c.at(name, value + step) if n == k else c for n, c in enumerate(state.chosen)]
+        return (dataset_with(model.data.fit, terms(moved, own)) - here) / step
+
+    slope = np.stack(in_parallel(slope_of, searched), axis=1)
+    slope -= basis @ (basis.T @ slope)
+    change = -np.linalg.lstsq(slope, here - basis @ (basis.T @ here), rcond=1e-3)[0]
+    better = list(state.chosen)
+    for (k, name), by in zip(searched, change):
+        value = dict(better[k].shape)[name]
+        better[k] = better[k].at(name, float(np.clip(value + by, value / 2, 2 * value)))
+    as_is, moved_on = (model.refitted(chosen, state.rivals) for chosen in (state.chosen, better))
+    return moved_on if np.sum(moved_on.fitted.fit**2) < np.sum(as_is.fitted.fit**2) else state

@@ -219,7 +219,7 @@ def fitted(
     points, own = points_of(chosen, side), len(scale)
     if steps is not None:
         of_zeros = np.tile(zero_scales(steps), len(np.unique(side.of)))
-        points, scale = _with_zeros(points, side, steps), np.concatenate((scale, of_zeros))
+        points, scale = _with_zeros(points, side), np.concatenate((scale, of_zeros))
     values = parameters.chain.values if start is None else start
     estimate = fit(parameters, points, start=values, extension_scale=scale)
     for _ in range(3):
@@ -274,7 +274,7 @@ def _widened(covariance: Array, root: Array, correlated: float) -> Array:
     return np.asarray(root @ np.linalg.inv(information / correlated + one) @ root.T)
 
 
-def _with_zeros(points: Points, side: Side, steps: Array) -> Points:
+def _with_zeros(points: Points, side: Side) -> Points:
     """The points with a turn of its own for every joint in every recording."""
     n, runs = side.q.shape[1], np.unique(side.of)
     columns = np.zeros((len(side), n, len(runs) * n))

@@ -13,7 +13,7 @@ import numpy as np
 from arm_io.types import Array
 from identification.kinematics.circle_points.circle_point import Circle
 from identification.kinematics.models.chain import Chain, forward, xyz_ypr
-from identification.kinematics.models.conversion import Table, to_hayati
+from identification.kinematics.models.hayati import Table, to_hayati
 from identification.kinematics.models.parameters import base_pose
 from identification.kinematics.models.product_of_exponentials import Exponentials, exponential, exponentials_of
 

@@ -15,7 +15,7 @@ from arm_io.types import Array
 from arm_model import Arm, Joint
 from arm_model.rigid_body import link_frames, placement
 from arm_model.rigid_body.inertia import about_com, barycentric, transform
-from identification.kinematics.models.conversion import to_hayati
+from identification.kinematics.models.hayati import to_hayati
 from identification.kinematics.models.parameters import as_pose
 from identification.kinematics.models.product_of_exponentials import Exponentials
 

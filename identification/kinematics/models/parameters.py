@@ -32,7 +32,7 @@ from identification.kinematics.models.chain import (
     target_steps,
     turn_steps,
 )
-from identification.kinematics.models.conversion import PARALLEL
+from identification.kinematics.models.hayati import PARALLEL
 
 UNKNOWN_FRAME = 10.0
 """Standard deviation, m and rad, of the pose of a tracker that may stand anywhere."""

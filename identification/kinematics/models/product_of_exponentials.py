@@ -4,7 +4,7 @@ Sources: Brockett 1984; Lynch and Park, "Modern Robotics", ch. 4.
 
 A screw S = (w, v) is the joint axis in the world at q = 0: w its direction and v = -w x p for a point p on it
 (revolute), w = 0 and v the direction (prismatic). M is the end frame at q = 0. It has no singular cases and no choices
-of frames, so it is the hub through which the other models are converted.
+of frames, so other descriptions are converted through it.
 """
 
 from __future__ import annotations
@@ -58,15 +58,6 @@ def exponential(screw: ArrayLike, angle: float | Array) -> Array:
     return out
 
 
-def forward_exponentials(model: Exponentials, q: ArrayLike) -> Array:
-    """Poses (N, 4, 4) of the end frame for q (N, joints)."""
-    q = np.atleast_2d(np.asarray(q, float))
-    pose = np.broadcast_to(np.eye(4), (len(q), 4, 4))
-    for j, screw in enumerate(model.screws):
-        pose = pose @ exponential(screw, q[:, j])
-    return pose @ model.home
-
-
 def exponentials_of(chain: Chain) -> Exponentials:
     """The product of exponentials of any chain: its axes and its end frame at q = 0."""
     zero = np.zeros(chain.joints)
@@ -75,25 +66,3 @@ def exponentials_of(chain: Chain) -> Exponentials:
     w = np.where(sliding, 0.0, direction)
     v = np.where(sliding, direction, -np.cross(direction, point))
     return Exponentials(np.column_stack((w, v)), forward(chain, zero[None])[0])
-
-
-def from_lines(direction: ArrayLike, point: ArrayLike, home: ArrayLike, at: ArrayLike) -> Exponentials:
-    """Revolute arm from its axis lines (joints, 3) and end frame (4, 4) at the configuration ``at`` (joints,) rad.
-
-    The axes at q = 0 follow by turning every axis back about the ones before it.
-    """
-    w, p, at = np.asarray(direction, float), np.asarray(point, float), np.asarray(at, float)
-    here = np.column_stack((w, -np.cross(w, p)))
-    back = np.eye(4)
-    screws = []
-    for screw, angle in zip(here, at, strict=True):
-        screws.append(_carried(back, screw))
-        # exp(S_0 q) at zero equals back . exp(S_here q) . back^-1, so turning back by -angle composes on the right.
-        back = back @ exponential(screw, -float(angle))
-    return Exponentials(np.array(screws), back @ np.asarray(home, float))
-
-
-def _carried(pose: Array, screw: Array) -> Array:
-    """A screw moved by a pose (the adjoint map)."""
-    w = pose[:3, :3] @ screw[:3]
-    return np.concatenate((w, pose[:3, :3] @ screw[3:] + np.cross(pose[:3, 3], w)))
