@@ -142,7 +142,7 @@ def both_sides(
     parts = [(np.concatenate([x, _scales(one, before, noise)], axis=1), y) for one, (x, y) in zip(data, parts)]
     square = sum((x**2).sum(axis=0) for x, _ in parts)
     # of a joint that stands, or a gap that its load never crosses, nothing is shown
-    scale = 1.0 / np.sqrt(np.where(square > 0.0, square, 1.0))
+    scale = 1.0 / _sizes(square)
     blocks: list[NDArray[np.intp]] = []
     recording: list[int] = []
     for number, (rows, one) in enumerate(zip(data, fits)):
@@ -182,10 +182,15 @@ def _apart(rows: Rows, columns: Array, noise: Array) -> Array:
 def _values_of(parts: Sequence[tuple[Array, Array]], model: Array) -> Array:
     """(c,) values that some recordings show, as of ``_weighted``; those of the model where none does."""
     square, moment = sum(x.T @ x for x, _ in parts), sum(x.T @ y for x, y in parts)
-    size = np.sqrt(np.maximum(np.diag(square), 1e-300))
+    size = _sizes(np.diag(square))
     return np.asarray(
         model + np.linalg.pinv(square / np.outer(size, size), rcond=SHOWN, hermitian=True) @ (moment / size) / size
     )
+
+
+def _sizes(square: Array) -> Array:
+    """(c,) lengths of columns from their squares; 1 of one that shows nothing, whose value is rounding."""
+    return np.sqrt(np.where(square > 0.0, square, 1.0))
 
 
 def _scales(rows: Rows, values: Array, noise: Array) -> Array:

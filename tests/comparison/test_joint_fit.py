@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -112,3 +113,16 @@ def test_a_limit_that_came_is_named(arm: Arm, before: Recording, tmp_path: Path)
     one = significant(compare_recordings([before], [after], arm))["joint1.current_limit.limit"]
     assert one.after == pytest.approx(limit, rel=0.01)
     assert one.before is not None and one.before > limit
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_joint_that_stood_before_hides_no_scale_of_another(root: Path, tmp_path: Path) -> None:
+    """Values that the side before does not show are the model's there; rounding in their place was 1e140."""
+    arm = puma(root)
+    weak = replace(arm.joints[0], torque_constant=arm.joints[0].torque_constant / 1.1)
+    before = record(tmp_path / "before.mcap", arm, 1, **SHORT, resting=2)
+    after = record(tmp_path / "after.mcap", replace(arm, joints=(weak, *arm.joints[1:])), 2, **SHORT)
+    (summary,) = compare_recordings([before], [after], arm).summaries
+    error, std, _ = summary.parameters["error"]
+    assert (summary.effect, summary.joint) == ("torque_constant", 1)
+    assert error == pytest.approx(1 / 1.1 - 1, abs=3 * std) and std < 0.01
