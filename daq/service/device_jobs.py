@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import time
+from collections.abc import Container
 from concurrent.futures import Future
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -22,6 +23,8 @@ from daq.service.transfer.folder import RecordingsFolder, check_name
 from drivers.protocols import Device
 
 Table = dict[str, Any]
+CLAIM_SECONDS = 2.0
+"""How long a client's liveliness token may take to arrive after its command."""
 
 
 @dataclass(frozen=True)
@@ -37,6 +40,15 @@ class Armed:
     asked: float
     until: float
     expires: float
+
+    def lapsed(self, clients: Container[str]) -> str | None:
+        """Why it is not to wait any longer; clients: names of the liveliness tokens that are there."""
+        now = time.monotonic()
+        if now >= self.until:
+            return f"not started within {self.expires:g} s"
+        if self.client and now > self.asked + CLAIM_SECONDS and self.client not in clients:
+            return "the client that armed it is gone"
+        return None
 
 
 class DeviceJobs:

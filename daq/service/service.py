@@ -29,6 +29,7 @@ from daq.service.commands.server import Command
 from daq.service.device_jobs import Armed, DeviceJobs
 from daq.service.endpoint import Endpoint
 from daq.service.process.heap import return_large_blocks
+from daq.service.process.stuck import Stuck
 from daq.service.process.systemd import Watchdog
 from daq.service.process.worker import Worker
 from daq.service.publisher import Publisher
@@ -39,12 +40,6 @@ from daq.service.zenoh_session import keys_of
 
 Table = dict[str, Any]
 STATE_SECONDS = 0.25
-STUCK_SECONDS = 5.0
-"""How long a run may take to end after the guard tripped."""
-STUCK_ARMING_SECONDS = 600.0
-"""How long devices may take for anything else."""
-CLAIM_SECONDS = 2.0
-"""How long a client's liveliness token may take to arrive after its command."""
 
 
 class Service:
@@ -89,7 +84,8 @@ class Service:
         self._cancel: str | None = None  # why arming is to end in idle
         self._holding: threading.Thread | None = None  # makes all safe while the devices are being armed
         self._answers = PendingAnswers()
-        self._published_at = self._tripped = 0.0
+        self._stuck = Stuck()
+        self._published_at = 0.0
         if folder is None and not self.rig.zenoh.loopback and role == "daemon":
             raise InputError(
                 "--recordings",
@@ -145,13 +141,9 @@ class Service:
         if command is not None:
             self._answer(command)
         self._collect()
-        if not self._stuck():
-            self._watchdog.alive()
-        if (
-            self._publisher is not None
-            and time.monotonic() - self._published_at > STATE_SECONDS
-            and self.run is not None
-        ):
+        self._sign_of_life()
+        due = time.monotonic() - self._published_at > STATE_SECONDS
+        if due and self._publisher is not None and self.run is not None:
             self._publish_state()
 
     def wake(self) -> None:
@@ -163,9 +155,8 @@ class Service:
         outcome: Outcome = Future()
         try:
             served = verb in ("recordings", "checksum", "read")
-            result = (
-                getattr(self._served, verb)(arguments or {}) if served else getattr(self, f"_{verb}")(arguments or {})
-            )
+            begin = getattr(self._served, verb) if served else getattr(self, f"_{verb}")
+            result = begin(arguments or {})
             if isinstance(result, Future):
                 return result
             outcome.set_result(result)
@@ -191,8 +182,7 @@ class Service:
         while self.state != "idle":
             time.sleep(0.01)
             self._collect()
-            if not self._stuck():
-                self._watchdog.alive()
+            self._sign_of_life()
 
     # Commands
 
@@ -344,10 +334,7 @@ class Service:
             return
         self._armed = job.result()
         self.run = self._armed.run
-        if self._cancel is None:
-            self._go("armed")
-        else:
-            self._leave()
+        self._go("armed") if self._cancel is None else self._leave()
 
     def _ended(self, job: Outcome) -> None:
         """After a run, or after disarming."""
@@ -361,16 +348,12 @@ class Service:
 
     def _expire(self) -> None:
         """An armed rig waits for its client, not for ever."""
-        armed, here, now = self._armed, self._endpoint, time.monotonic()
-        if armed is None:
+        if self._armed is None:
             return
-        if now >= armed.until:
-            self._why_disarmed = f"not started within {armed.expires:g} s"
-        elif armed.client and now > armed.asked + CLAIM_SECONDS and not (here and armed.client in here.clients):
-            self._why_disarmed = "the client that armed it is gone"
-        else:
-            return
-        self._leave()
+        why = self._armed.lapsed(() if self._endpoint is None else self._endpoint.clients)
+        if why is not None:
+            self._why_disarmed = why
+            self._leave()
 
     # Inside
 
@@ -402,13 +385,11 @@ class Service:
     def _publisher(self) -> Publisher | None:
         return None if self._endpoint is None else self._endpoint.publisher
 
-    def _stuck(self) -> bool:
-        """Whether a driver hangs: the devices take longer than they may. Only the service manager can help then."""
-        if self.state != "running":
-            return self._devices.busy_seconds > STUCK_ARMING_SECONDS
-        tripped = self.bench.guard.tripped is not None
-        self._tripped = (self._tripped or time.monotonic()) if tripped else 0.0
-        return tripped and time.monotonic() - self._tripped > STUCK_SECONDS
+    def _sign_of_life(self) -> None:
+        """Tells the service manager that all is well, unless a driver hangs."""
+        running, tripped = self.state == "running", self.bench.guard.tripped is not None
+        if not self._stuck(running=running, tripped=tripped, busy=self._devices.busy_seconds):
+            self._watchdog.alive()
 
     def _publish_state(self) -> None:
         self._published_at = time.monotonic()

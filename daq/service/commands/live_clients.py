@@ -19,7 +19,7 @@ class LiveClients:
         self._changed = changed
         self._subscriber = session.liveliness().declare_subscriber(keys.client("*"), self._note, history=True)
 
-    def __contains__(self, client: str) -> bool:
+    def __contains__(self, client: object) -> bool:
         return client in self._alive
 
     def close(self) -> None:

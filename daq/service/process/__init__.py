@@ -6,9 +6,10 @@ from arm_io import lazy
 
 if TYPE_CHECKING:
     from daq.service.process.heap import return_large_blocks
+    from daq.service.process.stuck import Stuck
     from daq.service.process.systemd import Watchdog
     from daq.service.process.worker import Worker
 else:
     __getattr__ = lazy(__name__)
 
-__all__ = ["Watchdog", "Worker", "return_large_blocks"]
+__all__ = ["Stuck", "Watchdog", "Worker", "return_large_blocks"]
