@@ -60,6 +60,13 @@ class Command(TyperCommand):
 
     many: Sequence[str] = ()
 
+    def get_help_option(self, ctx: Any) -> Any:
+        """``--help``, worded as the other options are."""
+        option = super().get_help_option(ctx)
+        if option is not None:
+            option.help = "show this help"
+        return option
+
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Parses; InputError for arguments that no file or option can have."""
         check_arguments(args)

@@ -15,7 +15,9 @@ from typing import Annotated, Any
 
 import typer
 
-Attached = Annotated[bool, typer.Option("--attached", help="end when standard input does: with who started it")]
+Attached = Annotated[
+    bool, typer.Option("--attached", help="end when standard input is closed, as when the process that started it ends")
+]
 
 
 def start_attached(arguments: list[str], **options: Any) -> subprocess.Popen[str]:

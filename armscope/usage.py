@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 COMMANDS: dict[str, str] = {
-    "init": "a commented starter project: rig, model, experiments, and what to edit",
+    "init": "write a commented starter project: rig, model, experiments, and what to edit",
     "doctor": "check every device of a rig and suggest a remedy for each fault",
     "daemon": "run the service of a rig: open its devices, sample, publish over Zenoh, answer commands",
     "record": "run one experiment and record it to one file, through a running daemon or an embedded one",

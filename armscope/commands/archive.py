@@ -40,11 +40,11 @@ def command(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="folder of recordings and results, with its folders")],
     action: Annotated[
         Action,
-        typer.Argument(help="parameters: names of all; plot PARAMETER; compare A B; open PATH (or a part of it)"),
+        typer.Argument(
+            metavar="ACTION", help="parameters: names of all; plot PARAMETER; compare A B; open PATH (or a part of it)"
+        ),
     ] = Action.LIST,
-    names: Annotated[
-        list[str] | None, typer.Argument(metavar="[NAME ...]", help="of the action", show_default=False)
-    ] = None,
+    names: Annotated[list[str] | None, typer.Argument(metavar="NAME", help="of the action", show_default=False)] = None,
     kind: Annotated[
         str | None, typer.Option(metavar="KIND", help="recording, identification, diagnosis, kinematics, comparison")
     ] = None,
@@ -52,15 +52,20 @@ def command(
     rig: Annotated[str | None, typer.Option(metavar="RIG", help="part of the rig's name")] = None,
     experiment: Annotated[str | None, typer.Option(metavar="EXP", help="part of the experiment's name")] = None,
     path: Annotated[str | None, typer.Option(metavar="PATH", help="part of the path")] = None,
-    since: Annotated[str | None, typer.Option(metavar="DATE", help="UTC: 2026, 2026-01, 2026-01-31, ...")] = None,
-    until: Annotated[str | None, typer.Option(metavar="DATE", help="the same; that year, month, day included")] = None,
+    since: Annotated[
+        str | None, typer.Option(metavar="DATE", help="from this year, month or day on, UTC: 2026, 2026-01, 2026-01-31")
+    ] = None,
+    until: Annotated[str | None, typer.Option(metavar="DATE", help="until this year, month or day, included")] = None,
     lost: Annotated[int | None, typer.Option(metavar="ROWS", help="at most this number of lost rows")] = None,
     verdict: Annotated[str | None, typer.Option(metavar="WORDS", help="part of a result's verdict: backlash")] = None,
-    calibration: Annotated[str | None, typer.Option(metavar="HASH", help="of the rig's calibration")] = None,
-    state: Annotated[str | None, typer.Option(help="whole, unfinished, damaged, unreadable")] = None,
-    model: Annotated[Path | None, typer.Option(metavar="MODEL.toml", help="of the arm, to compare recordings")] = None,
+    calibration: Annotated[str | None, typer.Option(metavar="HASH", help="hash of the rig's calibration")] = None,
+    state: Annotated[str | None, typer.Option(metavar="STATE", help="whole, unfinished, damaged, unreadable")] = None,
+    model: Annotated[
+        Path | None, typer.Option(metavar="MODEL.toml", help="model of the arm, to compare recordings")
+    ] = None,
     out: Annotated[
-        Path | None, typer.Option(metavar="OUT", help="the picture of plot (.png, .pdf, .svg); the folder of compare")
+        Path | None,
+        typer.Option(metavar="FILE|DIR", help="the picture of plot (.png, .pdf, .svg); the folder of compare"),
     ] = None,
     as_json: Json = False,
 ) -> None:

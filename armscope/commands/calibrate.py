@@ -47,11 +47,13 @@ Runs = Annotated[
 ]
 HeldOut = Annotated[
     list[Path] | None,
-    typer.Option("--held-out", metavar="RUN.mcap", help="held-out recording or table of poses; may be repeated"),
+    typer.Option("--held-out", metavar="B.mcap ...", help="held-out recordings or tables of poses"),
 ]
 TrackerFiles = Annotated[
     list[Path] | None,
-    typer.Option(metavar="FILE.csv", help="the tracker's own file (t, x, y, z) of each RUN.mcap, in the same order"),
+    typer.Option(
+        metavar="FILE.csv ...", help="the tracker's own file (t, x, y, z) of each RUN.mcap, in the same order"
+    ),
 ]
 Target = Annotated[
     list[str] | None,

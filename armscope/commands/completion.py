@@ -20,7 +20,9 @@ class Shell(StrEnum):
 
 
 def command(
-    shell: Annotated[Shell, typer.Argument(help="the shell; the script goes to standard output")],
+    shell: Annotated[
+        Shell, typer.Argument(metavar="bash|zsh|fish", help="the shell; the script goes to standard output")
+    ],
     as_json: Json = False,
 ) -> None:
     from armscope.application import command_of

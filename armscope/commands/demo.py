@@ -34,7 +34,7 @@ def command(
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="folder for all results; default: a new folder")
     ] = None,
-    fit: Annotated[str, typer.Option(help="experiment of config/experiments to identify from")] = FIT,
+    fit: Annotated[str, typer.Option(metavar="NAME", help="experiment of config/experiments to identify from")] = FIT,
     held_out: Annotated[str, typer.Option(help="held-out experiment")] = HELD_OUT,
     as_json: Json = False,
 ) -> None:

@@ -60,7 +60,7 @@ def command(
         list[Path] | None,
         typer.Option(
             metavar="FILE",
-            help="also write points: JointTrajectory (.yaml, .json), .csv or URScript (.script); repeatable",
+            help="also write points: JointTrajectory (.yaml, .json), .csv or URScript (.script); may be repeated",
         ),
     ] = None,
     trajectory_rate: Annotated[

@@ -29,7 +29,7 @@ class Format(StrEnum):
 
 
 def command(
-    recording: Annotated[Path, typer.Argument(help="RUN.mcap")],
+    recording: Annotated[Path, typer.Argument(metavar="RUN.mcap", help="the recording")],
     out: Annotated[Path, typer.Option(help="the .csv, .parquet or .mat to write, or a folder; must not be there yet")],
     to: Annotated[
         Format | None,

@@ -25,19 +25,20 @@ def command(
     worn: Annotated[
         float, typer.Option(min=0, max=1, help="share of arms that wear; each second one is repaired")
     ] = 0.5,
-    seconds: Annotated[float, typer.Option(min=4, max=3600, help="s of one recording")] = 12.0,
-    seed: Annotated[int, typer.Option(min=0, help="of the lives and of the noise")] = 1,
-    model: Annotated[Path, typer.Option(metavar="MODEL.toml", help="of all arms; must have a [controller]")] = Path(
-        MODEL
-    ),
+    seconds: Annotated[float, typer.Option(min=4, max=3600, help="duration of one recording, s")] = 12.0,
+    seed: Annotated[int, typer.Option(min=0, help="seed of wear and noise")] = 1,
+    model: Annotated[
+        Path, typer.Option(metavar="MODEL.toml", help="model of all arms; must have a [controller]")
+    ] = Path(MODEL),
     temperature_std: Annotated[
-        float, typer.Option(min=0, max=30, help="K, of an arm's temperature from night to night; friction follows it")
+        float,
+        typer.Option(min=0, max=30, help="std of an arm's temperature from night to night, K; friction follows it"),
     ] = 0.0,
     season: Annotated[
-        float, typer.Option(min=-60, max=60, help="K by which all arms are warmer in the last night than in the first")
+        float, typer.Option(min=-60, max=60, help="rise of all temperatures from the first night to the last, K")
     ] = 0.0,
     noise_correlation: Annotated[
-        float, typer.Option(min=0, max=10, help="s over which the noise of a current forgets itself; 0: white")
+        float, typer.Option(min=0, max=10, help="correlation time of the current noise, s; 0: white")
     ] = 0.0,
     as_json: Json = False,
 ) -> None:

@@ -46,7 +46,7 @@ class Shape(StrEnum):
 
 
 def command(
-    run: Annotated[list[Path], typer.Argument(metavar="RUN.mcap...", help="recordings to fit")],
+    run: Annotated[list[Path], typer.Argument(metavar="RUN.mcap", help="recordings to fit")],
     model: Annotated[Path, typer.Option(metavar="MODEL.toml", help="geometry, drives and initial values")],
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="folder for identification.json, report.html, model.toml")

@@ -31,12 +31,15 @@ def command(
     table: Annotated[
         Path,
         typer.Argument(
+            metavar="TABLE",
             help="CSV, Parquet, .mat or HDF5 with t, q1.., i1.. (and qref, ql, v, temp per joint, x, y, z), or under "
-            "other names; or a ROS 2 bag with JointState (its folder, .mcap or .db3)"
+            "other names; or a ROS 2 bag with JointState (its folder, .mcap or .db3)",
         ),
     ],
     out: RecordingOut,
-    rig: Annotated[Path | None, typer.Option(help="rig file with the joints; default: joints from the columns")] = None,
+    rig: Annotated[
+        Path | None, typer.Option(metavar="RIG.toml", help="rig file with the joints; default: joints from the columns")
+    ] = None,
     model: Annotated[
         Path | None,
         typer.Option(

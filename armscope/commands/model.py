@@ -30,7 +30,9 @@ def command(
     model: Annotated[
         Path | None,
         typer.Argument(
-            help="the arm: a model file (.toml), a URDF file (.urdf) or a MuJoCo model (.xml)", show_default=False
+            metavar="MODEL",
+            help="the arm: a model file (.toml), a URDF file (.urdf) or a MuJoCo model (.xml)",
+            show_default=False,
         ),
     ] = None,
     out: Annotated[Path | None, typer.Option(help="write the arm as .toml or .urdf; with --into as that file")] = None,
@@ -51,7 +53,9 @@ def command(
             help="with --out: this URDF or MuJoCo file with the numbers of the model, all else kept",
         ),
     ] = None,
-    tip: Annotated[str | None, typer.Option(help="last link or body, of a URDF or MuJoCo file that branches")] = None,
+    tip: Annotated[
+        str | None, typer.Option(metavar="LINK", help="last link or body, of a URDF or MuJoCo file that branches")
+    ] = None,
     gear: Annotated[
         list[float] | None,
         typer.Option(metavar="G ...", help="turns of the motor per turn of the joint, one for all or one each"),

@@ -24,7 +24,10 @@ if TYPE_CHECKING:
 
 def command(
     recordings: Annotated[
-        list[Path], typer.Argument(help="RUN.mcap ...: measured first, then simulated; or EXP.toml, a motion")
+        list[Path],
+        typer.Argument(
+            metavar="RUN.mcap|EXP.toml", help="recordings: measured first, then simulated; or one experiment"
+        ),
     ],
     out: Annotated[Path | None, typer.Option(help="the picture (.png, .svg or .pdf)")] = None,
     animate: Annotated[
@@ -36,7 +39,7 @@ def command(
     ] = None,
     fps: Annotated[float, typer.Option(min=1.0, max=100.0, help="frames per second of --animate")] = 25.0,
     speed: Annotated[float, typer.Option(min=0.001, max=1000.0, help="speed of --animate relative to real time")] = 1.0,
-    joint: Annotated[list[int] | None, typer.Option(help="only this joint (may be given more than once)")] = None,
+    joint: Annotated[list[int] | None, typer.Option(help="only this joint; may be repeated")] = None,
     model: Annotated[
         Path | None,
         typer.Option(

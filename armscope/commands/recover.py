@@ -16,8 +16,12 @@ from daq.recording.recover import recover
 
 
 def command(
-    recording: Annotated[Path, typer.Argument(help="RUN.mcap.active, or a damaged RUN.mcap")],
-    out: Annotated[Path | None, typer.Option(help="the recording to write; default: without '.active'")] = None,
+    recording: Annotated[
+        Path, typer.Argument(metavar="RUN.mcap.active", help="the unfinished recording, or a damaged RUN.mcap")
+    ],
+    out: Annotated[
+        Path | None, typer.Option(metavar="RUN.mcap", help="the recording to write; default: without '.active'")
+    ] = None,
     force: Annotated[bool, typer.Option("--force", help="replace an existing recording")] = False,
     as_json: Json = False,
 ) -> int:

@@ -29,7 +29,7 @@ def command(
     rig: Annotated[
         Path | None, typer.Option(metavar="RIG.toml", help="the endpoint of this rig; default: loopback")
     ] = None,
-    endpoint: Annotated[str, typer.Option(help="another loopback endpoint")] = "tcp/127.0.0.1:7447",
+    endpoint: Annotated[str, typer.Option(metavar="ENDPOINT", help="another loopback endpoint")] = "tcp/127.0.0.1:7447",
     wait: Annotated[float, typer.Option(metavar="S", help="maximum time to wait for the first subscriber, s")] = 2.0,
     as_json: Json = False,
 ) -> None:

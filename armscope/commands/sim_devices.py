@@ -27,7 +27,9 @@ PREFIX, SIMULATORS = "drivers.", "sim_backend.protocol."
 
 
 def command(
-    rig: Annotated[Path, typer.Argument(help="RIG.toml; the addresses of its devices must be on this machine")],
+    rig: Annotated[
+        Path, typer.Argument(metavar="RIG.toml", help="the rig; the addresses of its devices must be on this machine")
+    ],
     as_json: ReadyJson = False,
 ) -> None:
     stop = threading.Event()

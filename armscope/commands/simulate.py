@@ -17,14 +17,19 @@ from daq.recording.provenance import check_replaceable
 
 
 def command(
-    model: Annotated[Path, typer.Option(help="the arm (config/models/*.toml)")],
+    model: Annotated[Path, typer.Option(metavar="MODEL.toml", help="the arm (config/models/*.toml)")],
     out: RecordingOut,
-    experiment: Annotated[Path | None, typer.Option(help="experiment file with the motion")] = None,
-    like: Annotated[Path | None, typer.Option(help="recording whose demands (qref) the arm follows")] = None,
+    experiment: Annotated[Path | None, typer.Option(metavar="EXP.toml", help="the motion")] = None,
+    like: Annotated[
+        Path | None, typer.Option(metavar="RUN.mcap", help="recording whose demands (qref) the arm follows")
+    ] = None,
     rate: Annotated[float | None, typer.Option(help="rows/s; default: the experiment's, else 1000")] = None,
     target: Annotated[
         str | None,
-        typer.Option(help="x,y,z of a tracker target in the frame of the last link, m; adds xyz to the recording"),
+        typer.Option(
+            metavar="X,Y,Z",
+            help="position of a tracker target in the frame of the last link, m; adds xyz to the recording",
+        ),
     ] = None,
     temperature: Annotated[
         float | None,

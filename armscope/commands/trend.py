@@ -20,14 +20,14 @@ def command(
     results: Annotated[
         list[str],
         typer.Argument(
-            metavar="RESULT ...",
+            metavar="RESULT",
             help="three or more identification.json or diagnosis.json, their folders, or a folder to search (archive)",
         ),
     ],
     limit: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="NAME=VALUE",
+            metavar="NAME=VALUE ...",
             help="say when a limit is reached: joint3.coulomb=..12 (at most), =12.. (at least), =12, or =+50%",
         ),
     ] = None,
@@ -35,9 +35,14 @@ def command(
     arm: Annotated[str | None, typer.Option(metavar="ARM", help="of a folder: part of the arm's name")] = None,
     path: Annotated[str | None, typer.Option(metavar="PATH", help="of a folder: part of the results' paths")] = None,
     since: Annotated[
-        str | None, typer.Option(metavar="DATE", help="of a folder: 2026, 2026-01, 2026-01-31, ... UTC")
+        str | None,
+        typer.Option(
+            metavar="DATE", help="of a folder: from this year, month or day on, UTC: 2026, 2026-01, 2026-01-31"
+        ),
     ] = None,
-    until: Annotated[str | None, typer.Option(metavar="DATE", help="the same; that year, month, day included")] = None,
+    until: Annotated[
+        str | None, typer.Option(metavar="DATE", help="of a folder: until this year, month or day, included")
+    ] = None,
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="folder for trend.json, trend.html")] = None,
     png: Png = False,
     pdf: Pdf = False,
