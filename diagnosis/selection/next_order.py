@@ -1,10 +1,11 @@
-"""What belongs to an effect that is chosen: next-order terms of its law, harmonics and side bands of a ripple.
+"""What belongs to an effect that is chosen: next-order terms of its law, and further orders of a ripple.
 
 An effect that was chosen and leaves what a term of its own law explains is that effect with the term, not two effects.
 A term is a candidate once its effect is chosen. It has a column of its own, and refers to the phase or the rest
 position that its effect has by then. A ripple is periodic, and seldom a pure sine: the same effect at a small multiple
 of its order is its harmonic. A wheel whose teeth differ over its turn, or that sits eccentrically, makes side bands:
-the same effect at an order that is a turn or two of a slower shaft away.
+the same effect at an order that is a turn or two of a slower shaft away. Another wheel, or a second error of the same
+one, makes a ripple of an order of its own.
 """
 
 from __future__ import annotations
@@ -24,6 +25,8 @@ HIGHEST = 3
 """Multiples that belong to a ripple; higher ones have origins of their own (a motor's poles, the teeth of a wheel)."""
 SAME = 0.01
 """Relative difference of two orders that are multiples."""
+SAME_ORDER = 1e-6
+"""Relative difference below which two orders are the same: their rounding."""
 
 
 def next_orders(chosen: Candidate, coefficients: Array, seconds: float) -> Iterator[Candidate]:
@@ -64,11 +67,20 @@ def term_share(candidate: Candidate) -> float:
     return candidate.definition.of_term(candidate.terms[-1]).term_share
 
 
-def of_ripples(chosen: Sequence[Candidate], library: Iterable[Candidate], arm: Arm) -> Iterator[Candidate]:
-    """Candidates that are harmonics or side bands of a chosen ripple, and are not chosen yet."""
+def further_orders(chosen: Sequence[Candidate], library: Iterable[Candidate]) -> Iterator[Candidate]:
+    """Candidates that are ripples of another order than those chosen of the same effect and joint."""
     for c in library:
-        if c not in chosen and is_of_ripple(c, chosen, arm):
+        if is_further_order(c, chosen):
             yield c
+
+
+def is_further_order(candidate: Candidate, chosen: Sequence[Candidate]) -> bool:
+    """Whether a candidate is a ripple of which other orders are chosen, and not its own."""
+    others = [one for one in chosen if one.key == candidate.key]
+    if not (others and candidate.definition.wave):
+        return False
+    order = _order(candidate)
+    return all(abs(_order(one) - order) > SAME_ORDER * order for one in others)
 
 
 def is_of_ripple(candidate: Candidate, chosen: Sequence[Candidate], arm: Arm) -> bool:
@@ -79,8 +91,13 @@ def is_of_ripple(candidate: Candidate, chosen: Sequence[Candidate], arm: Arm) ->
 def _of_one_ripple(candidate: Candidate, ripple: Candidate, arm: Arm) -> bool:
     if candidate.key != ripple.key or candidate.amplitude != ripple.amplitude or not candidate.definition.wave:
         return False
-    order, other = (c.definition.cycles(dict(c.shape)) for c in (candidate, ripple))
+    order, other = _order(candidate), _order(ripple)
     return are_multiples(order, other) or side_band(order, other, arm.joints[(candidate.joint or 1) - 1]) is not None
+
+
+def _order(ripple: Candidate) -> float:
+    """Cycles per turn of the motor."""
+    return ripple.definition.cycles(dict(ripple.shape))
 
 
 def are_multiples(order: float, other: float) -> bool:

@@ -118,8 +118,13 @@ def _of_motor(order: float) -> bool:
 def in_words(candidate: Candidate, joint: Joint) -> str:
     """``45 cycles per turn of the joint, 0.45 of the motor``; empty for a candidate that is no ripple of a wheel."""
     order = order_of(candidate)
-    if order is None or _of_motor(order):
-        return ""
+    return "" if order is None or _of_motor(order) else cycles_in_words(order, joint)
+
+
+def cycles_in_words(order: float, joint: Joint) -> str:
+    """``45 cycles per turn of the joint, 0.45 of the motor``; of the motor alone where that is a whole number."""
+    if _of_motor(order):
+        return f"{order:.4g} cycles per turn of the motor"
     found = [f"{order * joint.ratio:.4g} cycles per turn of the joint"] if joint.revolute else []
     for number, (_, own, _) in enumerate(_shafts(joint)[:-1], 1):
         if _of_motor(cycles := order / own):

@@ -26,7 +26,7 @@ from diagnosis.measurements.currents.search import Found, search, without
 from diagnosis.measurements.currents.structure.dominant import dominant, remainder_of
 from diagnosis.residual.run import Run
 from diagnosis.selection.candidate import Candidate
-from diagnosis.selection.next_order import is_of_ripple
+from diagnosis.selection.next_order import is_further_order
 from diagnosis.verification.final_gain import negligible, with_significance, within_model
 from identification.selection import Split
 
@@ -57,7 +57,7 @@ def tenable_causes(
         if removed is None:
             return found, with_significance(found.state, causes)
         candidate = found.state.chosen[removed]
-        if is_of_ripple(candidate, found.state.chosen, model.arm):
+        if is_further_order(candidate, [c for c in found.state.chosen if c is not candidate]):
             found = without(found, candidate)
             continue
         refused.append(candidate.key)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,7 +20,16 @@ TEETH, TORQUE, MISREAD = 45, 0.8, 4e-4
 """Cycles per turn of joint 1; N m and rad."""
 
 
-def _recorded(path: Path, arm: Arm, seed: int, torque: float, misread: float, uneven: float = 0.0) -> Recording:
+def _recorded(
+    path: Path,
+    arm: Arm,
+    seed: int,
+    torque: float,
+    misread: float,
+    uneven: float = 0.0,
+    others: Sequence[tuple[float, float]] = (),
+) -> Recording:
+    """others: N m and cycles per turn of joint 1 of further waves of torque."""
     rng, t = np.random.default_rng(seed), np.arange(3000) / 250.0
     # side bands show over half a turn or more
     q, qd, qdd = (one * [2.5 if uneven else 1.0, 1.0] for one in motion(t, 2, seed, 0.8))
@@ -30,7 +40,7 @@ def _recorded(path: Path, arm: Arm, seed: int, torque: float, misread: float, un
         needed[:, j] += dry * v / np.hypot(v, joint.sign_velocity) + joint.ratio**2 * joint.viscous[0] * v
         needed[:, j] += joint.ratio**2 * joint.rotor_inertia * qdd[:, j]
     wave = np.sin(TEETH * q[:, 0] + 0.4) * (1.0 + uneven * np.cos(q[:, 0] - 0.8))
-    needed[:, 0] += torque * wave
+    needed[:, 0] += torque * wave + sum(size * np.sin(cycles * q[:, 0] + cycles) for size, cycles in others)
     i = needed / arm.joint_array("drive_constant") + 0.02 * rng.standard_normal(q.shape)
     read = q + misread * wave[:, None] * (np.arange(2) == 0)
     write_table(path, t, {"q": np.round(read / 1e-5) * 1e-5, "i": i}, Attachments())
@@ -73,6 +83,28 @@ def test_side_bands_of_uneven_teeth_belong_to_the_ripple(tmp_path: Path, root: P
     bands = {round(term.parameters["order"] * ratio): term.parameters["torque"] for term in cause.harmonics}
     assert bands == pytest.approx({TEETH - 1: 0.5, TEETH + 1: 0.5}, rel=0.2)
     assert "side band -1 per turn of the joint" in cause.evidence
+
+
+@pytest.mark.parametrize("torque", [0.0, TORQUE])
+def test_ripples_of_two_wheels_and_of_two_orders_of_a_motor_are_named(
+    torque: float, tmp_path: Path, root: Path
+) -> None:
+    """Each order is a term of one cause: a second one was unexplained, or was named a position error of the gear."""
+    arm = puma(root, 2)
+    ratio = arm.joints[0].ratio
+    (own, of_motor) = ([(0.6, 61.0)], []) if torque else ([], [(TORQUE, 3 * ratio), (0.6, 5 * ratio)])
+    runs = [_recorded(tmp_path / f"{seed}.mcap", arm, seed, torque, 0.0, others=own + of_motor) for seed in (1, 2, 3)]
+    found = diagnose(arm, runs[:2], runs[2:])
+    (cause,) = found.causes
+    assert cause.key == ("gear_ripple" if torque else "cogging", 1) and found.verdict == "explained"
+    name, order = ("torque", "order") if torque else ("amplitude", "pole_pairs")
+    (further,) = cause.harmonics
+    values = {p.name: p.value for p in cause.parameters}
+    assert values[name] == pytest.approx(TORQUE, rel=0.02) and further.parameters[name] == pytest.approx(0.6, rel=0.03)
+    both = [values[order] * ratio, further.parameters[order] * ratio]
+    assert both == pytest.approx([TEETH, 61.0] if torque else [3 * ratio, 5 * ratio])
+    where = "61 cycles per turn of the joint" if torque else "5 cycles per turn of the motor"
+    assert f"further order, {where}" in cause.evidence
 
 
 def test_side_bands_are_turns_of_a_slower_shaft_away(root: Path) -> None:

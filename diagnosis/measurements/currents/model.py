@@ -24,7 +24,15 @@ from diagnosis.measurements.currents.structure.noise_ratio import joints_above_n
 from diagnosis.selection.bodies import body_of, link_of
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Columns, Dataset, Pair
-from diagnosis.selection.next_order import is_of_ripple, next_orders, of_last_term, of_ripples, small_term, term_share
+from diagnosis.selection.next_order import (
+    further_orders,
+    is_further_order,
+    is_of_ripple,
+    next_orders,
+    of_last_term,
+    small_term,
+    term_share,
+)
 from diagnosis.selection.regression import best_of_each, score
 from diagnosis.selection.ripple_orders import detectable
 from diagnosis.selection.unseen_inertia import explained, unseen_inertia
@@ -79,12 +87,12 @@ class Currents(MeasurementModel[Candidate, State]):
         scores += [
             score(c, of_last_term(self.columns(c)), state.fitted, state.data.held_out)
             for k, (chosen, own) in enumerate(zip(state.chosen, state.coefficients))
-            if not is_of_ripple(chosen, state.chosen[:k], self.arm)
+            if not is_further_order(chosen, state.chosen[:k])
             for c in next_orders(chosen, own, self._seconds)
         ]
         scores += [
             score(c, self.library[c], state.fitted, state.data.held_out)
-            for c in of_ripples(state.chosen, self.library, self.arm)
+            for c in further_orders(state.chosen, self.library)
             if c.key not in self.excluded
         ]
         return sorted(
@@ -156,7 +164,7 @@ class Currents(MeasurementModel[Candidate, State]):
             return _replaced(state, before, sharp)
         if score.candidate.body:
             return self._with_body(score.candidate, rivals, state)
-        if is_of_ripple(score.candidate, state.chosen, self.arm):
+        if is_further_order(score.candidate, state.chosen):
             return replace(state, chosen=(*state.chosen, score.candidate))
         sharp = refined(score.candidate, state.fitted, self.data.fit)
         return State(self, (*state.chosen, sharp), state.data, {**state.rivals, sharp.key: rivals})

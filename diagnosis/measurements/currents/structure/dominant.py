@@ -22,14 +22,18 @@ from diagnosis.selection.design import Dataset
 
 
 def dominant(state: State) -> list[Candidate]:
-    """The chosen candidates of one joint that alone explain ``LIMITS.dominant`` of its excess; one per joint."""
+    """The chosen candidates of one joint that alone explain ``LIMITS.dominant`` of its excess.
+
+    One per joint, or the ripples of a joint together: a wheel and a motor make several orders.
+    """
     found = []
     for joint in sorted({c.joint for c in state.chosen if c.joint}):
         own = [c for c in state.chosen if c.joint == joint]
-        shares = {c: explained_alone([c], state) for c in own}
-        best = max(own, key=lambda c: shares[c])
-        if shares[best] > state.model.limits.dominant:
-            found.append(best)
+        ripples = [c for c in own if c.definition.wave]
+        alone = [*([c] for c in own if c not in ripples), *([ripples] if ripples else [])]
+        share, best = max(((explained_alone(several, state), several) for several in alone), key=lambda one: one[0])
+        if share > state.model.limits.dominant:
+            found += best
     return found
 
 
