@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from arm_model.description import Arm, Capsule
+from arm_model.description import Arm
 from arm_model.rigid_body.kinematics import placement
+from arm_model.tables.link_shapes import Capsule
 
 ASSUMED = 0.05
 """Radius of an assumed capsule over the arm's length: 6 cm for an arm that reaches 1.2 m with its links in a row."""

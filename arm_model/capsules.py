@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 
 from arm_io.types import Array
-from arm_model.description import Capsule
+from arm_model.tables.link_shapes import Capsule
 
 
 def of_geometry(shape: str, sizes: tuple[float, ...], pose: Array) -> Capsule:

@@ -1,4 +1,4 @@
-"""What an arm is: joints and links, its controller, its effects. Its model file: ``arm_model.model_file``.
+"""What an arm is: its joints and links, how they are coupled, its effects. Its model file: ``arm_model.model_file``.
 
 Conventions (all SI, angles rad; prismatic joints m and N where revolute ones have rad and N m):
 
@@ -31,90 +31,13 @@ from pydantic import Field, model_validator
 from pydantic.dataclasses import dataclass
 
 from arm_io.types import Array
+from arm_model.tables.controller import Controller
+from arm_model.tables.drive import STAGES_AND_GEAR, FrictionCurve, GearStage
 from arm_model.tables.fields import IDENTITY, STRICT, Directions, NotNegative, Pose, Positive, Vector
 from arm_model.tables.floating_base import FloatingBase
+from arm_model.tables.link_shapes import Capsule, Cylinder
 from arm_model.tables.temperatures import Temperatures
 from arm_model.tables.uncertainty import Uncertainty
-
-
-@dataclass(frozen=True, config=STRICT)
-class Cylinder:
-    """The body of one link as the water meets it, and what the water does to it.
-
-    See ``arm_model.rigid_body.hydrodynamics``).
-
-    start, end (3,) m in the link's frame; radius m; density kg/m3 of the water. The coefficients are of Morison's
-    equation: drag C_d of rho C_d R |v| v, added mass C_a of rho C_a pi R^2 a, both per length and across the axis;
-    buoyancy: the share of the displaced water's weight that carries the link, 1 where it is immersed.
-    """
-
-    start: Vector
-    end: Vector
-    radius: Positive
-    density: Positive = 1025.0
-    drag_coefficient: NotNegative = 0.0
-    added_mass_coefficient: NotNegative = 0.0
-    buoyancy: NotNegative = 0.0
-
-    @model_validator(mode="after")
-    def _has_a_length(self) -> Cylinder:
-        if self.start == self.end:
-            raise ValueError("cylinder: starts where it ends; use two different points")
-        return self
-
-
-@dataclass(frozen=True, config=STRICT)
-class Capsule:
-    """A part of a link's surface for checks of collisions: all within ``radius`` m of the segment from start to end.
-
-    start, end (3,) m in the link's frame; the same point twice makes a sphere.
-    """
-
-    start: Vector
-    end: Vector
-    radius: Positive
-
-
-@dataclass(frozen=True, config=STRICT)
-class FrictionCurve:
-    """Friction of free shape, in addition to a joint's viscous and Coulomb friction, at the JOINT.
-
-    speed (K,) rad/s (m/s), increasing, from 0 or more; positive, negative (K,) N m (N) against motion in that
-    direction at these speeds. Straight lines between them, constant below the first and beyond the last
-    (``arm_model.rigid_body.friction_curve``). A value may be negative: the total friction must oppose the motion.
-    """
-
-    speed: Annotated[tuple[NotNegative, ...], Field(min_length=2)]
-    positive: tuple[float, ...]
-    negative: tuple[float, ...]
-
-    @model_validator(mode="after")
-    def _one_value_per_speed(self) -> FrictionCurve:
-        if any(after <= before for before, after in zip(self.speed, self.speed[1:])):
-            raise ValueError("friction_curve.speed: must increase from each entry to the next")
-        for name in ("positive", "negative"):
-            if len(getattr(self, name)) != len(self.speed):
-                raise ValueError(
-                    f"friction_curve.{name}: has {len(getattr(self, name))} entries, speed has {len(self.speed)}"
-                )
-        return self
-
-
-@dataclass(frozen=True, config=STRICT)
-class GearStage:
-    """One stage of a gear.
-
-    ratio  turns of its shaft at the motor's side per turn of that at the joint's side
-    teeth  engagements per turn of the shaft at the joint's side: the teeth of the wheel on it (of a planet carrier:
-           those of the ring); absent: not known
-    """
-
-    ratio: Positive
-    teeth: Annotated[int, Field(gt=0)] | None = None
-
-
-STAGES_AND_GEAR = 0.02
-"""Largest relative difference between the product of the ratios of a gear's stages and the ratio of the gear."""
 
 
 @dataclass(frozen=True, config=STRICT)
@@ -212,48 +135,6 @@ class Joint:
     def drive_constant(self) -> float:
         """Joint torque over motor current, N m/A (N/V for a voltage drive): abs(gear) torque_constant."""
         return self.ratio * self.torque_constant
-
-
-@dataclass(frozen=True, config=STRICT)
-class Controller:
-    """Independent-joint servos, evaluated at every servo tick.
-
-    On the motor angle over gear ratio qm, and its difference v, low-passed:
-
-        current = position_gain (r - qm) + integral_gain int (r - qm) dt + velocity_gain (velocity_reference r' - v)
-
-    clipped at torque_limit / (abs(gear) k), behind a current loop of first order. Gains come either per joint as they
-    stand (kind "gains", A/rad, A/(rad s), A s/rad; V and m for the EMPS), as a cascade (kind "cascade": velocity_gain,
-    and position_gain in 1/s that makes the velocity demand), or from a bandwidth (kind "bandwidth": J = diagonal of the
-    mass matrix at inertia_pose plus reflected rotors, Kp = wn^2 J, Kd = 2 zeta wn J, Ki = integral_rate Kp, over
-    abs(gear) k).
-    """
-
-    setpoint_period: Positive = 0.028  # s between the host's setpoints; the servo interpolates linearly
-    servo_period: Positive = 0.000875  # s
-    kind: Literal["bandwidth", "cascade", "gains"] = "bandwidth"
-    natural_frequency: tuple[Positive, ...] | None = None  # rad/s, kind "bandwidth", as are the next three
-    damping_ratio: Positive = 1.0
-    integral_rate: NotNegative = 0.0  # 1/s
-    inertia_pose: tuple[float, ...] | None = None  # rad
-    position_gain: tuple[float, ...] | None = None
-    velocity_gain: tuple[float, ...] | None = None
-    integral_gain: tuple[float, ...] | None = None
-    velocity_reference: NotNegative = 1.0  # share of the demanded velocity that the velocity loop is given
-    velocity_bandwidth: Positive | None = None  # rad/s of the low-pass on the differenced angle; absent: no low-pass
-    current_lag: NotNegative = 0.0  # s, time constant of the current loop
-
-    @model_validator(mode="after")
-    def _gains_are_there(self) -> Controller:
-        wanted = {
-            "bandwidth": ("natural_frequency", "inertia_pose"),
-            "cascade": ("position_gain", "velocity_gain"),
-            "gains": ("position_gain", "velocity_gain"),
-        }[self.kind]
-        for name in wanted:
-            if getattr(self, name) is None:
-                raise ValueError(f"a controller of kind {self.kind!r} needs '{name}', one entry per joint")
-        return self
 
 
 @dataclass(frozen=True, config=STRICT)

@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_io.types import Array
-from arm_model.description import Arm, FrictionCurve, Joint
+from arm_model.description import Arm, Joint
 from arm_model.parameters import curve_place, friction_and_direction, unchecked
 from arm_model.rigid_body.friction_curve import line_through, total_at, weights
+from arm_model.tables.drive import FrictionCurve
 
 
 @lru_cache(maxsize=256)

@@ -13,13 +13,15 @@ from arm_io import InputError, check_table, read_toml, toml_of, write_toml
 from arm_io.entries import other_kind
 from arm_io.table import Table
 from arm_io.toml import one_line
-from arm_model.description import Arm, Capsule, Controller, Coupling, EffectTerm, Joint
+from arm_model.description import Arm, Coupling, EffectTerm, Joint
 from arm_model.effects import check_terms, dissipation
 from arm_model.mjcf import SUFFIXES, mjcf_of, read_mjcf
 from arm_model.parameters import parameter
 from arm_model.rigid_body.inertia import unphysical
+from arm_model.tables.controller import Controller
 from arm_model.tables.fields import IDENTITY, Pose, Vector
 from arm_model.tables.floating_base import FloatingBase, Thruster
+from arm_model.tables.link_shapes import Capsule
 from arm_model.tables.uncertainty import Uncertainty, read_uncertainty, write_uncertainty
 from arm_model.urdf.reading import read_urdf, urdf_of
 

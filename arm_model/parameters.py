@@ -23,12 +23,13 @@ from dataclasses import fields, replace
 from typing import TypeVar
 
 from arm_io import InputError
-from arm_model.description import Arm, Cylinder, Joint
+from arm_model.description import Arm, Joint
 from arm_model.rigid_body.hydrodynamics import COEFFICIENTS
 from arm_model.rigid_body.inertia import PARAMETERS, about_com, barycentric
 from arm_model.rigid_body.link_friction import LINK_FRICTION
 from arm_model.servo import fixed_gains
 from arm_model.tables import base_parameters, with_base_parameters
+from arm_model.tables.link_shapes import Cylinder
 
 _DIRECT = (
     "drag",

@@ -32,11 +32,12 @@ import numpy as np
 
 from arm_io.parallel import cores
 from arm_io.types import Array
-from arm_model.description import Arm, Cylinder
+from arm_model.description import Arm
 from arm_model.model_file import read_model
 from arm_model.simulation.servo_references import references, row_times, servo_period
 from arm_model.simulation.simulation import prepared, simulate, simulate_batch
 from arm_model.symbolic.machine_code import LANES
+from arm_model.tables.link_shapes import Cylinder
 from benchmarks import simulation_peers as peers
 from benchmarks.peak_rate import operations_a_step, peak_rate
 from benchmarks.pendulum import double_pendulum, timed

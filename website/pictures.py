@@ -12,10 +12,10 @@ import numpy as np
 import armscope
 from arm_io.types import Array
 from arm_model import Arm
-from arm_model.description import Cylinder
 from arm_model.effects import Effect, Instrument, Variable
 from arm_model.effects.description_errors import CURRENT_LIMIT
 from arm_model.effects.sensing import DROPPED_TRIGGER, MISSED_COUNTS
+from arm_model.tables.link_shapes import Cylinder
 from arm_report.palette import AFTER, BEFORE, GRID
 from website.effects import example_text
 

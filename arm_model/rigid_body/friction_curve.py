@@ -18,8 +18,9 @@ from typing import Any
 import numpy as np
 
 from arm_io.types import Array
-from arm_model.description import FrictionCurve, Joint
+from arm_model.description import Joint
 from arm_model.rigid_body import scalar
+from arm_model.tables.drive import FrictionCurve
 
 
 def bends(speed: Sequence[float], values: Array) -> Array:

@@ -25,11 +25,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from arm_model.description import Arm, Cylinder
+from arm_model.description import Arm
 from arm_model.rigid_body import scalar
 from arm_model.rigid_body.newton_euler import Chain, Motion, chain_of, into, jacobians, motions
 from arm_model.rigid_body.scalar import Scalar
 from arm_model.rigid_body.vectors import Triple, add, apply, cross, dot, floats, mul, plus, sub
+from arm_model.tables.link_shapes import Cylinder
 
 STRIPS = 6
 """Strips of a cylinder, each with the two points of Gauss's rule."""

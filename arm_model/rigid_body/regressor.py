@@ -12,13 +12,14 @@ from typing import Literal
 import numpy as np
 
 from arm_io.types import Array
-from arm_model.description import Arm, FrictionCurve
+from arm_model.description import Arm
 from arm_model.rigid_body import hydrodynamics, newton_euler, scalar
 from arm_model.rigid_body.friction_curve import unit_torques
 from arm_model.rigid_body.hydrodynamics import COEFFICIENTS
 from arm_model.rigid_body.inertia import PARAMETERS, transform_matrix
 from arm_model.rigid_body.link_friction import LINK_FRICTION, unit_link_friction
 from arm_model.rigid_body.numeric import in_blocks, link_parameters, samples, stacked, turns
+from arm_model.tables.drive import FrictionCurve
 
 Friction = Literal["asymmetric", "symmetric"]
 

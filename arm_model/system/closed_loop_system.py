@@ -17,17 +17,16 @@ that torque corrected, which leaves an error of the order mu^2.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-
-import numpy as np
 
 from arm_model.description import Arm
 from arm_model.moving_base.recursion import DOF
-from arm_model.rigid_body import hydrodynamics, newton_euler, scalar
 from arm_model.symbolic.tape import Expr, Tape
 from arm_model.system import floating_base
-from arm_model.system.mechanics import Drag, Joints, Matrix, Mechanics, Shape
+from arm_model.system.links import Links, Symbols, on_base, rigid_links
+from arm_model.system.mechanics import Drag, Joints, Matrix, Mechanics
+from arm_model.system.servo_tick import servo_tick
 from arm_model.system.step_size import without_rotor
 
 
@@ -63,106 +62,6 @@ class System:
         return self.joints + self.thrusters
 
 
-@dataclass(frozen=True)
-class Symbols:
-    """Inputs of the tape; those whose value is zero in every lane are the constant zero, and cost nothing."""
-
-    tape: Tape
-    zero: frozenset[str]
-
-    def __call__(self, name: str) -> Expr:
-        return self.tape.constant(0.0) if name in self.zero else self.tape.input(name)
-
-
-@dataclass(frozen=True)
-class Links:
-    """The rigid links in transmission coordinates: torque without acceleration, and the mass matrix.
-
-    On a floating base both begin with its six rows.
-    """
-
-    carried: list[Expr]
-    matrix: Matrix
-
-
-def rigid_links(
-    arm: Arm, symbol: Symbols, mechanics: Mechanics, joints: Joints, base: floating_base.Base | None = None
-) -> Links:
-    """Links of the arm at ``joints``, with the water round them and their effects, without a load.
-
-    ``base``: where the base floats and moves; absent, it stands.
-    """
-    n, tape, shape = len(arm), symbol.tape, joints.shape
-    if base is not None:
-        return _links_on_base(arm, symbol, mechanics, joints, base)
-    chain = newton_euler.chain_of(arm)
-    q = [shape.q[j] + symbol(f"zero{j}") for j in range(n)]
-    turn = newton_euler.turns(chain, q, scalar.cos, scalar.sin)
-    bodies = _bodies(symbol, n)
-    gravity = [symbol(f"gravity{k}") for k in range(3)]
-    wet = _cylinders(arm, symbol, chain)
-    bias = newton_euler.inverse_dynamics(chain, bodies, turn, q, shape.qd, shape.bias, gravity)
-    water = hydrodynamics.torques(chain, wet, turn, q, shape.qd, shape.bias, gravity)
-    rigid, added = newton_euler.mass_matrix(chain, bodies, turn, q), hydrodynamics.mass_matrix(chain, wet, turn, q)
-    matrix = [[tape.expr(a) + b for a, b in zip(*rows)] for rows in zip(rigid, added)]
-    acting = on_links(symbol, mechanics, joints)
-    torque = [tape.expr(bias[j]) + water[j] + acting[j] for j in range(n)]
-    return Links(shape.pulled(torque), shape.congruent(matrix))
-
-
-def on_links(symbol: Symbols, mechanics: Mechanics, joints: Joints) -> list[Expr]:
-    """(n,) torques that the joints overcome besides those of rigid links: drag, the links' own friction, effects."""
-    shape = joints.shape
-    return [
-        symbol(f"drag{j}") * abs(shape.qd[j]) * shape.qd[j] + _own_friction(symbol, shape, j) + acting
-        for j, acting in enumerate(mechanics.link_torques(joints))
-    ]
-
-
-def _bodies(symbol: Symbols, n: int) -> list[tuple[Expr, ...]]:
-    return [tuple(symbol(f"body{j}.{k}") for k in range(10)) for j in range(n)]
-
-
-def _on_base(arm: Arm, symbol: Symbols, q: Sequence[Expr]) -> floating_base.Links:
-    """The rigid links with their motors at q, on the arm's floating base."""
-    at = floating_base.turned(arm, [q[j] + symbol(f"zero{j}") for j in range(len(arm))])
-    return floating_base.Links(at, _bodies(symbol, len(arm)), _cylinders(arm, symbol, at.links))
-
-
-def _links_on_base(arm: Arm, symbol: Symbols, mechanics: Mechanics, joints: Joints, base: floating_base.Base) -> Links:
-    n, shape = len(arm), joints.shape
-    links = _on_base(arm, symbol, shape.q)
-    whole = floating_base.carried(base, links, symbol, shape.qd, shape.bias)
-    matrix = floating_base.matrix(base, links, symbol)
-    acting = on_links(symbol, mechanics, joints)
-    torque = [whole[DOF + j] + acting[j] for j in range(n)]
-    shared = [shape.pulled(row[DOF:]) for row in matrix[:DOF]]  # base and joints, (6, n)
-    inner = shape.congruent([row[DOF:] for row in matrix[DOF:]])
-    upper = [[*matrix[i][:DOF], *shared[i]] for i in range(DOF)]
-    lower = [[*(shared[i][j] for i in range(DOF)), *inner[j]] for j in range(n)]
-    return Links([*whole[:DOF], *shape.pulled(torque)], [*upper, *lower])
-
-
-def _own_friction(symbol: Symbols, shape: Shape, j: int) -> Expr:
-    """Friction of the axis of joint j itself (``arm_model.rigid_body.link_friction``)."""
-    coulomb, speed = symbol(f"link_coulomb{j}"), shape.qd[j]
-    viscous = symbol(f"link_viscous{j}") * speed
-    if coulomb.value == 0.0:
-        return viscous
-    return viscous + coulomb * scalar.smooth_sign(speed, symbol(f"sign_velocity{j}"))
-
-
-def _cylinders(arm: Arm, symbol: Symbols, chain: newton_euler.Chain) -> hydrodynamics.Bodies:
-    """The cylinders of the arm that any lane has water round."""
-    found = {}
-    for j, joint in enumerate(arm.joints):
-        if joint.cylinder is not None:
-            water = [symbol(f"{name}{j}") for name in ("resistance", "added", "displaced")]
-            if any(coefficient.value != 0.0 for coefficient in water):
-                found[j] = hydrodynamics.shape_of(chain, j, joint.cylinder), hydrodynamics.Water(*water)
-    return found
-
-
 def build(arm: Arm, zero: frozenset[str] = frozenset()) -> System:
     """The system of an arm.
 
@@ -190,41 +89,28 @@ def build(arm: Arm, zero: frozenset[str] = frozenset()) -> System:
     for j in flexible:
         if rotor[j].value == 0.0:
             raise without_rotor(arm, j)
-    rigid = {first + j: rotor[j] for j in range(n) if j not in flexible}
-    size = range(first + n)
-    solve = _Solver([[links.matrix[i][j] + (rigid.get(i, 0.0) if i == j else 0.0) for j in size] for i in size])
     drive = [symbol(f"drive{j}") * tape.input(f"current{j}") for j in range(n)]
     pushed = [] if base is None else [thrust - needed for thrust, needed in zip(base.wrench(), held)]
-
-    def moved(load: list[Expr]) -> tuple[Drag, list[Expr]]:
-        drag = mechanics.drag(replace(joints, load=load))
-        reached = [passed[j] if j in passed else drive[j] - drag.torque[j] for j in range(n)]
-        return drag, solve([*pushed, *(reached[j] - carried[j] for j in range(n))])
-
-    drag, acceleration = moved([passed.get(j, carried[j]) for j in range(n)])
-    inertial = [sum((links.matrix[first + j][k] * acceleration[k] for k in size), carried[j]) for j in range(n)]
-    drag, acceleration = moved([passed.get(j, inertial[j]) for j in range(n)])
+    drag, acceleration = _accelerations(mechanics, joints, links, _Torques(drive, rotor, passed, pushed))
     at_motor = [
         (drive[j] - drag.torque[j] - passed[j]) / rotor[j] if j in passed else acceleration[first + j] for j in range(n)
     ]
 
-    states = [f"theta{j}" for j in range(n)] + [f"speed{j}" for j in range(n)]
-    rates = [*speed, *at_motor]
+    rates = {f"theta{j}": speed[j] for j in range(n)} | {f"speed{j}": at_motor[j] for j in range(n)}
     for j in flexible:
-        states += [f"phi{j}", f"phi_speed{j}"]
-        rates += [phi_speed[j], acceleration[first + j]]
-    states, rates = [*states, *drag.states], [*rates, *drag.rates]
-    servo = _servo(arm, symbol, mechanics, theta)
+        rates |= {f"phi{j}": phi_speed[j], f"phi_speed{j}": acceleration[first + j]}
+    rates |= zip(drag.states, drag.rates)
+    servo = servo_tick(arm, symbol, mechanics, theta)
     feedforward: tuple[Expr, ...] = ()
     if base is not None:
-        states, rates = [*states, *base.states], [*rates, *base.rates(acceleration[:DOF])]
-        tick = floating_base.tick(arm, symbol, base, lambda q: _on_base(arm, symbol, q))
+        rates |= zip(base.states, base.rates(acceleration[:DOF]))
+        tick = floating_base.tick(arm, symbol, base, lambda q: on_base(arm, symbol, q))
         servo, feedforward = servo.followed_by(tick), tick.feedforward
     return System(
         tape=tape,
         joints=n,
-        states=tuple(states),
-        rates=tuple(rates),
+        states=tuple(rates),
+        rates=tuple(rates.values()),
         memories=servo.memories,
         next_memories=servo.next_memories,
         commands=servo.commands,
@@ -238,6 +124,37 @@ def build(arm: Arm, zero: frozenset[str] = frozenset()) -> System:
         held=tuple(held),
         feedforward=feedforward,
     )
+
+
+@dataclass(frozen=True)
+class _Torques:
+    """What acts on motors and base: drive (n), the motors' torques at the joint side; rotor (n) inertias there.
+
+    passed  by joint, the torque of a two-mass transmission; pushed: (6) wrench on a floating base, or nothing
+    """
+
+    drive: Sequence[Expr]
+    rotor: Sequence[Expr]
+    passed: Mapping[int, Expr]
+    pushed: Sequence[Expr]
+
+
+def _accelerations(mechanics: Mechanics, joints: Joints, links: Links, torques: _Torques) -> tuple[Drag, list[Expr]]:
+    """Torques that resist the motors, and the accelerations of a floating base and of the outputs of transmissions."""
+    n, passed, drive = len(torques.drive), torques.passed, torques.drive
+    first, size = len(links.carried) - n, range(len(links.carried))
+    carried = links.carried[first:]
+    rigid = {first + j: torques.rotor[j] for j in range(n) if j not in passed}
+    solve = _Solver([[links.matrix[i][j] + (rigid.get(i, 0.0) if i == j else 0.0) for j in size] for i in size])
+
+    def moved(load: list[Expr]) -> tuple[Drag, list[Expr]]:
+        drag = mechanics.drag(replace(joints, load=load))
+        reached = [passed[j] if j in passed else drive[j] - drag.torque[j] for j in range(n)]
+        return drag, solve([*torques.pushed, *(reached[j] - carried[j] for j in range(n))])
+
+    _, acceleration = moved([passed.get(j, carried[j]) for j in range(n)])
+    inertial = [sum((links.matrix[first + j][k] * acceleration[k] for k in size), carried[j]) for j in range(n)]
+    return moved([passed.get(j, inertial[j]) for j in range(n)])
 
 
 class _Solver:
@@ -271,46 +188,3 @@ class _Solver:
             for k in range(j + 1, n):
                 x[j] = x[j] - self.lower[k][j] * x[k]
         return x
-
-
-@dataclass(frozen=True)
-class _Servo:
-    memories: tuple[str, ...]
-    next_memories: tuple[Expr, ...]
-    commands: tuple[Expr, ...]
-
-    def followed_by(self, base: floating_base.Tick) -> _Servo:
-        """The servos of the joints, then the controller of the base."""
-        return _Servo(
-            (*self.memories, *base.memories),
-            (*self.next_memories, *base.next_memories),
-            (*self.commands, *base.commands),
-        )
-
-
-def _servo(arm: Arm, symbol: Symbols, mechanics: Mechanics, theta: list[Expr]) -> _Servo:
-    """One tick of the independent-joint servos (``arm_model.description.Controller``); input demand{j} rad.
-
-    If the arm has no controller, the demands are the currents of the drives, A.
-    """
-    tape, controller = symbol.tape, arm.controller
-    if controller is None:
-        return _Servo((), (), tuple(tape.input(f"demand{j}") for j in range(len(arm))))
-    period = controller.servo_period
-    share = 1.0 if controller.velocity_bandwidth is None else 1.0 - np.exp(-controller.velocity_bandwidth * period)
-    memories, following, commands = [], [], []
-    for j in range(len(arm)):
-        demand = tape.input(f"demand{j}")
-        integral, last = tape.input(f"integral{j}"), tape.input(f"last{j}")
-        filtered, last_demand = tape.input(f"filtered{j}"), tape.input(f"last_demand{j}")
-        error = demand - theta[j]
-        integral = integral + symbol(f"ki{j}") * period * error
-        velocity = filtered + share * ((theta[j] - last) / period - filtered)
-        ahead = controller.velocity_reference * (demand - last_demand) / period
-        current = symbol(f"kp{j}") * error + integral + symbol(f"kd{j}") * (ahead - velocity)
-        for bound in mechanics.current_bounds(j):
-            current = scalar.maximum(-bound, scalar.minimum(bound, current))
-        commands.append(current)
-        memories += [f"integral{j}", f"last{j}", f"filtered{j}", f"last_demand{j}"]
-        following += [integral, theta[j], velocity, demand]
-    return _Servo(tuple(memories), tuple(following), tuple(commands))

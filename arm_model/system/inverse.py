@@ -19,8 +19,8 @@ from arm_model.geometry import relinked
 from arm_model.rigid_body.numeric import in_blocks, stacked
 from arm_model.symbolic.tape import Expr, Tape, evaluate, needed
 from arm_model.system.along_motion import FEW, links_torque, wet
-from arm_model.system.closed_loop_system import Symbols, on_links, rigid_links
 from arm_model.system.kernel_inputs import numbers
+from arm_model.system.links import Symbols, on_links, rigid_links
 from arm_model.system.mechanics import Joints, Mechanics
 from arm_model.system.warmth import warmth_knots
 

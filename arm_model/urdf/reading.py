@@ -22,11 +22,12 @@ from arm_io.toml import one_line
 from arm_io.types import Array
 from arm_model.assumed_capsules import assumed_capsules
 from arm_model.capsules import moved, of_geometry, round_points
-from arm_model.description import Arm, Capsule, Joint
+from arm_model.description import Arm, Joint
 from arm_model.meshes import mesh_file, vertices_of
 from arm_model.rigid_body.inertia import about_com, barycentric, transform, unphysical
 from arm_model.rigid_body.kinematics import roll_pitch_yaw, rpy_of
 from arm_model.tables.fields import Pose
+from arm_model.tables.link_shapes import Capsule
 from arm_model.urdf.tree import Tree, attribute, robot_of
 
 _MOVING = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic"}

@@ -9,8 +9,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from arm_model.description import Arm, Cylinder, Joint
+from arm_model.description import Arm, Joint
 from arm_model.rigid_body.kinematics import roll_pitch_yaw
+from arm_model.tables.link_shapes import Cylinder
 
 
 def random_joint(rng: np.random.Generator, *, friction: bool = True) -> Joint:

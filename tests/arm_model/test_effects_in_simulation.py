@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from arm_model.description import Arm, Controller, Cylinder, EffectTerm, Joint
+from arm_model.description import Arm, EffectTerm, Joint
 from arm_model.effects import CATALOGUE
 from arm_model.parameters import parameter
 from arm_model.rigid_body import numeric
@@ -17,6 +17,8 @@ from arm_model.simulation.servo_references import row_times
 from arm_model.simulation.simulation import simulate, simulate_batch
 from arm_model.system import dynamics
 from arm_model.tables import constant_temperatures
+from arm_model.tables.controller import Controller
+from arm_model.tables.link_shapes import Cylinder
 from arm_model.tracking import tracked
 from tests.arm_model.pumas import swing, three_links
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from arm_model.description import Arm, Controller, Joint
+from arm_model.description import Arm, Joint
 from arm_model.moving_base.numeric import (
     BaseRows,
     accelerations_with_base,
@@ -24,6 +24,7 @@ from arm_model.simulation.stepper import Stepper
 from arm_model.symbolic.tape import evaluate
 from arm_model.system.kernel_inputs import numbers
 from arm_model.tables import FloatingBase, StationKeeping, Thruster
+from arm_model.tables.controller import Controller
 from tests.arm_model.floating_arms import floating_arm, random_rows
 from tests.arm_model.mujoco_arms import mujoco_model, tensor_of
 from tests.arm_model.random_arms import random_states

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from arm_model.description import Arm, Cylinder, EffectTerm
+from arm_model.description import Arm, EffectTerm
 from arm_model.model_file import read_model
 from arm_model.rigid_body import kinematics
 from arm_model.rigid_body.hydrodynamics import COEFFICIENTS, dry, own_drag, water_of
@@ -22,6 +22,7 @@ from arm_model.rigid_body.two_links import TwoLinks, reversal
 from arm_model.simulation.servo_references import row_times
 from arm_model.simulation.simulation import simulate, simulate_batch
 from arm_model.system.dynamics import forward_dynamics, inverse_dynamics
+from arm_model.tables.link_shapes import Cylinder
 from tests.arm_model.random_arms import in_water, random_arm, random_states
 
 RESISTANCE = 1025.0 * 0.025  # rho C_d R, kg/m2

@@ -16,8 +16,8 @@ from hypothesis.extra.numpy import arrays
 from arm_io import InputError
 from arm_model.capsules import round_points
 from arm_model.collision import chain_of
-from arm_model.description import Capsule
 from arm_model.meshes import vertices_of
+from arm_model.tables.link_shapes import Capsule
 from arm_model.urdf import Use, read_urdf, urdf_gaps
 from armscope.cli import run
 from tests.arm_clearance.arms import ur5_urdf

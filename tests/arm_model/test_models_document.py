@@ -6,9 +6,12 @@ import re
 from dataclasses import fields
 from pathlib import Path
 
-from arm_model.description import Capsule, Controller, Coupling, Cylinder, EffectTerm, FrictionCurve, GearStage, Joint
+from arm_model.description import Coupling, EffectTerm, Joint
 from arm_model.model_file import _ModelFile
 from arm_model.tables import FloatingBase, StationKeeping, Thruster
+from arm_model.tables.controller import Controller
+from arm_model.tables.drive import FrictionCurve, GearStage
+from arm_model.tables.link_shapes import Capsule, Cylinder
 
 
 def test_every_key_is_documented(root: Path) -> None:

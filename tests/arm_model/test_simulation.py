@@ -10,7 +10,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from arm_io import InputError
-from arm_model.description import Arm, Controller
+from arm_model.description import Arm
 from arm_model.model_file import read_model
 from arm_model.parameters import with_parameters
 from arm_model.rigid_body import numeric
@@ -19,6 +19,7 @@ from arm_model.simulation.servo_references import references, row_times
 from arm_model.simulation.simulation import prepared, simulate, simulate_batch
 from arm_model.simulation.stepper import Stepper
 from arm_model.system import dynamics
+from arm_model.tables.controller import Controller
 from tests.arm_model.pumas import swing, three_links
 from tests.arm_model.random_arms import in_water, random_arm
 

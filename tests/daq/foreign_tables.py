@@ -7,8 +7,23 @@ from typing import Any
 
 import numpy as np
 
+from armscope.cli import run
+from daq.recording import Recording, open_recording
+
 START_NS = 1_700_000_000_123_456_789
 NAMES = ("shoulder_pan_joint", "elbow_joint", "wrist_1_joint")
+RTDE = (
+    "timestamp,target_q_0,target_q_1,actual_q_0,actual_q_1,actual_current_0,actual_current_1,actual_TCP_pose_0\n"
+    + "".join(f"{100 + k * 0.002:.3f},{k},{-k},{k * 0.1},{k * 0.2},{k * 0.3},{k * 0.4},9\n" for k in range(30))
+)
+"""A log of Universal Robots' RTDE recorder."""
+
+
+def imported(source: Path, *options: str) -> Recording:
+    """The table as ``armscope import`` reads it."""
+    out = source.parent / "imported.mcap"
+    assert run(["import", str(source), "--out", str(out), *options]) == 0
+    return open_recording(out)
 
 
 def motion(rows: int = 500, joints: int = 3, seed: int = 1) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from arm_model import Arm, Joint
-from arm_model.description import FrictionCurve
+from arm_model.tables.drive import FrictionCurve
 from armscope.cli import run
 from daq.recording import Recording, open_recording
 

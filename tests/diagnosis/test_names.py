@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import armscope
-from arm_model.description import FrictionCurve
+from arm_model.tables.drive import FrictionCurve
 from diagnosis.selection.friction_shares import straight_part
 from tests.diagnosis.numpy_arm import GEAR, REST, Friction, NumpyArm, humped, model, straight
 

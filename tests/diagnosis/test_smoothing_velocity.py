@@ -12,7 +12,7 @@ import pytest
 
 import armscope
 from arm_model import Arm
-from arm_model.description import Controller
+from arm_model.tables.controller import Controller
 from daq.recording import Recording, open_recording
 from daq.recording.parts import Attachments
 from daq.recording.tables.table import write_table

@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from arm_model.description import Arm, Cylinder
+from arm_model.description import Arm
 from arm_model.model_file import read_model
 from arm_model.rigid_body.hydrodynamics import own_drag
 from arm_model.simulation.simulation import simulate
+from arm_model.tables.link_shapes import Cylinder
 from diagnosis.measurements.currents.causes import of_candidate
 from diagnosis.measurements.currents.columns import candidates, columns
 from diagnosis.measurements.currents.design_matrix import Library, dataset_of

@@ -15,9 +15,12 @@ from typing import Any
 import numpy as np
 
 from arm_model import Arm, write_model
-from arm_model.description import Controller, Coupling, Cylinder, FrictionCurve, Joint
+from arm_model.description import Coupling, Joint
 from arm_model.rigid_body.kinematics import roll_pitch_yaw
 from arm_model.servo import fixed_gains
+from arm_model.tables.controller import Controller
+from arm_model.tables.drive import FrictionCurve
+from arm_model.tables.link_shapes import Cylinder
 from arm_model.urdf import write_urdf
 from tests.foreign.dressed import dressed
 

@@ -13,8 +13,10 @@ from pathlib import Path
 import numpy as np
 
 from arm_io.types import Array
-from arm_model.description import Arm, Controller, Cylinder, EffectTerm
+from arm_model.description import Arm, EffectTerm
 from arm_model.model_file import read_model
+from arm_model.tables.controller import Controller
+from arm_model.tables.link_shapes import Cylinder
 from tests.blind.second.plant import Plant, Servo
 from tests.blind.second.rigid_body import mass_matrix, torques
 from tests.blind.second.stability import tuned
