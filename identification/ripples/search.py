@@ -130,7 +130,9 @@ class _Joint:
         if of_angle:
             return f"it grows with the square of the speed, as an error of an angle does; {said}", False
         if p * tests > BY_CHANCE:
-            return f"{said}, which blocks of noise gain as often as in {min(1.0, p * tests):.2g} of cases", False
+            if errors[1] >= errors[0]:
+                return said, False
+            return f"{said}, as noise alone would gain in {100 * min(1.0, p * tests):.2g} % of cases", False
         if torque < CLEARLY * np.sqrt(covariance[0, 0]):
             return f"its torque is not clearly above zero; {said}", False
         if torque / np.sqrt(2.0) < MATTERS * self.friction:

@@ -122,6 +122,19 @@ def test_a_long_text_without_newlines_is_refused_and_lines_may_end_in_cr(
     np.testing.assert_array_equal(recording.q[:, 0], np.arange(8000) % 7)
 
 
+def test_a_drive_of_one_joint_by_a_german_spreadsheet(tmp_path: Path) -> None:
+    """Decimal commas, ms and mm, German words: an axis that slides needs no mapping file."""
+    rows = "".join(
+        f"{k},0;{10 * np.sin(k / 50):.5f};0,5;{10 * np.sin(k / 50):.5f}\r\n".replace(".", ",") for k in range(400)
+    )
+    table = tmp_path / "achse.csv"
+    table.write_bytes(("Zeit [ms];Istposition [mm];Strom [A];Sollposition [mm]\r\n" + rows).encode("utf-8-sig"))
+    recording = imported(table, "--guess")
+    np.testing.assert_allclose(recording.q[:, 0], 0.01 * np.sin(np.arange(400) / 50), atol=1e-8)
+    np.testing.assert_allclose(recording.qref[:, 0], recording.q[:, 0], atol=1e-12)
+    np.testing.assert_allclose(np.diff(recording.t), 1e-3)
+
+
 @pytest.mark.parametrize("names", [["a", "b"], ["t", "q1"], ["time", "q1", "q3", "i1"], []])
 def test_nothing_is_guessed_from_too_little(names: list[str]) -> None:
     assert guess(names) is None

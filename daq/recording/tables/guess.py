@@ -50,16 +50,16 @@ POSITION = "q|pos|positions?|angles?|joint|winkel"
 _JOINT = "joint|axis|achse|gelenk"
 _WORDS = {
     "qref": rf"(({POSITION})?[ _.]*(ref|reference|demand|demanded|target|setpoint|desired|des|cmd|command)[ _.]*"
-    rf"({POSITION})?|q_d)",
+    rf"({POSITION})?|q_d|soll[ _.-]*(wert|position|winkel)?)",
     "ql": r"(link|load|output)[ _.]*(side)?[ _.]*(q|pos|position|angle|encoder)",
     "i": r"(i|cur|curr|currents?|motor[ _.]*currents?|actual[ _.]*current|tau(_J)?|torques?|effort|actual[ _.]*torque"
     r"|strom|motorstrom|drehmoment)",
     "v": r"(v|volt|voltage|motor[ _.]*voltage)",
     "temp": r"(temp|temperature|motor[ _.]*temperature)",
     "q": r"(q|pos|positions?|angles?|winkel|theta|joint|axis|actual[ _.]*(q|pos|position)"
-    r"|joint[ _.]*(pos|positions?|angles?))",
+    r"|joint[ _.]*(pos|positions?|angles?)|ist[ _.-]*(wert|position|winkel))",
 }
-_UNIT = r"(?P<unit>[ _]*[\[(]?(rad|deg|degrees|grad|°|mA|A|Nm|N m|N\*m|V|C|degC)[\])]?)?"
+_UNIT = r"(?P<unit>[ _]*[\[(]?(rad|deg|degrees|grad|°|mA|A|Nm|N m|N\*m|V|C|degC)[\])]?|[ _]*[ _\[(](mm|cm|m)[\])]?)?"
 _SPELLED = {"degrees": "deg", "Grad": "deg", "grad": "deg", "°": "deg", "Nm": "N m", "N*m": "N m", "C": "degC"}
 _COMMA = re.compile(r"\s*-?\d+,\d+(e-?\d+)?\s*")
 _Series = tuple[tuple[str, ...], str]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import os
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,18 +9,17 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from arm_io import InputError
-from arm_io.files import open_regular
 from arm_io.types import Array
 from identification.kinematics.data.points import FIRST_LEVER
+from identification.kinematics.data.pose_table_cells import Cells, read_cells
 from identification.kinematics.data.recordings import Sighting, Tracked
 from identification.kinematics.data.runs import Run
 from identification.kinematics.models.chain import Index
 
 HOLDS = (
     "q1, q2, .. (rad; m of prismatic joints) and x, y, z (m), one row per pose; several reflectors as x1, y1, z1, x2, "
-    ".. or as rows with a column reflector; orientations as qw, qx, qy, qz or rx, ry, rz or roll, pitch, yaw (rad); t, "
-    "i1, .. and others may be there"
+    ".. or as rows with a column reflector; orientations as qw, qx, qy, qz or rx, ry, rz or roll, pitch, yaw (rad); "
+    "other units in the names (q1 [deg], x [mm]); t, i1, .. and others may be there"
 )
 """What a table of poses must hold, for messages and help."""
 LARGEST_ANGLE, LARGEST_LENGTH = 30.0, 100.0
@@ -32,36 +29,6 @@ POINT, PLACE = ("x", "y", "z"), ("target_x", "target_y", "target_z")
 QUATERNION, VECTOR, ANGLES = ("qw", "qx", "qy", "qz"), ("rx", "ry", "rz"), ("roll", "pitch", "yaw")
 """Columns of an orientation: unit quaternion; rotation vector, rad; Rot(z, yaw) Rot(y, pitch) Rot(x, roll), rad."""
 _NUMBERED = re.compile(r"x([1-9][0-9]?)")
-
-
-@dataclass(frozen=True)
-class _Table:
-    """The cells of a file; ``line`` of a row is its number + 2."""
-
-    path: Path
-    names: list[str]
-    cells: list[list[str]]
-
-    def numbers(self, columns: list[str]) -> Array:
-        """(rows, columns); NaN where a cell is empty."""
-        table = np.full((len(self.cells), len(columns)), np.nan)
-        for k, name in enumerate(columns):
-            for number, text in enumerate(self.texts(name)):
-                try:
-                    table[number, k] = float(text) if text else np.nan
-                except ValueError:
-                    raise self.error(f"line {number + 2}: {name}: {text[:40]!r} is no number") from None
-                if np.isinf(table[number, k]):
-                    raise self.error(f"line {number + 2}: {name}: must be finite; leave out what is missing")
-        return table
-
-    def texts(self, name: str) -> list[str]:
-        """The cells of one column."""
-        column = self.names.index(name)
-        return [row[column].strip() if column < len(row) else "" for row in self.cells]
-
-    def error(self, what: str) -> InputError:
-        return InputError(self.path, what)
 
 
 @dataclass(frozen=True)
@@ -81,7 +48,7 @@ def read_poses(path: Path, joints: int) -> Tracked:
     that was not seen. The frame of the tracker is taken as unknown. InputError: a column is missing or no number, or in
     another unit.
     """
-    table = _read(path)
+    table = read_cells(path)
     angles = [f"q{j}" for j in range(1, joints + 1)]
     numbered = sorted({int(m[1]) for name in table.names if (m := _NUMBERED.fullmatch(name))})
     suffixes = [str(k) for k in numbered] or [""]
@@ -106,7 +73,7 @@ def read_poses(path: Path, joints: int) -> Tracked:
     return _tracked(table, q, rows, seen)
 
 
-def _tracked(table: _Table, q: Array, rows: Index, seen: list[_Seen]) -> Tracked:
+def _tracked(table: Cells, q: Array, rows: Index, seen: list[_Seen]) -> Tracked:
     """One run per reflector, and one more for its orientations; rows (N,) of the table that each pose begins at."""
     still, name = "t" not in table.names, table.path.name
     t = rows.astype(float) if still else table.numbers(["t"])[:, 0]
@@ -123,7 +90,7 @@ def _tracked(table: _Table, q: Array, rows: Index, seen: list[_Seen]) -> Tracked
     return Tracked(tuple(runs), False, sightings, "")
 
 
-def _reflector(table: _Table, suffix: str) -> _Seen:
+def _reflector(table: Cells, suffix: str) -> _Seen:
     """The reflector whose columns end in ``suffix``."""
     xyz = table.numbers([axis + suffix for axis in POINT])
     _check_unit(table, ", ".join(axis + suffix for axis in POINT), xyz, LARGEST_LENGTH, "m", "mm")
@@ -136,7 +103,7 @@ def _reflector(table: _Table, suffix: str) -> _Seen:
     return _Seen(suffix, xyz, _orientation(table, suffix), place)
 
 
-def _one_place(table: _Table, values: Array) -> tuple[float, float, float] | None:
+def _one_place(table: Cells, values: Array) -> tuple[float, float, float] | None:
     """The place that all rows (N, 3) m give, or None."""
     if not len(values):
         return None
@@ -148,7 +115,7 @@ def _one_place(table: _Table, values: Array) -> tuple[float, float, float] | Non
     return x, y, z
 
 
-def _orientation(table: _Table, suffix: str) -> Array | None:
+def _orientation(table: Cells, suffix: str) -> Array | None:
     """(N, 3) rad rotation vectors of the target's frame in that of the tracker, or None without such columns."""
     there = {kind: [n + suffix for n in kind] for kind in (QUATERNION, VECTOR, ANGLES)}
     found = [kind for kind, names in there.items() if any(name in table.names for name in names)]
@@ -179,7 +146,7 @@ def _orientation(table: _Table, suffix: str) -> Array | None:
     return turn
 
 
-def _by_name(table: _Table, q: Array, seen: _Seen) -> tuple[list[_Seen], Index]:
+def _by_name(table: Cells, q: Array, seen: _Seen) -> tuple[list[_Seen], Index]:
     """The reflectors of a table with a column ``reflector``, over its poses, and the first row of each pose.
 
     Neighbouring rows with equal angles are one pose, unless they name a reflector twice.
@@ -211,21 +178,9 @@ def _by_name(table: _Table, q: Array, seen: _Seen) -> tuple[list[_Seen], Index]:
     return found, np.array(first, int)
 
 
-def _read(path: Path) -> _Table:
-    try:
-        with os.fdopen(open_regular(path), newline="", encoding="utf-8-sig") as file:
-            rows = list(csv.reader(file))
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise InputError(path, f"cannot be read as a CSV table: {getattr(error, 'strerror', None) or error}") from None
-    names = [cell.strip() for cell in rows[0]] if rows else []
-    if len(names) == 1 and (mark := re.search(r"[;\t|]", names[0])):
-        raise InputError(path, f"columns are separated by {mark[0]!r}; use commas, and decimal points")
-    if repeated := [name for name in names if names.count(name) > 1]:
-        raise InputError(path, f"line 1: column {repeated[0]!r} is there twice")
-    return _Table(path, names, rows[1:])
-
-
-def _check_unit(table: _Table, name: str, values: Array, largest: float, unit: str, other: str) -> None:
+def _check_unit(table: Cells, name: str, values: Array, largest: float, unit: str, other: str) -> None:
     high = float(np.max(np.abs(values[np.isfinite(values)]), initial=0.0))
     if high > largest:
-        raise table.error(f"{name}: {high:.4g} is no value in {unit}; must be in {unit}, not in {other}")
+        example = f"{name.split(',')[0]}{'1' if name == 'q' else ''} [{'deg' if unit == 'rad' else other}]"
+        raise table.error(f"{name}: {high:.4g} is no value in {unit}; must be in {unit}, not in {other}, or the "
+                          f"columns must name their unit, as in {example}")  # fmt: skip

@@ -4,7 +4,8 @@ Parallelogram and palletising arms report motor angles: link 3 stands at q3 - q2
 geometric parameters makes up for that, and a robust fit throws out the poses that show it. So before poses are left
 out, entries of the coupling matrix C (link angles = C reported angles) are tried: for neighbouring joints, and ratios
 of single joints, each from several starting values and then free, on every point and with the target free. What is kept
-reduces the error to less than ``NEEDED`` of what it was; a value that an integer fits as well is that integer.
+reduces the error to less than ``NEEDED`` of what it was; a value that an integer fits as well is that integer, and so
+is one so near that effects (sag, encoder errors, ``transmission_coupling``) can be the difference: they are tried next.
 """
 
 from __future__ import annotations
@@ -35,6 +36,9 @@ _LEAST = 0.02
 """Smallest entry that is a coupling; less is an error of one (effects ``transmission_coupling``, ``encoder_scale``)."""
 _INTEGER = 0.05
 """Distance from an integer within which the integer is tried."""
+_EFFECTS = 1e-3
+"""m rms of the distance with an integer, up to which sag and encoder errors may account for it: a ratio that is free
+imitates them (0.9995 for a joint 2 that sags), and then none of them is found."""
 _FITS = 3e-4
 """m rms of the distance: as near as a tracker's points may be; the search is over."""
 _ROUGH = 6
@@ -170,12 +174,14 @@ def _with_integers(search: _Search, best: _Tried) -> Coupled:
     free = list(best.entries)
     for entry in best.entries:
         nearest = round(float(best.matrix[entry]))
-        if abs(best.matrix[entry] - nearest) > _INTEGER:
+        distance = abs(best.matrix[entry] - nearest)
+        if distance > _INTEGER:
             continue
         matrix, rest = best.matrix.copy(), [e for e in free if e != entry]
         matrix[entry] = nearest
         whole = search.fitted(matrix, best.entries, rest)
-        if whole.error <= _AS_WELL * best.error:
+        left_to_effects = distance < _LEAST and whole.error < _EFFECTS
+        if left_to_effects or whole.error <= _AS_WELL * best.error:
             best, free = whole, rest
     return Coupled(best.matrix, best.entries, tuple(free))
 

@@ -51,7 +51,8 @@ def _extend(work: Work) -> None:
     points, velocity = points_of(work.runs, work.rows), velocity_of(work.runs, work.rows)
     gravity = work.settings.gravity
     prismatic = [not j.revolute for j in work.arm.joints]
-    tried = candidates(work.moving, prismatic, gravity=gravity, velocity=_moves(velocity))
+    coupled = [(int(j) + 1, int(k) + 1) for j, k in np.argwhere(work.coupling) if j != k]
+    tried = candidates(work.moving, prismatic, gravity=gravity, velocity=_moves(velocity), coupled=coupled)
 
     def deflect(extensions: Sequence[Extension]) -> Array:
         return deflections(extensions, points.q, velocity=velocity, gravity=gravity)

@@ -54,12 +54,17 @@ class Extension:
 
 
 def candidates(
-    moving: Sequence[int], prismatic: Sequence[bool], *, gravity: Gravity | None, velocity: bool
+    moving: Sequence[int],
+    prismatic: Sequence[bool],
+    *,
+    gravity: Gravity | None,
+    velocity: bool,
+    coupled: Sequence[tuple[int, int]] = (),
 ) -> list[Extension]:
     """What could be there, for the joints (from 1) that move.
 
-    Couplings between neighbours, and from 4 to 6 of a wrist. Sag by the gravity torque where the model has masses, else
-    by how every link behind the joint inclines.
+    Couplings between neighbours, from 4 to 6 of a wrist, and what is ``coupled`` (joint, by) anyway, for its error.
+    Sag by the gravity torque where the model has masses, else by how every link behind the joint inclines.
     """
     turning = [j for j in moving if not prismatic[j - 1]]
     out = []
@@ -73,7 +78,7 @@ def candidates(
                 behind = range(1, len(prismatic) + 1) if effect.driven else [None]
                 out += [Extension(effect.name, j, k) for j in turning for k in behind if k is None or k >= j]
         elif effect.driven:
-            pairs = [(j, k) for j in turning for k in turning if j == k + 1 or (j, k) == (6, 4)]
+            pairs = [(j, k) for j in turning for k in turning if j == k + 1 or (j, k) in {(6, 4), *coupled}]
             out += [Extension(effect.name, j, by=k) for j, k in pairs]
         else:
             relative = all(p.unit == "1" for p in effect.linear)

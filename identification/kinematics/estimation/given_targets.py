@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -37,13 +38,14 @@ def free_targets(work: Work) -> None:
     if gain < _TARGET * sum(one.given for one in work.targets) and more <= OUTLIERS * len(points):
         return
     chain = parameters.chain.at(found.values)
-    off = [target_of(chain, k)[:3, 3] - one.place for k, one in enumerate(work.targets)]
+    found_at = [target_of(chain, k)[:3, 3] for k in range(len(work.targets))]
+    off = [at - one.place for at, one in zip(found_at, work.targets, strict=True)]
     wrong = [k for k, one in enumerate(work.targets) if one.given and np.linalg.norm(off[k]) >= 5.0 * one.std]
     for k in wrong:
         one = work.targets[k]
         work.warnings.append(
-            f"the target{one.name and ' ' + one.name} was given as ({', '.join(f'{v:.4f}' for v in one.place)}) m with "
-            f"a standard deviation of {1e3 * one.std:g} mm, but the points place it "
+            f"the target{one.name and ' ' + one.name} was given as ({_place(one.place)}) m with "
+            f"a standard deviation of {1e3 * one.std:g} mm, but the points place it at ({_place(found_at[k])}) m, "
             f"{1e3 * np.linalg.norm(off[k]):.1f} mm away (chi-square {gain:.0f} with 3 degrees of freedom per target); "
             "it was estimated instead. Give --target in the frame of the last link, or a larger --target-std"
         )
@@ -51,6 +53,10 @@ def free_targets(work: Work) -> None:
         work.targets = [wide[k] if k in wrong else one for k, one in enumerate(work.targets)]
         work.parameters = parameters_of(work.arm, work.targets, frame_known=settings.frame_known, trust=settings.trust)
         work.estimate = fit(work.parameters, points, start=found.values)
+
+
+def _place(place: Iterable[float]) -> str:
+    return ", ".join(f"{v:.4f}" for v in place)
 
 
 def _misfit(parameters: Parameters, found: Fit, points: Points, rows: Mask, noise: float) -> float:

@@ -23,10 +23,11 @@ _MOST = 0.8
 """Share of the outliers in one sweep that makes it theirs, unless that many of the other points are in it."""
 
 
-def shared(q: Array, xyz: Array, outlier: Mask, runs: Sequence[Index]) -> str | None:
+def shared(q: Array, xyz: Array, outlier: Mask, runs: Sequence[Index], prismatic: Sequence[bool] = ()) -> str | None:
     """What the outliers (N,) share, for a sentence ("the sweep of joint 2"); None: nothing beyond chance.
 
-    q (N, joints) rad (m), xyz (N, 3) m; runs: numbers of the points of each run, in order of time.
+    q (N, joints) rad (m), xyz (N, 3) m; runs: numbers of the points of each run, in order of time; prismatic: which
+    joints slide, () for none.
     """
     if outlier.sum() < LEAST or (~outlier).sum() < LEAST:
         return None
@@ -42,9 +43,11 @@ def shared(q: Array, xyz: Array, outlier: Mask, runs: Sequence[Index]) -> str | 
     if tests[best] > CHANCE / len(tests):
         return None
     low, high = values[best][outlier].min(), values[best][outlier].max()
-    unit = "m" if best >= q.shape[1] else "rad (m)"
-    region = "the region" if best >= q.shape[1] else "angles"
-    return f"{region} {names[best]} from {low:.3g} to {high:.3g} {unit}"
+    if best >= q.shape[1]:
+        return f"the region {names[best]} from {low:.3g} to {high:.3g} m"
+    slides = best < len(prismatic) and prismatic[best]
+    what, unit = ("positions", "m") if slides else ("angles", "rad")
+    return f"{what} of {names[best]} from {low:.3g} to {high:.3g} {unit}"
 
 
 def _swept(q: Array) -> Index:

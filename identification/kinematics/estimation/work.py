@@ -196,7 +196,9 @@ def pattern(work: Work) -> str | None:
     some = representatives(work, outlier)
     ends = np.searchsorted(some, np.cumsum([0, *map(len, work.rows)]))
     runs = [np.arange(a, b) for a, b in pairwise(ends)]
-    return shared(work.points.q[some], work.points.xyz[some], outlier[some], runs)
+    return shared(
+        work.points.q[some], work.points.xyz[some], outlier[some], runs, [not j.revolute for j in work.arm.joints]
+    )
 
 
 def _doubtful(work: Work) -> bool:

@@ -16,7 +16,7 @@ from arm_report.motion import Motion
 from identification.kinematics.data.recordings import Gravity
 from identification.kinematics.estimation.calibration import Calibration
 from identification.kinematics.report.plots import circle_chart, clips_of, error_chart
-from identification.kinematics.report.write import change
+from identification.kinematics.report.write import change, coupling_equations
 from identification.kinematics.use.iso_cube import CubeReport
 
 _LISTED = 50
@@ -43,7 +43,7 @@ def page(
             "left_out": _left_out(table),
             "parameters": _parameter_table(table),
             "frame_known": table["tracker_frame"]["known"],
-            "coupling": table["coupling"],
+            "coupling": coupling_equations(table),
             "base": ", ".join(f"{1e3 * v:.3f}" for v in np.array(table["base"])[:3, 3]),
             "targets": Markup("; ").join(map(_target, table["targets"])),
             "tried": _tried(table),

@@ -8,7 +8,7 @@ import numpy as np
 
 from arm_report import Chart, Level, Panel, Series
 from arm_report.motion import Clip, clip_of
-from arm_report.palette import AFTER, BEFORE, MEASURED
+from arm_report.palette import AFTER, BEFORE, JOINTS, MEASURED
 from identification.kinematics.circle_points.circle_point import Circle
 from identification.kinematics.data.recordings import Gravity
 from identification.kinematics.data.runs import Run
@@ -101,7 +101,7 @@ def circle_chart(circles: Sequence[Circle]) -> Chart:
         points = Series(
             x=(reach * np.cos(at))[keep], y=(reach * np.sin(at))[keep], kind="dots", colour=AFTER, label="points"
         )
-        parts = (("across", MEASURED), ("radial", BEFORE), ("tangential", AFTER))
+        parts = (("across", JOINTS[2]), ("radial", JOINTS[1]), ("tangential", JOINTS[3]))
         residuals = tuple(
             Series(
                 x=np.degrees(circle.q[keep]),

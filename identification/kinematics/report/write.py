@@ -144,17 +144,16 @@ def summary(table: dict[str, Any]) -> str:
                 f"{'':<15}  {1e3 * (alone or 0.0):8.3f} mm without {out} of "
                 f"{table['position_error'][part]['after']['points']} points: {_rows(table['left_out'], part)}"
             )
-    for part, words in (("fit", "fitted turns    "), ("held_out", "held-out turns  ")):
         if part in table["orientation_rms"]:
             rms = table["orientation_rms"][part]
-            lines.append(f"{words} {1e3 * rms['before']:8.3f} mrad -> {1e3 * rms['after']:7.3f} mrad rms")
+            lines.append(
+                f"{'  orientations':<15}  {1e3 * rms['before']:8.3f} mrad -> {1e3 * rms['after']:7.3f} mrad rms "
+                "per coordinate"
+            )
     lines.append(
         f"identifiable     {table['identifiable']} parameters; noise of the points {1e3 * table['noise']:.4f} mm"
     )
-    for entry in table["coupling"]:
-        lines.append(
-            f"coupling         link angle {entry['joint']} has {entry['ratio']:.6g} times reported angle {entry['by']}"
-        )
+    lines += [f"coupling         {equation}" for equation in coupling_equations(table)]
     for effect in table["effects"]:
         numbers = ", ".join(
             f"{name} {p['value']:.4g} +- {p['std']:.1g} {p['unit']}" for name, p in effect["parameters"].items()
@@ -164,18 +163,40 @@ def summary(table: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
+def coupling_equations(table: dict[str, Any]) -> list[str]:
+    """One equation per link whose angle is not the reported one: "link angle 3 = q3 - q2 (q: reported angles)"."""
+    equations = []
+    for joint in dict.fromkeys(entry["joint"] for entry in table["coupling"]):
+        mine = {entry["by"]: entry for entry in table["coupling"] if entry["joint"] == joint}
+        mine = {joint: {"ratio": 1.0, "std": 0.0}} | mine
+        right = " ".join(_term(by, one["ratio"], one["std"]) for by, one in mine.items() if one["ratio"])
+        equations.append(f"link angle {joint} = {right.removeprefix('+ ')} (q: reported angles)")
+    return equations
+
+
+def _term(by: int, ratio: float, std: float) -> str:
+    """A term of a sum: "- q2", "+ (0.3702 +- 5e-05) q2"."""
+    size = f"{abs(ratio):.6g}"
+    factor = f"({size} +- {std:.1g}) " if std else "" if size == "1" else f"{size} "
+    return f"{'-' if ratio < 0 else '+'} {factor}q{by}"
+
+
 def change(improvement: float) -> str:
-    """A relative improvement as "99.2 % better" or "25 % worse"."""
-    return f"{100 * abs(improvement):.3g} % {'better' if improvement >= 0 else 'worse'}"
+    """A relative improvement as "99.2 % better" or "25 % worse"; 100 % only where nothing is left."""
+    size = f"{100 * abs(improvement):.3g}"
+    if size == "100" and 0 < improvement < 1:
+        size = f"{100 - float(f'{100 * (1 - improvement):.1g}'):.8g}"
+    return f"{size} % {'better' if improvement >= 0 else 'worse'}"
 
 
 def _rows(left_out: list[dict[str, Any]], part: str, most: int = 12) -> str:
     """Rows of a part, as "a.mcap rows 3, 9"."""
-    return "; ".join(
-        f"{one['run']} rows {', '.join(map(str, one['rows'][:most]))}{' ...' if len(one['rows']) > most else ''}"
-        for one in left_out
-        if one["part"] == part
-    )
+    words = []
+    for one in left_out:
+        if one["part"] == part:
+            listed = ", ".join(map(str, one["rows"][:most])) + (" ..." if len(one["rows"]) > most else "")
+            words.append(f"{one['run']} row{'s' if len(one['rows']) > 1 else ''} {listed}")
+    return "; ".join(words)
 
 
 def _left_out(one: LeftOut) -> dict[str, Any]:

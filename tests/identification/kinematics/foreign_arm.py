@@ -100,7 +100,7 @@ class ForeignArm:
     """True geometry: axes (direction, point) off the data sheet, flange, zeros, and the coupling of its controller.
 
     coupling  (6, 6): link angles = coupling @ reported angles
-    sag       rad per unit of the horizontal reach (m), of joints 2 and 3
+    sag       rad/(N m): how far joint 2 gives way to the weight of 10 kg at axis 3 and 7 kg at the wrist
     """
 
     seed: int = 0
@@ -108,6 +108,7 @@ class ForeignArm:
     length: float = 1e-3
     coupling: np.ndarray = field(default_factory=lambda: np.eye(COUNT))
     target: tuple[float, float, float] = TARGET
+    sag: float = 0.0
 
     def __post_init__(self) -> None:
         generator = np.random.default_rng(self.seed)
@@ -125,11 +126,19 @@ class ForeignArm:
         out = np.empty((len(q), 3))
         for row, reported in enumerate(q):
             link = self.coupling @ reported + self.zero
+            link[1] += self.sag * self.weight(link)
             pose = np.eye(4)
             for (w, p), angle in zip(self.axes, link, strict=True):
                 pose = pose @ _turn(w, p, angle)
             out[row] = (pose @ self.flange @ place)[:3]
         return out
+
+    def weight(self, link: np.ndarray) -> float:
+        """N m about axis 2 (which points along y) at link angles (6,), of the nominal geometry."""
+        upper, lower = link[1], link[1] + link[2]
+        elbow = 0.6 * np.cos(upper)
+        wrist = elbow + 0.12 * np.cos(lower) - 0.62 * np.sin(lower)
+        return 9.8 * (10.0 * elbow + 7.0 * wrist)
 
     def measured(self, q: np.ndarray, generator: np.random.Generator, noise: float = NOISE) -> np.ndarray:
         """(N, 3) m with the tracker's noise per coordinate."""

@@ -18,6 +18,7 @@ from identification.kinematics.data.points import Points
 from identification.kinematics.estimation.map_estimation import fit
 from identification.kinematics.estimation.outlier_pattern import shared
 from identification.kinematics.models.parameters import Target, Trust, parameters_of
+from identification.kinematics.report.write import change, coupling_equations
 
 sys.path.insert(0, str(Path(__file__).parent))
 from foreign_arm import DESCRIPTION, NOISE, TARGET, ForeignArm, parallelogram, sweeps
@@ -101,6 +102,33 @@ def test_a_coupling_by_a_fraction_is_estimated(tmp_path: Path) -> None:
     (found,) = table_of(tmp_path)["coupling"]
     assert 0 < found["std"] < 1e-3
     assert found["ratio"] == pytest.approx(0.37, abs=5 * found["std"])
+
+
+def test_an_arm_with_a_parallelogram_that_sags_is_not_coupled_by_a_fraction(tmp_path: Path) -> None:
+    """The ratio is -1 and joint 2 gives way: not a ratio of -0.9995 that imitates it."""
+    arm = ForeignArm(seed=12, coupling=parallelogram(-1.0), sag=2e-6)
+    assert calibrated(tmp_path, arm, arm.reported(45, np.random.default_rng(13)))[0] == 0
+    (found,) = table_of(tmp_path)["coupling"]
+    assert (found["joint"], found["by"], found["ratio"]) == (3, 2, -1.0)
+    (effect,) = table_of(tmp_path)["effects"]
+    assert effect["title"] == "link_sag of joint 2"
+    assert table_of(tmp_path)["position_rms"]["held_out"]["after"] < 1.3 * NOISE
+
+
+def test_a_coupling_and_an_improvement_are_said_as_they_are() -> None:
+    entries = [(3, 2, -1.0, 0.0), (4, 4, -1.0, 0.0), (6, 5, 0.25, 1e-4)]
+    table = {"coupling": [dict(zip(("joint", "by", "ratio", "std"), entry)) for entry in entries]}
+    assert [line.partition(" (q:")[0] for line in coupling_equations(table)] == [
+        "link angle 3 = q3 - q2",
+        "link angle 4 = - q4",
+        "link angle 6 = q6 + (0.25 +- 0.0001) q5",
+    ]
+    assert [change(x) for x in (0.99958, 0.9, -0.25, 1.0)] == [
+        "99.96 % better",
+        "90 % better",
+        "25 % worse",
+        "100 % better",
+    ]
 
 
 def test_no_sweep_is_thrown_out_for_a_coupling(tmp_path: Path) -> None:
@@ -187,7 +215,9 @@ def test_what_outliers_share_is_named() -> None:
     q, xyz = generator.uniform(-2, 2, (200, 6)), generator.uniform(-1, 1, (200, 3))
     runs = [np.arange(200)]
     assert shared(q, xyz, generator.random(200) < 0.1, runs) is None
-    assert "joint 3 from" in str(shared(q, xyz, q[:, 2] > 1.4, runs))
+    slides = [False, False, True, False, False, False]
+    assert str(shared(q, xyz, q[:, 2] > 1.4, runs)).endswith("angles of joint 3 from 1.45 to 1.99 rad")
+    assert str(shared(q, xyz, q[:, 2] > 1.4, runs, slides)).endswith("positions of joint 3 from 1.45 to 1.99 m")
     assert "region z from" in str(shared(q, xyz, xyz[:, 2] < -0.7, runs))
     still = np.zeros((30, 6))
     still[:10, 0], still[10:20, 1], still[20:, 2] = (np.linspace(0, 1, 10) for _ in range(3))

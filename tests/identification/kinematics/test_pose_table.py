@@ -92,7 +92,9 @@ def test_an_empty_cell_is_a_missing_value_and_extra_columns_are_ignored(tmp_path
         (f"{HEAD}\n" + "90,0,0,0,0,0,1,1,1\n", "not in degrees"),
         (f"{HEAD}\n" + "0,0,0,0,0,0,1200,0,1\n", "not in mm"),
         (f"{HEAD}\n" + "0,0,zero,0,0,0,1,0,1\n", "line 2: q3: 'zero' is no number"),
-        (HEAD.replace(",", ";") + "\n", "separated by ';'"),
+        (f"{HEAD}\n" + "0,0,0,0,0,0,1200,0,1\n", "as in x [mm]"),
+        (f"{HEAD}\n".replace("q3", "q3 [grad]"), "'grad' is no unit of q3; must be rad, mrad, deg, °, m, mm, cm"),
+        (HEAD.replace(",", ";") + "\n0;0;0;0;0;0;1.000,5;0;1\n", "x: '1.000,5' is no number"),
         (f"{HEAD}\n" + "0,0,0,0,0,0,1,0,1\n" * 5, "5 rows have all joint angles and a tracked point; at least 10"),
         ("", "column q1 is missing"),
     ],
@@ -105,6 +107,20 @@ def test_another_table_is_refused_in_one_line(tmp_path: Path, capsys, text: str,
     assert error.count("\n") == 1
     assert reason in error
     assert not (tmp_path / "out").exists()
+
+
+def test_a_table_of_a_spreadsheet_in_degrees_and_mm(tmp_path: Path) -> None:
+    """Semicolons, decimal commas, a byte order mark, Windows line ends, units in the names: the numbers of SI units."""
+    generator = np.random.default_rng(15)
+    q, xyz = generator.uniform(-3, 3, (12, 6)), generator.uniform(-1, 1, (12, 3))
+    plain = read_poses(table(tmp_path / "plain.csv", q, xyz), 6)
+    rows = np.column_stack((np.degrees(q), 1e3 * xyz))
+    head = ";".join(f"{name} [{'deg' if name[0] == 'q' else 'mm'}]" for name in HEAD.split(","))
+    lines = [head, *(";".join(f"{value:.5f}".replace(".", ",") for value in row) for row in rows)]
+    (tmp_path / "sheet.csv").write_bytes("\r\n".join(lines).encode("utf-8-sig"))
+    sheet = read_poses(tmp_path / "sheet.csv", 6)
+    np.testing.assert_allclose(sheet.run.q, plain.run.q, atol=2e-7)
+    np.testing.assert_allclose(sheet.run.xyz, plain.run.xyz, atol=2e-7)
 
 
 @pytest.mark.parametrize("head", [HEAD, HEAD.replace("x,y,z", "x1,y1,z1")])
