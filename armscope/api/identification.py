@@ -21,6 +21,8 @@ Friction = Literal["symmetric", "asymmetric"]
 Shape = Literal["auto", "straight", "free"]
 ONE_JOINT_A_RUN = ("motor-link", "sequence", "friction")
 """Methods for recordings in which most joints may stand still."""
+PER_DIRECTION = ("motor-link", "friction")
+"""Methods that always identify the friction of each direction."""
 
 
 def identify(
@@ -68,6 +70,8 @@ def _check_choices(**chosen: str | None) -> None:
     for name, kind in (("method", Method), ("friction", Friction), ("shape", Shape)):
         if (choice := chosen.get(name)) is not None and choice not in get_args(kind):
             raise InputError(name, f"must be one of {', '.join(get_args(kind))} (is {choice!r})")
+    if chosen["friction"] == "symmetric" and chosen["method"] in PER_DIRECTION:
+        raise InputError("--friction", f"{chosen['method']} identifies the friction of each direction; leave it out")
 
 
 def _against_noise(

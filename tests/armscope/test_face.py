@@ -84,6 +84,10 @@ def test_objects_show_themselves_in_one_line(root: Path) -> None:
     ("call", "says"),
     [
         (lambda arm: armscope.identify("a.mcap", arm, method="wsl"), "method: must be one of ols, wls"),
+        (
+            lambda arm: armscope.identify("a.mcap", arm, method="motor-link", friction="symmetric"),
+            "--friction: motor-link identifies the friction of each direction",
+        ),
         (lambda arm: armscope.identify("a.mcap", arm, friction="asym"), "friction: must be one of symmetric, asymm"),
         (lambda arm: armscope.identify("a.mcap", arm, shape="curve"), "shape: must be one of auto, straight, free"),
         (lambda arm: armscope.identify([], arm), "recordings: is empty"),
