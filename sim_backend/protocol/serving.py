@@ -8,6 +8,7 @@ import select
 import socket
 import threading
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Protocol
@@ -146,6 +147,49 @@ class Terminal:
         if not self._waiting or self._pace is None:
             return 0.0 if left > -AWAKE else 0.001
         return max(0.0, left + len(self._waiting) / self._pace - AWAKE)
+
+
+class OnTerminal(ABC):
+    """A simulator whose protocol is spoken on a terminal: life and cable of it.
+
+    period   s between two steps where nothing arrives; None: ``Terminal.until_due``
+    corrupt  fault for tests: bytes -> bytes on their way out
+    """
+
+    def __init__(self, name: str, terminal: Terminal, period: float | None = 0.001) -> None:
+        self.name = name
+        self.corrupt: Callable[[bytes], bytes] = lambda data: data
+        self._terminal = terminal
+        self._period = terminal.until_due if period is None else period
+        self._lock = threading.RLock()
+        self._loop: Loop | None = None
+
+    @property
+    def address(self) -> str:
+        return str(self._terminal.path)
+
+    def open(self) -> None:
+        self._terminal.open()
+        self._loop = Loop(self._step, lambda: [self._terminal.fileno()], self._period)
+        self._loop.start()
+
+    def close(self) -> None:
+        loop, self._loop = self._loop, None
+        if loop is not None:
+            loop.stop()
+        self._terminal.close()
+
+    def pull_cable(self) -> None:
+        with self._lock:
+            self._terminal.close()
+
+    def plug_cable(self) -> None:
+        with self._lock:
+            self._terminal.open()
+
+    @abstractmethod
+    def _step(self, now: int) -> None:
+        """Answers what has arrived, at ns ``now`` of the host."""
 
 
 class Listener:

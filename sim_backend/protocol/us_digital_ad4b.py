@@ -2,56 +2,28 @@
 
 from __future__ import annotations
 
-import threading
-
 import numpy as np
 
 from drivers.us_digital_ad4b import Config
 from drivers.us_digital_ad4b import protocol as ad4b
-from sim_backend.protocol.serving import Loop, Terminal
+from sim_backend.protocol.serving import OnTerminal, Terminal
 from sim_backend.protocol.wires import Wires
 
 BYTE_NS = int(10e9 / ad4b.BAUD)
 
 
-class SimulatedAd4b:
+class SimulatedAd4b(OnTerminal):
     """The adapter.
 
     Faults for tests: ``pull_cable``/``plug_cable``, ``reset``, ``corrupt`` (bytes -> bytes on its way out).
     """
 
     def __init__(self, name: str, config: Config, wires: Wires) -> None:
-        self.name, self.wires = name, wires
-        self.corrupt = lambda data: data
-        self._terminal = Terminal(name, config.port, ad4b.BAUD / 10)
-        self._lock = threading.RLock()
-        self._loop: Loop | None = None
+        super().__init__(name, Terminal(name, config.port, ad4b.BAUD / 10), period=None)
+        self.wires = wires
         self._start = 0  # count of the wires at power-up
         self._multiplier = 1
         self._input = b""
-
-    @property
-    def address(self) -> str:
-        return str(self._terminal.path)
-
-    def open(self) -> None:
-        self._terminal.open()
-        self._loop = Loop(self._step, lambda: [self._terminal.fileno()], self._terminal.until_due)
-        self._loop.start()
-
-    def close(self) -> None:
-        loop, self._loop = self._loop, None
-        if loop is not None:
-            loop.stop()
-        self._terminal.close()
-
-    def pull_cable(self) -> None:
-        with self._lock:
-            self._terminal.close()
-
-    def plug_cable(self) -> None:
-        with self._lock:
-            self._terminal.open()
 
     def reset(self, now: int) -> None:
         """Power off and on: not counting before it is initialised."""

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import re
-import threading
 import time
 
 import numpy as np
 
 from drivers.us_digital_qsb import Config
 from drivers.us_digital_qsb import protocol as qsb
-from sim_backend.protocol.serving import Loop, Terminal
+from sim_backend.protocol.serving import OnTerminal, Terminal
 from sim_backend.protocol.wires import Wires
 
 _COMMAND = re.compile(rb"([RWS])([0-9A-Fa-f]{2})([0-9A-Fa-f]*)")
@@ -18,45 +17,23 @@ HELD_UP, MOST_HELD_UP = 1_000_000, 20  # ns for counting and sending; times in a
 KNOWN = (qsb.MDR0, qsb.CLEAR, qsb.INTERVAL, qsb.TIME, qsb.COUNT, qsb.VERSION, qsb.OPTIONS)
 
 
-class SimulatedQsb:
+class SimulatedQsb(OnTerminal):
     """The adapter.
 
     Faults for tests: ``pull_cable``/``plug_cable``, ``reset``, ``corrupt`` (bytes -> bytes on its way out).
     """
 
     def __init__(self, name: str, config: Config, wires: Wires) -> None:
-        self.name, self.wires = name, wires
-        self.corrupt = lambda data: data
+        super().__init__(name, Terminal(name, config.port, qsb.BAUD / 10), period=0.0005)
+        self.wires = wires
         self.mute = False
-        self._terminal = Terminal(name, config.port, qsb.BAUD / 10)
-        self._lock = threading.RLock()
-        self._loop: Loop | None = None
         self.reset(time.monotonic_ns())
 
-    @property
-    def address(self) -> str:
-        return str(self._terminal.path)
-
-    def open(self) -> None:
-        self._terminal.open()
-        self._loop = Loop(self._step, lambda: [self._terminal.fileno()], 0.0005)
-        self._loop.start()
-
-    def close(self) -> None:
-        loop, self._loop = self._loop, None
-        if loop is not None:
-            loop.stop()
-        self._terminal.close()
-
-    def pull_cable(self, now: int) -> None:
+    def pull_cable(self) -> None:
         """USB is its power, too."""
         with self._lock:
-            self._terminal.close()
-            self.reset(now)
-
-    def plug_cable(self) -> None:
-        with self._lock:
-            self._terminal.open()
+            super().pull_cable()
+            self.reset(time.monotonic_ns())
 
     def reset(self, now: int) -> None:
         with self._lock:

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import re
-import threading
-from collections.abc import Callable
 
 import numpy as np
 
 from drivers.val_terminal import Config
 from drivers.val_terminal import protocol as val
-from sim_backend.protocol.serving import Loop, Terminal
+from sim_backend.protocol.serving import OnTerminal, Terminal
 from sim_backend.protocol.wires import Arm, Wires
 
 _DRIVE = re.compile(r"DRIVE (\d),([-+.\d]+),(\d+)$")
@@ -19,45 +17,19 @@ _SPEED = re.compile(r"(DO )?SPEED (\d+)$")
 READY_DEGREES = (0.0, 90.0, -90.0, 0.0, 0.0, 0.0)
 
 
-class SimulatedVal:
+class SimulatedVal(OnTerminal):
     """The controller. Faults for tests: ``pull_cable``/``plug_cable``, ``corrupt`` (bytes -> bytes on its way out)."""
 
     def __init__(self, name: str, config: Config, wires: Wires) -> None:
         assert wires.arm is not None, "a controller needs an arm"
-        self.name, self.config = name, config
+        super().__init__(name, Terminal(name, config.port, config.baud / 10))
+        self.config = config
         self.arm: Arm = wires.arm
         self.entered: list[str] = []
-        self.corrupt: Callable[[bytes], bytes] = lambda data: data
-        self._terminal = Terminal(name, config.port, config.baud / 10)
-        self._lock = threading.RLock()
-        self._loop: Loop | None = None
         self._line = ""
         self._moving = False
         self._commanded: list[float] | None = None  # where it was last sent; it may stand a little off
         self._monitor, self._program = 1.0, 1.0
-
-    @property
-    def address(self) -> str:
-        return str(self._terminal.path)
-
-    def open(self) -> None:
-        self._terminal.open()
-        self._loop = Loop(self._step, lambda: [self._terminal.fileno()])
-        self._loop.start()
-
-    def close(self) -> None:
-        loop, self._loop = self._loop, None
-        if loop is not None:
-            loop.stop()
-        self._terminal.close()
-
-    def pull_cable(self) -> None:
-        with self._lock:
-            self._terminal.close()
-
-    def plug_cable(self) -> None:
-        with self._lock:
-            self._terminal.open()
 
     def _step(self, now: int) -> None:
         with self._lock:

@@ -52,7 +52,7 @@ def test_what_is_missing_is_marked_and_what_is_lost_is_in_the_ledger(tmp_path: P
     elbow = sim_ad4b.make("elbow", us_digital_ad4b.Config(port=f"{tmp_path}/elbow"), swing_wires())
 
     def pull() -> None:
-        waist.pull_cable(time.monotonic_ns())
+        waist.pull_cable()
         if pulled == "all":
             elbow.pull_cable()
         time.sleep(0.5)

@@ -69,7 +69,7 @@ def t7() -> Case:
 def qsb(folder: Path, reading: str) -> Case:
     """USB is its power; it restarts with its cable in, too, where the computer's port has a dip."""
     options = {"port": f"{folder}/qsb", "reading": reading, "timeout": 0.2}
-    return Case("us_digital_qsb", options, 1, cable_is_power=True, cut=lambda box: box.pull_cable(time.monotonic_ns()))
+    return Case("us_digital_qsb", options, 1, cable_is_power=True)
 
 
 def ad4b(folder: Path) -> Case:
