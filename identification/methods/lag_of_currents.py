@@ -128,6 +128,9 @@ def _derivatives(motions: Sequence[Motion]) -> Array:
 def judged(shown: tuple[float, float], without: Solved, with_it: Solved) -> Lag:
     """The lag (value, std) with the errors of both fits on held-out rows; it stays where these justify it."""
     (rows, one), (others, other) = held_out_residual(without), held_out_residual(with_it)
+    # a joint that hardly moves may have rows in one of both alone
+    mine, theirs = np.isin(rows.joint, others.joint), np.isin(others.joint, rows.joint)
+    rows, one, others, other = rows.of(mine), one[mine], others.of(theirs), other[theirs]
     noise = joint_noise(other, others.joint)
     before, after = _in_blocks(rows, one, noise), _in_blocks(others, other, noise)
     both = sorted(before.keys() & after.keys())

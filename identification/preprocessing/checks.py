@@ -17,8 +17,9 @@ from identification.preprocessing.signals import Motion
 
 MISSING = 0.5  # share of a channel's samples: more missing is no recording of that channel
 EXPLAINED = 0.7  # of the variation of a joint's torque: a model of the wrong joint explains less
-LENGTH = 0.02  # m by which the axes of one mechanism may stand otherwise in two models of it
 DEAD = 0.05  # of it: not even friction is seen
+SHOWN = 1e-6  # of the largest: combinations of a joint's columns that its rows show
+LENGTH = 0.02  # m by which the axes of one mechanism may stand otherwise in two models of it
 MOVED = 20.0  # noise levels: less is no motion
 
 
@@ -50,7 +51,9 @@ def _check_channels(recording: Recording) -> None:
     for j in np.flatnonzero(span_i == 0):
         if span_q[j] > 0:
             raise InputError(
-                where, f"i{j + 1}: constant at {recording.i[0, j]:g} A while joint {j + 1} moves; the channel is stuck"
+                where,
+                f"i{j + 1}: constant at {np.nanmin(recording.i[:, j]):g} A while joint {j + 1} moves; "
+                "the channel is stuck",
             )
     if recording.qref is not None:
         # NaN where a joint has no demand at all
@@ -125,30 +128,57 @@ def check_signs(where: Sequence[object], dissipated: Array, std: Array) -> None:
         )
 
 
-def unexplained_channels(where: object, residual: Array, torque: Array, joint: NDArray[np.intp]) -> list[str]:
+def unexplained_channels(
+    where: object, residual: Array, columns: Array, torque: Array, joint: NDArray[np.intp]
+) -> list[str]:
     """A sentence for every joint of whose current the fit explains too little.
 
-    Residual, torque and joint (from 0), (rows,) each.
+    Residual, torque and joint (from 0), (rows,) each, and the columns (rows, p) of all parameters.
 
-    InputError for a current that knows nothing of its joint's motion: that of an open input only hums.
+    InputError for a current of which it explains nothing: that of an open input only hums; one in mA follows its joint
+    well, and no arm has it beside those of the other joints.
     """
     found = []
     for j in np.unique(joint):
         mine = joint == j
         explained = 1 - float(np.var(residual[mine])) / max(float(np.var(torque[mine])), 1e-300)
+        if explained >= EXPLAINED:
+            continue
+        alone, share = _explained_alone(columns[mine], torque[mine]), f"{max(explained, 0.0):.0%}"
+        if alone >= EXPLAINED:
+            said = (
+                f"i{j + 1}: follows the motion of joint {j + 1} ({alone:.0%} of it explained alone), and the currents "
+                f"together fit no arm of this model ({share} of it explained); expected the current of its own joint, "
+                "all in one unit, and the model's gears and torque constants"
+            )
+        elif explained < DEAD:
+            said = (
+                f"i{j + 1}: knows nothing of the motion of joint {j + 1} ({share} of it explained): the channel is "
+                "dead, or of something else; expected a current that follows the drive"
+            )
+        else:
+            said = (
+                f"joint {j + 1}: the fit explains {share} of the variation of its current; is i{j + 1} dead, or of "
+                "another joint?"
+            )
         if explained < DEAD:
-            raise InputError(
-                str(where),
-                f"i{j + 1}: knows nothing of the motion of joint {j + 1} ({max(explained, 0.0):.0%} of it "
-                "explained): the channel is dead, or"
-                " of something else; expected a current that follows the drive",
-            )
-        if explained < EXPLAINED:
-            found.append(
-                f"joint {j + 1}: the fit explains {max(explained, 0.0):.0%} of the variation of its current; is "
-                f"i{j + 1} dead, or of another joint?"
-            )
+            raise InputError(str(where), said)
+        found.append(said)
     return found
+
+
+def _explained_alone(columns: Array, torque: Array) -> float:
+    """Share of the variation of one joint's torque (rows,) that parameters of its own explain, less that by chance.
+
+    Other joints ask for other values of the same parameters where their currents are in another unit.
+    """
+    size = np.linalg.norm(columns, axis=0)
+    scaled = columns[:, size > 0.0] / size[size > 0.0]
+    values, _, rank, _ = np.linalg.lstsq(scaled, torque, rcond=SHOWN)
+    if len(torque) < 2 * int(rank):
+        return 0.0  # nothing can be said
+    left = float(np.sum((torque - scaled @ values) ** 2)) / (len(torque) - int(rank))
+    return 1 - left / max(float(np.var(torque)), 1e-300)
 
 
 def too_short(where: Sequence[object], rows: int, parameters: int) -> InputError:

@@ -113,12 +113,12 @@ def warnings_of_fit(problem: Problem) -> list[str]:
 def _unexplained_channels(problem: Problem, best: Fit) -> list[str]:
     """Sentences on currents that hardly follow the motion of their joint; InputError where one does not at all."""
     # by the fit itself: an arm that could exist may not follow a channel that nevertheless knows of the motion
-    unconstrained, judged = _residual(problem, problem.judged, best), problem.judged
-    found = []
+    unconstrained, judged, found = _residual(problem, problem.judged, best), problem.judged, []
+    torque = judged.torque if judged.rest is None else judged.torque - judged.rest
     for number, recording in enumerate(problem.fit):
         here = judged.run == number
         sentences = checks.unexplained_channels(
-            recording.path, unconstrained[here], judged.torque[here], judged.joint[here]
+            recording.path, unconstrained[here], judged.columns[here], torque[here], judged.joint[here]
         )
         found += [f"{recording.path.name}: {sentence}" for sentence in sentences]
     return found

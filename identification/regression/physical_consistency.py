@@ -38,6 +38,9 @@ NEVER_NEGATIVE = ("rotor_inertia", "drag", *COEFFICIENTS, *LINK_FRICTION)
 """Parameters of a joint or of its link's cylinder that must not be negative, each for itself."""
 BODY, RADIUS = 0.05, 0.05
 """Of the arm's mean link, and m: body of a link that the model has without one, if the data contradict that."""
+EDGE = 1e-12
+"""Least eigenvalue of a body's pseudo-inertia over the largest, as of one that is a micrometre thick: below it, whether
+it is a body at all is rounding. Data that no body explains lead there."""
 CONTRADICTED = 20.0
 """Squared deviations (of one covariance) by which a body for such a link must reduce the misfit: two per parameter."""
 
@@ -156,31 +159,35 @@ class _Problem:
         for k in np.flatnonzero(of_effects).tolist():  # what repeats a drive's own friction must not run off against it
             self.ridge[k] = REGULARISATION / max(abs(centre[k]), definition(names[k]).typical[0]) ** 2
 
+    def _bodies(self, delta: Array) -> Array:
+        """(l, 4, 4) pseudo-inertias of the links."""
+        return pseudo_inertia(np.array([delta[k : k + 10] for k in self.links]).reshape(-1, 10))
+
     def cost(self, delta: Array, regularisation: float, barrier: float) -> float:
-        """Infinite outside the cone of bodies."""
+        """Infinite outside the cone of bodies, and on its edge."""
         margin = self.rows @ delta
         if margin.size and np.min(margin) <= 0:
             return np.inf
         total = 0.5 * float(delta @ self.quadratic @ delta - 2 * self.linear @ delta + self.constant)
         total += 0.5 * float(self.ridge @ (delta - self.centre) ** 2)
-        for k, inverse in zip(self.links, self.inverse):
-            p = pseudo_inertia(delta[k : k + 10])
-            try:
-                diagonal = np.diag(np.linalg.cholesky(p))
-            except np.linalg.LinAlgError:
+        for inverse, p in zip(self.inverse, self._bodies(delta)):
+            values = np.linalg.eigvalsh(p)
+            if values[0] <= EDGE * values[-1]:
                 return np.inf
-            total += regularisation * float(np.sum(inverse * p) - 2 * np.sum(np.log(diagonal)))
+            total += regularisation * float(np.sum(inverse * p) - np.sum(np.log(values)))
         return total + barrier * float(self.weight @ (margin / self.prior - np.log(margin)))
 
     def derivatives(self, delta: Array, regularisation: float, barrier: float) -> tuple[Array, Array]:
         """Gradient (p,) and Hessian (p, p)."""
         gradient = self.quadratic @ delta - self.linear + self.ridge * (delta - self.centre)
         hessian = self.quadratic + np.diag(self.ridge)
-        for k, inverse in zip(self.links, self.inverse):
+        for k, inverse, p in zip(self.links, self.inverse, self._bodies(delta)):
             here = slice(k, k + 10)
-            turned = np.linalg.solve(pseudo_inertia(delta[here]), _UNITS)  # P^-1 E_i
+            values, axes = np.linalg.eigh(p)
+            root = axes / np.sqrt(values)  # P^-1 = root root^T
+            turned = root.T @ _UNITS @ root
             gradient[here] += regularisation * (np.tensordot(_UNITS, inverse, 2) - np.trace(turned, axis1=1, axis2=2))
-            hessian[here, here] += regularisation * np.einsum("iab,jba->ij", turned, turned)
+            hessian[here, here] += regularisation * np.tensordot(turned, turned, ((1, 2), (1, 2)))
         margin = self.rows @ delta
         gradient += barrier * self.rows.T @ (self.weight * (1 / self.prior - 1 / margin))
         hessian += barrier * self.rows.T @ ((self.weight / margin**2)[:, None] * self.rows)

@@ -55,12 +55,15 @@ def break_it(what: str, q: np.ndarray, i: np.ndarray) -> None:
     match what:
         case "stuck current":
             i[:, 1] = 0.25
+            i[0, 1] = np.nan
         case "nothing moves":
             q[:] = q[:1]
         case "noise only":
             q[:] = 1e-5 * np.random.default_rng(0).standard_normal(q.shape)
         case "hums":
             i[:, 1] = 0.3 + 0.05 * np.random.default_rng(0).standard_normal(len(i))
+        case "in mA":
+            i[:, 0] *= 1000
         case "holes":
             i[1000:6500, 2] = np.nan
         case "reversed":
@@ -74,6 +77,7 @@ def break_it(what: str, q: np.ndarray, i: np.ndarray) -> None:
         ("nothing moves", "no joint moves"),
         ("noise only", "noise"),
         ("hums", "i2: knows nothing of the motion of joint 2"),
+        ("in mA", "i2: follows the motion of joint 2 (100% of it explained alone), and the currents"),
         ("holes", "i3: 69% of its samples are missing"),
         ("reversed", "i1: the friction of joint 1 would drive it; the sign of its current is reversed"),
     ],

@@ -10,6 +10,8 @@ import pytest
 
 import armscope
 from arm_model import read_model, write_model
+from identification.methods import lag_of_currents
+from identification.regression.equations import Equations
 from tests.diagnosis.numpy_arm import RATE, NumpyArm, model, straight
 
 FRICTION = ((straight(9.0, 8.0),) * 2, (straight(6.0, 5.0),) * 2)
@@ -52,6 +54,19 @@ def test_a_lag_of_all_currents_is_found_and_written(tmp_path: Path) -> None:
 def test_a_lag_of_no_or_of_one_joint_is_left_out(tmp_path: Path, current: object) -> None:
     result = identified(tmp_path, NumpyArm(FRICTION, current=current))  # type: ignore[arg-type]
     assert "lag_of_currents" not in result.extra and result.arm.effects == ()
+
+
+def test_a_joint_with_held_out_rows_in_one_fit_alone_is_not_judged(monkeypatch: pytest.MonkeyPatch) -> None:
+    def left(joints: int, size: float) -> tuple[Equations, np.ndarray]:
+        """Rows of so many joints over 20 s; joint 3 leaves 1000 N m."""
+        joint, t = (one.ravel() for one in np.meshgrid(np.arange(joints), np.arange(0.0, 20.0, 0.1)))
+        level = np.where(joint == 2, 1e3, size) * (-1.0) ** np.arange(len(t))
+        return Equations(np.empty((len(t), 0)), level, joint, np.zeros(len(t), int), t, ()), level
+
+    monkeypatch.setattr(lag_of_currents, "held_out_residual", lambda one: one)
+    for before, after in ((3, 2), (2, 3)):
+        lag = lag_of_currents.judged((1e-3, 1e-5), left(before, 1.1), left(after, 1.0))  # type: ignore[arg-type]
+        assert (lag.before, lag.after, lag.stays) == (pytest.approx(1.1), pytest.approx(1.0), True)
 
 
 @pytest.mark.slow
