@@ -14,12 +14,10 @@ from arm_io.types import Array
 from arm_model import Arm
 from comparison.joint_fit.effects import Added
 from identification.preprocessing.signals import Motion
-from identification.ripples import CLOSE, orders_of, wave_sums
+from identification.ripples import CLOSE, FINER, orders_of, wave_sums
 
 LEAST_GAIN = 40.0
 """Squares, in those of white noise, by which a ripple that all recordings have alike must reduce them."""
-FINER = np.linspace(-1.0, 1.0, 17)
-"""Orders about the best, in distances of those that are tried."""
 WAYS = (("gear_ripple", "torque"), ("encoder_ripple", ""))
 """Effect and amplitude: a torque, and an error of an angle."""
 

@@ -18,6 +18,7 @@ from arm_model.effects import CATALOGUE, Effect, Instrument
 from diagnosis.residual.noise.instruments import residual_gain
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Dataset
+from identification.ripples import LEAST_CYCLES
 
 STRONGEST = 5
 """Orders kept for each way in which a ripple acts: as a torque, by the acceleration of the link, by the load it lifts.
@@ -36,8 +37,6 @@ HARMONICS, SIDE_BANDS = 3, 2
 """Of the engagements of known teeth: multiples, and side bands on each side, by whole turns of either wheel."""
 SAME_STEP = 1e-12
 """Difference below which two steps between orders are the same: the rounding of orders."""
-LEAST_CYCLES = 1.5
-"""Cycles that a motion must cover: less of a wave is a smooth function of the position."""
 
 
 @lru_cache(maxsize=1 << 15)  # asked of every candidate, again and again

@@ -16,12 +16,12 @@ from scipy.linalg import lapack
 
 from arm_io.types import Array
 from identification.regression.qr import triangle_of
+from identification.selection import MAD_TO_STD
 
 Joints = NDArray[np.intp]
 Method = Literal["ols", "wls", "irls"]
 
 BIWEIGHT = 4.685  # Tukey's tuning constant: 95 % efficient on Gaussian residuals
-MAD_TO_SIGMA = 1.4826
 
 
 @dataclass(frozen=True)
@@ -181,7 +181,7 @@ def joint_noise(residual: Array, joint: Joints, *, robust: bool = False, joints:
     noise = np.ones(max(joints, int(joint.max(initial=-1)) + 1))
     for j in np.unique(joint):
         rows = residual[joint == j]
-        noise[j] = MAD_TO_SIGMA * np.median(np.abs(rows)) if robust else np.sqrt(np.mean(rows**2))
+        noise[j] = MAD_TO_STD * np.median(np.abs(rows)) if robust else np.sqrt(np.mean(rows**2))
     return _floored(noise)
 
 

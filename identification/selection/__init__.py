@@ -10,6 +10,7 @@ from arm_io import lazy
 if TYPE_CHECKING:
     from identification.selection.least_squares import scaled, scaled_lstsq
     from identification.selection.limits import Limits, Thresholds
+    from identification.selection.robust_scale import MAD_TO_STD, MEDIAN_OF_NORM
     from identification.selection.significance import (
         BLOCK_SECONDS,
         Index,
@@ -24,6 +25,8 @@ else:
 
 __all__ = [
     "BLOCK_SECONDS",
+    "MAD_TO_STD",
+    "MEDIAN_OF_NORM",
     "Index",
     "Limits",
     "MeasurementModel",

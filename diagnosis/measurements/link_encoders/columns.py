@@ -23,9 +23,9 @@ from arm_model.system import rigid_torque_along
 from daq.recording import Recording
 from diagnosis.residual.filters import low_pass, rate_along
 from diagnosis.residual.load_errors import load_errors
-from diagnosis.residual.noise.channels import MAD_TO_STD
 from diagnosis.residual.noise.encoder_step import encoder_step
 from diagnosis.selection.candidate import Candidate
+from identification.selection import MAD_TO_STD
 
 Index = NDArray[np.intp]
 

@@ -25,12 +25,11 @@ from diagnosis.measurements.tracker.detectability import no_tracker, not_visible
 from diagnosis.measurements.tracker.model import LIMITS, Named, TrackedPoints, selected, tracked_points
 from diagnosis.measurements.tracker.points import Outliers, Side, points_of, side_of
 from diagnosis.measurements.tracker.regression import beside_zeros, energy, good, point_residual
-from diagnosis.residual.noise.channels import MAD_TO_STD
 from diagnosis.residual.noise.encoder_step import encoder_step
 from diagnosis.selection.estimates import estimates
 from identification.kinematics.data import aligned
 from identification.kinematics.models import Chain, chain_of, position, position_jacobian, xyz_ypr
-from identification.selection import Split
+from identification.selection import MAD_TO_STD, Split
 
 ALTERNATIONS = 30
 """Fits of frame and target in turn, where neither is known: what is left of 0.1 m is below a micrometre."""

@@ -16,9 +16,8 @@ from arm_model.effects import described
 from arm_model.rigid_body import rigid_torque
 from arm_model.tracking import bends, latency
 from daq.recording import Recording
-from diagnosis.residual.noise.channels import MAD_TO_STD
 from diagnosis.residual.run_setup import loaded, setup_of
-from identification.selection import BLOCK_SECONDS
+from identification.selection import BLOCK_SECONDS, MAD_TO_STD, MEDIAN_OF_NORM
 
 Mask = NDArray[np.bool_]
 
@@ -147,7 +146,7 @@ def _rows(t: Array, q: Array, xyz: Array, off: Array) -> _Rows:
     noise = float(MAD_TO_STD * np.median(np.abs(second))) if len(second) else 0.0
     deviation = away - ndimage.median_filter(away, size=(NEIGHBOURS, 1), mode="nearest")
     distance = np.linalg.norm(deviation, axis=1)
-    wrong = distance > WRONG * max(float(np.median(distance)) / 1.5382, noise, 1e-9)
+    wrong = distance > WRONG * max(float(np.median(distance)) / MEDIAN_OF_NORM, noise, 1e-9)
     steps = np.diff(tracked)
     usual = int(np.median(steps)) if len(steps) else 1
     gaps = steps[steps > 3 * usual]

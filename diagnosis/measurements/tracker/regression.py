@@ -12,6 +12,7 @@ from diagnosis.measurements.tracker.columns import State, TrackedCandidate, poin
 from diagnosis.measurements.tracker.points import Side
 from identification.kinematics.estimation import REJECT, residuals
 from identification.kinematics.models import position_jacobian
+from identification.selection import MEDIAN_OF_NORM
 
 
 def point_residual(state: State, side: Side) -> Array:
@@ -101,4 +102,4 @@ def by_block(values: Array, side: Side) -> Array:
 
 
 def _largest(length: Array) -> float:
-    return REJECT * max(float(np.median(length)) / 1.5382, 1e-9)
+    return REJECT * max(float(np.median(length)) / MEDIAN_OF_NORM, 1e-9)

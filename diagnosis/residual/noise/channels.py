@@ -16,13 +16,12 @@ from daq.recording import Recording
 from diagnosis.residual.filters import COMPARE_BAND, low_pass
 from diagnosis.residual.noise.encoder_step import encoder_step, found_once
 from identification.preprocessing import UNKNOWN, Setpoints, zero_phase
+from identification.selection import MAD_TO_STD
 
 QUIET_ROWS, QUIET_BLOCKS = 60, 5
 """Rows that a block must have, and blocks that there must be."""
 END_SECONDS = 0.1
 """Beginning of a recording that is excluded: filter transient and start of the drives."""
-MAD_TO_STD = 1.4826
-"""Std of normal noise over its median absolute value."""
 TOP, SEGMENT = 0.7, 128
 """Share of the Nyquist frequency from which on noise is looked for, and rows of a spectrum: half a second at 250 Hz."""
 CLIPPED, ROUNDS, SETTLED = 4.0, 20, 0.999

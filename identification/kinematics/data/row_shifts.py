@@ -14,6 +14,7 @@ import numpy as np
 from arm_io.types import Array
 from identification.kinematics.data.runs import Run, shifted
 from identification.kinematics.models.chain import Chain, position, position_jacobian
+from identification.selection import MAD_TO_STD
 
 _WINDOWS = 80
 _LEAST_STEP = 0.6  # rows
@@ -125,7 +126,7 @@ def find_constant(run: Run, chain: Chain, noise: float) -> Shift | None:
     if len(found.first) < 3:
         return None
     delay = float(np.median(found.delay))
-    std = 1.4826 * float(np.median(np.abs(found.delay - delay))) / np.sqrt(len(found.delay))
+    std = MAD_TO_STD * float(np.median(np.abs(found.delay - delay))) / np.sqrt(len(found.delay))
     whole = round(delay)
     if not 1 <= abs(whole) <= _MOST_ROWS or abs(delay - whole) > 0.2 or std > 0.1:
         return None

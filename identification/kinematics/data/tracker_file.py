@@ -19,6 +19,7 @@ from arm_io import InputError
 from arm_io.files import open_regular
 from arm_io.plain_data import LARGEST
 from arm_io.types import Array
+from identification.selection import MAD_TO_STD
 
 _REACH = 30
 """Starts tried beyond the difference of the counts: both sides may have lost events."""
@@ -174,7 +175,7 @@ def _follow(a: Array, b: Array, start: float, period: float, most: int) -> _Cloc
     mean = float(np.sqrt(np.mean(off**2)))
     left = 1.0 - float(np.sum(_pair(a, b, offset, drift, period) >= 0)) / min(len(a), len(b))
     # the residual decides only between equals: a start that pairs fewer events with the same agreement
-    return _Clocks(offset, drift, 1.4826 * float(np.median(off)), mean + 1e-3 * period * left)
+    return _Clocks(offset, drift, MAD_TO_STD * float(np.median(off)), mean + 1e-3 * period * left)
 
 
 def _pair(a: Array, b: Array, offset: float, drift: float, period: float) -> Array:

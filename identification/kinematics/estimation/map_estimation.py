@@ -25,6 +25,7 @@ from identification.kinematics.data.points import Points
 from identification.kinematics.estimation.observed import linear_in, residual_of
 from identification.kinematics.models.chain import Mask
 from identification.kinematics.models.parameters import Parameters
+from identification.selection import MEDIAN_OF_NORM
 
 REJECT = 5.0
 """Points further off than this many deviations are outliers.
@@ -37,8 +38,6 @@ _OVERDETERMINED = 1.5
 """Coordinates per estimated parameter that a selection of points must have."""
 _PLENTY = 50.0
 """Coordinates per unknown above which a point hardly pulls its own prediction."""
-MEDIAN_OF_NORM = 1.5382
-"""Median length of a standard normal vector in three dimensions."""
 _COARSE = 1500  # points with which the estimate is brought near; all of them then settle it
 _LEAST_SHARE = 0.02
 """Least share of the noise's variance in a residual: a point that determines a parameter alone has none at all."""

@@ -15,8 +15,8 @@ from scipy.spatial.transform import Rotation
 from arm_io.types import Array
 from identification.kinematics.data.points import Points
 from identification.kinematics.data.runs import Run
-from identification.kinematics.estimation.map_estimation import MEDIAN_OF_NORM
 from identification.kinematics.models.chain import Chain, forward
+from identification.selection import MEDIAN_OF_NORM
 
 _LEAST, _MOST = 1e-3, 1e2
 

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from arm_io.types import Array
-from identification.kinematics.estimation.map_estimation import MEDIAN_OF_NORM, REJECT
+from identification.kinematics.estimation.map_estimation import REJECT
 from identification.kinematics.models.chain import Index, Mask
+from identification.selection import MEDIAN_OF_NORM
 
 _EXACT = 1e-8
 """m: noise-free points that are this near are not outliers, however near the others are."""
