@@ -18,6 +18,7 @@ from identification.methods.free_friction import with_free_friction
 from identification.methods.friction_trial import Trial
 from identification.methods.lag_of_currents import Lag, delayed, judged, lag_shown
 from identification.methods.load_and_temperature import Dependence
+from identification.methods.sharper_sign import Sharper, with_sharper_sign
 from identification.methods.solved import Solved, fitted_arm, friction_sizes, solved
 from identification.regression.conclusion import conclude
 from identification.regression.friction_band import bands_of
@@ -51,7 +52,10 @@ def identify(
 
     def of(arm: Arm) -> _Fitted:
         problem = prepare(fit, arm, held_out=held_out, friction=friction, progress=progress)
-        return _fitted(problem, method, shape, progress)
+        if shape == "straight":
+            return _fitted(problem, method, shape, progress)
+        problem, sharper = with_sharper_sign(problem, method, progress)
+        return replace(_fitted(problem, method, shape, progress), sharper=sharper)
 
     first = of(arm)
     lag, first = (None, first) if shape == "straight" else _with_lag(first, of, arm)
@@ -67,12 +71,13 @@ def identify(
     result.extra.update(held_directions=found.held, blocks=found.spread.blocks)
     result.extra["friction_trials"] = [asdict(trial) for trial in trials]
     result.extra["friction_dependence"] = [one.to_json() for one in depends]
+    result.extra["sign_velocities"] = [one.to_json() for one in first.sharper]
     if lag is not None:
         result.notes.append(str(lag))
         result.extra["lag_of_currents"] = lag.to_json()
     bands = bands_of(found.problem, result.arm, found.spread)
     # curves of shape free are there whatever the held-out rows say
-    chosen = chosen_terms(lag, [] if shape == "free" else trials, depends, ripples or [])
+    chosen = chosen_terms(lag, first.sharper, [] if shape == "free" else trials, depends, ripples or [])
     result = replace(result, friction_bands=bands, smoothness=found.scale, chosen_on_held_out=chosen)
     return result if ripples is None else with_found(result, found.problem, ripples)
 
@@ -85,6 +90,7 @@ class _Fitted:
     found: Solved
     trials: list[Trial]
     depends: list[Dependence]
+    sharper: Sequence[Sharper] = ()
 
 
 def _fitted(problem: Problem, method: Method, shape: Shape, progress: Progress) -> _Fitted:

@@ -17,13 +17,14 @@ if TYPE_CHECKING:
 
 def sentences(result: Identification) -> list[str]:
     """Per joint what law its friction has over speed, load and temperature, and by what held-out errors."""
-    return [*_over_speed(result).values(), *(_depends(result, one) for one in _dependences(result))]
+    return [*_signs(result), *_over_speed(result).values(), *(_depends(result, one) for one in _dependences(result))]
 
 
 def in_short(result: Identification) -> list[str]:
     """``sentences``, but joints whose friction the held-out data leave as it is are named together."""
     of_joint, plain = _over_speed(result), _plain(result)
-    said = [sentence for joint, sentence in of_joint.items() if joint not in plain or len(plain) == 1]
+    said = _signs(result)
+    said += [sentence for joint, sentence in of_joint.items() if joint not in plain or len(plain) == 1]
     if len(plain) > 1:
         joints = ", ".join(map(str, plain))
         said.append(f"friction of joints {joints}: Coulomb and viscous (a curve is not justified by the held-out rows)")
@@ -35,6 +36,20 @@ def in_short(result: Identification) -> list[str]:
         elif absent:
             joints = ", ".join(str(one["joint"]) for one in absent)
             said.append(f"friction of joints {joints} over {on}: not in the model (not justified by the held-out rows)")
+    return said
+
+
+def _signs(result: Identification) -> list[str]:
+    """Joints whose friction changes its sign more sharply than the model said, and by what held-out errors."""
+    said = []
+    for one in result.extra.get("sign_velocities", []):
+        if one["stays"]:
+            revolute, unit = result.arm.joints[one["joint"] - 1].revolute, result.torque_unit(one["joint"] - 1)
+            said.append(
+                f"friction of joint {one['joint']} changes its sign over {1e3 * one['found']:.2g} "
+                f"{'mrad/s' if revolute else 'mm/s'}, {1e3 * one['model']:.2g} in the model (held-out error while it "
+                f"slides {one['before']:.3g} -> {one['after']:.3g} {unit})"
+            )
     return said
 
 
