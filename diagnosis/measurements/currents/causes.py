@@ -34,42 +34,47 @@ def of_candidate(candidate: Candidate, values: list[Estimate], state: State) -> 
     others = model.without(candidate, state).fitted
     conditional = score(candidate, model.columns(candidate), others, held_out)
     joint = candidate.joint or _most_felt(others.held_out, all_fitted.held_out, held_out)
+    drive = model.arm.joints[joint - 1]
     before, after = (_rms_in_amperes(residual, held_out, joint) for residual in (others.held_out, all_fitted.held_out))
-    group = list(dict.fromkeys([candidate.key, *_indistinguishable(candidate, others, state)]))
+    turn = in_words(candidate, drive)
+    better, compared = (int(np.sum(blocks)) for blocks in (conditional.blocks > 0, conditional.blocks != 0))
+    sentence = (
+        f"{candidate.definition.shows}{f' ({turn})' if turn else ''}: with it, the held-out {recorded_quantity(drive)} "
+        f"error of joint {joint} falls from {before:.3g} to {after:.3g} {drive.command_unit} rms, in {better} of "
+        f"{compared} one-second blocks of {f'joint {candidate.joint}' if candidate.joint else 'all joints'}"
+    )
+    group = _ambiguity_group(candidate, others, state)
+    confused_with = candidate.definition.confused_with
+    return Cause(
+        effect=candidate.effect,
+        joint=candidate.joint,
+        parameters=with_shares(candidate.effect, values, drive),
+        confidence=confidence_of(conditional.p),
+        before=before,
+        after=after,
+        group=group,
+        separate_by=next((confused_with[effect] for effect, _ in group[1:] if effect in confused_with), None),
+        evidence=sentence,
+        felt_at=joint,
+        unit=drive.command_unit,
+    )
+
+
+def _ambiguity_group(candidate: Candidate, others: Fitted, state: State) -> tuple[EffectKey, ...]:
+    """The candidate, rivals that this data does not distinguish from it, and its aliases.
+
+    Those of currents only while the drives are on.
+    """
     definition = candidate.definition
     aliases = [*definition.aliases]
     if all(run.powered for part in state.data for run in part.runs):
         aliases += definition.observed_by[Instrument.CURRENT].aliases
-    group += [(name, candidate.joint) for name in aliases if (name, candidate.joint) not in group]
-    where, unit = (
-        f"of joint {candidate.joint}" if candidate.joint else "of all joints",
-        model.arm.joints[joint - 1].command_unit,
-    )
-    turn = in_words(candidate, model.arm.joints[joint - 1])
-    of_wheel = f" ({turn})" if turn else ""
-    what = recorded_quantity(model.arm.joints[joint - 1])
-    falls = f"falls from {before:.3g} to {after:.3g} {unit} rms"
-    better, compared = (int(np.sum(blocks)) for blocks in (conditional.blocks > 0, conditional.blocks != 0))
-    sentence = (
-        f"{definition.shows}{of_wheel}: with it, the held-out {what} error of joint {joint} {falls}, in {better} of "
-        f"{compared} one-second blocks {where}"
-    )
-    separate = None
-    if len(group) > 1:
-        separate = next((definition.confused_with[e] for e, _ in group[1:] if e in definition.confused_with), None)
-    return Cause(
-        effect=candidate.effect,
-        joint=candidate.joint,
-        parameters=with_shares(candidate.effect, values, model.arm.joints[joint - 1]),
-        confidence=confidence_of(conditional.p),
-        before=before,
-        after=after,
-        group=tuple(group),
-        separate_by=separate,
-        evidence=sentence,
-        felt_at=joint,
-        unit=unit,
-    )
+    keys = [
+        candidate.key,
+        *_indistinguishable(candidate, others, state),
+        *((name, candidate.joint) for name in aliases),
+    ]
+    return tuple(dict.fromkeys(keys))
 
 
 def _indistinguishable(candidate: Candidate, others: Fitted, state: State) -> list[EffectKey]:
@@ -130,34 +135,37 @@ def from_event(event: Event, arm: Arm, data: Split[Dataset]) -> Cause:
 
 def from_axis(axis_cause: AxisCause, arm: Arm) -> Cause:
     """A cause of a single axis in the words and units of its drive."""
-    joint = 1 if CATALOGUE[axis_cause.effect].per_joint else None
-    unit, values = arm.joints[0].command_unit, {p.name: p.value for p in axis_cause.parameters}
     effect, drive = CATALOGUE[axis_cause.effect], arm.joints[0]
+    values = {p.name: p.value for p in axis_cause.parameters}
     units = {p.name: unit_at(drive, p.unit, p.name) for p in effect.parameters}
     sentence = (
         f"{effect.shown(Instrument.SINGLE_AXIS, values, units)}: with it, the held-out error of the command below 60 "
-        f"Hz falls from {axis_cause.before:.3g} to "
-        f"{axis_cause.after:.3g} {unit} rms, in {int(np.sum(axis_cause.gains > 0))} of {len(axis_cause.gains)} blocks"
+        f"Hz falls from {axis_cause.before:.3g} to {axis_cause.after:.3g} {drive.command_unit} rms, in "
+        f"{int(np.sum(axis_cause.gains > 0))} of {len(axis_cause.gains)} blocks"
     )
     if set(values) >= BY_DIRECTION:
         sentence += f"; {_by_direction(arm, values)}"
-    group = tuple((effect, 1 if CATALOGUE[effect].per_joint else None) for effect in axis_cause.group)
-    confused_with = CATALOGUE[axis_cause.effect].confused_with
-    separate = next((confused_with[effect] for effect in axis_cause.group[1:] if effect in confused_with), None)
     return Cause(
         effect=axis_cause.effect,
-        joint=joint,
-        parameters=with_shares(axis_cause.effect, axis_cause.parameters, arm.joints[0]),
+        joint=_joint_of(axis_cause.effect),
+        parameters=with_shares(axis_cause.effect, axis_cause.parameters, drive),
         confidence=confidence_of(axis_cause.p),
         before=axis_cause.before,
         after=axis_cause.after,
-        group=group,
-        separate_by=separate,
+        group=tuple((name, _joint_of(name)) for name in axis_cause.group),
+        separate_by=next(
+            (effect.confused_with[name] for name in axis_cause.group[1:] if name in effect.confused_with), None
+        ),
         evidence=sentence,
         felt_at=1,
-        unit=unit,
+        unit=drive.command_unit,
         deviations=axis_cause.deviations,
     )
+
+
+def _joint_of(effect: str) -> int | None:
+    """Of a single axis: 1, or None for an effect of the whole arm."""
+    return 1 if CATALOGUE[effect].per_joint else None
 
 
 def _by_direction(arm: Arm, more: Mapping[str, float]) -> str:
