@@ -19,7 +19,6 @@ import numpy as np
 
 from arm_io.types import Array, Progress
 from arm_model import Arm
-from arm_model.rigid_body.scalar import smooth_sign
 from identification.methods.friction_trial import held_out_residual, residual_of
 from identification.methods.solved import Solved, solved
 from identification.preprocessing.signals import (
@@ -136,14 +135,12 @@ def _more(arm: Arm, motions: Sequence[Motion], j: int, velocity: float, *, squar
 
     squared: of the square of the sign.
     """
-    power = 2 if squared else 1
+    power, model = 2 if squared else 1, arm.joints[j].sign_velocity
     parts = []
     for motion in motions:
         v = motion.qd[:, j]
-        sharp = np.sign(v) if velocity == 0.0 else smooth_sign(v, velocity)
-        more = (
-            np.asarray(sharp, float) ** power - np.asarray(smooth_sign(v, arm.joints[j].sign_velocity), float) ** power
-        )
+        sharp = np.sign(v) if velocity == 0.0 else v / np.hypot(v, velocity)
+        more = sharp**power - (v / np.hypot(v, model)) ** power
         filtered = parallel_filter(motion, more * equation_weight(motion)[:, j])
         joint, row = np.nonzero(equation_rows(motion)[1].T)
         parts.append(np.where(joint == j, filtered[row], 0.0))
