@@ -13,6 +13,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 from scipy import signal
+from scipy.interpolate import CubicSpline
 
 from arm_io.types import Array
 from arm_model import Arm, EffectTerm
@@ -21,6 +22,7 @@ from arm_model.simulation import simulate_batch
 from daq.recording import Recording
 from diagnosis.closed_loop.comparison import has_demand
 from diagnosis.closed_loop.model_errors import drawn
+from diagnosis.closed_loop.setpoint_phase import lag_of
 from diagnosis.residual.filters import TRANSIENT
 from diagnosis.residual.noise.channels import scatter
 from diagnosis.residual.run_setup import set_up
@@ -44,24 +46,50 @@ class Trial:
 
 
 def loop_errors(
-    arm: Arm, recording: Recording, trials: Sequence[Trial] = (), *, at: Sequence[int] | None = None
+    arm: Arm,
+    recording: Recording,
+    trials: Sequence[Trial] = (),
+    *,
+    at: Sequence[int] | None = None,
+    lag: float | None = None,
 ) -> Array:
     """(lanes, m, n) A: measured minus simulated current in the band, of the arm or with each of the trials.
 
     trials: of one effect and joint. at: the joints (from 0) that are asked for; default: all. NaN in lanes with an
-    unstable loop. A delay of the recorded demand is estimated from the angles and corrected.
+    unstable loop. lag: s by which the simulation is moved; default: that at which the loop of ``arm`` has its
+    transients where they were measured. When in their period servos read encoders, and hosts send setpoints, is in no
+    model.
     """
     t, rate = recording.t, 1.0 / recording.dt
     end, asked = round(TRANSIENT * rate), list(range(len(arm)) if at is None else at)
-    errors = []
-    for q, i in zip(*(_simulated(arm, recording, trials) if trials else loop_of(arm, recording))):
+    lag, errors = loop_lag(arm, recording) if lag is None else lag, []
+    for i in _simulated(arm, recording, trials)[1] if trials else loop_of(arm, recording)[1]:
         if not np.isfinite(i).all():
             errors.append(np.full((len(t) - 2 * end, len(asked)), np.nan))
             continue
-        delay = late(recording.q - q, np.gradient(q, recording.dt, axis=0))
-        moved = np.column_stack([np.interp(t - delay, t, column) for column in i.T[asked]])
+        moved = CubicSpline(t, i[:, asked])(np.clip(t - lag, t[0], t[-1]))
         errors.append(zero_phase(band_sections(rate), recording.i[:, asked] - moved)[end:-end])
     return np.stack(errors)
+
+
+_lags: WeakKeyDictionary[Recording, tuple[Arm, float]] = WeakKeyDictionary()
+"""By recording, the last arm whose loop was moved, and by how much: that of every trial is moved by as much."""
+
+
+def loop_lag(arm: Arm, recording: Recording) -> float:
+    """s by which the measured currents are behind those of the loop of an arm, in ``BAND``; 0 if it is unstable."""
+    of_arm, lag = _lags.get(recording, (None, 0.0))
+    if of_arm != arm:
+        rate = 1.0 / recording.dt
+        end, simulated = round(TRANSIENT * rate), loop_of(arm, recording)[1][0]
+        if np.isfinite(simulated).all():
+            noise = np.maximum(_noise_in_band([recording]), 1e-12)
+            measured, shown = (zero_phase(band_sections(rate), i)[end:-end] / noise for i in (recording.i, simulated))
+            lag = lag_of(measured, shown, rate)
+        else:
+            lag = 0.0
+        _lags[recording] = arm, lag
+    return lag
 
 
 _loops: WeakKeyDictionary[Recording, tuple[Arm, tuple[Array, Array]]] = WeakKeyDictionary()

@@ -19,7 +19,7 @@ from arm_io.types import Array
 from arm_model import Arm
 from arm_model.servo import fixed_gains, servo_gains
 from daq.recording import Recording
-from diagnosis.closed_loop.loop_errors import loop_errors
+from diagnosis.closed_loop.loop_errors import late, loop_errors, loop_of
 
 STEPS, STEP, FARTHEST = 4, 0.05, 0.4
 """Gauss-Newton steps; change of a logarithm for a derivative, and the largest in a step."""
@@ -48,8 +48,14 @@ def with_servo_gains(arm: Arm, recordings: Sequence[Recording]) -> Arm:
 
 
 def _error(loop: tuple[Arm, Recording]) -> Array:
-    """(m, n) A: what one closed loop misses of one recording."""
-    return np.asarray(loop_errors(*loop)[0])
+    """(m, n) A: what one closed loop misses of one recording.
+
+    By the lag of its angles: that of its transients changes with the gains, and would make up for some of them.
+    """
+    arm, recording = loop
+    angle = loop_of(arm, recording)[0][0]
+    lag = late(recording.q - angle, np.gradient(angle, recording.dt, axis=0))
+    return np.asarray(loop_errors(arm, recording, lag=lag)[0])
 
 
 def scaled(arm: Arm, logarithm: Array) -> Arm:

@@ -123,6 +123,20 @@ def test_lag_between_currents_of_the_band(lag: float, seed: int) -> None:
     assert lag_of(current(t - lag), current(t), RATE) == pytest.approx(lag, abs=1e-4)
 
 
+def test_a_joint_that_swings_does_not_decide_the_lag_of_the_others() -> None:
+    """Its currents, ten times as large, are behind by 9 ms more than those of the other two."""
+    t, rng = T[:3000], np.random.default_rng(1)
+
+    def current(t: np.ndarray, hertz: np.ndarray, phase: np.ndarray) -> np.ndarray:
+        return np.sin(2 * np.pi * hertz * t[:, None, None] + phase).sum(axis=1)
+
+    others = rng.uniform(20.0, 100.0, (200, 2)), rng.uniform(0.0, 2 * np.pi, (200, 2))
+    swing = np.full((1, 1), 23.0), np.zeros((1, 1))
+    measured = np.hstack([current(t - 1e-3, *others), 100.0 * current(t - 10e-3, *swing)])
+    simulated = np.hstack([current(t, *others), 60.0 * current(t, *swing)])
+    assert lag_of(measured, simulated, RATE) == pytest.approx(1e-3, abs=1e-4)
+
+
 def _transients(t: np.ndarray) -> np.ndarray:
     """(m, 2) every 28 ms, of random sizes, that ring at 60 Hz."""
     sizes, total = np.random.default_rng(3).normal(size=(2000, 2)), np.zeros((len(t), 2))

@@ -7,10 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
 from arm_model.model_file import read_model
 from arm_model.servo import servo_gains
 from daq.recording import Recording
+from diagnosis.closed_loop.loop_errors import loop_errors
 from diagnosis.closed_loop.resonance import _at_few_joints, transmission_resonance
 from diagnosis.closed_loop.servo_gains import with_servo_gains
 from tests.blind.hide import Hidden
@@ -64,6 +66,22 @@ def test_gains_of_the_servos_are_those_that_the_recordings_show(tmp_path: Path) 
 
     np.testing.assert_allclose(found.position / own.position, 1.5, rtol=0.1)
     np.testing.assert_allclose(found.velocity / own.velocity, 1.5**0.5, rtol=0.05)
+
+
+def test_a_loop_whose_currents_are_ahead_as_a_whole_misses_no_more(tmp_path: Path) -> None:
+    """By 0.7 ms: when in their period servos read encoders is in no model; angles do not show it."""
+    motion = fourier("run", 1, 0.12, 0.9, 3.0)
+    write_recording(tmp_path / "fit_0.mcap", recorded(truth(motion, (), LABORATORY), LABORATORY, 1), LABORATORY)
+    (recording,), _ = read_recordings(tmp_path)
+    t = recording.t
+    ahead = CubicSpline(t, recording.i)(np.minimum(t + 0.7e-3, t[-1]))
+    arm = read_model(MODEL)
+
+    missed, as_recorded = (
+        np.sqrt(np.mean(loop_errors(arm, one)[0] ** 2, axis=0)) for one in (replace(recording, i=ahead), recording)
+    )
+
+    np.testing.assert_allclose(missed, as_recorded, rtol=0.1)
 
 
 @pytest.mark.slow
