@@ -76,12 +76,32 @@ def _power(compared: Sequence[Compared], of: str, joint: int) -> Array:
 
 
 def _words(own: Oscillation, arm: Arm, joint: int) -> str:
-    """``it oscillates at 5.3 Hz, with amplitudes of 120 mA and 0.034 mrad``."""
+    """``it oscillates at 5.3 Hz, with amplitudes of 120 mA and 0.034 mrad``; no oscillation is what setpoints make."""
     drive = arm.joints[joint - 1]
     sizes = []
     for size, unit in ((own.current, drive.command_unit), (own.angle, unit_at(drive, "rad"))):
         factor, said = readable(unit, (size,))
         sizes.append(f"{rounded(size * factor, 2)} {said}")
+    if _at_setpoints(own.frequency, arm):
+        return (
+            f"most of it at {own.frequency:.1f} Hz ({sizes[0]}), {_times(own.frequency, arm)} the rate of the "
+            "setpoints: the servo answers them otherwise than the model's; check its gains, and the joint for a spring"
+        )
     if own.angle < LEAST_ANGLE:
         return f"it oscillates at {own.frequency:.1f} Hz, with an amplitude of {sizes[0]}, and the angle does not"
     return f"it oscillates at {own.frequency:.1f} Hz, with amplitudes of {sizes[0]} and {sizes[1]}"
+
+
+def _at_setpoints(frequency: float, arm: Arm) -> bool:
+    """Whether a frequency is a multiple of the rate of the model's setpoints, as near as a spectrum tells."""
+    if arm.controller is None:
+        return False
+    rate = 1.0 / arm.controller.setpoint_period
+    return frequency > rate / 2 and abs(frequency - round(frequency / rate) * rate) < 0.5 / SECONDS
+
+
+def _times(frequency: float, arm: Arm) -> str:
+    """``once``, ``2 times``, of the rate of the setpoints."""
+    assert arm.controller is not None
+    times = round(frequency * arm.controller.setpoint_period)
+    return "once" if times == 1 else f"{times} times"

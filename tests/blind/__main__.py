@@ -28,6 +28,7 @@ from tests.blind.recordings import read_recordings
 from tests.blind.score import Outcome, confusion, figures, outcome, reliability
 from tests.blind.second import cases as second_cases
 from tests.blind.second import generate as second
+from tests.blind.second.laboratory import own_springs
 from tests.blind.second.strangers import VARIABLES
 from tests.blind.unmodelled import EXPLANATORY
 from tests.executors import executor
@@ -93,17 +94,19 @@ def judged(case: AnyCase, cache: Path | None) -> Outcome:
         start = time.perf_counter()
         if isinstance(case, Case):
             where, hidden = generate(case, folder)
-            model, explanatory = MODEL, EXPLANATORY
+            model, explanatory, own = MODEL, EXPLANATORY, list[dict[str, object]]()
         else:
             where, hidden = second.generate(case, folder)
             model, explanatory = folder / second.MODEL, VARIABLES
+            softened = [joint for effect, joint in case.effects if effect in {"joint_compliance", "backlash"}]
+            own = own_springs(where, softened)
         generated = time.perf_counter() - start
         fit, held_out = read_recordings(folder)
         arm = read_model(model)
         start, spent = time.perf_counter(), _cpu()
         result = diagnose(arm, fit, held_out)
         seconds, spent = time.perf_counter() - start, _cpu() - spent
-        one = outcome(case, where, hidden, result, table_of(result, fit, held_out), explanatory)
+        one = outcome(case, where, hidden, result, table_of(result, fit, held_out), explanatory, own)
     one.seconds, one.generated, one.cpu = seconds, generated, spent
     return one
 

@@ -41,7 +41,8 @@ class Outcome:
     """One case.
 
     hidden and named: [effect, joint]; found: whether each hidden one was named, stands_for: by which name; parameters:
-    one dict each that was compared.
+    one dict each that was compared; own: names of what the healthy plant has and its model lacks, with its size: they
+    are neither right nor superfluous.
 
     left    weighed held-out rms at the joint of each hidden effect (1: noise); closed: current error of the simulation
             there over noise
@@ -71,14 +72,22 @@ class Outcome:
     cpu: float = 0.0
     groups: list[list[list[Any]]] = field(default_factory=list)
     declared: list[bool] = field(default_factory=list)
+    own: list[list[Any]] = field(default_factory=list)
+
+    @property
+    def misnamed(self) -> bool:
+        """Whether anything is named that the plant does not have, where nothing that has a name is hidden."""
+        return len(self.named) > len(self.own)
 
     @property
     def good(self) -> bool:
         """All there was to say was said, and nothing else."""
         if self.kind == "unmodelled":
-            return not self.named and self.right_variable
+            return not self.misnamed and self.right_variable
         if self.kind == "empties":
-            return not self.named and self.verdict == "consistent"
+            return not self.misnamed and (
+                self.verdict == "consistent" or bool(self.own and self.verdict == "explained")
+            )
         return all(self.found) and not self.superfluous
 
     def line(self) -> str:
@@ -100,10 +109,11 @@ def outcome(
     result: Diagnosis,
     table: Mapping[str, Any],
     explanatory: Mapping[str, Sequence[str]] = EXPLANATORY,
+    own: Sequence[Mapping[str, Any]] = (),
 ) -> Outcome:
     """``table``: the content of diagnosis.json; seconds are the caller's to fill in.
 
-    explanatory: by unmodelled defect, the variables that are right.
+    explanatory: by unmodelled defect, the variables that are right. own: of the healthy plant, what its model lacks.
     """
     rest = list(result.causes)
     unmodelled = case.kind == "unmodelled"
@@ -116,6 +126,9 @@ def outcome(
             rest.remove(match)
             confidence.append((match.confidence, True))
             parameters += compared(match, one)
+    of_plant = [cause for cause in rest if any(is_own(cause, one) for one in own)]
+    rest = [cause for cause in rest if cause not in of_plant]
+    confidence += [(cause.confidence, True) for cause in of_plant]
     confidence += [(cause.confidence, False) for cause in rest]
     unseen = {(one["effect"], one["joint"]) for one in table["not_visible"]}
     left = [[s["signal"], s["joint"], s["against"], s["share"]] for s in table["unexplained"]]
@@ -140,6 +153,7 @@ def outcome(
         declared=[(one["effect"], one["joint"]) in unseen for one in hidden],
         seconds=0.0,
         groups=[[list(member) for member in c.group] for c in result.causes],
+        own=[[c.effect, c.joint] for c in of_plant],
     )
 
 
@@ -148,6 +162,13 @@ def right(cause: Cause, effect: str, joint: int | None) -> bool:
     if (cause.effect, cause.joint) == (effect, joint):
         return True
     return any({cause.effect, effect} <= same for same in SAME) and (effect, joint) in cause.group
+
+
+def is_own(cause: Cause, own: Mapping[str, Any]) -> bool:
+    """Whether a name is that of what the healthy plant has: effect and joint, and all of its figures within two std."""
+    rows = compared(cause, own)
+    same = (cause.effect, cause.joint) == (own["effect"], own["joint"])
+    return same and len(rows) == len(own["parameters"]) and all(row["inside"] for row in rows)
 
 
 def compared(cause: Cause, hidden: Mapping[str, Any]) -> list[dict[str, Any]]:
@@ -227,11 +248,11 @@ def figures(outcomes: Sequence[Outcome]) -> dict[str, float]:
         table["superfluous_names_a_case"] = _mean(o.superfluous for o in hiding)
     if "empties" in by_kind:
         table["empties_cases"] = len(by_kind["empties"])
-        table["false_alarms"] = sum(bool(o.named) for o in by_kind["empties"])
+        table["false_alarms"] = sum(o.misnamed for o in by_kind["empties"])
         table["empties_called_unexplained"] = sum(o.verdict == "unexplained" for o in by_kind["empties"])
     if "unmodelled" in by_kind:
         table["unmodelled_cases"] = len(by_kind["unmodelled"])
-        table["unmodelled_misnamed"] = sum(bool(o.named) for o in by_kind["unmodelled"])
+        table["unmodelled_misnamed"] = sum(o.misnamed for o in by_kind["unmodelled"])
         table["unmodelled_unexplained"] = _mean(o.verdict == "unexplained" for o in by_kind["unmodelled"])
         table["unmodelled_right_variable"] = _mean(o.right_variable for o in by_kind["unmodelled"])
     parameters = [p["inside"] for o in outcomes for p in o.parameters]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import mujoco
@@ -13,12 +14,14 @@ from scipy.signal import butter, filtfilt
 
 from arm_io.types import Array
 from arm_model.effects import CATALOGUE
+from diagnosis.cause import Cause, Estimate
 from experiment import Experiment
 from tests.blind.__main__ import drawn
+from tests.blind.score import is_own
 from tests.blind.second.cases import COUNTS, cases
 from tests.blind.second.effects import KINDS
 from tests.blind.second.generate import Hidden, strength
-from tests.blind.second.laboratory import Laboratory, arm_of, laboratory, plant_of
+from tests.blind.second.laboratory import Laboratory, arm_of, laboratory, own_springs, plant_of
 from tests.blind.second.motions import HOME, SPEEDS, suite
 from tests.blind.second.plant import Plant, rates, step
 from tests.blind.second.rigid_body import mass_matrix, target, torques
@@ -231,3 +234,29 @@ def test_bristles_come_to_the_friction_that_they_stand_for() -> None:
 def test_cases_of_either_generator_come_kind_by_kind_in_turn(generator: str) -> None:
     chosen = drawn(generator, ["singles", "pairs"], 1, 2, ())
     assert [case.kind for case in chosen] == ["singles", "pairs"] * 2
+
+
+def test_a_spring_that_the_plant_has_is_neither_right_nor_superfluous() -> None:
+    """By its effect, its joint and its size within two std; a model that has the springs lacks none."""
+    where = replace(laboratory(4), tracker=False, link_encoders=0)
+    own = own_springs(where, [3])
+    assert [one["joint"] for one in own] == [1, 2, 4, 5, 6]
+    assert not own_springs(replace(where, tracker=True), [])
+
+    def named(effect: str, joint: int, stiffness: float) -> Cause:
+        estimate = Estimate("stiffness", stiffness, 5e4, "N m/rad")
+        return Cause(
+            effect=effect,
+            joint=joint,
+            parameters=[estimate],
+            confidence=0.9,
+            before=1.0,
+            after=0.5,
+            group=((effect, joint),),
+            evidence="",
+            felt_at=joint,
+            unit="A",
+        )
+
+    told = [named("joint_compliance", 2, 9.2e5), named("joint_compliance", 2, 8.9e5), named("gravity_spring", 2, 1e6)]
+    assert [any(is_own(cause, one) for one in own) for cause in told] == [True, False, False]

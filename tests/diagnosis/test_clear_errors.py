@@ -18,11 +18,11 @@ from arm_model.tables import uncertainty_of
 from daq.recording import Recording, open_recording
 from daq.recording.parts import Attachments
 from daq.recording.tables.table import write_table
-from diagnosis.cause import NO_VARIABLE, Signal
+from diagnosis.cause import NO_VARIABLE, Signal, Structure
 from diagnosis.closed_loop.clear_errors import LIMITS, clear_errors
 from diagnosis.closed_loop.comparison import Compared
 from diagnosis.closed_loop.model_errors import drawn
-from diagnosis.closed_loop.oscillation import oscillation
+from diagnosis.closed_loop.oscillation import oscillation, with_oscillations
 from diagnosis.closed_loop.setpoint_phase import lag_of
 from diagnosis.residual.filters import kept, rate_of
 from diagnosis.residual.generation import residual_run
@@ -205,6 +205,18 @@ def test_a_servo_that_oscillates_is_told_with_frequency_and_amplitudes(frequency
     assert found is not None
     assert abs(found.frequency - frequency) < 0.1
     assert found.current == pytest.approx(0.2 * 4 / np.pi, rel=0.1) and found.angle == pytest.approx(1e-3, rel=0.1)
+
+
+@pytest.mark.parametrize(("frequency", "told"), [(50.0, "once the rate"), (100.0, "2 times the rate"), (38.0, "")])
+def test_what_a_servo_does_at_setpoints_is_no_oscillation(root: Path, frequency: float, told: str) -> None:
+    arm = armscope.read_model(root / "config/starters/csv/model.toml")
+    assert arm.controller is not None
+    arm = replace(arm, controller=replace(arm.controller, setpoint_period=0.02))
+    left = Structure(Signal.CLOSED_LOOP, 2, "frequencies of 20 to 100 Hz", 0.0, "4.8 times the noise")
+    seen = _compared(0.1 * np.sin(2 * np.pi * frequency * T))
+    (one,) = with_oscillations([left], [seen], arm)
+    assert ("it oscillates" in one.size) != bool(told)
+    assert told in one.size
 
 
 def test_noise_and_breaking_away_do_not_oscillate() -> None:

@@ -6,6 +6,7 @@ for their structure, the servos.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import asdict, dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -245,6 +246,21 @@ def holding(plant: Plant, q: Array) -> Array:
     """(n,) N m that hold the links against gravity, springs aside."""
     still = np.zeros(len(q))
     return torques(plant.dh, plant.bodies, plant.inertia, plant.cylinders, plant.gravity, q, still, still)
+
+
+def own_springs(where: Laboratory, softened: Collection[int | None]) -> list[dict[str, object]]:
+    """The springs of healthy gears that the plant has and its model lacks, in the form of what is hidden.
+
+    softened: joints (from 1) whose spring is hidden itself. Dampings are no figures of the gears' makers: not told.
+    """
+    if where.sees_links:
+        return []
+    every = enumerate(STIFF.tolist(), 1)
+    return [
+        {"effect": "joint_compliance", "joint": joint, "parameters": {"stiffness": stiffness}}
+        for joint, stiffness in every
+        if joint not in softened
+    ]
 
 
 def as_table(where: Laboratory) -> dict[str, object]:
