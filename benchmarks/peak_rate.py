@@ -16,7 +16,7 @@ from llvmlite import ir
 from arm_io.parallel import cores
 from arm_model.simulation.kernel import module_of
 from arm_model.symbolic.codegen import Vector
-from arm_model.symbolic.machine_code import LANES, machine_for_engine, target
+from arm_model.symbolic.machine_code import lanes, machine_for_engine, target
 from arm_model.symbolic.tape import Expr
 from arm_model.system.closed_loop_system import System
 
@@ -29,10 +29,10 @@ ARITHMETIC = re.compile(r"= (?:fadd|fsub|fmul|fdiv|fneg)\b")
 
 def multiply_adds() -> ir.Module:
     """``run(rounds, out)``: CHAINS sums x = x a + b of one vector each, so often; no memory but the end."""
-    module, lane = ir.Module(name="peak"), ir.VectorType(DOUBLE, LANES)
+    module, lane = ir.Module(name="peak"), ir.VectorType(DOUBLE, lanes(64))
     function = ir.Function(module, ir.FunctionType(ir.VoidType(), [INT, lane.as_pointer()]), "run")
     builder = ir.IRBuilder(function.append_basic_block("entry"))
-    vector = Vector(builder, LANES)
+    vector = Vector(builder, lanes(64))
     factor, addend = vector.constant(0.999), vector.constant(0.001)
     entry, body, after = builder.block, builder.append_basic_block("body"), builder.append_basic_block("after")
     builder.branch(body)
@@ -41,7 +41,7 @@ def multiply_adds() -> ir.Module:
     index.add_incoming(INT(0), entry)
     sums = [builder.phi(lane) for _ in range(CHAINS)]
     for k, total in enumerate(sums):
-        total.add_incoming(ir.Constant(lane, [float(k)] * LANES), entry)
+        total.add_incoming(ir.Constant(lane, [float(k)] * lanes(64)), entry)
         total.add_incoming(vector.fused(total, factor, addend), body)
     following = builder.add(index, INT(1))
     index.add_incoming(following, body)
@@ -61,14 +61,14 @@ def peak_rate() -> float:
     engine.add_object_file(llvm.ObjectFileRef.from_data(code))
     engine.finalize_object()
     run = ctypes.CFUNCTYPE(None, ctypes.c_int64, ctypes.c_void_p)(engine.get_function_address("run"))
-    ends = [np.zeros((CHAINS, LANES)) for _ in range(cores())]
+    ends = [np.zeros((CHAINS, lanes(64))) for _ in range(cores())]
     best = np.inf
     with ThreadPoolExecutor(cores()) as pool:
         for _ in range(3):
             began = time.perf_counter()
             list(pool.map(lambda end: run(ROUNDS, end.ctypes.data), ends))
             best = min(best, time.perf_counter() - began)
-    return 2 * CHAINS * LANES * ROUNDS * cores() / best
+    return 2 * CHAINS * lanes(64) * ROUNDS * cores() / best
 
 
 def operations_a_step(system: System, params: tuple[Expr, ...], substeps: int) -> float:
@@ -78,7 +78,7 @@ def operations_a_step(system: System, params: tuple[Expr, ...], substeps: int) -
     two); roots, comparisons and the sums of the Runge-Kutta rule itself are not counted.
     """
     parts = dict.fromkeys(("rates", "servo"), 0)
-    text = str(module_of(system, params, LANES))
+    text = str(module_of(system, params, lanes(64)))
     for name in parts:
         start = re.search(rf"define[^\n]*@\"?{name}\"?\(", text)
         assert start is not None

@@ -36,7 +36,7 @@ from arm_model.description import Arm
 from arm_model.model_file import read_model
 from arm_model.simulation.servo_references import references, row_times, servo_period
 from arm_model.simulation.simulation import prepared, simulate, simulate_batch
-from arm_model.symbolic.machine_code import LANES
+from arm_model.symbolic.machine_code import lanes
 from arm_model.tables.link_shapes import Cylinder
 from benchmarks import simulation_peers as peers
 from benchmarks.peak_rate import operations_a_step, peak_rate
@@ -85,7 +85,7 @@ def at_the_limit(figures: dict[str, float], puma: Arm) -> None:
     peak = peak_rate()
     figures["peak_gflops"] = peak / 1e9
     for n, name in ((3, "three_links"), (6, "six_links")):
-        run = prepared(first_joints(puma, n), variations(LANES), np.zeros(n), None)
+        run = prepared(first_joints(puma, n), variations(lanes(64)), np.zeros(n), None)
         figures[f"{name}_operations"] = operations_a_step(run.program.system, run.program.params, run.substeps[0])
         rate = figures[f"{name}_1000_sets_x_real_time"] * run.substeps[0] / run.period
         figures[f"{name}_share_of_peak"] = figures[f"{name}_operations"] * rate / peak

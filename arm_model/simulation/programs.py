@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from arm_io.types import Array
 from arm_model.description import Arm
 from arm_model.simulation.engine import Program, program_of
-from arm_model.symbolic.machine_code import LANES, SINGLE_LANES
+from arm_model.symbolic.machine_code import lanes as lanes_of_a_vector
 from arm_model.system.closed_loop_system import build
 from arm_model.system.warmth import warmth_knots
 
@@ -40,7 +40,7 @@ def program_for(arm: Arm, inputs: Mapping[str, Array], lanes: int, *, single: bo
         for number, j in enumerate(arm.joints)
     ]
     terms = [(term.name, term.joint) for term in arm.effects]
-    width = SINGLE_LANES if single else 1 if lanes == 1 else LANES
+    width = 1 if lanes == 1 and not single else lanes_of_a_vector(32 if single else 64)
     key = repr((width, single, joints, arm.base, arm.coupling, _servo(arm), terms, _base(arm), sorted(zero)))
     if key not in _kept:
         if len(_kept) >= KEPT:

@@ -16,9 +16,7 @@ from pathlib import Path
 from typing import Any
 
 LANES = 8
-"""Doubles per vector: one AVX-512 register, two of AVX2."""
-SINGLE_LANES = 16
-"""The same in single precision."""
+"""Rows of a recording per vector: one AVX-512 register, two of AVX2."""
 
 
 def cache_folder() -> Path:
@@ -51,6 +49,15 @@ def target() -> tuple[Any, Any, str]:
     target = llvm.Target.from_default_triple()
     machine = target.create_target_machine(cpu=name, features=features, opt=2, jit=True)
     return llvm, machine, f"{llvmlite.__version__} {name} {features}"
+
+
+@cache
+def lanes(bits: int) -> int:
+    """Numbers of so many bits per vector of a simulation: as many as one register of this processor holds.
+
+    Each step of an arm has hundreds of numbers at hand. In vectors of two registers each, half of them wait in memory.
+    """
+    return (512 if "+avx512f" in target()[2] else 256) // bits
 
 
 def key_of(text: str, *sources: Path) -> str:

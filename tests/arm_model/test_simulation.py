@@ -160,7 +160,7 @@ def test_single_precision_stays_with_double(puma: Arm, root: Path, kind: str) ->
 
 
 def test_lanes_that_need_short_steps_do_not_shorten_those_of_other_blocks(puma: Arm) -> None:
-    """Each block of eight is what a batch of it alone is; the stiff one takes more steps."""
+    """Eight lanes are what a batch of them alone is; those of the stiff blocks take more steps."""
     arm = three_links(puma).with_effect("joint_compliance", joint=2, stiffness=2e4, damping=20.0)
     name, times = "joint2.joint_compliance.stiffness", row_times(0.5, 100)
     stiffness = np.concatenate([np.linspace(1e4, 2e4, 8), np.linspace(1e6, 2e6, 8)])
@@ -168,7 +168,7 @@ def test_lanes_that_need_short_steps_do_not_shorten_those_of_other_blocks(puma: 
     for part in (slice(8), slice(8, 16)):
         alone = simulate_batch(arm, swing(3), times, parameters={name: stiffness[part]})
         np.testing.assert_allclose(batch.q[part], alone.q, atol=1e-12)
-    soft, stiff = prepared(arm, {name: stiffness}, np.zeros(3), None).substeps
+    soft, *_, stiff = prepared(arm, {name: stiffness}, np.zeros(3), None).substeps
     assert (soft, stiff) == (1, 4)
     finer = simulate_batch(arm, swing(3), times, parameters={name: stiffness[:8]}, substeps=stiff)
     assert np.abs(finer.q - batch.q[:8]).max() > 1e-9
