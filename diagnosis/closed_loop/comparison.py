@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from scipy.signal import welch
 
 from arm_io import InputError
-from arm_io.parallel import cores, in_parallel
+from arm_io.parallel import in_parallel
 from arm_io.types import Array
 from arm_model import Arm
 from arm_model.sensing import recorded
@@ -184,10 +184,8 @@ def faithful(pairs: Sequence[tuple[Compared, Compared]], along: Sequence[tuple[A
     return bool(np.all(loop < FAITHFUL * motion))
 
 
-def with_smoothing_velocities(arm: Arm, recordings: Sequence[Recording], ahead: Sequence[Recording] = ()) -> Arm:
+def with_smoothing_velocities(arm: Arm, recordings: Sequence[Recording]) -> Arm:
     """The arm with the Coulomb smoothing velocities (``sign_velocity``) that these recordings show in closed loop.
-
-    ahead: recordings for which the same will be asked next; their loops are simulated meanwhile where a core is free.
 
     No data sheet states them, and simulations differ in them. A joint keeps its own where no other reduces its squared
     error by a tenth.
@@ -196,8 +194,7 @@ def with_smoothing_velocities(arm: Arm, recordings: Sequence[Recording], ahead: 
     moving = [j for j, joint in enumerate(arm.joints) if max(joint.rest_friction) > 0.0]
     if arm.controller is None or not usable or not moving:
         return arm
-    of_next = [r for r in ahead if has_demand(r)] if cores() > 1 else []
-    known = [one for one in _smoothing_errors(arm, [*usable, *of_next], moving)[: len(usable)] if one is not None]
+    known = [one for one in _smoothing_errors(arm, usable, moving) if one is not None]
     if len(known) < len(usable):
         return arm
     errors = np.sum(known, axis=0)

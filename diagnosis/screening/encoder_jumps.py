@@ -20,7 +20,7 @@ from arm_model.effects.sensing import MISSED_COUNTS
 from daq.recording import Recording
 from diagnosis.cause import EncoderJump, Estimate
 from diagnosis.residual.noise.channels import resolution
-from diagnosis.residual.noise.encoder_step import encoder_step
+from diagnosis.residual.noise.encoder_step import encoder_step, found_once
 from diagnosis.screening.event import Event, Gain
 
 Rows = NDArray[np.intp]
@@ -140,11 +140,12 @@ class Jump:
     size: float
 
 
-def jumps_of(q: Array, dt: float) -> list[Jump]:
+@found_once
+def jumps_of(q: Array, dt: float) -> tuple[Jump, ...]:
     """All jumps of an angle (m,) that stay, in time."""
     t: Array = dt * np.arange(len(q), dtype=float)
     found = [_staying(q, t, row, size) for row, size in _steep(q, t)]
-    return sorted((jump for jump in found if jump is not None), key=lambda jump: jump.row)
+    return tuple(sorted((jump for jump in found if jump is not None), key=lambda jump: jump.row))
 
 
 def _instants(recording: Recording, q: Array) -> Array:

@@ -22,8 +22,11 @@ from diagnosis.measurements.currents.estimates import estimates_of
 from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.measurements.currents.model import Currents
 from diagnosis.measurements.currents.possible import exists, impossible
-from diagnosis.measurements.currents.search import Found, search, without
+from diagnosis.measurements.currents.search import Found, search, undissolved, without
+from diagnosis.measurements.currents.state import State
 from diagnosis.measurements.currents.structure.dominant import dominant, remainder_of
+from diagnosis.measurements.currents.structure.shared_bases import Bases
+from diagnosis.measurements.currents.structure.unexplained import Unexplained
 from diagnosis.residual.run import Run
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.next_order import is_further_order
@@ -40,32 +43,55 @@ def tenable_causes(
 
     In the place of a refuted one it searches again.
     """
-    refused: list[EffectKey] = []
-    found = search(model, progress)
+    refused, bases = list[EffectKey](), Bases(*model.data)
+    found = _found(search(model, progress), bases, progress)
     while True:
         progress("estimating parameters")
         causes = causes_of(found)
         progress("judging in closed loop")
-        removed = within_model(found.state)
-        # an arm that cannot be has no gain to judge: the cause that makes it impossible goes first, below
-        if removed is None and exists(model.arm, [term for cause in causes for term in cause.terms]):
-            removed = negligible(found.state, causes)
+        removed = _needless(found.state, causes)
         if removed is not None:
-            found = without(found, found.state.chosen[removed])
+            found = undissolved(without(found.state, found.state.chosen[removed]), bases)
             continue
         removed = _untenable(model.arm, causes, recordings, runs)
         if removed is None:
             return found, with_significance(found.state, causes)
         candidate = found.state.chosen[removed]
         if is_further_order(candidate, [c for c in found.state.chosen if c is not candidate]):
-            found = without(found, candidate)
+            found = undissolved(without(found.state, candidate), bases)
             continue
         refused.append(candidate.key)
         if len(refused) <= LIMITS.searched_again:
             # another effect may explain the same
-            found = search(replace(model, excluded=model.excluded | set(refused)), progress)
+            again = replace(model, excluded=model.excluded | set(refused))
+            found = _found(search(again, progress), bases, progress)
         else:
-            found = without(found, candidate)
+            found = undissolved(without(found.state, candidate), bases)
+
+
+def _found(state: State, bases: Bases, progress: Progress) -> Found:
+    """The causes of a state, and the structure that they leave unexplained.
+
+    Causes that the final model does not need are removed first, so that structure is searched for once. Where there is
+    some it is searched for beside all of them: it decides which are no names for it, and what the others then gain.
+    """
+    progress("searching for unexplained structure")
+    nothing, fewer = Unexplained([], [], {}), state
+    while (removed := _needless(fewer, causes_of(Found(fewer, nothing)))) is not None:
+        fewer = without(fewer, fewer.chosen[removed])
+    found = undissolved(fewer, bases)
+    if fewer is state or (found.state is fewer and not found.unexplained.structures):
+        return found
+    return undissolved(state, bases)
+
+
+def _needless(state: State, causes: Sequence[Cause]) -> int | None:
+    """The cause of a state that is not beyond what is known of the model, or whose gain in it does not matter."""
+    removed = within_model(state)
+    # an arm that cannot be has no gain to judge: the cause that makes it impossible is refuted first
+    if removed is None and exists(state.model.arm, [term for cause in causes for term in cause.terms]):
+        removed = negligible(state, causes)
+    return removed
 
 
 def causes_of(found: Found) -> list[Cause]:
@@ -111,8 +137,7 @@ def _untenable(
     for untenable in (impossible(arm, causes), indistinct(arm, causes)):
         if untenable is not None:
             return untenable
-    # of causes that are not refuted, loops of the fitted recordings are compared next
-    full = with_smoothing_velocities(extend(arm, causes), recordings.held_out, ahead=recordings.fit)
+    full = with_smoothing_velocities(extend(arm, causes), recordings.fit)
     widths = [joint.sign_velocity for joint in full.joints]
     less = [extend(arm, [one for one in causes if one is not cause]) for cause in causes]
     turned = [

@@ -29,13 +29,12 @@ class Found:
     unexplained: Unexplained
 
 
-def search(model: Currents, progress: Callable[[str], None]) -> Found:
-    """Candidates that explain the residual together, and the structure that they leave unexplained."""
+def search(model: Currents, progress: Callable[[str], None]) -> State:
+    """Candidates that explain the residual together."""
     state = simplified(named_by_body(gauss_newton_refined(select(model, progress))))
     if len(fewer := eliminate(model, state).chosen) < len(state.chosen):
         state = model.refitted(fewer, state.rivals)
-    progress("searching for unexplained structure")
-    return _undissolved(state)
+    return state
 
 
 def named_by_body(state: State) -> State:
@@ -62,15 +61,16 @@ def _in_place(state: State, chosen: Sequence[Candidate], last: Candidate, rivals
     return state.model.refitted(chosen, {**state.rivals, last.key: rivals})
 
 
-def without(found: Found, removed: Candidate) -> Found:
-    """What was found, less one candidate; the others fitted anew, and judged anew by what is left without it."""
-    state = found.state
-    return _undissolved(state.model.refitted([c for c in state.chosen if c is not removed], state.rivals))
+def without(state: State, removed: Candidate) -> State:
+    """A state less one candidate, the others fitted anew."""
+    return state.model.refitted([c for c in state.chosen if c is not removed], state.rivals)
 
 
-def _undissolved(state: State) -> Found:
-    """The causes of a state that are no names for parts of unexplained structure, and that structure."""
-    bases = Bases(*state.data)
+def undissolved(state: State, bases: Bases) -> Found:
+    """The causes of a state that are no names for parts of unexplained structure, and that structure.
+
+    bases: of the recordings of the state.
+    """
     found = _with_unexplained(state, bases)
     while dissolved := misnamed(found.state, found.unexplained, bases):
         state = corrected(replace(state, chosen=tuple(c for c in state.chosen if c not in dissolved)))

@@ -101,6 +101,10 @@ def terms(chosen: Sequence[Candidate], coefficients: Sequence[Array]) -> list[Ef
     return [EffectTerm(c.effect, c.joint, c.parameters(own.tolist())) for c, own in zip(chosen, coefficients)]
 
 
+SETTLED = 0.01
+"""Of a std, rms over the rows of a joint: corrections that would change by less are not computed again."""
+
+
 def corrected(state: State) -> State:
     """The state with y = (residual of the exact extended model) + (first-order columns times their coefficients).
 
@@ -109,10 +113,7 @@ def corrected(state: State) -> State:
     """
     model = state.model
     for _ in range(model.limits.corrections):
-        own, extended = state.coefficients, state.terms
-        # as the exact model has them
-        first_order = [np.ones_like(c) if candidate.unit_amplitude else c for candidate, c in zip(state.chosen, own)]
-
+        first_order, extended = _first_order(state), state.terms
         columns = [model.columns(c) for c in state.chosen]
         try:
             data = Split(
@@ -125,8 +126,32 @@ def corrected(state: State) -> State:
         trial = replace(state, data=data)
         if np.sum(trial.fitted.fit**2) > model.limits.worse * np.sum(state.fitted.fit**2):
             return state
-        state = trial
+        before, state = state, trial
+        if _settled(before, state):
+            break
     return state
+
+
+def _first_order(state: State) -> list[Array]:
+    """(k,) coefficients of each chosen candidate, as the exact model has them."""
+    return [np.ones_like(c) if one.unit_amplitude else c for one, c in zip(state.chosen, state.coefficients)]
+
+
+def _settled(before: State, after: State) -> bool:
+    """Whether one more correction would change the rows by less than ``SETTLED``.
+
+    What an exact model has beyond first order grows as the square of an effect: by twice the share by which the last
+    correction moved what the effects explain.
+    """
+    rows, side = np.sqrt(after.data.fit.rows), after.data.fit
+    sizes = _first_order(before), _first_order(after)
+    moved, explained = np.zeros(len(side.y)), np.zeros(len(side.y))
+    for c, was, now in zip(after.chosen, *sizes):
+        own = after.model.columns(c).fit
+        moved[own.where] += own.x @ (now - was)
+        explained[own.where] += own.x @ now
+    beyond = np.linalg.norm(side.y - before.data.fit.y)
+    return bool(2.0 * beyond * np.linalg.norm(moved) < SETTLED * rows * np.linalg.norm(explained))
 
 
 def _exact(

@@ -11,6 +11,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable
 from functools import wraps
+from typing import Concatenate, ParamSpec, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,18 +44,24 @@ REPEATED = 4
 KEPT = 1024
 """Answers that each function of ``found_once`` keeps in memory."""
 
+P = ParamSpec("P")
+R = TypeVar("R")
 
-def found_once(find: Callable[[Array], float]) -> Callable[[Array], float]:
-    """``find`` of samples (m,), found once for the same bytes: a diagnosis asks for the same angles a dozen times."""
-    found: dict[bytes, float] = {}
+
+def found_once(find: Callable[Concatenate[Array, P], R]) -> Callable[Concatenate[Array, P], R]:
+    """``find`` of samples (m,), found once for the same bytes: a diagnosis asks for the same angles a dozen times.
+
+    Other arguments are plain numbers. What is found is shared: nobody changes it.
+    """
+    found: dict[tuple[bytes, str], R] = {}
 
     @wraps(find)
-    def kept(values: Array) -> float:
-        same = hashlib.blake2b(np.asarray(values, float).tobytes(), digest_size=16).digest()
+    def kept(values: Array, *args: P.args, **kwargs: P.kwargs) -> R:
+        same = hashlib.blake2b(np.asarray(values, float).tobytes(), digest_size=16).digest(), repr((args, kwargs))
         if same not in found:
             if len(found) >= KEPT:
                 found.pop(next(iter(found)), None)
-            found[same] = find(values)
+            found[same] = find(values, *args, **kwargs)
         return found[same]
 
     return kept

@@ -155,26 +155,33 @@ def _errors(run: Run, pieces: Index, longest: int) -> Array:
     """
     lags = np.arange(-longest, longest + 1)
     known = np.pad(np.ones(len(run.t)), longest)
-    expected = np.pad(run.expected, ((longest, longest), (0, 0)))
+    level = run.expected.mean(axis=0)  # without it, sums of squares keep their digits
+    expected = np.pad(run.expected - level, ((longest, longest), (0, 0)))
+    rows, total, squared = (_sums(values) for values in (known[:, None], expected, expected**2))
     errors = np.empty((len(lags), len(pieces), run.current.shape[1]))
     for p, first in enumerate(pieces.tolist()):
-        # a correlation with a piece has its sums of products at all lags
-        near = slice(first, first + 2 * longest + PIECE)
-        rows = np.correlate(known[near], np.ones(PIECE), "valid")
-        rows_known = np.maximum(rows, MOST * PIECE)
-        for j, (measured, later) in enumerate(zip(run.current[first : first + PIECE].T, expected[near].T)):
-            about = float(measured.mean())  # so that the sums of squares keep their digits
-            own, other = measured - about, later - about * known[near]
-            sums = np.correlate(known[near], own, "valid") - np.correlate(other, np.ones(PIECE), "valid")
-            squares = (
-                np.correlate(known[near], own**2, "valid")
-                - 2.0 * np.correlate(other, own, "valid")
-                + np.correlate(other**2, np.ones(PIECE), "valid")
-            )
+        near, at = slice(first, first + 2 * longest + PIECE), slice(first, first + 2 * longest + 1)
+        rows_known, whole = np.maximum(rows[at, 0], MOST * PIECE), bool(known[near].all())
+        measured = run.current[first : first + PIECE] - level
+        for j, (own, later) in enumerate(zip((measured - measured.mean(axis=0)).T, expected[near].T)):
+            # a correlation with a piece has its sums of products at all lags; a piece has the mean 0
+            own_sum, own_squares = (0.0, own @ own) if whole else (_products(known[near], x) for x in (own, own**2))
+            sums, squares = own_sum - total[at, j], own_squares - 2.0 * _products(later, own) + squared[at, j]
             errors[:, p, j] = PIECE * (squares / rows_known - (sums / rows_known) ** 2)
     lead = int((1 - MOST) * PIECE)
     nearest = np.clip(lags[:, None], -pieces - lead, len(run.t) - PIECE - pieces + lead)
     return errors[nearest + longest, np.arange(len(pieces))]
+
+
+def _sums(values: Array) -> Array:
+    """(m - PIECE + 1, n) sums of values (m, n) over PIECE rows from each row on."""
+    until = np.cumsum(np.pad(values, ((1, 0), (0, 0))), axis=0)
+    return np.asarray(until[PIECE:] - until[:-PIECE])
+
+
+def _products(values: Array, piece: Array) -> Array:
+    """(m - PIECE + 1,) sums of products of a piece (PIECE,) and the values (m,) from each row on."""
+    return np.correlate(values, piece, "valid")
 
 
 def _cheapest(errors: Array) -> Index:

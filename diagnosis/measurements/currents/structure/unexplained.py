@@ -26,9 +26,12 @@ from diagnosis.measurements.currents.structure.likely_variable import Likely, li
 from diagnosis.measurements.currents.structure.noise_ratio import noise_ratio
 from diagnosis.measurements.currents.structure.shared_bases import Bases
 from diagnosis.selection.design import Dataset, Pair
-from diagnosis.selection.regression import Fitted, fit_gain, gain_of, residual_with, with_columns
+from diagnosis.selection.regression import Fitted, fit_gain, residual_with, with_columns
 from diagnosis.selection.waves import wave_of
 from identification.selection import Split, p_value
+
+HARDLY = 1 / 3
+"""Of the gain that a function needs in held-out recordings, what it needs in the fitted ones to be tried there."""
 
 
 @dataclass(frozen=True)
@@ -142,7 +145,14 @@ def _strongest(
     rows = held_out.of(joint)
     gains = []
     for shape in shapes:
-        fall = gain_of(shape.pair, fitted, held_out)[1]
+        # a function that hardly follows the fitted recordings does not predict others
+        in_fit = shape.functions.fit.columns
+        gain, c = fit_gain(in_fit, fitted)
+        if gain < HARDLY * LIMITS.structure_gain * data.fit.rows:
+            gains.append(np.zeros(1))
+            continue
+        pair = Split(in_fit, shape.functions.held_out.columns, data.two_fold)
+        fall = fitted.held_out**2 - residual_with(pair, c, fitted, held_out) ** 2
         fall[rows] *= shape.known & known
         gains.append(held_out.by_block(fall))
     q = stats.false_discovery_control(np.array([p_value(gain) for gain in gains]))
