@@ -247,17 +247,24 @@ def candidates(arm: Arm) -> Iterator[Candidate]:
                 continue
             for shape in shapes:
                 yield Candidate(effect.name, joint, shape)
-            if own is not None and joint is not None and (skew := own_skew(arm.joints[joint - 1])):
-                yield Candidate(effect.name, joint, ((own, skew),))
+            if own is not None and joint is not None:
+                yield from (Candidate(effect.name, joint, ((own, skew),)) for skew in own_skews(arm.joints[joint - 1]))
 
 
 LEAST_SKEW = 0.005
 """Directions that differ by less count as equal."""
 
 
-def own_skew(joint: Joint) -> float:
-    """(F+ - F-) / (F+ + F-) of a joint's own Coulomb friction; 0 where it has none, or is equal in both directions."""
+def own_skews(joint: Joint) -> list[float]:
+    """Differences (F+ - F-) / (F+ + F-) of the directions of a joint's own Coulomb friction; [] where they are equal.
+
+    And the same with its constant torque as part of both: while a joint moves, the two are one, and friction that is
+    identified as equal in both directions has the difference there. A larger constant torque is no friction.
+    """
     positive, negative = joint.coulomb
     total = positive + negative
-    skew = (positive - negative) / total if total > 0.0 else 0.0
-    return skew if abs(skew) > LEAST_SKEW else 0.0
+    if total <= 0.0:
+        return []
+    skews = [(positive - negative) / total, (positive - negative + 2.0 * joint.offset) / total]
+    found = [skew for skew in skews if LEAST_SKEW < abs(skew) < 1.0]
+    return found[:1] if len(found) == 2 and abs(found[0] - found[1]) < LEAST_SKEW else found

@@ -28,7 +28,7 @@ def page(
 ) -> Report:
     """The page for the result ``table`` of calibrating an arm."""
     clips = clips_of(calibration)
-    says, refuted = _headline(table)
+    says, refuted = headline(table)
     return Report(
         title=f"{arm.name}: kinematic calibration",
         template="identification.kinematics.report/calibration.html",
@@ -60,7 +60,7 @@ def page(
     )
 
 
-def _headline(table: dict[str, Any]) -> tuple[str, bool]:
+def headline(table: dict[str, Any]) -> tuple[str, bool]:
     """The verdict, and whether it is that the calibration is no better."""
     rms, better = table["position_rms"]["held_out"], 100 * table["improvement"]["held_out"]
     where = {"split": "held-out blocks of the same runs", "cross-validation": "poses that the fit had not seen"}.get(
@@ -75,9 +75,17 @@ def _headline(table: dict[str, Any]) -> tuple[str, bool]:
     )
     return (
         f"On all points of {where} the position error {fall} rms per coordinate ({change(better / 100)})."
-        f" The noise of the points is {_mm(table['noise'])}.",
+        f" The noise of the points is {_mm(table['noise'])}.{_orientation(table)}",
         better <= 0,
     )
+
+
+def _orientation(table: dict[str, Any]) -> str:
+    """A sentence on the held-out orientation error of six-dimensional targets; empty without."""
+    if not (rms := table["orientation_rms"].get("held_out")):
+        return ""
+    before, after = 1e3 * rms["before"], 1e3 * rms["after"]
+    return f" The orientation error was {before:.3g} mrad rms per coordinate, and is {after:.3g}."
 
 
 def _error_table(table: dict[str, Any]) -> Markup:

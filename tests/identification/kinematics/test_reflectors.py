@@ -16,6 +16,7 @@ from armscope.cli import run
 from identification.kinematics.data.pose_table import read_poses
 from identification.kinematics.data.runs import Run, correlation_in_poses
 from identification.kinematics.models.chain import Chain, Step, forward, pose_jacobian, position_jacobian
+from identification.kinematics.report.html import headline
 
 sys.path.insert(0, str(Path(__file__).parent))
 from foreign_arm import DESCRIPTION, NOISE, ForeignArm
@@ -258,3 +259,18 @@ def test_reflectors_of_one_pose_count_as_fewer_where_they_share_an_error() -> No
     assert correlation_in_poses(own.reshape(-1, 3), runs, rows) == pytest.approx(1.0, abs=0.15)
     assert correlation_in_poses(common.reshape(-1, 3), runs, rows) == pytest.approx(2.0, abs=0.2)
     assert correlation_in_poses(common[0], runs[:1], rows[:1]) == 1.0
+
+
+def test_the_page_leads_with_the_errors_of_positions_and_orientations() -> None:
+    table = {
+        "position_rms": {"held_out": {"before": 2e-3, "after": 5e-5}},
+        "orientation_rms": {"held_out": {"before": 7.43e-3, "after": 1.25e-4}},
+        "improvement": {"held_out": 0.975},
+        "held_out": ["held.csv"],
+        "failures": [],
+        "noise": 4e-5,
+    }
+    said, refuted = headline(table)
+    assert not refuted
+    assert said.endswith("The orientation error was 7.43 mrad rms per coordinate, and is 0.125.")
+    assert "orientation" not in headline(table | {"orientation_rms": {}})[0]
