@@ -256,9 +256,9 @@ LEAST_SKEW = 0.005
 
 
 def own_skews(joint: Joint) -> list[float]:
-    """Differences (F+ - F-) / (F+ + F-) of the directions of a joint's own Coulomb friction; [] where they are equal.
+    """How the directions of a joint's own Coulomb friction differ: (F+ - F-) / (F+ + F-); [] where they are equal.
 
-    And the same with its constant torque as part of both: while a joint moves, the two are one, and friction that is
+    The second is with the constant torque as part of both: while a joint moves, the two are one, and friction that is
     identified as equal in both directions has the difference there. A larger constant torque is no friction.
     """
     positive, negative = joint.coulomb
