@@ -30,17 +30,21 @@ def summary(result: Diagnosis) -> Markup:
 
 
 def errors(result: Diagnosis, table: dict[str, Any], extended: bool) -> Markup | None:
-    """Errors of simulated currents and positions on the held-out recordings; None without a simulation."""
-    if not table["signals"]:
-        return None
-    rows, nan = [], float("nan")
+    """Errors of simulated currents and positions on the held-out recordings; None without a simulation of these.
+
+    Held-out recordings without demands have no position, those that were fitted may have.
+    """
+    rows = []
     for s in table["signals"]:
-        held = s["error_rms"].get("held_out", {})
-        values = [held.get("before", nan), held.get("after", nan), s["noise_rms"]]
+        if (held := s["error_rms"].get("held_out")) is None:
+            continue
+        values = [held["before"], held["after"], s["noise_rms"]]
         factor, unit = readable(s["unit"], values)
         texts = [rounded(factor * v) for v in (values if extended else values[1:])]
         named = variable_in_words(s["signal"], result.arm, s["joint"]) if s["joint"] else "tracked points"
         rows.append([named, str(s["joint"] or ""), *texts, unit])
+    if not rows:
+        return None
     head = ["signal", "joint", *(["before", "after"] if extended else ["error"]), "noise", "unit"]
     return arm_report.table(rows, head, range(1, len(head) - 1))
 

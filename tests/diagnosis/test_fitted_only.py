@@ -10,6 +10,7 @@ import numpy as np
 from arm_model import Arm, Joint
 from diagnosis.cause import NO_VARIABLE, Signal, Structure
 from diagnosis.remainder.fitted_only import not_held_out, structures_of_fit
+from diagnosis.report.tables import errors
 from diagnosis.selection.design import Dataset
 
 ROWS = 1200
@@ -44,3 +45,14 @@ def test_a_joint_that_only_the_fitted_recordings_find_loud_is_told() -> None:
     assert "joint 2" in said and "hold out" in said
     assert not_held_out(left.ravel(), _side(), [Structure(Signal.CURRENT, 2, "position", 0.5)], EXACT) == ()
     assert not_held_out(np.random.default_rng(2).normal(size=6 * ROWS), _side(), [], EXACT) == ()
+
+
+def test_a_signal_that_only_the_fitted_recordings_have_is_no_row_of_the_held_out_ones() -> None:
+    """Positions, of held-out recordings without demands."""
+    result = cast(Any, SimpleNamespace(arm=Arm(name="one", joints=(Joint(torque_constant=0.2),))))
+    both = {"before": 0.2, "after": 0.1}
+    of_fit = {"signal": "position", "joint": 1, "unit": "rad", "error_rms": {"fit": both}, "noise_rms": 1e-4}
+    current = of_fit | {"signal": "current", "unit": "A", "error_rms": {"fit": both, "held_out": both}}
+    table = str(errors(result, {"signals": [current, of_fit]}, True))
+    assert "current" in table and "nan" not in table and "position" not in table
+    assert errors(result, {"signals": [of_fit]}, True) is None
