@@ -22,7 +22,7 @@ from diagnosis.measurements.currents.model import Currents
 from diagnosis.measurements.currents.model_errors import model_uncertainty
 from diagnosis.measurements.currents.shortage import shortage
 from diagnosis.measurements.near_rest.time_at_rest import with_rise_at_rest
-from diagnosis.measurements.single_axis.causes import axis_side, with_sharp_friction
+from diagnosis.measurements.single_axis.causes import axis_side
 from diagnosis.named import Named, Recordings
 from diagnosis.per_recording.search import per_recording
 from diagnosis.per_recording.values import cause_of
@@ -159,9 +159,9 @@ def _searched(search: Search, residuals: Residuals) -> Named:
     warm = [run.arm.temperatures for run in residuals.runs]
     axis = axis_side(arm, (residuals.samples[:first], residuals.samples[first:]), two_fold=parts, temperatures=warm)
     of_axis, base = [from_axis(one, arm) for one in axis.causes] if axis else [], arm
-    if of_axis:
+    if axis and of_axis:
         # the search continues in their residual
-        base = with_sharp_friction(arm, residuals.samples)
+        base = replace(arm, joints=axis.held_out.arm.joints)
         runs = [replace(run, arm=replace(base, temperatures=run.arm.temperatures)) for run in runs]
         terms = extend(base, of_axis).effects[len(arm.effects) :]
         data = _datasets(runs, first, parts).map(lambda part: replace(part, y=dataset_with(part, terms)))

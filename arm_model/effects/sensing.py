@@ -99,8 +99,16 @@ CURRENT_GAIN = Effect(
     name="current_gain",
     place=Place.SENSING,
     parameters=(
+        # with more, a reading is explained by itself
         Parameter(
-            "error", "1", (0.02, 0.2), True, "relative error of the reading", signed=True, noun="current gain error"
+            "error",
+            "1",
+            (0.02, 0.2),
+            True,
+            "relative error of the reading",
+            signed=True,
+            most=9.0,
+            noun="current gain error",
         ),
     ),
     equation="i_read = (1 + g) i",
@@ -175,7 +183,10 @@ TIME_SKEW = Effect(
     name="time_skew",
     place=Place.TIMING,
     parameters=(
-        Parameter("delay", "s", (1e-4, 5e-3), False, "delay of the currents relative to the angles", signed=True),
+        # of channels that are further apart no row is of one motion
+        Parameter(
+            "delay", "s", (1e-4, 5e-3), False, "delay of the currents relative to the angles", signed=True, most=0.5
+        ),
     ),
     equation="i_read(t) = i(t - d)",
     shows="error follows the derivative of the signal, the same delay on every axis",

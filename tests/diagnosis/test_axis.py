@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from arm_model.description import Arm, Joint
+from arm_model.effects import CATALOGUE
 from arm_model.tables import constant_temperatures, uncertainty_of
 from armscope.cli import run
 from daq.recording.parts import Attachments
@@ -29,7 +30,8 @@ class Carriage:
     """What is true: viscous friction N s/m and Coulomb friction N by direction.
 
     Share of the latter that is there at rest, and the speed m/s over which it comes; the command leads what the axis
-    feels by ``lead`` s; a force of ``wave`` N repeats every 4 mm, ``ahead`` rad.
+    feels by ``lead`` s; a force of ``wave`` N repeats every 4 mm, ``ahead`` rad. Friction turns round over ``turning``
+    m/s, and sticks where that is little.
     """
 
     viscous: tuple[float, float] = (VISCOUS, VISCOUS)
@@ -39,6 +41,7 @@ class Carriage:
     lead: float = 0.0
     wave: float = 0.0
     ahead: float = 0.0
+    turning: float = 1e-5
 
 
 def _strokes(t: np.ndarray, seed: int) -> np.ndarray:
@@ -65,14 +68,14 @@ def _record(true: Carriage, seed: int, seconds: float = 12.0) -> tuple[np.ndarra
         acting = forces[max(k - late, 0)]
         way = 0 if v >= 0 else 1
         level = true.coulomb[way] * (1.0 - (1.0 - true.at_rest) * np.exp(-((v / true.over) ** 2)))
-        friction = true.viscous[way] * v + level * np.tanh(v / 1e-5)
+        friction = true.viscous[way] * v + level * v / np.hypot(v, true.turning)
         friction += true.wave * np.sin(2 * np.pi * q / 4e-3 + true.ahead)
-        if abs(v) < 2e-4 and abs(acting) < level:
+        if true.turning < 1e-4 and abs(v) < 2e-4 and abs(acting) < level:
             v = 0.0  # it sticks
         else:
             before = v
             v += h * (acting - friction) / MASS
-            if before * v < 0.0:
+            if true.turning < 1e-4 and before * v < 0.0:
                 v = 0.0
         q += h * v
     rng = np.random.default_rng(seed)
@@ -175,6 +178,35 @@ def test_how_slowly_the_model_lets_friction_turn_round_decides_nothing() -> None
     found = axis_side(replace(_model(), joints=(joint,)), ([_record(true, 1)], [_record(true, 2)]), two_fold=False)
     assert found is not None
     assert {cause.effect for cause in found.causes} == {"friction_asymmetry", "time_skew", "stribeck_friction"}
+
+
+def test_friction_that_turns_round_as_the_model_says_is_no_friction_that_lacks_at_rest() -> None:
+    joint = replace(_model().joints[0], sign_velocity=0.01)
+    samples = ([_record(Carriage(turning=0.01), 1)], [_record(Carriage(turning=0.01), 2)])
+    found = axis_side(replace(_model(), joints=(joint,)), samples, two_fold=False)
+    assert found is not None and found.causes == []
+
+
+@pytest.mark.parametrize("gain", [-0.5, 2.0])
+def test_a_gain_is_that_of_the_true_current(gain: float) -> None:
+    fit, held_out = ([(t, q, (1.0 + gain) * i)] for t, q, i in (_record(Carriage(), seed) for seed in (1, 2)))
+    found = axis_side(_model(), (fit, held_out), two_fold=False)
+    assert found is not None
+    (cause,) = found.causes
+    assert cause.effect == "current_gain"
+    _near(cause, "error", gain)
+
+
+@pytest.mark.parametrize("size", [1e-3, 3.0])
+def test_an_axis_without_friction_and_inertia_explains_no_reading(size: float) -> None:
+    """Of commands in another unit and a model that lacks mass: a reading that is all error leaves nothing."""
+    arm = replace(_model(), joints=(replace(_model().joints[0], mass=0.5 * MASS),))
+    fit, held_out = ([(t, q, size * i)] for t, q, i in (_record(Carriage(), seed) for seed in (1, 2)))
+    found = axis_side(arm, (fit, held_out), two_fold=False)
+    assert found is not None
+    values = {p.name: p.value for cause in found.causes for p in cause.parameters}
+    assert CATALOGUE["current_gain"].admits("error", values["error"])
+    assert min(values["positive"], values["negative"]) > -0.9 * COULOMB
 
 
 def test_a_coarse_encoder_is_left_to_the_filters_of_arms() -> None:

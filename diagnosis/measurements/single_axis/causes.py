@@ -15,7 +15,7 @@ from arm_model import Arm
 from arm_model.tables import Temperatures
 from diagnosis.cause import Estimate
 from diagnosis.measurements.single_axis.columns import AxisSamples, Rows, columns, encoder_noise, rows_of, waves
-from diagnosis.measurements.single_axis.model import LIMITS, Chosen, SingleAxis
+from diagnosis.measurements.single_axis.model import LIMITS, Chosen, SingleAxis, of_true_current
 from diagnosis.measurements.single_axis.model_errors import model_errors
 from diagnosis.residual.filters import low_pass, rate_of
 from diagnosis.selection.beyond_model import in_deviations
@@ -70,7 +70,8 @@ class StandingWave:
 class AxisSide:
     """Causes in the order of acceptance, and the wave that no second run confirms, if there is one.
 
-    residual: (m,) A of the held-out rows, with all causes.
+    residual: (m,) A of the held-out rows, with all causes. The arm of the rows has the smoothing velocity that they are
+    judged with.
     """
 
     causes: list[AxisCause]
@@ -107,8 +108,23 @@ def axis_side(
     """
     if len(arm) != 1:
         return None
+    sharp = with_sharp_friction(arm, [*recordings[0], *recordings[1]])
+    side = _side(sharp, recordings, two_fold, temperatures)
+    if side is None or sharp == arm or not side.causes:
+        return side
+    # beside sharp friction, friction of the smoothing velocity that the model has is less of it near rest
+    own = _side(arm, recordings, two_fold, temperatures)
+    return own if own is not None and np.sum(own.residual**2) <= np.sum(side.residual**2) else side
+
+
+def _side(
+    arm: Arm,
+    recordings: tuple[Sequence[Samples], Sequence[Samples]],
+    two_fold: bool,
+    temperatures: Sequence[Temperatures | None],
+) -> AxisSide | None:
+    """``axis_side`` of friction that turns round as that of ``arm``."""
     every = [*recordings[0], *recordings[1]]
-    arm = with_sharp_friction(arm, every)
     samples = [AxisSamples(*one, warm) for one, warm in zip(every, temperatures or [None] * len(every))]
     fit, held_out = samples[: len(recordings[0])], samples[len(recordings[0]) :]
     rows = Split(rows_of(arm, fit, LIMITS.block_seconds), rows_of(arm, held_out, LIMITS.block_seconds), two_fold)
@@ -208,10 +224,13 @@ def _parameters(candidate: Candidate, chosen: Chosen, model: SingleAxis) -> list
     ]
     covariance = cluster_covariance(np.column_stack([x, *slopes]), [rows.residual - x @ c], rows.cells)
     own_rows = [*range(at, at + column.shape[1]), *range(x.shape[1], x.shape[1] + len(refined))]
+    true = of_true_current(candidate, own)
+    slope = np.ones(len(own_rows))
+    slope[: len(own)] = np.where(true == own, 1.0, (1.0 + true) ** 2)
     return estimates(
         candidate,
-        own.tolist(),
-        covariance[np.ix_(own_rows, own_rows)],
+        true.tolist(),
+        covariance[np.ix_(own_rows, own_rows)] * slope[:, None] * slope,
         rows.arm.joints[0],
         LIMITS.systematic,
         refined,

@@ -53,6 +53,18 @@ LIMITS = AxisLimits(
 )
 
 
+def of_true_current(candidate: Candidate, coefficients: Array) -> Array:
+    """(k,) coefficients of the law itself, of those of its columns.
+
+    A gain is a share g of the true current, and its column is the reading, of which it is c: i_read = (1 + g) i and
+    i_read - i = c i_read, so that g = c / (1 - c). A reading that is all error (c = 1) would explain anything.
+    """
+    effect = candidate.definition
+    if effect.current is None or not effect.aliases:
+        return coefficients
+    return np.where(coefficients < 1.0, coefficients / np.maximum(1.0 - coefficients, 1e-300), np.inf)
+
+
 @dataclass(frozen=True)
 class SingleAxis(CandidateModel[Candidate]):
     """The held-out error of the current of one axis.
@@ -149,21 +161,26 @@ class SingleAxis(CandidateModel[Candidate]):
         return np.asarray(judged.residual - self.stacked(chosen, judged) @ self.fitted(chosen, learned), float)
 
     def is_physical(self, candidate: Candidate, chosen: Sequence[Candidate]) -> bool:
-        """Whether total friction opposes the motion at every speed, and other coefficients have a sign that can be.
+        """Whether total friction opposes the motion at every speed, and all sizes are possible together.
 
-        Gradual friction is the model's own: a share between none and all of it.
+        Gradual friction is the model's own: a share between none and all of it. Beside a candidate, the sizes of those
+        that were chosen before may become impossible.
         """
-        rows = self.rows.fit
-        coefficients = self.fitted([*chosen, candidate], rows)
-        c = float(coefficients[-1])
+        rows, together = self.rows.fit, [*chosen, candidate]
+        coefficients = self.fitted(together, rows)
+        ends = np.cumsum([self.columns(one, rows).shape[1] for one in together])
+        possible = all(self._admitted(one, own) for one, own in zip(together, np.split(coefficients, ends[:-1])))
+        return possible and (not candidate.definition.friction or self._opposes_motion(together, coefficients))
+
+    def _admitted(self, candidate: Candidate, own: Array) -> bool:
+        """Whether an effect that is no friction can have its coefficients (k,)."""
         effect = candidate.definition
         if effect.friction:
-            return self._opposes_motion([*chosen, candidate], coefficients)
-        if effect.unit_amplitude:
-            return self.limits.presliding[0] < c < self.limits.presliding[1]
-        if not effect.linear or effect.span is not None:
             return True
-        return effect.admits(effect.linear[-1].name, c)
+        if effect.unit_amplitude:
+            return self.limits.presliding[0] < float(own[-1]) < self.limits.presliding[1]
+        values = candidate.parameters(of_true_current(candidate, own).tolist())
+        return all(effect.admits(name, value) for name, value in values.items())
 
     def _opposes_motion(self, candidates: Sequence[Candidate], coefficients: Array) -> bool:
         """Whether friction is dissipative with all these candidates at these coefficients, up to the highest speed."""
