@@ -61,6 +61,11 @@ def solved(problem: Problem, method: Method, progress: Progress) -> Solved:
             best, held = held_to_the_model(problem, best, spread.information)
         if not arm.effects or settled(before, best, spread):
             break
+        if number + 1 == STEPS:  # rows around the values would be others than those of the fit
+            problem.warnings.append(
+                f"the effects did not settle in {STEPS} steps; is one of them far from what the model says?"
+            )
+            break
         before, values = (
             best.values,
             _towards(problem, values, physical_values(problem, best, spread.information), best),
@@ -68,10 +73,6 @@ def solved(problem: Problem, method: Method, progress: Progress) -> Solved:
         problem, known = problem.around(with_values(problem, values)), len(problem.excited)
         if len(problem.excited) > known:
             prior, scale = _prior(problem, method)
-    else:
-        problem.warnings.append(
-            f"the effects did not settle in {STEPS} steps; is one of them far from what the model says?"
-        )
     return Solved(problem, best, spread, held, lambda rows: fitted(rows)[0], scale)
 
 

@@ -19,9 +19,13 @@ from arm_model.description import Arm, EffectTerm
 from arm_model.model_file import read_model, write_model
 from arm_model.rigid_body.numeric import rigid_torque
 from armscope.cli import run
+from daq.recording import open_recording
 from daq.recording.parts import Attachments
 from daq.recording.tables.table import write_table
+from identification.methods import solved as steps
+from identification.methods.friction_trial import residual_of
 from identification.regression.effect_columns import repeated
+from identification.regression.problem import prepare
 from tests.arm_model.pumas import three_links
 
 RATE, SECONDS = 250.0, 30.0
@@ -119,6 +123,18 @@ def test_wrong_amplitudes_are_put_right(arm: Arm, tmp_path: Path) -> None:
     waist = arm.joints[0]
     truth = waist.ratio * waist.offset + waist.drive_constant * OFFSET
     assert abs(constant["value"] - truth) < 2 * constant["std"]
+
+
+def test_a_fit_that_does_not_settle_is_one_of_the_rows_that_it_goes_with(
+    arm: Arm, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Rows around its values are others, and may show more parameters than were fitted."""
+    monkeypatch.setattr(steps, "STEPS", 1)
+    recording = open_recording(record(tmp_path / "run.mcap", arm, 0))
+    found = steps.solved(prepare([recording], replace(arm, effects=TERMS)), "wls", lambda _: None)
+    left = residual_of(found.problem, found.problem.rows, found.best)
+    assert left == pytest.approx(found.best.residual, abs=1e-6)
+    assert "did not settle" in found.problem.warnings[-1]
 
 
 @pytest.mark.slow
