@@ -25,7 +25,7 @@ from identification.regression.effect_columns import is_effect, shown_torque
 from identification.regression.equations import Equations, shown_rows
 from identification.regression.identifiability import named
 from identification.regression.least_squares import Fit, least_squares, relative_error
-from identification.regression.model_parameters import lifted_masses, lifts, model_values
+from identification.regression.model_parameters import freed_rotors, lifted_masses, lifts, model_values
 from identification.regression.parameter_covariance import known_to
 from identification.regression.physical_consistency import consistent_parameters, friction_rows
 from identification.regression.problem import Problem
@@ -46,19 +46,24 @@ SPLIT = 0.7  # share of the time that is fitted where no recording is held out
 def physical_values(problem: Problem, fit: Fit, information: Array) -> Array:
     """(p,) standard parameters of the physically consistent arm nearest to a fit.
 
-    Of a joint that lifts, gravity's constant force is taken for mass and what else is accelerated for a rotor.
+    Of a joint that lifts, gravity's constant force is taken for mass and what else is accelerated for a rotor. Of
+    others, a rotor that the model has none of is what the fit has beyond the model's links: else a link would take it,
+    two times too heavy, which no motion shows but a tilt of the base would.
     """
     names = problem.base.names
     grouping = problem.base.grouping[problem.excited]
     near, scale = model_values(problem.arm, problem.friction), np.zeros(len(names))
-    for j, lifted in enumerate(lifted_masses(problem.arm)):
-        if lifted == 0.0:
-            continue
-        rotor, offset = names.index(f"joint{j + 1}.rotor_inertia"), f"joint{j + 1}.offset"
-        if near[rotor] == 0.0 and np.any(grouping[:, rotor]):
-            near[rotor] = OF_WEIGHT * lifted
-        if offset in names:
-            scale[names.index(offset)] = OF_WEIGHT * lifted * float(np.linalg.norm(problem.arm.gravity))
+    beyond = fit.values - grouping @ near
+    lifted = lifted_masses(problem.arm)
+    for number in freed_rotors(problem.arm):
+        rotor = names.index(f"joint{number}.rotor_inertia")
+        shares = grouping[:, rotor]
+        if np.any(shares):
+            own = float(shares @ beyond / (shares @ shares))
+            near[rotor] = OF_WEIGHT * lifted[number - 1] if lifted[number - 1] else max(own, 0.0)
+    for j, mass in enumerate(lifted):
+        if mass and (offset := f"joint{j + 1}.offset") in names:
+            scale[names.index(offset)] = OF_WEIGHT * mass * float(np.linalg.norm(problem.arm.gravity))
     return consistent_parameters(
         grouping,
         fit.values,

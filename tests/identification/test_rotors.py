@@ -39,15 +39,15 @@ def urdf(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def record(path: Path, arm: Arm, seed: int) -> Recording:
-    """30 s of four harmonics; torques at the joints by hand: rigid links, rotors over their gears, friction, noise."""
-    random, t = np.random.default_rng(seed), np.arange(0, 30.0, 1 / RATE)
+def record(path: Path, arm: Arm, seed: int, seconds: float = 30.0) -> Recording:
+    """Four harmonics; torques at the joints by hand: rigid links, rotors over their gears, friction, noise."""
+    random, t, count = np.random.default_rng(seed), np.arange(0, seconds, 1 / RATE), len(arm)
     w = 2 * np.pi * 0.12 * np.array([1.0, 2.0, 3.0, 5.0])
-    a, phase = random.normal(size=(6, 4)) * 0.5 / np.arange(1, 5), random.uniform(0, 2 * np.pi, (6, 4))
+    a, phase = random.normal(size=(count, 4)) * 0.5 / np.arange(1, 5), random.uniform(0, 2 * np.pi, (count, 4))
     turn = w * t[:, None, None] + phase
     q, qd, qdd = (np.sum(part, axis=2) for part in (a * np.cos(turn), -a * w * np.sin(turn), -a * w**2 * np.cos(turn)))
     torque = rigid_torque(arm, q, qd, qdd)
-    torque += np.square(GEARS) * ROTORS * qdd + 2.0 * qd + 3.0 * np.sign(qd)
+    torque += np.square(GEARS[:count]) * ROTORS[:count] * qdd + 2.0 * qd + 3.0 * np.sign(qd)
     torque += 0.02 * random.standard_normal(torque.shape)
     write_table(path, t, {"q": np.round(q / 1e-6) * 1e-6, "i": torque}, Attachments())
     return open_recording(path)
@@ -67,6 +67,18 @@ def test_rotors_behind_gears_are_found(urdf: Path, tmp_path: Path) -> None:
         assert found.arm.joints[j - 1].rotor_inertia == pytest.approx(ROTORS[j - 1], rel=0.1)
     without = replace(arm, joints=tuple(replace(j, gear=1.0, torque_constant=1.0) for j in arm.joints))
     assert found.relative_error(True) < 0.75 * armscope.identify(fit, without, held_out=held).relative_error(True)
+
+
+def test_a_rotor_that_is_in_one_sum_with_its_link_is_not_put_into_the_link(urdf: Path, tmp_path: Path) -> None:
+    """Two joints, whose rotors no motion distinguishes from the links: these stay as heavy as the model has them."""
+    arm = read_urdf(urdf)
+    arm = replace(arm, joints=arm.joints[:2])
+    fit, held = (record(tmp_path / f"{seed}.mcap", arm, seed, 12.0) for seed in (1, 2))
+    found = armscope.identify(fit, arm, held_out=held)
+    assert [value.std for value in found.parameters if value.name.endswith("rotor_inertia")] == [None, None]
+    for joint, before, rotor in zip(found.arm.joints, arm.joints, ROTORS):
+        assert joint.rotor_inertia == pytest.approx(rotor, rel=0.1)
+        assert joint.mass == pytest.approx(before.mass, rel=0.1)
 
 
 def test_the_first_rotor_is_in_one_sum_with_the_first_link(urdf: Path) -> None:
