@@ -25,7 +25,7 @@ from diagnosis.residual.evaluations import Evaluations
 from diagnosis.residual.expected_current import Links, true_angle
 from diagnosis.residual.filters import COMPARE_BAND, rate_along, rate_of
 from diagnosis.residual.perpendicular import basis_of, beside
-from diagnosis.residual.setpoint_ripple import unseen_directions
+from diagnosis.residual.setpoint_ripple import lead_of, unseen_directions
 from identification.preprocessing import UNKNOWN, Setpoints, unbounded
 
 KEPT = 8
@@ -181,9 +181,9 @@ class Run:
     def whiten(self, values: Array) -> Array:
         """Values (m, n) or (m, n, k) A over the std that they would have with nothing wrong.
 
-        Along ``folded`` and ``rippled``, their drift as two clocks diverge, and where no line shows how much it is, its
-        shift against the motion that a servo makes of setpoints, a residual counts less (``unseen_directions``), in the
-        recording and joint that these belong to.
+        Along ``folded`` and ``rippled``, their drift as two clocks diverge, and the shift against the motion that a
+        servo makes of setpoints, a residual counts less (``unseen_directions``), in the recording and joint that these
+        belong to.
         """
         over = self.deviation.reshape(*self.deviation.shape, *[1] * (values.ndim - 2))
         white: Array = values / over
@@ -226,8 +226,8 @@ class Run:
         for part, j in itertools.product(self.parts, np.flatnonzero(matters).tolist()):
             over, t = 1.0 / self.deviation[part, j], self.t[part] - self.t[part][0]
             folded, rippled = self.folded[part, j] * over, self.rippled[part, j] * over[:, None]
-            directions = unseen_directions(folded, rippled, t, of_unseen=of_unseen, per_second=rate_of(self.t[part]))
-            found.append((part, j, *directions))
+            ahead = lead_of(self.folded[part, j], rate_of(self.t[part])) * over * of_unseen
+            found.append((part, j, *unseen_directions(folded, ahead, rippled, t)))
         return found
 
 
