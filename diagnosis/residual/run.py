@@ -181,9 +181,9 @@ class Run:
     def whiten(self, values: Array) -> Array:
         """Values (m, n) or (m, n, k) A over the std that they would have with nothing wrong.
 
-        Along ``folded`` and ``rippled``, their drift as two clocks diverge, and the shift against the motion that a
-        servo makes of setpoints, a residual counts less (``unseen_directions``), in the recording and joint that these
-        belong to.
+        Along ``folded`` and ``rippled``, their drift as two clocks diverge, and where no line shows how much it is, its
+        shift against the motion that a servo makes of setpoints, a residual counts less (``unseen_directions``), in the
+        recording and joint that these belong to.
         """
         over = self.deviation.reshape(*self.deviation.shape, *[1] * (values.ndim - 2))
         white: Array = values / over
