@@ -5,7 +5,7 @@ measure  what tracker, link encoders and setpoints show without the currents (``
 select   what the currents show conditional on it (``find_causes``): residuals, columns of every effect, stepwise
          selection, unexplained structure
 verify   the extended model in closed loop and along the measured motion (``verified``)
-extend   all causes together, the extended model, and what is left (``not_explained``)
+extend   all causes together, the extended model, and what remains unexplained (``unexplained``)
 
 All of it is the ``result``.
 """
@@ -24,11 +24,11 @@ from daq.recording import Recording
 from diagnosis.cause import Cause, extend, merge
 from diagnosis.closed_loop.comparison import with_smoothing_velocities
 from diagnosis.confidence import stated
-from diagnosis.find_causes import named_causes
+from diagnosis.current_diagnosis import CurrentDiagnosis, Recordings
+from diagnosis.find_causes import find_causes
+from diagnosis.isolated_by_currents import isolated_by_currents
 from diagnosis.measurements.currents.causes import from_event
 from diagnosis.measurements.single_axis.remarks import remarks
-from diagnosis.named import Named, Recordings
-from diagnosis.not_explained import undetectable, unexplained_of_currents, unexplained_structure
 from diagnosis.other_instruments import OtherInstruments, measure
 from diagnosis.remainder.against_noise import ratios
 from diagnosis.remainder.fitted_only import known_to, not_held_out
@@ -43,7 +43,7 @@ from diagnosis.screening.even_rows import even, even_samples, grid_of, known_noi
 from diagnosis.screening.event import Event
 from diagnosis.screening.lost_rows.blank_samples import without_blanks
 from diagnosis.screening.plausibility import check, check_motion, mixed_up
-from diagnosis.told_by_currents import told_by_currents
+from diagnosis.unexplained import undetectable, unexplained_of_currents, unexplained_structure
 from diagnosis.units import recorded_signals
 from diagnosis.verification.idle_limits import idle_limits
 from diagnosis.verification.not_simulated import not_simulated
@@ -66,37 +66,37 @@ def diagnose(
     recordings = Split(cleaned.recordings[: len(fit)], cleaned.recordings[len(fit) :], recordings.two_fold)
     measured = measure(arm, recordings, cleaned, progress)
     recordings, cleaned = evenly(recordings, cleaned)
-    measured = told_by_currents(arm, measured, cleaned, progress)
-    named = named_causes(arm, measured.known, recordings, cleaned, progress)
-    causes, as_found = extend_by(arm, measured, named, recordings)
-    extended = dissipative(as_found, top_speeds(named))
-    verified = verify(arm, extended, causes, recordings, named, judged=measured.judged)
+    measured = isolated_by_currents(arm, measured, cleaned, progress)
+    currents = find_causes(arm, measured.known, recordings, cleaned, progress)
+    causes, as_found = extend_by(arm, measured, currents, recordings)
+    extended = dissipative(as_found, top_speeds(currents))
+    verified = verify(arm, extended, causes, recordings, currents, judged=measured.judged)
     extended = verified.extended
-    unexplained = unexplained_structure(cleaned, measured, named, verified, recordings)
-    state = named.found.state
-    left = {one.joint: one.ratio for one in ratios(state.data.held_out.runs, state.fitted.held_out)}
+    unexplained = unexplained_structure(cleaned, measured, currents, verified, recordings)
+    state = currents.state
+    noise_ratios = {one.joint: one.ratio for one in ratios(state.data.held_out.runs, state.fitted.held_out)}
     return Diagnosis(
         arm=given,
         extended=with_needed_reference(extended, given),
         fit=tuple(with_own(run, ()) for run in state.data.fit.runs),
         held_out=tuple(with_own(run, ()) for run in state.data.held_out.runs),
-        left=Split(state.fitted.fit, state.fitted.held_out),
-        causes=stated(verified.causes, left if measured.judged else {}, len(unexplained)),
-        not_visible=undetectable(measured, named),
+        residual=Split(state.fitted.fit, state.fitted.held_out),
+        causes=stated(verified.causes, noise_ratios if measured.judged else {}, len(unexplained)),
+        undetectable=undetectable(measured, currents),
         unexplained=unexplained,
         compared=verified.compared,
         along=verified.along,
         encoder_noise=angle_noise(without_blanks(fit[0]).q),
         link=measured.link,
         tracked=measured.tracked,
-        axis=named.axis,
+        axis=currents.axis,
         judged=measured.judged,
-        shortage=named.shortage if measured.judged else None,
+        shortage=currents.shortage if measured.judged else None,
         known_to=known_to(state).held_out if state.model.uncertain else None,
         remainders=remainders(state, unexplained) if measured.judged else [],
         warnings=(
             *cleaned.remarks,
-            *_warnings(given, measured, named),
+            *_warnings(given, measured, currents),
             *friction_replaced(as_found, extended),
             *smoothing_replaced(as_found, extended),
             *not_simulated(extended),
@@ -129,41 +129,43 @@ def evenly(recordings: Recordings, cleaned: Screened) -> tuple[Recordings, Scree
     return Split(fit, held_out, recordings.two_fold), on_grids
 
 
-def extend_by(arm: Arm, measured: OtherInstruments, named: Named, recordings: Recordings) -> tuple[list[Cause], Arm]:
+def extend_by(
+    arm: Arm, measured: OtherInstruments, currents: CurrentDiagnosis, recordings: Recordings
+) -> tuple[list[Cause], Arm]:
     """All causes, each named once, and the model extended by them; without limits at which no current ever is."""
-    events = [*named.residuals.events, *measured.events]
-    causes, extended = _with_events(events, arm, measured, named, recordings)
-    idle = idle_limits(causes, extended, recordings, named.found.state.data)
+    events = [*currents.residuals.events, *measured.events]
+    causes, extended = _with_events(events, arm, measured, currents, recordings)
+    idle = idle_limits(causes, extended, recordings, currents.state.data)
     if not idle:
         return causes, extended
     kept = [event for event in events if (event.effect, event.joint) not in idle]
-    return _with_events(kept, arm, measured, named, recordings)
+    return _with_events(kept, arm, measured, currents, recordings)
 
 
 def _with_events(
-    raw: Sequence[Event], arm: Arm, measured: OtherInstruments, named: Named, recordings: Recordings
+    raw: Sequence[Event], arm: Arm, measured: OtherInstruments, currents: CurrentDiagnosis, recordings: Recordings
 ) -> tuple[list[Cause], Arm]:
     """``extend_by`` with these events of raw rows and setpoints."""
-    known = [*measured.known, *named.beside]
-    events = [from_event(event, named.arm, named.found.state.data) for event in raw]
-    causes = [*events, *named.causes, *named.own]
+    known = [*measured.known, *currents.outside_selection]
+    events = [from_event(event, currents.arm, currents.state.data) for event in raw]
+    causes = [*events, *currents.causes, *currents.per_recording]
     unknown = [cause for cause in measured.tracked.causes if cause not in known]
     together = merge(causes if measured.judged else [*causes, *measured.of_links], unknown)
-    extended = extend(named.base, together) if together else named.arm
-    if extended is not arm and not named.own:
+    extended = extend(currents.base, together) if together else currents.arm
+    if extended is not arm and not currents.per_recording:
         extended = with_smoothing_velocities(extended, recordings.fit)
-    return merge([*named.beside, *causes, *measured.of_links], measured.tracked.causes), extended
+    return merge([*currents.outside_selection, *causes, *measured.of_links], measured.tracked.causes), extended
 
 
-def top_speeds(named: Named) -> Array:
+def top_speeds(currents: CurrentDiagnosis) -> Array:
     """(n,) rad/s (m/s): the highest speed of each joint in any of the recordings."""
-    speeds = [np.abs(run.brisk_v).max(axis=0) for part in named.found.state.data for run in part.runs]
+    speeds = [np.abs(run.brisk_v).max(axis=0) for part in currents.state.data for run in part.runs]
     return np.asarray(np.max(speeds, axis=0))
 
 
-def _warnings(arm: Arm, measured: OtherInstruments, named: Named) -> Iterator[str]:
+def _warnings(arm: Arm, measured: OtherInstruments, currents: CurrentDiagnosis) -> Iterator[str]:
     """What a reader of the result should know about the recordings and the model."""
-    state, of_currents = named.found.state, unexplained_of_currents(measured, named)
+    state, of_currents = currents.state, unexplained_of_currents(measured, currents)
     if measured.judged:
         yield from mixed_up([*state.data.fit.runs, *state.data.held_out.runs])
         yield from folding_warnings([*state.data.fit.runs, *state.data.held_out.runs])
@@ -178,7 +180,7 @@ def _warnings(arm: Arm, measured: OtherInstruments, named: Named) -> Iterator[st
             f"friction near rest was not judged: {arm.uncertainty.file} does not say what the model left there; "
             "a model that 'armscope identify' writes now does"
         )
-    yield from reference_taken(arm, [cause.key for cause in named.causes], state.data.fit.runs)
-    yield from smoothing_replaced(arm, named.base)
-    yield from remarks(named.axis, arm.joints[0]) if named.axis else ()
+    yield from reference_taken(arm, [cause.key for cause in currents.causes], state.data.fit.runs)
+    yield from smoothing_replaced(arm, currents.base)
+    yield from remarks(currents.axis, arm.joints[0]) if currents.axis else ()
     yield from measured.link.remarks if measured.link else ()

@@ -12,9 +12,9 @@ from functools import cached_property
 
 from arm_io.types import Progress
 from arm_model import Arm
-from diagnosis.beside_search import friction_near_rest, gaps, resonance_in_loop, rows_lost_in_loop
 from diagnosis.cause import Cause, EffectKey, extend
 from diagnosis.closed_loop.resonance import transmissions
+from diagnosis.current_diagnosis import CurrentDiagnosis, Recordings
 from diagnosis.measurements.currents.causes import from_axis
 from diagnosis.measurements.currents.columns import candidates
 from diagnosis.measurements.currents.design_matrix import Library, bounded, dataset_of, dataset_with, free_columns
@@ -23,7 +23,7 @@ from diagnosis.measurements.currents.model_errors import model_uncertainty
 from diagnosis.measurements.currents.shortage import shortage
 from diagnosis.measurements.near_rest.time_at_rest import with_rise_at_rest
 from diagnosis.measurements.single_axis.causes import axis_side
-from diagnosis.named import Named, Recordings
+from diagnosis.outside_selection import friction_near_rest, gaps, resonance_in_loop, rows_lost_in_loop
 from diagnosis.per_recording.search import per_recording
 from diagnosis.per_recording.values import cause_of
 from diagnosis.residual.expected_current import has_dynamics
@@ -70,9 +70,9 @@ class Search:
         return replace(self, known=(*self.known, *causes), excluded=self.excluded.union(excluded))
 
 
-def named_causes(
+def find_causes(
     model: Arm, known: Sequence[Cause], recordings: Recordings, screened: Screened, progress: Progress
-) -> Named:
+) -> CurrentDiagnosis:
     """Causes that the currents show conditional on the ``known`` ones of encoders and tracker."""
     search = Search(
         model=model,
@@ -82,72 +82,72 @@ def named_causes(
         screened=screened,
         progress=progress,
     )
-    named = _named(search)
-    if named.axis or named.arm.uncertainty is not None:
-        return named
-    state = named.found.state
+    currents = _repeated_search(search)
+    if currents.axis or currents.arm.uncertainty is not None:
+        return currents
+    state = currents.state
     runs = [run for part in state.data for run in part.runs]
     return replace(
-        named,
-        causes=with_rise_at_rest(named.causes, runs, state.terms),
-        near_rest=tuple(with_rise_at_rest(named.near_rest, runs, state.terms)),
+        currents,
+        causes=with_rise_at_rest(currents.causes, runs, state.terms),
+        near_rest=tuple(with_rise_at_rest(currents.near_rest, runs, state.terms)),
     )
 
 
-def _named(search: Search) -> Named:
+def _repeated_search(search: Search) -> CurrentDiagnosis:
     """The search, repeated with whatever is found beside it."""
     recordings, progress, given = search.recordings, search.progress, search.excluded
-    named = _settled(search)
-    while named.axis is None and (other := other_smoothing(named.found.state, named.causes)) is not None:
+    currents = _with_confirmed_triggers(search)
+    while currents.axis is None and (other := other_smoothing(currents.state, currents.causes)) is not None:
         # searched again with that smoothing velocity, and without the law that explained nothing else
         search = replace(search, model=other.of(search.model), excluded=search.excluded | {other.cause})
-        named = _settled(search)
+        currents = _with_confirmed_triggers(search)
     progress("judging friction near rest")
-    friction = friction_near_rest(named, recordings, given)
+    friction = friction_near_rest(currents, recordings, given)
     near_rest, undetermined = tuple(friction.causes), tuple(friction.undetermined)
     if near_rest:
         # the others are searched for again, with that friction in the model
         search = search.knowing(near_rest, (cause.key for cause in near_rest))
-        named = replace(_settled(search), near_rest=near_rest)
-    if (of_recordings := _by_recording(search, named)) is not None:
+        currents = replace(_with_confirmed_triggers(search), near_rest=near_rest)
+    if (of_recordings := _by_recording(search, currents)) is not None:
         # the closed loops of a search for resonances are of one arm for all recordings
         return of_recordings
-    search, named = _in_step(search, named)
+    search, currents = _with_lost_rows(search, currents)
     progress("searching for transmission resonances in closed loop")
-    resonance = resonance_in_loop(named, recordings) if has_dynamics(search.model) else None
+    resonance = resonance_in_loop(currents, recordings) if has_dynamics(search.model) else None
     # of a gap that the arm has, residuals know how uncertain they are while teeth meet
-    found = (resonance,) if resonance else gaps(named, search.excluded)
+    found = (resonance,) if resonance else gaps(currents, search.excluded)
     if not found:
-        return replace(named, undetermined=undetermined)
+        return replace(currents, undetermined=undetermined)
     # ... and with what was found
     search = search.knowing(found, ((effect, one.joint) for effect in transmissions() for one in found))
-    terms = [term for term in named.found.state.terms if (term.name, term.joint) not in {one.key for one in found}]
+    terms = [term for term in currents.state.terms if (term.name, term.joint) not in {one.key for one in found}]
     residuals = confirmed(realigned(search.residuals(), terms), terms)
     return replace(_searched(search, residuals), near_rest=near_rest, transmissions=found)
 
 
-def _in_step(search: Search, named: Named) -> tuple[Search, Named]:
+def _with_lost_rows(search: Search, currents: CurrentDiagnosis) -> tuple[Search, CurrentDiagnosis]:
     """Both, repeated with rows of currents put back that closed loops show to be lost."""
     search.progress("searching for lost rows in closed loop")
-    if (lost := rows_lost_in_loop(named, search.recordings)) is None:
-        return search, named
-    event = replace(event_of(lost.losses, named.residuals.runs), gain=lost.gain)
+    if (lost := rows_lost_in_loop(currents, search.recordings)) is None:
+        return search, currents
+    event = replace(event_of(lost.losses, currents.residuals.runs), gain=lost.gain)
     search = replace(search, screened=with_rows_put_back(search.screened, lost.losses, event))
-    return search, replace(_settled(search), near_rest=named.near_rest)
+    return search, replace(_with_confirmed_triggers(search), near_rest=currents.near_rest)
 
 
-def _settled(search: Search) -> Named:
+def _with_confirmed_triggers(search: Search) -> CurrentDiagnosis:
     """What is named once dropped triggers are found, or found to be another effect."""
     residuals = search.residuals()
-    named = _searched(search, residuals)
-    if (behind := realigned(residuals, named.found.state.terms)) is not residuals:
-        named = _searched(search, behind)
-    if (as_recorded := confirmed(named.residuals, named.found.state.terms)) is not named.residuals:
-        named = _searched(search, as_recorded)
-    return named
+    currents = _searched(search, residuals)
+    if (behind := realigned(residuals, currents.state.terms)) is not residuals:
+        currents = _searched(search, behind)
+    if (as_recorded := confirmed(currents.residuals, currents.state.terms)) is not currents.residuals:
+        currents = _searched(search, as_recorded)
+    return currents
 
 
-def _searched(search: Search, residuals: Residuals) -> Named:
+def _searched(search: Search, residuals: Residuals) -> CurrentDiagnosis:
     """Names causes in the residuals of the recordings, those held out last."""
     arm, recordings, excluded, progress = search.arm, search.recordings, search.excluded, search.progress
     first, parts = len(recordings.fit), recordings.two_fold
@@ -169,17 +169,17 @@ def _searched(search: Search, residuals: Residuals) -> Named:
     data, free = bounded(data, free)
     searched, ripples = (library, ripples) if axis is None else (Library((), data), ())
     model = Currents(arm, data, searched, free, ripples, excluded, model_uncertainty(arm, data))
-    found, causes = tenable_causes(model, recordings, runs[first:], progress)
-    return Named(
+    selection, causes = tenable_causes(model, recordings, runs[first:], progress)
+    return CurrentDiagnosis(
         arm=arm,
         residuals=residuals,
         base=base,
         library=library,
         ripples=ripples,
-        found=found,
+        selection=selection,
         axis=axis,
         causes=with_harmonics(causes, arm) + of_axis,
-        shortage=shortage(found) if axis is None else None,
+        shortage=shortage(selection) if axis is None else None,
     )
 
 
@@ -193,20 +193,20 @@ def _candidates(search: Search, residuals: Residuals) -> list[Candidate]:
     return [c for c in every if not (depends(c.effect) and c.joint in cold)]
 
 
-def _by_recording(search: Search, named: Named) -> Named | None:
+def _by_recording(search: Search, currents: CurrentDiagnosis) -> CurrentDiagnosis | None:
     """What is named with causes whose values differ between recordings, if that explains what nothing else does."""
-    if named.axis:
+    if currents.axis:
         return None
 
-    def again(runs: Sequence[Run], taken: Set[EffectKey]) -> Named:
+    def again(runs: Sequence[Run], taken: Set[EffectKey]) -> CurrentDiagnosis:
         search.progress("comparing the recordings with each other")
-        return _searched(search.knowing((), taken), replace(named.residuals, runs=list(runs)))
+        return _searched(search.knowing((), taken), replace(currents.residuals, runs=list(runs)))
 
-    if (result := per_recording(named, named.residuals.runs, again)) is None:
+    if (result := per_recording(currents, currents.residuals.runs, again)) is None:
         return None
     trial, values = result
-    state, others = named.found.state, trial.found.state.terms
-    return replace(trial, own=tuple(cause_of(own, values, state, others) for own in values))
+    state, others = currents.state, trial.state.terms
+    return replace(trial, per_recording=tuple(cause_of(own, values, state, others) for own in values))
 
 
 def _datasets(runs: Sequence[Run], first: int, two_fold: bool) -> Split[Dataset]:

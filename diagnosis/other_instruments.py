@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from arm_io.types import Progress
 from arm_model import Arm
 from diagnosis.cause import Cause
+from diagnosis.current_diagnosis import Recordings
 from diagnosis.measurements.demands.wrist_coupling import wrist_coupling
 from diagnosis.measurements.link_encoders.causes import LinkSide, link_side
 from diagnosis.measurements.tracker.causes import Tracked, tracked_causes
-from diagnosis.named import Recordings
 from diagnosis.residual.expected_current import has_dynamics
 from diagnosis.screening.cleaned import Screened
 from diagnosis.screening.event import Event

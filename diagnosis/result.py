@@ -24,7 +24,7 @@ class Diagnosis:
     """Everything that the report and diagnosis.json say.
 
     arm, extended  the model, and the model with every cause as an effect
-    fit, held_out  residuals of the recordings; left: (N,) whitened, with all causes
+    fit, held_out  the recordings with their residual currents; residual: (N,) whitened, with all causes in the model
     compared       of "fit" and "held_out", each recording's closed loop by the model and by the extended one
     along          ... and (n,) A rms of its residual under both along the measured motion
     judged         whether the currents were compared: not with a model that predicts none
@@ -37,9 +37,9 @@ class Diagnosis:
     extended: Arm
     fit: tuple[Run, ...]
     held_out: tuple[Run, ...]
-    left: Split[Array]
+    residual: Split[Array]
     causes: list[Cause]
-    not_visible: list[Undetectable]
+    undetectable: list[Undetectable]
     unexplained: list[Structure]
     compared: dict[str, list[tuple[Compared, Compared]]] = field(repr=False)
     along: dict[str, list[tuple[Array, Array]]]
@@ -69,7 +69,7 @@ class Diagnosis:
     def origins(self) -> list[Suspect]:
         """Physical origins of the causes, per joint and of the arm; none where unexplained structure remains."""
         places = evidence_of(
-            self.causes, self.arm, self._searched, {(one.effect, one.joint) for one in self.not_visible}
+            self.causes, self.arm, self._searched, {(one.effect, one.joint) for one in self.undetectable}
         )
         unexplained = {one.joint for one in self.unexplained}
         return suspects([place for place in places if place.joint not in unexplained])

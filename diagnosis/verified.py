@@ -20,7 +20,7 @@ from diagnosis.closed_loop.comparison import (
     compare,
     with_smoothing_velocities,
 )
-from diagnosis.named import Named, Recordings
+from diagnosis.current_diagnosis import CurrentDiagnosis, Recordings
 from diagnosis.residual.run import Run
 
 
@@ -38,10 +38,16 @@ class Verified:
 
 
 def verify(
-    arm: Arm, extended: Arm, causes: Sequence[Cause], recordings: Recordings, named: Named, *, judged: bool
+    arm: Arm,
+    extended: Arm,
+    causes: Sequence[Cause],
+    recordings: Recordings,
+    currents: CurrentDiagnosis,
+    *,
+    judged: bool,
 ) -> Verified:
     """The model and the extended one in closed loop on the recorded setpoints, and along the measured motion."""
-    runs = named.found.state.data.map(lambda part: part.runs)
+    runs = currents.state.data.map(lambda part: part.runs)
     halves = {"fit": (recordings.fit, runs.fit), "held_out": (recordings.held_out, runs.held_out)}
     compared = _in_loop(arm, extended, halves)
     if extended is arm and clear_errors(compared, {half: seen for half, (_, seen) in halves.items()}, ()):

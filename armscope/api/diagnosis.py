@@ -64,7 +64,7 @@ class Diagnosis:
     @property
     def undetectable(self) -> list[Undetectable]:
         """Effects that these recordings could not show, each with the reason and a motion that would show it."""
-        return list(self.details.not_visible)
+        return list(self.details.undetectable)
 
     @property
     def warnings(self) -> list[str]:

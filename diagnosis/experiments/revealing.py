@@ -53,10 +53,10 @@ def shown_by(
 ) -> list[Showing]:
     """Detection experiments of all undetectable effects, those of the catalogue where no motion shows an effect."""
     if not result.judged:
-        return [Showing(one) for one in result.not_visible]
+        return [Showing(one) for one in result.undetectable]
     stage = stage_of(result, [1], rig, visited=False)
     noise = np.mean([run.noise for run in result.fit], axis=0)
-    wanted = {(one.effect, one.joint) for one in result.not_visible if one.joint is not None}
+    wanted = {(one.effect, one.joint) for one in result.undetectable if one.joint is not None}
     alike: dict[tuple[int, str], list[Candidate]] = {}
     for c in candidates(result.arm):
         if c.joint is not None and c.key in wanted:
@@ -67,7 +67,7 @@ def shown_by(
     shown = {c.key: trials for at, trials in zip(places, tried) for c in alike[at]}
     return [
         Showing(one) if (trials := shown.get((one.effect, one.joint))) is None else _best(one, trials)
-        for one in result.not_visible
+        for one in result.undetectable
     ]
 
 

@@ -60,7 +60,7 @@ def diagnose_base(
         held_out=[str(recording.path) for recording in held_out or fit],
         causes=[_cause(name, chosen, model) for name in chosen],
         thrusters=_thrusters(arm, model, chosen),
-        not_visible=_not_visible(model),
+        undetectable=_undetectable(model),
         noise_rms=scale,
         before_rms=np.sqrt(np.mean(before**2, axis=0)),
         after_rms=np.sqrt(np.mean(after**2, axis=0)),
@@ -148,7 +148,7 @@ def _ways(k: int, chosen: Chosen) -> tuple[str, ...]:
     return ways if set(ways) & set(chosen) else (f"thruster{k}.gain",)
 
 
-def _not_visible(model: BaseWrench) -> list[str]:
+def _undetectable(model: BaseWrench) -> list[str]:
     """Parameters that the fitted rows do not determine, all others free."""
     free = _of_base(model.names)
     seen: Array = excited(model.rows.fit, free, model.scale)

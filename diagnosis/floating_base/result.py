@@ -148,7 +148,7 @@ class BaseDiagnosis:
     held_out: Sequence[str]
     causes: Sequence[BaseCause]
     thrusters: Sequence[ThrusterTest]
-    not_visible: Sequence[str]
+    undetectable: Sequence[str]
     noise_rms: Array
     before_rms: Array
     after_rms: Array
@@ -156,14 +156,14 @@ class BaseDiagnosis:
     runs: Sequence[Wrenches] = ()
 
     @property
-    def left(self) -> list[str]:
+    def unexplained(self) -> list[str]:
         """Degrees of freedom whose held-out error exceeds the noise by more than EXPLAINED."""
         return [name for k, name in enumerate(DEGREES) if self.after_rms[k] > EXPLAINED * self.noise_rms[k]]
 
     @property
     def verdict(self) -> str:
         """explained, consistent or unexplained."""
-        if self.left:
+        if self.unexplained:
             return "unexplained"
         return "explained" if self.causes else "consistent"
 
@@ -190,9 +190,9 @@ class BaseDiagnosis:
             "thrusters": [test.to_json() for test in self.thrusters],
             "not_visible": [
                 {"effect": name, "joint": None, "why": "the base does not move so that it shows"}
-                for name in self.not_visible
+                for name in self.undetectable
             ],
-            "unexplained": [{"signal": "wrench", "degree": name} for name in self.left],
+            "unexplained": [{"signal": "wrench", "degree": name} for name in self.unexplained],
             "limits": self.limits,
         }
 
@@ -207,11 +207,11 @@ class BaseDiagnosis:
             ]
             if len(cause.group) > 1:
                 lines.append(f"   indistinguishable from: {', '.join(cause.group[1:])}")
-        if self.left:
-            lines.append(f"unexplained structure in {', '.join(self.left)}")
+        if self.unexplained:
+            lines.append(f"unexplained structure in {', '.join(self.unexplained)}")
         if self.thrusters:
             rows = [one.row for one in self.thrusters]
             lines += ["", *text_table(rows, THRUSTER_HEAD, numbers=range(5))]
-        if self.not_visible:
-            lines += ["", f"not detectable: {', '.join(self.not_visible)}"]
+        if self.undetectable:
+            lines += ["", f"not detectable: {', '.join(self.undetectable)}"]
         return "\n".join(lines)

@@ -19,7 +19,7 @@ from arm_model.effects import CATALOGUE, same_columns
 from diagnosis.cause import EffectKey
 from diagnosis.measurements.currents.columns import columns
 from diagnosis.measurements.currents.possible import exists
-from diagnosis.measurements.currents.search import Found
+from diagnosis.measurements.currents.search import Selection
 from diagnosis.measurements.currents.state import State
 from diagnosis.per_recording.values import OwnValues, contradicted, own_values, promising, quiet
 from diagnosis.residual.other_effects import with_own
@@ -35,10 +35,10 @@ ROUNDS = 2
 
 
 class _Searched(Protocol):
-    """What a search names; see ``find_causes.Named``."""
+    """What a search names; see ``CurrentDiagnosis``."""
 
     @property
-    def found(self) -> Found: ...
+    def selection(self) -> Selection: ...
 
 
 S = TypeVar("S", bound=_Searched)
@@ -46,14 +46,14 @@ Search = Callable[[Sequence[Run], Set[EffectKey]], S]
 """A search in the residuals of runs, of none of some effects."""
 
 
-def per_recording(named: S, runs: Sequence[Run], search: Search[S]) -> tuple[S, list[OwnValues]] | None:
+def per_recording(currents: S, runs: Sequence[Run], search: Search[S]) -> tuple[S, list[OwnValues]] | None:
     """What is named with values per recording of some causes, and these; None where they do not explain everything.
 
-    named: what one value for all names; runs: its recordings, the fitted ones first.
+    currents: what one value for all recordings shows; runs: its recordings, the fitted ones first.
     """
-    state = named.found.state
+    state = currents.selection.state
     worst = contradicted(state)
-    if worst is None and not named.found.unexplained.structures:
+    if worst is None and not currents.selection.unexplained.structures:
         return None
     beside = promising(state, others=state.terms) if state.terms else []
     starts = [*([worst] if worst is not None else []), *beside, *promising(state)]
@@ -79,14 +79,14 @@ def _grown(
             with_free(with_own(run, [own.terms[k] for own in values]), _columns(several, run))
             for k, run in enumerate(runs)
         ]
-        found = search(free, _taken(several)).found
-        left = _left(found.state)
-        further = contradicted(found.state)
-        if further is None and quiet(found.state) and not found.unexplained.structures:
-            return several, found.state.terms
+        selection = search(free, _taken(several)).selection
+        left = _left(selection.state)
+        further = contradicted(selection.state)
+        if further is None and quiet(selection.state) and not selection.unexplained.structures:
+            return several, selection.state.terms
         if len(several) == MOST or left > SETTLED * before:
             return None
-        more = [further] if further is not None else promising(state, 1, several, found.state.terms)
+        more = [further] if further is not None else promising(state, 1, several, selection.state.terms)
         if not more:
             return None
         several, before = [*several, *more], left
@@ -101,12 +101,12 @@ def _settled(
         if not _exist(values, state):
             return None
         trial = search([with_own(run, [own.terms[k] for own in values]) for k, run in enumerate(runs)], _taken(several))
-        found = trial.found
+        selection = trial.selection
         # what the others explain is not the recordings' own
-        values = own_values(several, state, found.state.terms)
+        values = own_values(several, state, selection.state.terms)
         if len(kept := [own.candidate for own in values if own.contradict]) < len(several):
-            return _settled(kept, found.state.terms, state, runs, search) if kept else None
-        if quiet(found.state) and not found.unexplained.structures and contradicted(found.state) is None:
+            return _settled(kept, selection.state.terms, state, runs, search) if kept else None
+        if quiet(selection.state) and not selection.unexplained.structures and contradicted(selection.state) is None:
             return trial, values
     return None
 

@@ -55,7 +55,7 @@ def base_report(result: BaseDiagnosis) -> Report:
             "thrusters": thruster_chart(result.model, result.arm, runs) if runs else None,
             "parts": parts_chart(runs[0]) if runs else None,
             "errors": _errors(result),
-            "unseen": ", ".join(result.not_visible),
+            "unseen": ", ".join(result.undetectable),
             "vehicle": motion_charts(runs),
         },
     )
@@ -75,7 +75,7 @@ def verdict(result: BaseDiagnosis) -> str:
     if result.verdict == "explained":
         return f"Explained by {named}."
     found = f" beside {named}" if named else ""
-    return f"Unexplained structure in {', '.join(result.left)}{found}: no candidate explains it."
+    return f"Unexplained structure in {', '.join(result.unexplained)}{found}: no candidate explains it."
 
 
 def _summary(result: BaseDiagnosis) -> Markup:

@@ -23,7 +23,7 @@ from diagnosis.report.plots.motion import motion_of
 from diagnosis.report.plots.near_rest import near_rest_chart
 from diagnosis.report.plots.residuals import against_all, left_against, side_by_side
 from diagnosis.report.plots.single_axis import wave_chart
-from diagnosis.report.tables import errors, left, rough, summary, unseen
+from diagnosis.report.tables import errors, left, rough, summary, undetectable_table
 from diagnosis.report.wording import (
     remainder,
     remains,
@@ -70,7 +70,7 @@ def report(result: Diagnosis, table: dict[str, Any], held_out: Sequence[Recordin
             "overview": plots.overview(result) if judged else None,
             "link_overview": link_overview(result.link, result.arm) if result.link and not judged else None,
             "causes": [_section(result, cause, row, number) for number, (cause, row) in causes],
-            "unseen": unseen(table),
+            "unseen": undetectable_table(table),
             "left": left(result, table),
             "left_charts": _left_charts(result),
             "simulated": list(_simulated(result)),

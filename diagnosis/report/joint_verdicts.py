@@ -79,8 +79,8 @@ def remaining(result: Diagnosis) -> list[Remaining]:
     if not result.judged:
         return []
     along = {
-        "fit": {one.joint: one.ratio for one in ratios(result.fit, result.left.fit)},
-        "held_out": {one.joint: one.ratio for one in ratios(result.held_out, result.left.held_out)},
+        "fit": {one.joint: one.ratio for one in ratios(result.fit, result.residual.fit)},
+        "held_out": {one.joint: one.ratio for one in ratios(result.held_out, result.residual.held_out)},
     }
     in_loop = {}
     for side, pairs in result.compared.items() if result.in_closed_loop else ():

@@ -33,7 +33,7 @@ def _currents(result: Diagnosis) -> list[dict[str, Any]]:
     if not result.judged:
         return rows
     fit, held_out = dataset_of(result.fit), dataset_of(result.held_out)
-    residuals = [Split(fit.y, held_out.y), result.left]
+    residuals = [Split(fit.y, held_out.y), result.residual]
     shares = in_parallel(lambda of: predictable(fit, held_out, of.fit, of.held_out, result.arm).round(4), residuals)
     over_noise = [{one.joint: one.ratio for one in ratios(result.held_out, of.held_out)} for of in residuals]
     for row in rows:

@@ -57,8 +57,8 @@ def rough(result: Diagnosis, table: dict[str, Any]) -> Markup:
     joints = range(1, len(result.arm) + 1)
     rows = []
     for runs, left, words in (
-        (result.fit, result.left.fit, "fitted"),
-        (result.held_out, result.left.held_out, "held out"),
+        (result.fit, result.residual.fit, "fitted"),
+        (result.held_out, result.residual.held_out, "held out"),
     ):
         side = dataset_of(runs)
         edges = np.cumsum([0, *(len(run.t) for run in runs)])
@@ -88,7 +88,7 @@ def _change(texts: Sequence[str], extended: bool) -> str:
     return " → ".join(texts) if extended and texts[0] != "standstill" else texts[-1]
 
 
-def unseen(table: dict[str, Any]) -> Markup | None:
+def undetectable_table(table: dict[str, Any]) -> Markup | None:
     """Effects that were not detectable in these recordings, with detection experiments; None: all were."""
     if not table["not_visible"]:
         return None

@@ -70,7 +70,7 @@ def table_of(result: Diagnosis, fit: list[Recording], held_out: list[Recording])
         "origins_are": JUDGEMENT,
         "not_visible": [
             {"effect": one.effect, "joint": one.joint, "why": one.why, "experiment": one.experiment}
-            for one in result.not_visible
+            for one in result.undetectable
         ],
         "unexplained": [
             {

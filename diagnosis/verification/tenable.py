@@ -22,7 +22,7 @@ from diagnosis.measurements.currents.estimates import estimates_of
 from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.measurements.currents.model import Currents
 from diagnosis.measurements.currents.possible import exists, impossible
-from diagnosis.measurements.currents.search import Found, search, undissolved, without
+from diagnosis.measurements.currents.search import Selection, search, undissolved, without
 from diagnosis.measurements.currents.state import State
 from diagnosis.measurements.currents.structure.dominant import dominant, remainder_of
 from diagnosis.measurements.currents.structure.shared_bases import Bases
@@ -36,7 +36,7 @@ from identification.selection import Split
 
 def tenable_causes(
     model: Currents, recordings: Split[Sequence[Recording]], runs: Sequence[Run], progress: Progress
-) -> tuple[Found, list[Cause]]:
+) -> tuple[Selection, list[Cause]]:
     """Causes that the search finds and closed loops on held-out ``recordings`` do not refute.
 
     runs: residuals of the held-out ones.
@@ -44,32 +44,32 @@ def tenable_causes(
     In the place of a refuted one it searches again.
     """
     refused, bases = list[EffectKey](), Bases(*model.data)
-    found = _found(search(model, progress), bases, progress)
+    selection = _selected(search(model, progress), bases, progress)
     while True:
         progress("estimating parameters")
-        causes = causes_of(found)
+        causes = causes_of(selection)
         progress("judging in closed loop")
-        removed = _needless(found.state, causes)
+        removed = _needless(selection.state, causes)
         if removed is not None:
-            found = undissolved(without(found.state, found.state.chosen[removed]), bases)
+            selection = undissolved(without(selection.state, selection.state.chosen[removed]), bases)
             continue
         removed = _untenable(model.arm, causes, recordings, runs)
         if removed is None:
-            return found, with_significance(found.state, causes)
-        candidate = found.state.chosen[removed]
-        if is_further_order(candidate, [c for c in found.state.chosen if c is not candidate]):
-            found = undissolved(without(found.state, candidate), bases)
+            return selection, with_significance(selection.state, causes)
+        candidate = selection.state.chosen[removed]
+        if is_further_order(candidate, [c for c in selection.state.chosen if c is not candidate]):
+            selection = undissolved(without(selection.state, candidate), bases)
             continue
         refused.append(candidate.key)
         if len(refused) <= LIMITS.searched_again:
             # another effect may explain the same
             again = replace(model, excluded=model.excluded | set(refused))
-            found = _found(search(again, progress), bases, progress)
+            selection = _selected(search(again, progress), bases, progress)
         else:
-            found = undissolved(without(found.state, candidate), bases)
+            selection = undissolved(without(selection.state, candidate), bases)
 
 
-def _found(state: State, bases: Bases, progress: Progress) -> Found:
+def _selected(state: State, bases: Bases, progress: Progress) -> Selection:
     """The causes of a state, and the structure that they leave unexplained.
 
     Causes that the final model does not need are removed first, so that structure is searched for once. Where there is
@@ -77,11 +77,11 @@ def _found(state: State, bases: Bases, progress: Progress) -> Found:
     """
     progress("searching for unexplained structure")
     nothing, fewer = Unexplained([], [], {}), state
-    while (removed := _needless(fewer, causes_of(Found(fewer, nothing)))) is not None:
+    while (removed := _needless(fewer, causes_of(Selection(fewer, nothing)))) is not None:
         fewer = without(fewer, fewer.chosen[removed])
-    found = undissolved(fewer, bases)
-    if fewer is state or (found.state is fewer and not found.unexplained.structures):
-        return found
+    selection = undissolved(fewer, bases)
+    if fewer is state or (selection.state is fewer and not selection.unexplained.structures):
+        return selection
     return undissolved(state, bases)
 
 
@@ -94,19 +94,19 @@ def _needless(state: State, causes: Sequence[Cause]) -> int | None:
     return removed
 
 
-def causes_of(found: Found) -> list[Cause]:
+def causes_of(selection: Selection) -> list[Cause]:
     """The causes that a search found, in its order, with parameters."""
-    state, first = found.state, dominant(found.state) if found.unexplained.structures else []
+    state, first = selection.state, dominant(selection.state) if selection.unexplained.structures else []
     return [
-        replace(of_candidate(c, values, state), remainder=_remainder(c, found) if c in first else None)
+        replace(of_candidate(c, values, state), remainder=_remainder(c, selection) if c in first else None)
         for c, values in zip(state.chosen, estimates_of(state))
     ]
 
 
-def _remainder(candidate: Candidate, found: Found) -> Remainder | None:
+def _remainder(candidate: Candidate, selection: Selection) -> Remainder | None:
     """What is left beside the dominant cause of a joint, where that has structure."""
-    against = [one.against for one in found.unexplained.structures if one.joint == candidate.joint]
-    share = remainder_of(candidate, found.state) if against else 0.0
+    against = [one.against for one in selection.unexplained.structures if one.joint == candidate.joint]
+    share = remainder_of(candidate, selection.state) if against else 0.0
     return Remainder(share, tuple(against)) if share > 0.0 else None
 
 

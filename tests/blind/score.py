@@ -215,7 +215,7 @@ def right_variable(
 
 def _left(result: Diagnosis, joint: int | None) -> float:
     """rms of the weighed held-out residual at a joint; for the whole arm, over all joints."""
-    by_joint = result.left.held_out.reshape(len(result.arm), -1)
+    by_joint = result.residual.held_out.reshape(len(result.arm), -1)
     values = by_joint if joint is None else by_joint[joint - 1]
     return float(np.sqrt(np.mean(values**2)))
 

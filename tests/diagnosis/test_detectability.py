@@ -19,7 +19,7 @@ from diagnosis.experiments.revealing import shown_by
 from diagnosis.experiments.t_optimality import predicted_run
 from diagnosis.measurements.currents.columns import candidates
 from diagnosis.measurements.currents.design_matrix import Library, dataset_of
-from diagnosis.measurements.currents.detectability import not_visible
+from diagnosis.measurements.currents.detectability import undetectable_by_currents
 from diagnosis.residual.run import Run
 from diagnosis.result import Diagnosis
 from diagnosis.selection.ripple_orders import order_of
@@ -33,7 +33,7 @@ class Judged:
 
     arm: Arm
     fit: tuple[Run, ...]
-    not_visible: list[Undetectable]
+    undetectable: list[Undetectable]
     judged: bool = True
     causes: list[object] = field(default_factory=list)
 
@@ -54,7 +54,7 @@ def _unseen(run: Run, arm: Arm) -> dict[tuple[str, int | None], Undetectable]:
     every = [c for c in candidates(arm) if c.joint in (1, 2, None)]
     library = Library((c for c in every if order_of(c) is None), Split(side, side))
     lines = [c for c in every if order_of(c) is not None]
-    return {(one.effect, one.joint): one for one in not_visible(library, lines, side, set(), arm)}
+    return {(one.effect, one.joint): one for one in undetectable_by_currents(library, lines, side, set(), arm)}
 
 
 def test_says_what_a_joint_did_not_do(one_joint: Run, arm: Arm) -> None:

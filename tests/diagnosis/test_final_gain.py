@@ -64,10 +64,10 @@ def test_what_is_left_below_the_noise_reads_as_it_is(arm: Arm, scale: float) -> 
 
 
 def _causes(state: object) -> list[Cause]:
-    from diagnosis.measurements.currents.search import Found
+    from diagnosis.measurements.currents.search import Selection
     from diagnosis.measurements.currents.structure.unexplained import Unexplained
 
-    return causes_of(Found(state, Unexplained([], [], {})))  # type: ignore[arg-type]
+    return causes_of(Selection(state, Unexplained([], [], {})))  # type: ignore[arg-type]
 
 
 def test_a_ripple_of_twelve_degrees_is_no_ripple(arm: Arm) -> None:

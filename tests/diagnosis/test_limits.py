@@ -20,7 +20,7 @@ from identification.selection import Limits, Thresholds
 def _nothing_found() -> Diagnosis:
     """The fields of a diagnosis that its table is made of, where nothing was recorded."""
     empty: dict[str, Any] = dict.fromkeys(
-        ("causes", "not_visible", "unexplained", "warnings", "fit", "held_out", "origins"), ()
+        ("causes", "undetectable", "unexplained", "warnings", "fit", "held_out", "origins"), ()
     )
     return cast(Diagnosis, SimpleNamespace(**empty, verdict="consistent", shortage=None, judged=False))
 

@@ -22,10 +22,10 @@ from daq.recording.parts import Attachments
 from daq.recording.tables.table import write_table
 from diagnosis.cause import Cause
 from diagnosis.diagnose import diagnose, screen
+from diagnosis.isolated_by_currents import isolated_by_currents
 from diagnosis.measurements.link_encoders.causes import LinkSide, link_side
 from diagnosis.other_instruments import measure
 from diagnosis.screening.time_split import split
-from diagnosis.told_by_currents import told_by_currents
 from experiment import Experiment
 from identification.selection import Split
 from tests.blind.hide import Hidden
@@ -179,7 +179,7 @@ def test_currents_tell_a_wave_of_the_motor_s_encoder_from_one_of_its_gear(root: 
     cleaned = screen(arm, recordings, lambda _: None)
     shown = measure(arm, recordings, cleaned, lambda _: None)
     assert shown.link is not None and [c.effect for c in shown.link.causes] == ["gear_ripple"]
-    told = told_by_currents(arm, shown, cleaned, lambda _: None)
+    told = isolated_by_currents(arm, shown, cleaned, lambda _: None)
     assert told.link is not None and [(c.effect, c.joint) for c in told.link.causes] == [(effect, 2)]
     for name in ("amplitude", "phase"):
         value, std = _value(told.link.causes[0], name)

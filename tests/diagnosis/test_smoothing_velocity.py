@@ -20,7 +20,7 @@ from diagnosis.closed_loop.clear_errors import VerdictLimits
 from diagnosis.closed_loop.comparison import SMOOTHING
 from diagnosis.measurements.currents.design_matrix import Library, dataset_of
 from diagnosis.measurements.currents.model import Currents
-from diagnosis.measurements.currents.search import Found
+from diagnosis.measurements.currents.search import Selection
 from diagnosis.measurements.currents.structure.unexplained import Unexplained
 from diagnosis.residual.generation import residual_run
 from diagnosis.residual.run import Run
@@ -73,7 +73,7 @@ def _judged(friction: Friction, stiffness: float, folder: Path) -> tuple[float, 
     model = Currents(fit[0].arm, data, Library((bristles,), data), [])
     state = model.refitted([bristles], {bristles.key: []})
     left, before = (float(np.sum(of[data.held_out.of(1)] ** 2)) for of in (state.fitted.held_out, data.held_out.y))
-    return left / before, other_smoothing(state, causes_of(Found(state, Unexplained([], [], {}))))
+    return left / before, other_smoothing(state, causes_of(Selection(state, Unexplained([], [], {}))))
 
 
 @pytest.mark.parametrize("width", [0.003, 0.001])

@@ -252,7 +252,7 @@ def test_an_arm_at_rest_shows_no_latency(puma: Puma, arm: Arm, tmp_path: Path) -
     still = [record(puma, tmp_path, f"still{k}", Wrong(delay=0.005), k, seconds=5.0, rest=True) for k in range(4)]
     result = tracked_causes(arm, still[:2], still[2:])
     assert result.causes == []
-    unseen = {one.effect: one for one in result.not_visible}
+    unseen = {one.effect: one for one in result.undetectable}
     assert {"tracker_latency", "link_sag"} <= set(unseen)
     assert "motion" in unseen["tracker_latency"].experiment
 
@@ -262,12 +262,12 @@ def test_without_a_tracker_nothing_is_guessed(puma: Puma, arm: Arm, tmp_path: Pa
     blind = [replace(r, xyz=None) for r in held_out]
     for result in (tracked_causes(arm, fit, blind), tracked_causes(arm, [replace(r, xyz=None) for r in fit], blind)):
         assert result.causes == []
-        assert {one.effect for one in result.not_visible} == {
+        assert {one.effect for one in result.undetectable} == {
             "link_geometry",
             "link_sag",
             "tracker_latency",
             "tracker_outliers",
         }
-    assert "held-out" in tracked_causes(arm, fit, blind).not_visible[0].why
+    assert "held-out" in tracked_causes(arm, fit, blind).undetectable[0].why
     placed = replace(arm, joints=tuple(Joint(convention="placed", limits=j.limits) for j in arm.joints))
-    assert "URDF" in tracked_causes(placed, fit, held_out).not_visible[0].why
+    assert "URDF" in tracked_causes(placed, fit, held_out).undetectable[0].why

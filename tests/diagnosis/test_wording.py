@@ -21,7 +21,7 @@ from diagnosis.measurements.currents.shortage import Shortage
 from diagnosis.remainder.of_identification import Remainder
 from diagnosis.remainder.predictable import predictable
 from diagnosis.report.joint_verdicts import Remaining
-from diagnosis.report.tables import unseen
+from diagnosis.report.tables import undetectable_table
 from diagnosis.report.wording import either, estimate, gain, sentence
 from diagnosis.result import Diagnosis
 from diagnosis.units import rounded
@@ -162,7 +162,7 @@ def test_joints_alike_share_a_line_and_no_effect_is_left_out() -> None:
         ("link_sag", None, "d", "z"),
     ]
     names = ("effect", "joint", "why", "experiment")
-    page = unseen({"not_visible": [dict(zip(names, row)) for row in rows]})
+    page = undetectable_table({"not_visible": [dict(zip(names, row)) for row in rows]})
     lines = re.findall("<tr>(.*?)</tr>", page)[1:]
     cells = [re.findall("<td.*?>(.*?)</td>", line) for line in lines]
     assert cells == [

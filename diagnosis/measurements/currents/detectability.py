@@ -38,7 +38,7 @@ INSTEAD = {
 }
 
 
-def not_visible(
+def undetectable_by_currents(
     library: Library, lines: Iterable[Candidate], held_out: Dataset, known: Set[EffectKey], arm: Arm
 ) -> list[Undetectable]:
     """Effects whose largest typical magnitude changes the held-out currents by less than a third of the noise.
@@ -77,7 +77,7 @@ def not_visible(
     return undetectable
 
 
-def not_warm(arm: Arm, data: Split[Dataset], known: Set[EffectKey]) -> list[Undetectable]:
+def undetectable_without_warming(arm: Arm, data: Split[Dataset], known: Set[EffectKey]) -> list[Undetectable]:
     """Friction over temperature of joints with a sensor, where recordings are too much alike in temperature."""
     (effect,) = (name for name in CATALOGUE if depends(name))
     instead, found = INSTEAD[CATALOGUE[effect].excited_by], []
@@ -143,7 +143,7 @@ def _did(need: Excitation, joint: int | None, side: Dataset, arm: Arm) -> str:
     )
 
 
-def not_judged(arm: Arm, of_links: Sequence[int]) -> list[Undetectable]:
+def undetectable_without_dynamics(arm: Arm, of_links: Sequence[int]) -> list[Undetectable]:
     """Effects that only currents show, for a model that predicts none.
 
     Without those that the two encoders of the joints ``of_links`` show.

@@ -22,7 +22,7 @@ from identification.selection import Score, eliminate, select
 
 
 @dataclass(frozen=True)
-class Found:
+class Selection:
     """The chosen candidates, and the unexplained structure conditional on them."""
 
     state: State
@@ -66,7 +66,7 @@ def without(state: State, removed: Candidate) -> State:
     return state.model.refitted([c for c in state.chosen if c is not removed], state.rivals)
 
 
-def undissolved(state: State, bases: Bases) -> Found:
+def undissolved(state: State, bases: Bases) -> Selection:
     """The causes of a state that are no names for parts of unexplained structure, and that structure.
 
     bases: of the recordings of the state.
@@ -78,5 +78,5 @@ def undissolved(state: State, bases: Bases) -> Found:
     return found
 
 
-def _with_unexplained(state: State, bases: Bases) -> Found:
-    return Found(state, unexplained_structure(state.data, state.fitted, state.model.arm, state.significance, bases))
+def _with_unexplained(state: State, bases: Bases) -> Selection:
+    return Selection(state, unexplained_structure(state.data, state.fitted, state.model.arm, state.significance, bases))

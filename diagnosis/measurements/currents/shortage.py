@@ -13,7 +13,7 @@ import numpy as np
 from scipy import stats
 
 from diagnosis.cause import EffectKey, in_words
-from diagnosis.measurements.currents.search import Found
+from diagnosis.measurements.currents.search import Selection
 from diagnosis.screening.time_split import FITTED
 from diagnosis.selection.candidate import Candidate
 from identification.selection import Score
@@ -44,10 +44,10 @@ class Shortage:
         )
 
 
-def shortage(found: Found) -> Shortage | None:
+def shortage(selection: Selection) -> Shortage | None:
     """What the structures that a search left unexplained may be, had more been recorded; None where they are not."""
-    state, model = found.state, found.state.model
-    left = sorted({one.joint for one in found.unexplained.structures if one.joint})
+    state, model = selection.state, selection.state.model
+    left = sorted({one.joint for one in selection.unexplained.structures if one.joint})
     if not left:
         return None
     scores = model.scores(state)

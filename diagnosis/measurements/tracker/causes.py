@@ -21,7 +21,7 @@ from arm_model.effects.tracking import LINK_GEOMETRY, TRACKER_OUTLIERS
 from daq.recording import Recording
 from diagnosis.cause import MAX_CONFIDENCE, Cause, Estimate, Signal, Structure, Undetectable, confidence_of
 from diagnosis.measurements.tracker.columns import State, Survey, TrackedCandidate
-from diagnosis.measurements.tracker.detectability import no_tracker, not_visible, sizes, structure, visible
+from diagnosis.measurements.tracker.detectability import no_tracker, sizes, structure, undetectable_by_tracker, visible
 from diagnosis.measurements.tracker.model import LIMITS, Named, TrackedPoints, selected, tracked_points
 from diagnosis.measurements.tracker.points import Outliers, Side, points_of, side_of
 from diagnosis.measurements.tracker.regression import beside_zeros, energy, good, point_residual
@@ -48,7 +48,7 @@ class Tracked:
     """
 
     causes: list[Cause]
-    not_visible: list[Undetectable]
+    undetectable: list[Undetectable]
     noise: float
     rms: dict[str, tuple[float, float]]
     unexplained: list[Structure]
@@ -98,7 +98,7 @@ def tracked_causes(
     errors = {"fit": (before.fit, after.fit), "held_out": (before.held_out, after.held_out)}
     return Tracked(
         causes=causes + ([strays] if strays else []),
-        not_visible=not_visible(moves, level, {c.key for c in state.chosen}),
+        undetectable=undetectable_by_tracker(moves, level, {c.key for c in state.chosen}),
         shown=visible(moves, level),
         noise=noise,
         rms={side: (_rms(b), _rms(a)) for side, (b, a) in errors.items()},

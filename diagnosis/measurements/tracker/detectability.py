@@ -47,7 +47,9 @@ def sizes(every: Sequence[TrackedCandidate], nothing: State, sides: Sequence[Sid
     return {c: float(np.sqrt(_typical_squares(c, nothing, sides, parts))) for c in every}
 
 
-def not_visible(moves: Mapping[TrackedCandidate, float], level: float, known: set[EffectKey]) -> list[Undetectable]:
+def undetectable_by_tracker(
+    moves: Mapping[TrackedCandidate, float], level: float, known: set[EffectKey]
+) -> list[Undetectable]:
     """Effects that only a tracker shows and that move the held-out points too little.
 
     level: m, std that the points leave undetermined; moves: see ``sizes``.

@@ -31,9 +31,9 @@ def overview(result: Diagnosis) -> Chart:
         Level(value=float(t[end - len(run.t)]), axis="x", colour=EDGE, words=run.name)
         for run, end in zip(result.held_out, ends)
     )
-    sides = [(side.y, BEFORE, "before"), (result.left.held_out, AFTER, "after")]
+    sides = [(side.y, BEFORE, "before"), (result.residual.held_out, AFTER, "after")]
     if not result.causes:
-        sides = [(result.left.held_out, AFTER, "residual")]
+        sides = [(result.residual.held_out, AFTER, "residual")]
     panels = []
     for j in range(1, len(result.arm) + 1):
         noise = side.at_joint("instruments", j) / side.at_joint("deviation", j)
@@ -101,7 +101,7 @@ def _current_chart(picture: str, result: Diagnosis, cause: Cause, joint: int) ->
     x = dict(variables(side, result.arm, joint))[name]
     deviation, known = side.at_joint("deviation", joint), side.comparable(joint)
     noise = float(np.sqrt(np.mean(side.at_joint("instruments", joint)[known] ** 2))) if known.any() else 0.0
-    residuals = [(y[side.of(joint)] * deviation)[known] for y in (side.y, result.left.held_out)]
+    residuals = [(y[side.of(joint)] * deviation)[known] for y in (side.y, result.residual.held_out)]
     largest = max((float(np.abs(values).max()) for values in residuals if len(values)), default=1.0)
     factor, unit = readable(result.arm.joints[joint - 1].command_unit, [largest])
     at = held_out_time(result)[known]

@@ -46,7 +46,7 @@ def in_noise(result: Diagnosis, joint: int) -> tuple[Array, Array, NDArray[np.bo
     side = dataset_of(result.held_out)
     ratio = np.concatenate([run.deviation[:, joint - 1] / run.instruments[:, joint - 1] for run in result.held_out])
     where = side.of(joint)
-    return side.y[where] * ratio, result.left.held_out[where] * ratio, side.comparable(joint)
+    return side.y[where] * ratio, result.residual.held_out[where] * ratio, side.comparable(joint)
 
 
 def against_all(result: Diagnosis, joint: int, held_out: Sequence[Recording]) -> Chart:

@@ -9,8 +9,12 @@ from diagnosis.closed_loop.clear_errors import clear_errors
 from diagnosis.closed_loop.comparison import Compared, faithful, has_demand
 from diagnosis.closed_loop.model_errors import healthy, spreads
 from diagnosis.closed_loop.oscillation import with_oscillations
-from diagnosis.measurements.currents.detectability import not_judged, not_visible, not_warm
-from diagnosis.named import Named, Recordings
+from diagnosis.current_diagnosis import CurrentDiagnosis, Recordings
+from diagnosis.measurements.currents.detectability import (
+    undetectable_by_currents,
+    undetectable_without_dynamics,
+    undetectable_without_warming,
+)
 from diagnosis.other_instruments import OtherInstruments
 from diagnosis.remainder.fitted_only import in_fit_alone, known_to
 from diagnosis.screening.cleaned import Screened
@@ -20,29 +24,33 @@ from identification.selection import Split
 
 
 def unexplained_structure(
-    cleaned: Screened, measured: OtherInstruments, named: Named, verified: Verified, recordings: Recordings
+    cleaned: Screened,
+    measured: OtherInstruments,
+    currents: CurrentDiagnosis,
+    verified: Verified,
+    recordings: Recordings,
 ) -> list[Structure]:
     """Everything above the noise that no cause explains, of any instrument and in closed loop."""
-    state, of_currents = named.found.state, unexplained_of_currents(measured, named)
+    state, of_currents = currents.state, unexplained_of_currents(measured, currents)
     found = [
-        *(one for one in of_currents if named.shortage is None or one.joint not in named.shortage.joints),
+        *(one for one in of_currents if currents.shortage is None or one.joint not in currents.shortage.joints),
         *(in_fit_alone(state, of_currents, known_to(state).fit) if measured.judged else []),
         *(measured.link.unexplained if measured.link else []),
         *measured.tracked.unexplained,
-        *(one.structure(named.arm.joints[one.joint - 1].command_unit) for one in cleaned.oscillating),
+        *(one.structure(currents.arm.joints[one.joint - 1].command_unit) for one in cleaned.oscillating),
     ]
     reported = [one.joint for one in (*of_currents, *found)]
     return [*found, *_in_loop(verified, recordings, state.data, reported)]
 
 
-def unexplained_of_currents(measured: OtherInstruments, named: Named) -> list[Structure]:
+def unexplained_of_currents(measured: OtherInstruments, currents: CurrentDiagnosis) -> list[Structure]:
     """Unexplained structure of the currents, also where the recordings are too short to judge it."""
-    if named.axis and named.axis.wave:
-        return [Structure(Signal.CURRENT, 1, "position", named.axis.wave.share)]
+    if currents.axis and currents.axis.wave:
+        return [Structure(Signal.CURRENT, 1, "position", currents.axis.wave.share)]
     if not measured.judged:
         return []
-    found = named.found.unexplained.structures
-    return [*found, *(one for one in named.undetermined if one.joint not in {other.joint for other in found})]
+    found = currents.selection.unexplained.structures
+    return [*found, *(one for one in currents.undetermined if one.joint not in {other.joint for other in found})]
 
 
 def _in_loop(
@@ -64,12 +72,14 @@ def _in_loop(
     return with_oscillations(found, (after for several in verified.compared.values() for _, after in several), extended)
 
 
-def undetectable(measured: OtherInstruments, named: Named) -> list[Undetectable]:
+def undetectable(measured: OtherInstruments, currents: CurrentDiagnosis) -> list[Undetectable]:
     """Effects that these recordings could not show."""
-    told = [*named.causes, *named.own, *measured.known, *named.beside]
+    told = [*currents.causes, *currents.per_recording, *measured.known, *currents.outside_selection]
     shown = {cause.key for cause in told} | measured.tracked.shown
-    of_currents = not_visible(named.library, named.ripples, named.found.state.data.held_out, shown, named.arm)
+    of_currents = undetectable_by_currents(
+        currents.library, currents.ripples, currents.state.data.held_out, shown, currents.arm
+    )
     link = measured.link.held_out.joints.tolist() if measured.link else []
-    unjudged = [] if measured.judged else not_judged(named.arm, link)
-    of_currents += not_warm(named.arm, named.found.state.data, shown) if measured.judged else []
-    return of_currents + unjudged + measured.tracked.not_visible
+    unjudged = [] if measured.judged else undetectable_without_dynamics(currents.arm, link)
+    of_currents += undetectable_without_warming(currents.arm, currents.state.data, shown) if measured.judged else []
+    return of_currents + unjudged + measured.tracked.undetectable

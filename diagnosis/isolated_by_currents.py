@@ -34,7 +34,9 @@ STEP = 0.05
 """Of an amplitude, by which it is changed for a derivative."""
 
 
-def told_by_currents(arm: Arm, measured: OtherInstruments, screened: Screened, progress: Progress) -> OtherInstruments:
+def isolated_by_currents(
+    arm: Arm, measured: OtherInstruments, screened: Screened, progress: Progress
+) -> OtherInstruments:
     """The same, each wave of a gear named as one of the motor's encoder where the currents are those of that."""
     if measured.link is None or not measured.judged:
         return measured

@@ -1,0 +1,62 @@
+"""What the currents of recordings show: causes, and the selection and residuals behind them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from arm_model import Arm
+from daq.recording import Recording
+from diagnosis.cause import Cause, Structure
+from diagnosis.measurements.currents.design_matrix import Library
+from diagnosis.measurements.currents.search import Selection
+from diagnosis.measurements.currents.shortage import Shortage
+from diagnosis.measurements.currents.state import State
+from diagnosis.measurements.single_axis.causes import AxisSide
+from diagnosis.screening.residuals import Residuals
+from diagnosis.selection.candidate import Candidate
+from identification.selection import Split
+
+
+@dataclass(frozen=True, kw_only=True)
+class CurrentDiagnosis:
+    """What the currents of recordings show, conditional on what is known of the arm.
+
+    arm           the model with all that is known of it; residuals: of the recordings under it
+    base          the arm that the causes extend
+    library       every candidate's columns; ripples: candidates that have columns only where they exceed the residual
+    selection     what stepwise selection chose; axis: what a single axis with a fine encoder shows
+    causes        of the selection or of the axis
+    near_rest     friction found at standstill and reversals; transmissions: a spring or a gap found in closed loop, or
+                  the gaps of the selection. ``arm`` has both
+    undetermined  joints that show friction near rest whose size the recordings do not determine
+    shortage      what the held-out recordings are too short for
+    per_recording causes whose values differ between recordings; the runs have them, ``base`` has not
+    """
+
+    arm: Arm
+    residuals: Residuals
+    base: Arm
+    library: Library
+    ripples: tuple[Candidate, ...]
+    selection: Selection
+    axis: AxisSide | None
+    causes: list[Cause]
+    shortage: Shortage | None = None
+    near_rest: tuple[Cause, ...] = ()
+    transmissions: tuple[Cause, ...] = ()
+    undetermined: tuple[Structure, ...] = ()
+    per_recording: tuple[Cause, ...] = ()
+
+    @property
+    def state(self) -> State:
+        """The chosen candidates, fitted together."""
+        return self.selection.state
+
+    @property
+    def outside_selection(self) -> list[Cause]:
+        """Causes that were found outside the stepwise selection, and that ``arm`` has."""
+        return [*self.near_rest, *self.transmissions]
+
+
+Recordings = Split[Sequence[Recording]]

@@ -1,0 +1,96 @@
+"""Causes found outside the stepwise selection: friction near rest, lost rows and transmissions in loop, chatter."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence, Set
+from dataclasses import replace
+
+from arm_model.effects import CATALOGUE, Variable
+from diagnosis.cause import Cause, EffectKey, extend
+from diagnosis.closed_loop.comparison import with_smoothing_velocities
+from diagnosis.closed_loop.friction import friction_in_loop, has_state, with_estimates_of
+from diagnosis.closed_loop.lost_rows import LostInLoop, lost_in_loop
+from diagnosis.closed_loop.resonance import transmission_resonance, transmissions
+from diagnosis.current_diagnosis import CurrentDiagnosis, Recordings
+from diagnosis.measurements.currents.chatter import chattering_gaps
+from diagnosis.measurements.currents.structure.basis_functions import TWO_FACED
+from diagnosis.measurements.near_rest.friction import Friction, friction_causes
+from diagnosis.measurements.near_rest.passages import coarse
+
+
+def friction_near_rest(currents: CurrentDiagnosis, recordings: Recordings, excluded: Set[EffectKey]) -> Friction:
+    """Friction that shows where joints turn or creep, conditional on what the selection chose.
+
+    Of an identified model beyond what it left there when it was identified (``Seen.doubt``), and by currents alone.
+    """
+    state = currents.state
+    if currents.axis or not currents.library:
+        return Friction([], [])
+    taken = [*excluded, *(cause.key for cause in currents.causes)]
+    # what load or position predict is another law: friction is judged conditional on any function of them
+    given: dict[int, list[Variable]] = {}
+    for one in currents.selection.unexplained.structures:
+        if one.joint is not None and one.against in TWO_FACED:
+            given.setdefault(one.joint, []).append(Variable(one.against))
+    found = friction_causes(state.data.map(lambda part: part.runs), state.terms, taken, tuple(currents.library), given)
+    if currents.arm.uncertainty is not None:
+        return found
+    in_loop = _in_loop(currents, recordings, [*taken, *(cause.key for cause in found.causes)])
+    return replace(found, causes=[*found.causes, *in_loop])
+
+
+def _in_loop(currents: CurrentDiagnosis, recordings: Recordings, taken: Sequence[EffectKey]) -> list[Cause]:
+    """The same by closed loops, at joints whose encoder hardly shows the speed that currents are judged at.
+
+    What the search named there of currents is judged again, and estimated by both.
+    """
+    runs = [run for part in currents.state.data for run in part.runs]
+    joints = [j for j in range(1, len(currents.arm) + 1) if all(coarse(run, j) for run in runs)]
+    if not joints:
+        return []
+    every = [
+        replace(r, q=q, i=i)
+        for r, (_, q, i) in zip((*recordings.fit, *recordings.held_out), currents.residuals.samples)
+    ]
+    again = {cause.key: cause for cause in currents.causes if cause.joint in joints and has_state(cause.effect)}
+    beside = [cause for cause in currents.causes if cause.key not in again]
+    found = friction_in_loop(extend(currents.base, beside), every, joints, set(taken) - set(again))
+    return [with_estimates_of(cause, again[cause.key]) if cause.key in again else cause for cause in found]
+
+
+def resonance_in_loop(currents: CurrentDiagnosis, recordings: Recordings) -> Cause | None:
+    """A spring or a gap that closed loops show: in the place of one that the search named, or in addition."""
+    springs: list[Cause | None] = [one for one in currents.causes if one.effect in transmissions()]
+    for spring in springs or [None]:
+        arm = with_smoothing_velocities(
+            extend(currents.base, [one for one in currents.causes if one is not spring]), recordings.fit
+        )
+        joints = [spring.joint] if spring and spring.joint else range(1, len(arm) + 1)
+        if (cause := transmission_resonance(arm, recordings.fit, recordings.held_out, joints, spring)) is not None:
+            return cause
+    return None
+
+
+def rows_lost_in_loop(currents: CurrentDiagnosis, recordings: Recordings) -> LostInLoop | None:
+    """Rows of currents that closed loops show to be lost, of recordings that no search has put back."""
+    if currents.axis or currents.arm.uncertainty is not None or not currents.library:
+        return None
+    arm = with_smoothing_velocities(extend(currents.base, currents.causes), recordings.fit)
+    found = lost_in_loop(arm, recordings.fit, recordings.held_out, [i for _, _, i in currents.residuals.samples])
+    put_back = {loss.recording for loss in currents.residuals.losses}
+    losses = [loss for loss in found.losses if loss.recording not in put_back] if found else []
+    return replace(found, losses=losses) if found and losses else None
+
+
+def gaps(currents: CurrentDiagnosis, excluded: Set[EffectKey]) -> tuple[Cause, ...]:
+    """The gaps that the search named, and those whose teeth chatter.
+
+    Of an arm whose model is exact: an error of its load moves the instant at which teeth part.
+    """
+    if currents.axis:
+        return ()
+    found = tuple(one for one in currents.causes if CATALOGUE[one.effect].gap is not None)
+    if currents.arm.uncertainty is not None or not currents.library:
+        return found
+    state, taken = currents.state, {*excluded, *(cause.key for cause in currents.causes)}
+    return (*found, *chattering_gaps(state.data.map(lambda part: part.runs), state.terms, taken))
