@@ -25,7 +25,9 @@ def test_every_section_names_a_source_and_a_test(root: Path) -> None:
         assert re.search(r"`[\w/]*test_\w+\.py`|`tests/[\w/]+/`", text), name
 
 
-@pytest.mark.parametrize("page", [PAGE, "docs/diagnosis-evidence.md"])
+@pytest.mark.parametrize(
+    "page", [PAGE, "docs/diagnosis-single-points.md", "docs/first-runs-blind.md", "docs/first-runs-foreign.md"]
+)
 def test_every_file_that_is_named_is_there(root: Path, page: str) -> None:
     """A path from the root as it stands; a name alone, or the end of a path, of a file below diagnosis/ or tests/."""
     there = [
