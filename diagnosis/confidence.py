@@ -89,7 +89,7 @@ def determined(cause: Cause) -> float:
     return max(ratios, default=LARGEST)
 
 
-def stated(causes: Sequence[Cause], left: Mapping[int, float], unexplained: int) -> list[Cause]:
+def with_confidence(causes: Sequence[Cause], left: Mapping[int, float], unexplained: int) -> list[Cause]:
     """The causes with the confidence that names with such evidence deserve: at most 1 - p of their gain.
 
     What no case of the bank shows is stated with no larger confidence than was counted anywhere.
@@ -99,19 +99,21 @@ def stated(causes: Sequence[Cause], left: Mapping[int, float], unexplained: int)
     for cause in causes:
         if cause.signal in SIGNALS:
             support = support_of(cause, largest, left, unexplained)
-            cause = replace(cause, confidence=min(support.significance, deserved(support)), support=support)
+            cause = replace(
+                cause, confidence=min(support.significance, calibrated_confidence(support)), support=support
+            )
         else:
             cause = replace(cause, confidence=min(cause.confidence, _table()["most"]))
         found.append(cause)
     return found
 
 
-def deserved(support: Support) -> float:
+def calibrated_confidence(support: Support) -> float:
     """Share of the bank's names with such evidence that were right."""
-    return counted(_table(), support)
+    return success_rate(_table(), support)
 
 
-def counted(table: Mapping[str, Any], support: Support) -> float:
+def success_rate(table: Mapping[str, Any], support: Support) -> float:
     """Of a table: the logistic curve of the score, and no more than names of other cases confirmed."""
     score = table["constant"] + float(np.dot(table["weights"], features(support)))
     most = float(table["most"]) if support.left <= LEFT[1] else UNCOUNTED

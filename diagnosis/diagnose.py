@@ -23,7 +23,7 @@ from arm_model.effects import dissipative
 from daq.recording import Recording
 from diagnosis.cause import Cause, extend, merge
 from diagnosis.closed_loop.comparison import with_smoothing_velocities
-from diagnosis.confidence import stated
+from diagnosis.confidence import with_confidence
 from diagnosis.current_diagnosis import CurrentDiagnosis, Recordings
 from diagnosis.find_causes import find_causes
 from diagnosis.isolated_by_currents import isolated_by_currents
@@ -81,7 +81,7 @@ def diagnose(
         fit=tuple(with_own(run, ()) for run in state.data.fit.runs),
         held_out=tuple(with_own(run, ()) for run in state.data.held_out.runs),
         residual=Split(state.fitted.fit, state.fitted.held_out),
-        causes=stated(verified.causes, noise_ratios if measured.judged else {}, len(unexplained)),
+        causes=with_confidence(verified.causes, noise_ratios if measured.judged else {}, len(unexplained)),
         undetectable=undetectable(measured, currents),
         unexplained=unexplained,
         compared=verified.compared,

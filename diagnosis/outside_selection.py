@@ -21,18 +21,20 @@ from diagnosis.measurements.near_rest.passages import coarse
 def friction_near_rest(currents: CurrentDiagnosis, recordings: Recordings, excluded: Set[EffectKey]) -> Friction:
     """Friction that shows where joints turn or creep, conditional on what the selection chose.
 
-    Of an identified model beyond what it left there when it was identified (``Seen.doubt``), and by currents alone.
+    Of an identified model by currents alone, beyond what it left there when identified (``Observation.model_std``).
     """
     state = currents.state
     if currents.axis or not currents.library:
         return Friction([], [])
     taken = [*excluded, *(cause.key for cause in currents.causes)]
     # what load or position predict is another law: friction is judged conditional on any function of them
-    given: dict[int, list[Variable]] = {}
+    nuisance: dict[int, list[Variable]] = {}
     for one in currents.selection.unexplained.structures:
         if one.joint is not None and one.against in TWO_FACED:
-            given.setdefault(one.joint, []).append(Variable(one.against))
-    found = friction_causes(state.data.map(lambda part: part.runs), state.terms, taken, tuple(currents.library), given)
+            nuisance.setdefault(one.joint, []).append(Variable(one.against))
+    found = friction_causes(
+        state.data.map(lambda part: part.runs), state.terms, taken, tuple(currents.library), nuisance
+    )
     if currents.arm.uncertainty is not None:
         return found
     in_loop = _in_loop(currents, recordings, [*taken, *(cause.key for cause in found.causes)])

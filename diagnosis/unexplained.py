@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from diagnosis.cause import Signal, Structure, Undetectable
 from diagnosis.closed_loop.clear_errors import clear_errors
 from diagnosis.closed_loop.comparison import Compared, faithful, has_demand
-from diagnosis.closed_loop.model_errors import healthy, spreads
+from diagnosis.closed_loop.model_errors import left_over_rms, spreads
 from diagnosis.closed_loop.oscillation import with_oscillations
 from diagnosis.current_diagnosis import CurrentDiagnosis, Recordings
 from diagnosis.measurements.currents.detectability import (
@@ -68,7 +68,7 @@ def _in_loop(
             extended, [r for r, _ in looped], [run for _, run in looped], [one for _, one in verified.compared[side]]
         )
 
-    found = clear_errors(verified.compared, runs, reported, spread, healthy(extended))
+    found = clear_errors(verified.compared, runs, reported, spread, left_over_rms(extended))
     return with_oscillations(found, (after for several in verified.compared.values() for _, after in several), extended)
 
 

@@ -19,7 +19,7 @@ from arm_model.effects import CATALOGUE, Effect, Signals, Values, units
 from arm_model.system import mass_matrix_along, rigid_torque_along
 from comparison.regression import Rows
 from diagnosis.residual.gap import through_gap
-from diagnosis.residual.integration import wound_up
+from diagnosis.residual.integration import spring_twist
 from identification.preprocessing import zero_phase
 from identification.preprocessing.signals import Motion, equation_rows, equation_weight, parallel_filter
 
@@ -165,7 +165,7 @@ def _misplaced(one: Added, arm: Arm, motion: Motion) -> Array:
 def _twist(one: Added, p: Values, load: Array, inertia: Array, motion: Motion) -> tuple[Array, Array, Array]:
     """Motor angle less link angle (m,) and its rates."""
     if one.effect == "joint_compliance":
-        return wound_up(load, inertia, p["stiffness"], p["damping"], motion.dt)
+        return spring_twist(load, inertia, p["stiffness"], p["damping"], motion.dt)
     gap = through_gap(load, inertia, p["half_gap"], motion.dt)
     # a gap that the load never crosses is as another zero of the encoder
     gap = _smooth((gap if np.ptp(gap) > p["half_gap"] else np.zeros_like(gap))[:, None], motion)[:, 0]

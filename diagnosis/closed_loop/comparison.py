@@ -44,7 +44,7 @@ SMOOTHING = np.array([0.12, 0.2, 0.3, 0.45, 0.65, 1.0, 1.6, 2.5])
 """Candidate Coulomb smoothing velocities, as multiples of the model's own; one lane of the engine each."""
 
 
-def as_it_is(values: Array) -> Array:
+def identity(values: Array) -> Array:
     """The values: nothing folds."""
     return values
 
@@ -64,7 +64,7 @@ class Compared:
     angle: Array
     simulated_angle: Array
     known: NDArray[np.bool_]
-    less_folded: Callable[[Array], Array] = as_it_is
+    less_folded: Callable[[Array], Array] = identity
     unmeasured: tuple[Span, ...] = ()
 
     @cached_property

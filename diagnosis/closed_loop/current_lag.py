@@ -18,7 +18,7 @@ from arm_io.types import Array
 from arm_model import Arm
 from daq.recording import Recording
 from diagnosis.closed_loop.comparison import has_demand
-from diagnosis.closed_loop.loop_errors import band_sections, late, loop_of
+from diagnosis.closed_loop.loop_errors import band_sections, delay_between, loop_of
 from diagnosis.residual.filters import COMPARE_BAND
 from identification.preprocessing import tracked_as_recorded, zero_phase
 
@@ -139,7 +139,7 @@ def lag_costs(arm: Arm, recording: Recording, current: Array) -> LagCosts | None
         angle, shown = (one[0] for one in loop_of(arm, recording))
     except InputError:  # a spring that the model has no rotor for
         return None
-    behind = late(recording.q - angle, np.gradient(angle, recording.dt, axis=0))
+    behind = delay_between(recording.q - angle, np.gradient(angle, recording.dt, axis=0))
     if not np.isfinite(shown).all() or not abs(behind) < SAME_ANGLES * arm.servo_period:
         return None
     measured, simulated = (

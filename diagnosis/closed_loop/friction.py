@@ -28,7 +28,7 @@ from arm_model.simulation import simulate_batch
 from daq.recording import Recording
 from diagnosis.cause import Cause, EffectKey, Estimate, Signal, confidence_of
 from diagnosis.closed_loop.comparison import SMOOTHING, has_demand
-from diagnosis.closed_loop.loop_errors import late
+from diagnosis.closed_loop.loop_errors import delay_between
 from diagnosis.measurements.near_rest.laws import RESOLVED, SOFTEST
 from diagnosis.residual.filters import COMPARE_BAND, TRANSIENT, kept, low_pass, rate_kept, rate_of
 from diagnosis.residual.noise.channels import angle_noise
@@ -177,7 +177,7 @@ def _errors(r: Recording, j: int, q: Array, i: Array, rate: float) -> tuple[Arra
     if not (np.isfinite(q).all() and np.isfinite(i).all()):
         q, i = (np.full_like(one[:, j], one[:, j].mean()) for one in (r.q, r.i))
     speed, rise, end = np.gradient(q, r.dt), np.gradient(i, r.dt), round(TRANSIENT * rate_kept(rate))
-    delay = late((r.q[:, j] - q)[:, None], speed[:, None])
+    delay = delay_between((r.q[:, j] - q)[:, None], speed[:, None])
     angle, current = (
         low_pass(measured[:, j] - simulated + delay * slope, COMPARE_BAND, rate)[kept(rate)][end:-end]
         for measured, simulated, slope in ((r.q, q, speed), (r.i, i, rise))

@@ -21,7 +21,7 @@ from arm_model.sensing import recorded
 from arm_model.simulation import simulate_batch
 from daq.recording import Recording
 from diagnosis.closed_loop.comparison import has_demand
-from diagnosis.closed_loop.model_errors import drawn
+from diagnosis.closed_loop.model_errors import sampled_arms
 from diagnosis.closed_loop.setpoint_phase import lag_of
 from diagnosis.residual.filters import TRANSIENT
 from diagnosis.residual.noise.channels import scatter
@@ -117,7 +117,7 @@ def _simulated(arm: Arm, recording: Recording, trials: Sequence[Trial]) -> tuple
     return shown.q, shown.current
 
 
-def late(difference: Array, speed: Array) -> float:
+def delay_between(difference: Array, speed: Array) -> float:
     """s by which measured angles are behind simulated ones, of the fastest joint."""
     j = int(np.argmax(np.sum(speed**2, axis=0)))
     return -float(difference[:, j] @ speed[:, j] / max(float(speed[:, j] @ speed[:, j]), 1e-12))
@@ -134,14 +134,14 @@ def noise_floor(arm: Arm, recordings: Sequence[Recording], missed: Sequence[Arra
     left = np.array(known.in_loop or [0.0] * len(arm)) / arm.joint_array("drive_constant")
     apart = [
         np.mean(np.concatenate([loop_errors(other, r)[0] - own for r, own in zip(recordings, missed)]) ** 2, axis=0)
-        for other in drawn(arm)
+        for other in sampled_arms(arm)
     ]
     # the loop of an arm that was drawn may not be stable
     known_to = [one for one in apart if np.isfinite(one).all()] or [np.zeros(len(arm))]
     return np.asarray(np.sqrt(noise**2 + left**2 + np.mean(known_to, axis=0)))
 
 
-def left_in_loop(arm: Arm, recordings: Sequence[Recording]) -> Array:
+def left_over_in_loop(arm: Arm, recordings: Sequence[Recording]) -> Array:
     """(n,) N m (N) rms in ``BAND`` by which closed loops of an arm miss recordings beyond the noise of their currents.
 
     0 where no loop can be compared: no controller, no demands, or none that is stable.

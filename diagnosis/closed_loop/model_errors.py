@@ -24,7 +24,7 @@ SEED = 0
 """Of the draws: the same recordings have the same verdict."""
 
 
-def drawn(arm: Arm, count: int = DRAWS) -> list[Arm]:
+def sampled_arms(arm: Arm, count: int = DRAWS) -> list[Arm]:
     """Arms as the uncertainty of ``arm`` has them; empty where it states nothing of its parameters."""
     known = arm.uncertainty
     if known is None or not known.parameters:
@@ -45,7 +45,7 @@ def spreads(
     nominal: the loops of ``arm``. An arm whose loop is not stable is left out.
     """
     found = []
-    for other in drawn(arm):
+    for other in sampled_arms(arm):
         try:
             loops = [compare(recording, other, run) for recording, run in zip(recordings, runs)]
         except InputError:  # no body, or no friction, has the values that were drawn
@@ -60,7 +60,7 @@ def spreads(
     return found
 
 
-def healthy(arm: Arm) -> tuple[Array, Array] | None:
+def left_over_rms(arm: Arm) -> tuple[Array, Array] | None:
     """(n,) A rms: what an identified model left on its own recordings, along the motion and in closed loop above it.
 
     None where it states nothing.

@@ -19,7 +19,7 @@ from arm_io.types import Array
 from arm_model import Arm
 from arm_model.servo import fixed_gains, servo_gains
 from daq.recording import Recording
-from diagnosis.closed_loop.loop_errors import late, loop_errors, loop_of
+from diagnosis.closed_loop.loop_errors import delay_between, loop_errors, loop_of
 
 STEPS, STEP, FARTHEST = 4, 0.05, 0.4
 """Gauss-Newton steps; change of a logarithm for a derivative, and the largest in a step."""
@@ -54,7 +54,7 @@ def _error(loop: tuple[Arm, Recording]) -> Array:
     """
     arm, recording = loop
     angle = loop_of(arm, recording)[0][0]
-    lag = late(recording.q - angle, np.gradient(angle, recording.dt, axis=0))
+    lag = delay_between(recording.q - angle, np.gradient(angle, recording.dt, axis=0))
     return np.asarray(loop_errors(arm, recording, lag=lag)[0])
 
 

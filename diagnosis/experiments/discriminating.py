@@ -85,7 +85,7 @@ def _aliased(effects: set[str]) -> bool:
 
 
 @dataclass(frozen=True)
-class _Found:
+class _Discrimination:
     """A trial and how well it discriminates.
 
     pairs     pairs of rivals that it discriminates
@@ -108,7 +108,7 @@ def _best(
 
     Else the motion that discriminates most pairs; None where none discriminates any.
     """
-    best, tried, stage = _Found(0, 0.0), 0, stage_of(result, joints, rig, visited=True)
+    best, tried, stage = _Discrimination(0, 0.0), 0, stage_of(result, joints, rig, visited=True)
     for kind, visited in ((Kind.MOTION, True), (Kind.OFF, True), (Kind.PAYLOAD, True), (Kind.MOTION, False)):
         if (best.trial and not best.together) or (not visited and best.distance < HOPELESS):
             break
@@ -119,7 +119,7 @@ def _best(
             progress(Step("discriminating experiment", tried - 1, detail=f"motion {tried}"))
             far = [distance for distance in distances.values() if distance >= ENOUGH]
             together = tuple(pair for pair, distance in distances.items() if distance < ENOUGH)
-            found = _Found(len(far), min(far or distances.values()), kind, visited, trial, together)
+            found = _Discrimination(len(far), min(far or distances.values()), kind, visited, trial, together)
             same = (best.kind, best.visited) == (kind, visited)
             # an experiment that takes more work must discriminate more pairs, not the same better
             if found.pairs > best.pairs or (same and found.pairs == best.pairs and found.distance > best.distance):
@@ -142,7 +142,7 @@ def _tried(question: Question, stage: Stage, joints: Sequence[int], kind: Kind) 
             yield trial, distances
 
 
-def _described(found: _Found, trial: Trial, tried: int) -> Separation:
+def _described(found: _Discrimination, trial: Trial, tried: int) -> Separation:
     words = f"{trial.words} ({demand_of(trial.experiment).duration:.0f} s in all)"
     if not found.visited:
         words = further(words)

@@ -16,7 +16,7 @@ from diagnosis.experiments.motions import Stage, Trial, of_joint, with_payload
 from diagnosis.experiments.t_optimality import predicted_run
 from diagnosis.measurements.currents.columns import candidates
 from diagnosis.measurements.currents.design_matrix import columns_of, dataset_of
-from diagnosis.measurements.currents.detectability import felt, is_typical, times_noise
+from diagnosis.measurements.currents.detectability import is_typical, signal_to_noise, times_noise
 from diagnosis.result import Diagnosis
 from diagnosis.selection.candidate import Candidate
 from experiment import Experiment, demand_of
@@ -41,19 +41,19 @@ BESIDES = "an encoder at the link, or a tracker"
 
 
 @dataclass(frozen=True)
-class Showing:
+class DetectionExperiment:
     """An undetectable effect with the description of its detection experiment; ``experiment``: the motion, if any."""
 
-    invisible: Undetectable
+    undetectable: Undetectable
     experiment: Experiment | None = None
 
 
-def shown_by(
+def detection_experiments(
     result: Diagnosis, rig: Limits | None = None, progress: Callable[[str], None] = lambda sentence: None
-) -> list[Showing]:
+) -> list[DetectionExperiment]:
     """Detection experiments of all undetectable effects, those of the catalogue where no motion shows an effect."""
     if not result.judged:
-        return [Showing(one) for one in result.undetectable]
+        return [DetectionExperiment(one) for one in result.undetectable]
     stage = stage_of(result, [1], rig, visited=False)
     noise = np.mean([run.noise for run in result.fit], axis=0)
     wanted = {(one.effect, one.joint) for one in result.undetectable if one.joint is not None}
@@ -66,7 +66,7 @@ def shown_by(
     tried = in_parallel(lambda at: list(_tried(stage, noise, *at, alike[at])), places)
     shown = {c.key: trials for at, trials in zip(places, tried) for c in alike[at]}
     return [
-        Showing(one) if (trials := shown.get((one.effect, one.joint))) is None else _best(one, trials)
+        DetectionExperiment(one) if (trials := shown.get((one.effect, one.joint))) is None else _best(one, trials)
         for one in result.undetectable
     ]
 
@@ -100,12 +100,12 @@ def _strengths(trial: Trial, stage: Stage, noise: Array, effects: Sequence[Candi
         return {}
     side, strongest = dataset_of([run]), dict[EffectKey, float]()
     for c in effects:
-        strength = felt(c, columns_of(c, side), side.rows) if is_typical(c) else 0.0
+        strength = signal_to_noise(c, columns_of(c, side), side.rows) if is_typical(c) else 0.0
         strongest[c.key] = max(strongest.get(c.key, 0.0), strength)
     return strongest
 
 
-def _best(one: Undetectable, tried: Sequence[tuple[Trial, dict[EffectKey, float]]]) -> Showing:
+def _best(one: Undetectable, tried: Sequence[tuple[Trial, dict[EffectKey, float]]]) -> DetectionExperiment:
     key = one.effect, one.joint
     for trial, strengths in tried:
         if strengths.get(key, 0.0) >= ENOUGH:
@@ -113,10 +113,10 @@ def _best(one: Undetectable, tried: Sequence[tuple[Trial, dict[EffectKey, float]
                 f"{trial.words} ({demand_of(trial.experiment).duration:.0f} s in all): {times_noise(strengths[key])}"
             )
             experiment = trial.experiment.model_copy(update={"description": further(trial.words)})
-            return Showing(replace(one, experiment=words), experiment)
+            return DetectionExperiment(replace(one, experiment=words), experiment)
     able = [(trial, strengths[key]) for trial, strengths in tried if key in strengths]
     if not able:
-        return Showing(one)
+        return DetectionExperiment(one)
     # the first of those that are said alike: less would be rounding
     trial, most = max(able, key=lambda pair: round(pair[1], 2))
     motion = trial.words.removeprefix(f"joint {one.joint} ")
@@ -125,4 +125,4 @@ def _best(one: Undetectable, tried: Sequence[tuple[Trial, dict[EffectKey, float]
     # the catalogue names instruments that show effects of gravity without a motion
     by_links = Instrument.LINK_ENCODER in effect.observed_by and effect.excited_by is not Excitation.GRAVITY
     besides = BESIDES if by_links else one.experiment
-    return Showing(replace(one, experiment=f"{words}; {besides}"))
+    return DetectionExperiment(replace(one, experiment=f"{words}; {besides}"))

@@ -14,7 +14,7 @@ import numpy as np
 from arm_model import Arm
 from daq.recording import Recording
 from diagnosis.cause import NO_VARIABLE, Structure
-from diagnosis.closed_loop.loop_errors import left_in_loop
+from diagnosis.closed_loop.loop_errors import left_over_in_loop
 from diagnosis.measurements.currents.design_matrix import dataset_of
 from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.measurements.currents.model_errors import Significance
@@ -22,7 +22,7 @@ from diagnosis.measurements.currents.state import State
 from diagnosis.measurements.currents.structure.noise_ratio import noise_ratio
 from diagnosis.measurements.currents.structure.shared_bases import Bases
 from diagnosis.measurements.currents.structure.unexplained import structures_at
-from diagnosis.measurements.near_rest.friction import left_near_rest
+from diagnosis.measurements.near_rest.friction import left_over_near_rest
 from diagnosis.remainder.against_noise import runs_of
 from diagnosis.selection.design import Dataset
 from diagnosis.selection.regression import fit_together
@@ -55,9 +55,9 @@ def left_over(arm: Arm, recordings: Sequence[Recording], beside: Sequence[Record
     exact = [replace(run, arm=replace(run.arm, uncertainty=None)) for run in every]
     return LeftOver(
         along=_along(arm, data),
-        in_loop=tuple(left_in_loop(arm, recordings).tolist()),
+        in_loop=tuple(left_over_in_loop(arm, recordings).tolist()),
         against=tuple("" if learned is None else _against(arm, learned, data, j + 1) for j in range(len(arm))),
-        near_rest=tuple(left_near_rest(exact, j + 1) for j in range(len(arm))),
+        near_rest=tuple(left_over_near_rest(exact, j + 1) for j in range(len(arm))),
     )
 
 

@@ -15,7 +15,7 @@ from daq.recording import Recording
 from diagnosis.cause import Cause, Estimate, in_words
 from diagnosis.closed_loop import clear_errors, friction, lost_rows, resonance
 from diagnosis.experiments.discriminating import Separation, separations
-from diagnosis.experiments.revealing import Showing, shown_by
+from diagnosis.experiments.revealing import DetectionExperiment, detection_experiments
 from diagnosis.measurements.currents import limits as currents
 from diagnosis.measurements.demands import wrist_coupling
 from diagnosis.measurements.link_encoders import model as link_encoders
@@ -176,7 +176,7 @@ def write_diagnosis(
                 write_experiment(there / name, found.experiment, heading=_heading(result.causes[place], found))
                 row["separate_by"] = str(out / name)
                 row["separation"] = {"motion": found.words, "distance": round(found.distance, 1), "tried": found.tried}
-        _add_showing(there, table, shown_by(result, experiments.limits, progress))
+        _add_detection_experiments(there, table, detection_experiments(result, experiments.limits, progress))
         if experiments.recorded:
             table["experiments"] = [dict(one) for one in experiments.recorded]
         progress("report")
@@ -184,11 +184,11 @@ def write_diagnosis(
         return write_report(there, ("report.html", "diagnosis.json"), report(result, table, held_out), table, pictures)
 
 
-def _add_showing(out: Path, table: dict[str, Any], showing: Sequence[Showing]) -> None:
+def _add_detection_experiments(out: Path, table: dict[str, Any], showing: Sequence[DetectionExperiment]) -> None:
     """Adds the detection experiments, and writes show_K.toml for every motion among them."""
     written: list[Experiment] = []
     for row, one in zip(table["not_visible"], showing):
-        row["experiment"] = one.invisible.experiment
+        row["experiment"] = one.undetectable.experiment
         if one.experiment is not None:
             if one.experiment not in written:
                 written.append(one.experiment)

@@ -15,7 +15,7 @@ import numpy as np
 from arm_io.types import Array
 from arm_model import Arm
 from arm_model.effects import described
-from diagnosis.residual.expected_current import Links, Term, reading, terms_of, true_angle
+from diagnosis.residual.expected_current import Links, Term, predicted_current, terms_of, true_angle
 from diagnosis.residual.filters import COMPARE_BAND, MOTION_BAND, Motion, low_pass, motion_of, rate_of
 
 
@@ -47,7 +47,7 @@ class Evaluations:
         bodies = replace(described(arm), effects=())
         if self.links is None or bodies != self.links.arm:
             self.links = Links(bodies, true_angle(arm, self.q), rate)
-        shown = reading(arm, self.t, self.q, powered=self.powered, motion=self.motion, links=self.links)
+        shown = predicted_current(arm, self.t, self.q, powered=self.powered, motion=self.motion, links=self.links)
         if self.shown is None or self.filtered is None:
             filtered = low_pass(shown, COMPARE_BAND, rate)[rows].copy()
         else:

@@ -18,8 +18,8 @@ from arm_model.effects import CATALOGUE, Effect, Signals, Values, described, val
 from arm_model.rigid_body import curve_level
 from arm_model.system import inverse_dynamics, mass_matrix_along, rigid_torque_along
 from diagnosis.residual.filters import COMPARE_BAND, MOTION_BAND, Motion, low_pass, motion_of, rate_of
-from diagnosis.residual.gap import AS_FOUND, AS_MAY_BE, Teeth, gap_of, through_gap
-from diagnosis.residual.integration import integrated, spring_of, wound_up
+from diagnosis.residual.gap import AS_FOUND, POSSIBLE, Teeth, gap_of, through_gap
+from diagnosis.residual.integration import integrated, spring_of, spring_twist
 
 Term = tuple[Effect, int | None, Values]
 
@@ -92,7 +92,7 @@ class Links:
         return rigid_torque_along(self.arm, *motion), inertia.copy()
 
 
-def reading(
+def predicted_current(
     arm: Arm,
     t: Array,
     q: Array,
@@ -115,10 +115,10 @@ def reading(
     torque = inverse_dynamics(arm, *motion, time=t)
     if any(effect.spring or effect.rate for effect, _, _ in terms):
         torque = torque + _with_states(arm, terms, motion, links or Links(bent, angle, rate), teeth)
-    return as_read(arm, t, powered * torque / bent.joint_array("drive_constant"))
+    return transduced(arm, t, powered * torque / bent.joint_array("drive_constant"))
 
 
-def lateness(effect: Effect, values: Values, t: Array) -> Array:
+def current_delay(effect: Effect, values: Values, t: Array) -> Array:
     """(m,) s by which an effect delays currents at times t (m,) s; 0 of one that delays none."""
     late = 0.0 if effect.delay is None else effect.delay(values, Signals(t=t))
     return np.broadcast_to(np.asarray(late, float), t.shape)
@@ -129,12 +129,12 @@ def delayed(t: Array, signal: Array, late: Array) -> Array:
     return np.asarray(CubicSpline(t, signal)(np.clip(t - late, t[0], t[-1])), float)
 
 
-def as_read(arm: Arm, t: Array, current: Array) -> Array:
+def transduced(arm: Arm, t: Array, current: Array) -> Array:
     """(m, n) A that transducers of ``arm`` show at times t (m,) s of motor currents (m, n) A: late, and not linear."""
     terms = terms_of(arm)
     for effect, _, values in terms:
         if effect.delay is not None:
-            current = delayed(t, current, lateness(effect, values, t))
+            current = delayed(t, current, current_delay(effect, values, t))
     for effect, joint, values in terms:
         if effect.current is not None and joint is not None:
             own, current = current[:, joint - 1], current.copy()
@@ -162,7 +162,7 @@ def _with_states(arm: Arm, terms: list[Term], motion: Motion, links: Links, teet
 
 def _twist(effect: Effect, values: Values, links: Links, j: int, teeth: Teeth) -> Motion:
     if (spring := spring_of(effect, values)) is not None:
-        return wound_up(links.load[:, j], links.inertia[:, j], *spring, 1.0 / links.rate)
+        return spring_twist(links.load[:, j], links.inertia[:, j], *spring, 1.0 / links.rate)
     load, inertia = links.flights
     gap = through_gap(load[:, j], inertia[:, j], gap_of(effect, values), 1.0 / links.rate, teeth)
     twist = low_pass(gap, MOTION_BAND, links.rate)
@@ -170,9 +170,9 @@ def _twist(effect: Effect, values: Values, links: Links, j: int, teeth: Teeth) -
     return twist, speed, np.asarray(np.gradient(speed, 1.0 / links.rate), float)
 
 
-def may_be(arm: Arm) -> tuple[Teeth, ...]:
+def possible_teeth(arm: Arm) -> tuple[Teeth, ...]:
     """What teeth of an arm may do instead of what the law says; nothing where no joint has play."""
-    return AS_MAY_BE if any(effect.gap is not None for effect, _, _ in terms_of(arm)) else ()
+    return POSSIBLE if any(effect.gap is not None for effect, _, _ in terms_of(arm)) else ()
 
 
 def has_dynamics(arm: Arm) -> bool:

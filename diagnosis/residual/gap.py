@@ -34,7 +34,7 @@ class Teeth(NamedTuple):
 MEETINGS = 4
 """Of one link with its flanks between two rows, at most; it then stays on the last."""
 AS_FOUND = Teeth()
-AS_MAY_BE = (Teeth(rebound=0.5), Teeth(apart=True))
+POSSIBLE = (Teeth(rebound=0.5), Teeth(apart=True))
 """What teeth may do instead."""
 
 

@@ -18,7 +18,7 @@ from arm_model import Arm
 from arm_model.effects import described
 from arm_model.rigid_body import drive_mass_matrix
 from arm_model.system import mass_matrix_along, rigid_torque_along
-from diagnosis.residual.expected_current import may_be, reading, true_angle
+from diagnosis.residual.expected_current import possible_teeth, predicted_current, true_angle
 from diagnosis.residual.filters import (
     COLUMN_BAND,
     COMPARE_BAND,
@@ -62,7 +62,7 @@ def residual_run(
     # look like a cause.
     low, slow_v, slow_a = (thin(values, COLUMN_BAND) for values in motion)
     brisk = [thin(values) for values in motion]
-    expected = thin(reading(arm, t, q, powered=powered, motion=motion))
+    expected = thin(predicted_current(arm, t, q, powered=powered, motion=motion))
     known = replace(known, steps=encoder_steps(q)) if known.steps is None else known
     seen = _instruments(arm, (t, q, i), motion[2], slow_v, known, powered)
     uncertain = (
@@ -150,6 +150,8 @@ def _teeth_variance(
 ) -> Array:
     """(m, n) A2: of joints with play, what teeth do as they meet is uncertain; ``expected``: as the law has it."""
     variance = np.zeros_like(expected)
-    for teeth in may_be(arm):
-        variance += (thin(reading(arm, *samples, powered=powered, motion=motion, teeth=teeth)) - expected) ** 2
+    for teeth in possible_teeth(arm):
+        variance += (
+            thin(predicted_current(arm, *samples, powered=powered, motion=motion, teeth=teeth)) - expected
+        ) ** 2
     return variance

@@ -13,7 +13,7 @@ from diagnosis.residual.filters import Motion
 from diagnosis.residual.gap import NO_INERTIA
 
 
-def wound_up(load: Array, inertia: Array, stiffness: float, damping: float, step: float) -> Motion:
+def spring_twist(load: Array, inertia: Array, stiffness: float, damping: float, step: float) -> Motion:
     """Twist of an elastic joint, its rate and second rate (m,), for rows ``step`` s apart.
 
     The motor follows its own motion; the link, of ``inertia`` (m,) kg m2, would need ``load`` (m,) N m to follow it

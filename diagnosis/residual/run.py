@@ -24,7 +24,7 @@ from arm_model.system import inverse_dynamics, mass_matrix_along, rigid_torque_a
 from diagnosis.residual.evaluations import Evaluations
 from diagnosis.residual.expected_current import Links, true_angle
 from diagnosis.residual.filters import COMPARE_BAND, rate_along, rate_of
-from diagnosis.residual.perpendicular import basis_of, beside
+from diagnosis.residual.projection import orthogonal_to, orthonormal_basis
 from diagnosis.residual.setpoint_ripple import lead_of, unseen_directions
 from identification.preprocessing import UNKNOWN, Setpoints, unbounded
 
@@ -189,7 +189,7 @@ class Run:
         white: Array = values / over
         for joint in {j + 1 for _, j, _, _ in self._unseen}:
             white[:, joint - 1] = self._without_unseen(white[:, joint - 1], joint)
-        return white if self.own_directions is None else beside(self.own_directions, white)
+        return white if self.own_directions is None else orthogonal_to(self.own_directions, white)
 
     def whiten_at(self, values: Array, joint: int) -> Array:
         """``whiten`` of values (m, k) A at one joint (1-based)."""
@@ -252,4 +252,4 @@ def with_free(run: Run, columns: Array | None) -> Run:
     bare = replace(run, own_directions=None)
     if columns is None:
         return bare
-    return replace(bare, own_directions=basis_of(bare.whiten(columns).reshape(-1, columns.shape[2])))
+    return replace(bare, own_directions=orthonormal_basis(bare.whiten(columns).reshape(-1, columns.shape[2])))

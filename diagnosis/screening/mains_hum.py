@@ -75,7 +75,7 @@ def lines_near_mains(recordings: Sequence[Recording], arm: Arm) -> dict[int, lis
         and (
             all(line.at_rest for line in lines)
             or (
-                max(line.beside for line in lines) < COMB
+                max(line.comparable for line in lines) < COMB
                 and not any(_of_setpoints(line, arm, r.dt) for line, r in zip(lines, recordings))
             )
         )

@@ -40,11 +40,11 @@ class Line:
 
     frequency_std, amplitude_std, phase_std  by the noise of ``BAND`` (``_deviations``)
     before, after  A rms in ``BAND`` with and without it
-    beside         lines about as strong elsewhere in ``BAND``, not near the mains
+    comparable     lines about as strong elsewhere in ``BAND``, not near the mains
     modulation     variance of its power from block to block over the square of its mean, beyond that of noise: 0 of a
                    constant amplitude, 0.5 of one that follows a sine, 2 of one that follows a random motion
     modulation_std its standard deviation
-    at_rest        whether it is there while the arm stands, before it moves (``stands``)
+    at_rest        whether it is there while the arm stands, before it moves (``present_at_rest``)
     """
 
     frequency: float = 0.0
@@ -56,7 +56,7 @@ class Line:
     phase_std: float = np.inf
     before: float = 0.0
     after: float = 0.0
-    beside: int = 0
+    comparable: int = 0
     modulation: float = 0.0
     modulation_std: float = np.inf
     at_rest: bool = False
@@ -102,10 +102,10 @@ def line_near_mains(t: Array, current: Array, still: slice | None = None) -> Lin
         phase=float(np.arctan2(b, a)),
         before=before,
         after=after,
-        beside=_beside(power, off > AROUND, float(power[top])),
+        comparable=_comparable_lines(power, off > AROUND, float(power[top])),
         modulation=modulation,
         modulation_std=modulation_std,
-        at_rest=still is not None and stands(high[still], line[still], float(np.hypot(a, b))),
+        at_rest=still is not None and present_at_rest(high[still], line[still], float(np.hypot(a, b))),
     )
 
 
@@ -123,7 +123,7 @@ def _deviations(amplitude: float, density: float, t: Array) -> tuple[float, floa
     return float(np.sqrt(pulsation) / (2 * np.pi)), float(np.sqrt(least * HANN_AMPLITUDE)), float(np.sqrt(phase))
 
 
-def stands(values: Array, line: Array, amplitude: float) -> bool:
+def present_at_rest(values: Array, line: Array, amplitude: float) -> bool:
     """Whether values (m,) A of a standing arm, above HIGH_PASS, have a line (m, 2) of about this amplitude (A)."""
     size = np.linalg.lstsq(line, values, rcond=None)[0]
     std = float(np.std(values - line @ size)) * np.sqrt(2.0 / len(values))
@@ -168,7 +168,7 @@ def _to_peak(power: Array, top: int) -> float:
     return float((below - higher) / (2 * (below - 2 * at + higher))) if at > min(below, higher) else 0.0
 
 
-def _beside(power: Array, elsewhere: Array, strongest: float) -> int:
+def _comparable_lines(power: Array, elsewhere: Array, strongest: float) -> int:
     """Peaks of a spectrum (k,) ``elsewhere`` (k,) that are lines, and about as strong as the one near the mains."""
     least = max(AS_STRONG * strongest, OVER_FLOOR * float(np.median(power)))
     peaks, _ = signal.find_peaks(power, height=least)

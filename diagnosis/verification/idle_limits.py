@@ -36,7 +36,7 @@ def idle_limits(
         pairs = [(compare(r, without, run), compare(r, extended, run)) for r, run in zip(every, runs)]
         both = [(a, b) for a, b in pairs if a is not None and b is not None]
         noise = float(np.mean([run.noise[cause.joint - 1] for run in runs]))
-        if all(shows_nothing(cause, a, b, noise) for a, b in both) if both else stood(cause, runs):
+        if all(shows_nothing(cause, a, b, noise) for a, b in both) if both else held_at_standstill(cause, runs):
             idle.append(cause.key)
     return idle
 
@@ -46,7 +46,7 @@ def limit_of(cause: Cause) -> float | None:
     return next((p.value for p in cause.parameters if p.name == "limit"), None)
 
 
-def stood(cause: Cause, runs: Sequence[Run]) -> bool:
+def held_at_standstill(cause: Cause, runs: Sequence[Run]) -> bool:
     """Whether a joint merely stood wherever its current was at its limit: it held a load, and nothing was clipped."""
     limit = limit_of(cause)
     if limit is None or cause.joint is None:

@@ -22,7 +22,7 @@ from diagnosis.measurements.currents.estimates import estimates_of
 from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.measurements.currents.model import Currents
 from diagnosis.measurements.currents.possible import exists, impossible
-from diagnosis.measurements.currents.search import Selection, search, undissolved, without
+from diagnosis.measurements.currents.search import Selection, search, without, without_spurious
 from diagnosis.measurements.currents.state import State
 from diagnosis.measurements.currents.structure.dominant import dominant, remainder_of
 from diagnosis.measurements.currents.structure.shared_bases import Bases
@@ -51,14 +51,14 @@ def tenable_causes(
         progress("judging in closed loop")
         removed = _needless(selection.state, causes)
         if removed is not None:
-            selection = undissolved(without(selection.state, selection.state.chosen[removed]), bases)
+            selection = without_spurious(without(selection.state, selection.state.chosen[removed]), bases)
             continue
         removed = _untenable(model.arm, causes, recordings, runs)
         if removed is None:
             return selection, with_significance(selection.state, causes)
         candidate = selection.state.chosen[removed]
         if is_further_order(candidate, [c for c in selection.state.chosen if c is not candidate]):
-            selection = undissolved(without(selection.state, candidate), bases)
+            selection = without_spurious(without(selection.state, candidate), bases)
             continue
         refused.append(candidate.key)
         if len(refused) <= LIMITS.searched_again:
@@ -66,7 +66,7 @@ def tenable_causes(
             again = replace(model, excluded=model.excluded | set(refused))
             selection = _selected(search(again, progress), bases, progress)
         else:
-            selection = undissolved(without(selection.state, candidate), bases)
+            selection = without_spurious(without(selection.state, candidate), bases)
 
 
 def _selected(state: State, bases: Bases, progress: Progress) -> Selection:
@@ -79,10 +79,10 @@ def _selected(state: State, bases: Bases, progress: Progress) -> Selection:
     nothing, fewer = Unexplained([], [], {}), state
     while (removed := _needless(fewer, causes_of(Selection(fewer, nothing)))) is not None:
         fewer = without(fewer, fewer.chosen[removed])
-    selection = undissolved(fewer, bases)
+    selection = without_spurious(fewer, bases)
     if fewer is state or (selection.state is fewer and not selection.unexplained.structures):
         return selection
-    return undissolved(state, bases)
+    return without_spurious(state, bases)
 
 
 def _needless(state: State, causes: Sequence[Cause]) -> int | None:
@@ -110,7 +110,7 @@ def _remainder(candidate: Candidate, selection: Selection) -> Remainder | None:
     return Remainder(share, tuple(against)) if share > 0.0 else None
 
 
-def indistinct(arm: Arm, causes: Sequence[Cause]) -> int | None:
+def insignificant(arm: Arm, causes: Sequence[Cause]) -> int | None:
     """The first cause whose size does not differ significantly from zero, corrected for the number of its parameters.
 
     Its size: any of its linear parameters, or the inverse of one such as a stiffness. None where the model says how
@@ -134,7 +134,7 @@ def _untenable(
     """The first cause that no body has, none of whose parameters is significant, or that the closed loop refutes."""
     if not causes:
         return None
-    for untenable in (impossible(arm, causes), indistinct(arm, causes)):
+    for untenable in (impossible(arm, causes), insignificant(arm, causes)):
         if untenable is not None:
             return untenable
     full = with_smoothing_velocities(extend(arm, causes), recordings.fit)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from diagnosis.confidence import counted, features
+from diagnosis.confidence import features, success_rate
 from tests.confidence.bank import Name
 
 PENALTY = 0.05
@@ -64,4 +64,4 @@ def _newton(evidence: Array, right: Array) -> tuple[float, Array]:
 
 def stated(table: dict[str, Any], name: Name) -> float:
     """The confidence that a table states for a name."""
-    return min(name.support.significance, counted(table, name.support))
+    return min(name.support.significance, success_rate(table, name.support))

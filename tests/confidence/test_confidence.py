@@ -13,8 +13,7 @@ from scipy.optimize import minimize
 from scipy.stats import binom
 
 from diagnosis.cause import MAX_CONFIDENCE, Cause, Estimate, Signal, Support
-from diagnosis.confidence import DETERMINED, LEFT, TABLE, UNCOUNTED, deserved, support_of
-from diagnosis.confidence import stated as stated_of
+from diagnosis.confidence import DETERMINED, LEFT, TABLE, UNCOUNTED, calibrated_confidence, support_of, with_confidence
 from tests.confidence.bank import Key, Name, matched, puma_chosen, read, replaced, write
 from tests.confidence.cross_validation import (
     LEAST,
@@ -72,7 +71,7 @@ def test_the_regression_is_the_largest_penalised_likelihood_with_known_signs() -
 def test_names_state_the_confidence_of_the_table() -> None:
     shipped = json.loads(TABLE.read_text())
     for name in read():
-        assert stated(shipped, name) == min(name.support.significance, deserved(name.support))
+        assert stated(shipped, name) == min(name.support.significance, calibrated_confidence(name.support))
 
 
 def test_more_evidence_never_lowers_the_confidence() -> None:
@@ -81,31 +80,31 @@ def test_more_evidence_never_lowers_the_confidence() -> None:
         gain, left, determined, largest = np.exp(rng.uniform(0, 4, 4))
         less = _support(gain=gain, largest=3 * gain * largest, determined=determined, left=left, unexplained=1)
         more = _support(gain=2 * gain, largest=2 * gain * largest, determined=2 * determined, left=left / 2)
-        assert deserved(less) <= deserved(more) <= MAX_CONFIDENCE
+        assert calibrated_confidence(less) <= calibrated_confidence(more) <= MAX_CONFIDENCE
 
 
 def test_every_feature_matters() -> None:
     """Within its limits each lowers what is stated."""
     good = _support(gain=3.0, largest=3.0, determined=9.0, left=1.0)
     for worse in ({"gain": 1.5, "largest": 1.5}, {"largest": 30.0}, {"determined": 4.0}, {"left": 3.0}):
-        assert deserved(replace(good, **worse)) < deserved(good) - 0.005
+        assert calibrated_confidence(replace(good, **worse)) < calibrated_confidence(good) - 0.005
 
 
 def test_beyond_the_bank_nothing_is_counted() -> None:
     """EMPS leaves 47 times the noise; no case of the bank leaves more than five times."""
     assert max(name.support.left for name in read()) < LEFT[1]
     most = _support(gain=100.0, largest=100.0, determined=DETERMINED[1], left=LEFT[1])
-    assert deserved(replace(most, left=47.0)) == UNCOUNTED < deserved(most)
-    assert deserved(most) == deserved(replace(most, determined=1e6))
+    assert calibrated_confidence(replace(most, left=47.0)) == UNCOUNTED < calibrated_confidence(most)
+    assert calibrated_confidence(most) == calibrated_confidence(replace(most, determined=1e6))
 
 
 def test_second_names_are_judged_by_what_they_explain() -> None:
     """A cause is as sure beside two others that explain as much as alone: the demo has three."""
     cause = _of_current(before=22.8, after=5.5)
     several = [cause, _of_current(before=22.0, after=5.5), _of_current(before=21.0, after=5.5)]
-    alone, beside = (stated_of(causes, {}, 0)[0].confidence for causes in ([cause], several))
+    alone, beside = (with_confidence(causes, {}, 0)[0].confidence for causes in ([cause], several))
     assert alone == beside
-    assert stated_of([cause, _of_current(before=900.0, after=5.5)], {}, 0)[0].confidence < alone
+    assert with_confidence([cause, _of_current(before=900.0, after=5.5)], {}, 0)[0].confidence < alone
 
 
 def test_what_a_law_misses_is_no_doubt_about_its_name() -> None:
@@ -195,8 +194,8 @@ def test_groups_have_names_enough_and_rise() -> None:
 def test_what_the_bank_has_no_case_of_is_stated_no_surer_than_what_was_counted(signal: Signal) -> None:
     most = json.loads(TABLE.read_text())["most"]
     cause = replace(group_of(("joint_zero_offset", 1)), signal=signal, confidence=MAX_CONFIDENCE)
-    assert [one.confidence for one in stated_of([cause], {}, 0)] == [min(MAX_CONFIDENCE, most)]
-    assert stated_of([replace(cause, confidence=0.2)], {}, 0)[0].confidence == 0.2
+    assert [one.confidence for one in with_confidence([cause], {}, 0)] == [min(MAX_CONFIDENCE, most)]
+    assert with_confidence([replace(cause, confidence=0.2)], {}, 0)[0].confidence == 0.2
 
 
 @pytest.mark.parametrize(

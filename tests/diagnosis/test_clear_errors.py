@@ -21,7 +21,7 @@ from daq.recording.tables.table import write_table
 from diagnosis.cause import NO_VARIABLE, Signal, Structure
 from diagnosis.closed_loop.clear_errors import LIMITS, clear_errors
 from diagnosis.closed_loop.comparison import Compared
-from diagnosis.closed_loop.model_errors import drawn
+from diagnosis.closed_loop.model_errors import sampled_arms
 from diagnosis.closed_loop.oscillation import oscillation, with_oscillations
 from diagnosis.closed_loop.setpoint_phase import lag_of
 from diagnosis.residual.filters import kept, rate_of
@@ -94,8 +94,8 @@ def test_what_the_model_may_be_off_by_is_no_clear_error(hertz: float) -> None:
     wave = 0.1 * np.sin(2 * np.pi * hertz * T)
     compared = {side: [_twice(_compared(wave))] for side in RUNS}
     for share, told in ((1.0, 0), (0.1, 1)):
-        drawn = [_compared(share * k * wave, seed=k + 2) for k in (-1, 1)]
-        quiet = [[replace(one, current=one.current * [0.0, 1.0])] for one in drawn]
+        sampled_arms = [_compared(share * k * wave, seed=k + 2) for k in (-1, 1)]
+        quiet = [[replace(one, current=one.current * [0.0, 1.0])] for one in sampled_arms]
         assert len(clear_errors(compared, RUNS, [], lambda _, loops=quiet: loops)) == told
 
 
@@ -103,8 +103,8 @@ def test_arms_are_drawn_as_the_model_says(root: Path) -> None:
     arm = read_model(root / "config/starters/csv/model.toml")
     names = ("joint1.coulomb", "link2.mx")
     covariance = np.array([[0.04, 0.01], [0.01, 0.0225]])
-    assert drawn(arm) == []
-    several = drawn(replace(arm, uncertainty=uncertainty_of("model_uncertainty.json", names, covariance)), 500)
+    assert sampled_arms(arm) == []
+    several = sampled_arms(replace(arm, uncertainty=uncertainty_of("model_uncertainty.json", names, covariance)), 500)
     values = np.array([[parameter(one, name) for name in names] for one in several])
     np.testing.assert_allclose(values.mean(axis=0), [parameter(arm, name) for name in names], atol=0.03)
     np.testing.assert_allclose(np.cov(values.T), covariance, atol=0.006)

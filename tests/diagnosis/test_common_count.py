@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from arm_model.model_file import read_model
-from diagnosis.residual.expected_current import reading
+from diagnosis.residual.expected_current import predicted_current
 from diagnosis.residual.generation import residual_run
 from diagnosis.residual.run import Run
 from diagnosis.screening.lost_rows.common_count import common_count
@@ -30,7 +30,7 @@ def _run(
     turn = np.stack([np.exp(-(((t - centre) / 1.3) ** 2)) + 0.15 for centre in rng.permutation([2.7, 5.6])], axis=1)
     waves = sum(rng.normal(size=2) / k * np.sin(2.0 * k * t[:, None] + rng.uniform(0.0, 6.0, 2)) for k in range(1, 5))
     q = np.asarray(0.25 * turn * waves)
-    i = np.asarray(reading(arm, t, q))
+    i = np.asarray(predicted_current(arm, t, q))
     gone = np.clip((np.arange(len(t)) - 500) / 4000, 0.0, 1.0) if slowly else np.arange(len(t)) >= ROW
     rows = np.arange(len(t))[:, None] + gone[:, None] * np.array(lost)
     i = np.stack([np.interp(at, np.arange(len(t)), column) for at, column in zip(rows.T, i.T)], axis=1)

@@ -15,7 +15,7 @@ from arm_model.description import Arm
 from arm_model.model_file import read_model
 from diagnosis.cause import Undetectable
 from diagnosis.experiments.motions import Stage, Trial, room
-from diagnosis.experiments.revealing import shown_by
+from diagnosis.experiments.revealing import detection_experiments
 from diagnosis.experiments.t_optimality import predicted_run
 from diagnosis.measurements.currents.columns import candidates
 from diagnosis.measurements.currents.design_matrix import Library, dataset_of
@@ -84,20 +84,22 @@ def test_the_motion_asked_for_shows_it(one_joint: Run, arm: Arm) -> None:
     unseen = _unseen(one_joint, arm)
     asked = [unseen["viscous_friction", 2], unseen["load_friction", 2]]
     stage = Stage(arm, one_joint.q[0], one_joint.q[:1], room(arm))
-    for showing in shown_by(cast(Diagnosis, Judged(arm, (one_joint,), asked))):
+    for showing in detection_experiments(cast(Diagnosis, Judged(arm, (one_joint,), asked))):
         assert showing.experiment is not None
         assert "the workspace is clear" in showing.experiment.description
         moved = predicted_run(Trial("", showing.experiment, (2,)), stage, one_joint.noise)
         assert moved is not None
-        key = showing.invisible.effect, showing.invisible.joint
+        key = showing.undetectable.effect, showing.undetectable.joint
         assert key not in _unseen(moved, arm)
 
 
 def test_what_no_motion_shows_is_not_promised(one_joint: Run, arm: Arm) -> None:
     unseen = _unseen(one_joint, arm)["joint_zero_offset", 1]
-    (showing,) = shown_by(cast(Diagnosis, Judged(arm, (one_joint,), [unseen])))
+    (showing,) = detection_experiments(cast(Diagnosis, Judged(arm, (one_joint,), [unseen])))
     assert showing.experiment is None
-    assert "none of the motions tried" in showing.invisible.experiment and "tracker" in showing.invisible.experiment
+    assert (
+        "none of the motions tried" in showing.undetectable.experiment and "tracker" in showing.undetectable.experiment
+    )
     of_nothing = replace(unseen, effect="link_geometry")
-    (same,) = shown_by(cast(Diagnosis, Judged(arm, (one_joint,), [of_nothing])))
-    assert same.invisible == of_nothing
+    (same,) = detection_experiments(cast(Diagnosis, Judged(arm, (one_joint,), [of_nothing])))
+    assert same.undetectable == of_nothing

@@ -13,7 +13,7 @@ import pytest
 
 from arm_model.description import EffectTerm
 from arm_model.model_file import read_model
-from diagnosis.residual.expected_current import reading
+from diagnosis.residual.expected_current import predicted_current
 from diagnosis.residual.generation import residual_run
 from diagnosis.residual.noise.channels import KnownNoise
 from diagnosis.residual.run import Run
@@ -193,7 +193,7 @@ def _of_two_links(root: Path, count: int, *, coulomb: float) -> Run:
         rng.normal(size=2) / 2 / k * np.sin(0.3 * np.pi * k * t[:, None] + rng.uniform(0.0, 6.0, 2))
         for k in range(1, 6)
     )
-    i = reading(arm, t, np.asarray(q))
+    i = predicted_current(arm, t, np.asarray(q))
     i += 0.02 * i.std(axis=0) * rng.standard_normal(i.shape)
     rows = np.arange(len(t))
     return residual_run("run", arm, t, np.asarray(q), i[np.minimum(rows + count * (rows >= 1468), len(t) - 1)])

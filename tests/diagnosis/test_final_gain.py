@@ -22,7 +22,7 @@ from diagnosis.measurements.currents.structure.noise_ratio import noise_ratio
 from diagnosis.residual.generation import residual_run
 from diagnosis.selection.candidate import Candidate
 from diagnosis.verification.final_gain import negligible
-from diagnosis.verification.idle_limits import idle_limits, stood
+from diagnosis.verification.idle_limits import held_at_standstill, idle_limits
 from diagnosis.verification.tenable import causes_of, tenable_causes
 from identification.selection import Split
 from tests.diagnosis import two_link
@@ -105,10 +105,10 @@ def test_a_joint_that_holds_a_load_and_stands_is_at_no_limit(arm: Arm, tmp_path:
     # less, and not clipped: a current that is cut off while it moves is at a limit
     current = np.where(t[:, None] < 3.0, current, 0.6 * current)
     run = residual_run("a", arm, t, q, current + 0.002 * np.random.default_rng(1).normal(size=q.shape))
-    assert stood(_limit(standing), [run])
+    assert held_at_standstill(_limit(standing), [run])
     # where it moves at the limit as well, that is one
     top = float(np.abs(run.current[np.abs(run.brisk_v[:, 0]) > 0.05, 0]).max())
-    assert not stood(_limit(top), [run])
+    assert not held_at_standstill(_limit(top), [run])
     write_table(tmp_path / "a.mcap", t, {"q": q, "i": current}, Attachments())
     recording = open_recording(tmp_path / "a.mcap")
     found = armscope.diagnose(recording, arm)

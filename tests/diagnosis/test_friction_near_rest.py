@@ -17,13 +17,20 @@ from arm_model import Arm, EffectTerm
 from arm_model.effects import CATALOGUE, Variable
 from arm_model.tables import uncertainty_of
 from diagnosis.cause import Cause, Estimate
-from diagnosis.measurements.near_rest.friction import AGAINST, LIMITS, Friction, _rises, friction_causes, left_near_rest
+from diagnosis.measurements.near_rest.friction import (
+    AGAINST,
+    LIMITS,
+    Friction,
+    _rises,
+    friction_causes,
+    left_over_near_rest,
+)
 from diagnosis.measurements.near_rest.laws import fitted_to_all, law_of
-from diagnosis.measurements.near_rest.passages import NearRest, direction_noise, near_rest, seen
+from diagnosis.measurements.near_rest.passages import NearRest, direction_noise, near_rest, observations
 from diagnosis.measurements.near_rest.time_at_rest import rise_at_rest
 from diagnosis.report.plots.near_rest import near_rest_chart
 from diagnosis.report.wording import rise_at_rest as words
-from diagnosis.residual.expected_current import reading
+from diagnosis.residual.expected_current import predicted_current
 from diagnosis.residual.generation import residual_run
 from diagnosis.residual.run import Run
 from diagnosis.result import Diagnosis
@@ -239,7 +246,7 @@ def test_beside_a_law_of_position_only_a_hump_that_is_there_is_named(breakaway: 
 def test_a_hump_that_all_recordings_together_do_not_have_is_none() -> None:
     """The trials that are judged come from all recordings but one; together they may fit no hump at all."""
     runs = _runs(_slides(lambda v: np.tanh(v / WIDTH)))
-    every = near_rest(seen([*runs.fit, *runs.held_out], ()), 1)
+    every = near_rest(observations([*runs.fit, *runs.held_out], ()), 1)
     law = law_of(every, CATALOGUE["stribeck_friction"])
     left = [one.residual - offset for one, offset in zip(every, law.offset)]
     no_hump = replace(law, column=[-np.abs(part) * np.sign(own) for own, part in zip(left, law.column)])
@@ -268,7 +275,7 @@ def _after_rests(rests: tuple[float, float], rise: float) -> tuple[Cause, list[N
         effect="stribeck_friction", joint=1, parameters=found, confidence=0.9, before=1.0, after=0.5, evidence="",
         group=(("stribeck_friction", 1),), felt_at=1, unit="A",
     )  # fmt: skip
-    return cause, near_rest(seen(every, cause.terms), 1)
+    return cause, near_rest(observations(every, cause.terms), 1)
 
 
 @pytest.mark.parametrize("rise", [1.2, 0.0])
@@ -292,7 +299,7 @@ def test_the_model_that_is_written_has_the_rise_and_breaks_away_as_the_recording
         begin = 500 + round(rest * RATE)
         speed = np.concatenate([np.full(500, 0.3), np.zeros(begin - 500), 0.3 * np.linspace(0.0, 1.0, 500) ** 2])
         t, q = np.arange(len(speed)) / RATE, np.cumsum(speed)[:, None] / RATE
-        with_it, without = (reading(replace(_axis(), effects=own), t, q)[:, 0] for own in (found.terms, ()))
+        with_it, without = (predicted_current(replace(_axis(), effects=own), t, q)[:, 0] for own in (found.terms, ()))
         slow = slice(begin + 120, begin + 200)
         shape = np.exp(-((speed[slow] / 0.06) ** 2)) * np.tanh(speed[slow] / WIDTH)
         height = float((with_it - without)[slow] @ shape / (shape @ shape))
@@ -367,7 +374,7 @@ def _identified(left: float | None) -> Arm:
 def test_of_an_identified_model_a_law_near_rest_is_named_beyond_what_it_left_there() -> None:
     before, after = _hump(2.0, 0.05), _hump(8.0, 0.05)
     healthy = _runs(before)
-    left = left_near_rest([*healthy.fit, *healthy.held_out], 1)
+    left = left_over_near_rest([*healthy.fit, *healthy.held_out], 1)
     assert left is not None and 0.05 < left < 2.0
 
     def causes(friction: Rubbing, arm: Arm) -> list[Cause]:
@@ -385,6 +392,6 @@ def test_of_an_identified_model_a_law_near_rest_is_named_beyond_what_it_left_the
 
 def test_where_nothing_turns_nothing_is_left() -> None:
     healthy = _runs(_slides(lambda v: np.tanh(v / WIDTH)))
-    assert left_near_rest([*healthy.fit, *healthy.held_out], 1) == pytest.approx(0.0, abs=0.02)
+    assert left_over_near_rest([*healthy.fit, *healthy.held_out], 1) == pytest.approx(0.0, abs=0.02)
     smooth = replace(_axis().joints[0], coulomb=(0.0, 0.0))
-    assert left_near_rest([replace(run, arm=Arm("axis", (smooth,))) for run in healthy.fit], 1) is None
+    assert left_over_near_rest([replace(run, arm=Arm("axis", (smooth,))) for run in healthy.fit], 1) is None

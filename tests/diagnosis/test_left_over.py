@@ -16,7 +16,7 @@ from arm_model import Arm, parameter
 from arm_model.tables import uncertainty_of
 from daq.recording import Recording
 from diagnosis import left_over
-from diagnosis.closed_loop.loop_errors import left_in_loop, loop_errors, noise_floor
+from diagnosis.closed_loop.loop_errors import left_over_in_loop, loop_errors, noise_floor
 from tests.diagnosis import two_link
 from tests.diagnosis.two_link import Day, recorded
 
@@ -84,7 +84,7 @@ def test_a_loop_is_held_against_what_it_missed_when_the_model_was_identified(roo
     clean = motion.write(tmp_path / "clean.mcap")
     wave, rng = 0.1 * np.sin(2 * np.pi * 47.0 * clean.t)[:, None] * [0.0, 1.0], np.random.default_rng(4)
     noisy = replace(clean, i=clean.i + wave + 0.01 * rng.normal(size=clean.i.shape))
-    missed = left_in_loop(arm, [noisy])
+    missed = left_over_in_loop(arm, [noisy])
     torque = 0.1 / np.sqrt(2.0) * arm.joint_array("drive_constant")[1]
     assert missed[0] < 0.1 * torque and missed[1] == pytest.approx(torque, rel=0.05)
 

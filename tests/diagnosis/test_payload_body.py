@@ -17,7 +17,7 @@ from diagnosis.measurements.currents.columns import candidates
 from diagnosis.measurements.currents.design_matrix import Library, dataset_of
 from diagnosis.measurements.currents.estimates import estimates_of
 from diagnosis.measurements.currents.model import Currents
-from diagnosis.measurements.currents.search import named_by_body
+from diagnosis.measurements.currents.search import attributed_to_body
 from diagnosis.measurements.currents.simplification import simplified
 from diagnosis.residual.generation import residual_run
 from diagnosis.residual.noise.channels import KnownNoise
@@ -88,7 +88,7 @@ def named(real: Arm, model: Arm) -> list[tuple[str, int | None, dict[str, Estima
     """Effects, joints and parameters that a search over SEARCHED finds."""
     data = Split(dataset_of([recorded(real, model, 1)]), dataset_of([recorded(real, model, 2)]), False)
     library = Library((c for c in candidates(model) if c.effect in SEARCHED), data)
-    state = simplified(named_by_body(select(Currents(model, data, library, []))))
+    state = simplified(attributed_to_body(select(Currents(model, data, library, []))))
     return [(c.effect, c.joint, {p.name: p for p in v}) for c, v in zip(state.chosen, estimates_of(state))]
 
 

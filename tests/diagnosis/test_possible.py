@@ -13,7 +13,7 @@ from arm_model import Arm, EffectTerm
 from arm_model.effects import CATALOGUE, described
 from diagnosis.cause import Cause, Estimate
 from diagnosis.measurements.currents.possible import exists, impossible
-from diagnosis.verification.tenable import indistinct
+from diagnosis.verification.tenable import insignificant
 
 
 @pytest.fixture(scope="module")
@@ -62,11 +62,11 @@ def test_a_link_of_two_kilograms_has_no_negative_inertia_nor_less_than_its_mass_
 
 def test_ten_values_within_two_deviations_of_zero_are_no_cause(arm: Arm) -> None:
     nothing = dict.fromkeys(("mass", "mx", "my", "mz", "ixx", "iyy", "izz", "ixy", "iyz", "ixz"), (1.8, 1.0))
-    assert indistinct(arm, [_cause("link_inertia", 6, **nothing)]) == 0
+    assert insignificant(arm, [_cause("link_inertia", 6, **nothing)]) == 0
     # one in ten is beyond two deviations by chance in every third case
-    assert indistinct(arm, [_cause("link_inertia", 6, **{**nothing, "mass": (2.5, 1.0)})]) == 0
-    assert indistinct(arm, [_cause("link_inertia", 6, **{**nothing, "mass": (3.5, 1.0)})]) is None
-    assert indistinct(arm, [_cause("current_offset", 6, offset=(2.5, 1.0))]) is None
+    assert insignificant(arm, [_cause("link_inertia", 6, **{**nothing, "mass": (2.5, 1.0)})]) == 0
+    assert insignificant(arm, [_cause("link_inertia", 6, **{**nothing, "mass": (3.5, 1.0)})]) is None
+    assert insignificant(arm, [_cause("current_offset", 6, offset=(2.5, 1.0))]) is None
 
 
 def test_what_the_data_says_nothing_of_is_not_impossible(arm: Arm) -> None:
@@ -89,5 +89,5 @@ def test_a_base_turns_by_half_a_turn_at_most() -> None:
 def test_a_spring_whose_stiffness_may_be_any_is_no_name(root: Path) -> None:
     """It has no linear parameter: 1 / stiffness is as far from zero, in std, as the stiffness."""
     arm = armscope.read_model(root / "config/models/puma560.toml")
-    assert indistinct(arm, [_cause("joint_compliance", 1, stiffness=(5200.0, 4900.0), damping=(1.0, 0.1))]) == 0
-    assert indistinct(arm, [_cause("joint_compliance", 1, stiffness=(5200.0, 490.0), damping=(1.0, 2.0))]) is None
+    assert insignificant(arm, [_cause("joint_compliance", 1, stiffness=(5200.0, 4900.0), damping=(1.0, 0.1))]) == 0
+    assert insignificant(arm, [_cause("joint_compliance", 1, stiffness=(5200.0, 490.0), damping=(1.0, 2.0))]) is None

@@ -18,7 +18,7 @@ from arm_model.effects import CATALOGUE, Signals, values_of
 from daq.recording import Recording, open_recording
 from diagnosis.diagnose import diagnose
 from diagnosis.residual.gap import through_gap
-from diagnosis.residual.integration import integrated, wound_up
+from diagnosis.residual.integration import integrated, spring_twist
 from experiment import Experiment
 
 
@@ -69,7 +69,7 @@ def test_a_spring_swings_as_its_differential_equation_says() -> None:
     inertia, stiffness, damping = 2.5, 4000.0, 12.0
     rhs = lambda x, y: [y[1], (load(x) - stiffness * y[0] - damping * y[1]) / inertia]  # noqa: E731
     exact = solve_ivp(rhs, (0.0, 2.0), [load(0.0) / stiffness, 0.0], t_eval=t, rtol=1e-9, atol=1e-12).y
-    twist, rate, _ = wound_up(load(t), np.full(len(t), inertia), stiffness, damping, 0.01)
+    twist, rate, _ = spring_twist(load(t), np.full(len(t), inertia), stiffness, damping, 0.01)
     assert np.max(np.abs(twist - exact[0])) < 0.02 * np.ptp(exact[0])
     assert np.max(np.abs(rate - exact[1])) < 0.02 * np.ptp(exact[1])
 
@@ -84,7 +84,7 @@ def test_a_spring_winds_up_step_by_step_as_its_recurrence_says(size: float, stif
     random = np.random.default_rng(4)
     load, inertia = np.cumsum(random.normal(size=400)), size * random.uniform(0.5, 1.5, 400)
     step = 0.01
-    twist, rate, acceleration = wound_up(load, inertia, stiffness, damping, step)
+    twist, rate, acceleration = spring_twist(load, inertia, stiffness, damping, step)
     d, v = load[0] / stiffness, 0.0
     for k in range(400):
         assert (twist[k], rate[k]) == pytest.approx((d, v), rel=1e-9, abs=1e-12)
@@ -127,7 +127,7 @@ def test_a_link_without_inertia_is_through_the_gap_at_once() -> None:
 
 def test_a_link_without_inertia_follows_its_spring() -> None:
     load = 3.0 + np.sin(np.arange(0.0, 1.0, 0.01))
-    twist, rate, acceleration = wound_up(load, np.zeros(len(load)), 500.0, 20.0, 0.01)
+    twist, rate, acceleration = spring_twist(load, np.zeros(len(load)), 500.0, 20.0, 0.01)
     assert np.allclose(twist, load / 500.0)
     assert np.allclose(rate[1:-1], np.gradient(load / 500.0, 0.01)[1:-1])
     assert np.isfinite(acceleration).all()

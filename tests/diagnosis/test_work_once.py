@@ -56,7 +56,7 @@ def test_structure_is_searched_for_once_where_there_is_none(
     """A cause that the final model does not need goes before; where there is structure, beside all of them as well."""
     model = _model(arm, Day(coulomb=(6.0, 0.0), ripple=ripple), TRUE, IDLE)
     state = model.refitted([TRUE, IDLE], {TRUE.key: [], IDLE.key: []})
-    calls = _counted(monkeypatch, tenable, "undissolved")
+    calls = _counted(monkeypatch, tenable, "without_spurious")
     found = tenable._found(state, Bases(*model.data), lambda sentence: None)
     assert len(calls) == searches
     assert bool(found.unexplained.structures) is (ripple > 0.0)

@@ -21,7 +21,7 @@ from arm_model import EffectTerm
 from arm_model.effects import CATALOGUE, Effect
 from diagnosis.cause import Cause, EffectKey, Estimate, confidence_of
 from diagnosis.measurements.currents.columns import column_of_gap
-from diagnosis.residual.gap import AS_FOUND, AS_MAY_BE
+from diagnosis.residual.gap import AS_FOUND, POSSIBLE
 from diagnosis.residual.other_effects import residual_with
 from diagnosis.residual.run import Run
 from diagnosis.units import unit_at
@@ -130,5 +130,5 @@ def _judged(runs: Sequence[Run], white: Sequence[Array], joint: int, half_gap: f
 
 def _whitened(run: Run, joint: int, half_gap: float) -> Iterator[Array]:
     """(m,) current of a gap over the std of its row: as the law says, and as teeth may do instead."""
-    for teeth in (AS_FOUND, *AS_MAY_BE):
+    for teeth in (AS_FOUND, *POSSIBLE):
         yield run.whiten_at(column_of_gap(run, joint, half_gap, teeth), joint)[:, 0]

@@ -21,7 +21,7 @@ from arm_model.effects.definition import Law
 from arm_model.system import inverse_dynamics
 from diagnosis.residual.filters import COMPARE_BAND, kept, low_pass
 from diagnosis.residual.gap import AS_FOUND, Teeth, gap_of, through_gap
-from diagnosis.residual.integration import integrated, spring_of, wound_up
+from diagnosis.residual.integration import integrated, spring_of, spring_twist
 from diagnosis.residual.noise.instruments import residual_gain
 from diagnosis.residual.run import Run
 from diagnosis.residual.signals import signals_of
@@ -100,7 +100,7 @@ def _law(run: Run, candidate: Candidate, p: Values, s: Signals, at: slice) -> Ar
     elif effect.deflection is not None:
         # link angle = motor angle - deflection
         elastic = effect.spring is not None
-        rates = _wound_up(run, j, effect, p) if elastic else _rates(effect.deflection, p, s, drive.ratio, run)
+        rates = _twisted(run, j, effect, p) if elastic else _rates(effect.deflection, p, s, drive.ratio, run)
         change = _moved(run, j, at, *(-rate for rate in rates))
         if not elastic:
             # virtual work: where the link turns less than the motor, the motor feels less of its load
@@ -132,11 +132,13 @@ def _rates(law: Law, p: Values, s: Signals, ratio: float, run: Run) -> tuple[Arr
     return value, slope * ratio * s.v, bend * (ratio * s.v) ** 2 + slope * ratio * s.a
 
 
-def _wound_up(run: Run, j: int, effect: Effect, p: Values) -> tuple[Array, Array, Array]:
+def _twisted(run: Run, j: int, effect: Effect, p: Values) -> tuple[Array, Array, Array]:
     """Twist (m,) of a joint with a spring or with play, and its rates; at rest at the start of every recording."""
     load, inertia = run.brisk_rigid[:, j], run.inertia[:, j]
     if (spring := spring_of(effect, p)) is not None:
-        each = [wound_up(load[part], inertia[part], *spring, 1.0 / rate) for part, rate in zip(run.parts, run.rates)]
+        each = [
+            spring_twist(load[part], inertia[part], *spring, 1.0 / rate) for part, rate in zip(run.parts, run.rates)
+        ]
         twist, speed, acceleration = (np.concatenate(rates) for rates in zip(*each))
         return twist, speed, acceleration
     return _lost_motion(run, j, gap_of(effect, p), AS_FOUND)

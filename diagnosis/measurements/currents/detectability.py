@@ -57,7 +57,7 @@ def undetectable_by_currents(
         for candidate in several[key]:
             # one that shows is enough
             if most < SHOWS_FROM and is_typical(candidate):
-                most = max(most, felt(candidate, library.in_held_out(candidate), held_out.rows))
+                most = max(most, signal_to_noise(candidate, library.in_held_out(candidate), held_out.rows))
         return most
 
     keys = [key for key in several if key not in known]
@@ -93,7 +93,7 @@ def _turns(side: Dataset, arm: Arm, joint: int) -> float:
     return float(np.ptp(side.at_joint("q", joint)) * arm.joints[joint - 1].ratio / (2 * np.pi))
 
 
-def felt(candidate: Candidate, columns: Columns, rows: int) -> float:
+def signal_to_noise(candidate: Candidate, columns: Columns, rows: int) -> float:
     """Rms, over the noise, by which an effect of the largest typical size changes the currents of some rows.
 
     0 where the shape is beyond the typical ones.
@@ -103,7 +103,7 @@ def felt(candidate: Candidate, columns: Columns, rows: int) -> float:
 
 
 def is_typical(candidate: Candidate) -> bool:
-    """Whether an effect of its shape may be of typical size: otherwise ``felt`` is 0."""
+    """Whether an effect of its shape may be of typical size: otherwise ``signal_to_noise`` is 0."""
     return _typical(candidate) > 0.0
 
 

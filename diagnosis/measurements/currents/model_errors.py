@@ -60,7 +60,7 @@ def model_uncertainty(arm: Arm, data: Split[Dataset]) -> ModelUncertainty | None
     return ModelUncertainty(data.map(felt), _left_over(known.left_over, data))
 
 
-def felt_by(run: Run) -> Array:
+def parameter_std(run: Run) -> Array:
     """(m, n) A: std of the currents that the arm of a run predicts, by what is known of its parameters; 0: exact."""
     known = run.arm.uncertainty
     if known is None or not known.parameters:

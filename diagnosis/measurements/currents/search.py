@@ -13,8 +13,8 @@ from diagnosis.measurements.currents.model import Currents
 from diagnosis.measurements.currents.refinement import gauss_newton_refined
 from diagnosis.measurements.currents.simplification import simplified
 from diagnosis.measurements.currents.state import State, corrected
-from diagnosis.measurements.currents.structure.misnamed import misnamed
 from diagnosis.measurements.currents.structure.shared_bases import Bases
+from diagnosis.measurements.currents.structure.spurious import spurious
 from diagnosis.measurements.currents.structure.unexplained import Unexplained, unexplained_structure
 from diagnosis.selection.bodies import bodies_of_link, is_body, link_of
 from diagnosis.selection.candidate import Candidate
@@ -31,13 +31,13 @@ class Selection:
 
 def search(model: Currents, progress: Callable[[str], None]) -> State:
     """Candidates that explain the residual together."""
-    state = simplified(named_by_body(gauss_newton_refined(select(model, progress))))
+    state = simplified(attributed_to_body(gauss_newton_refined(select(model, progress))))
     if len(fewer := eliminate(model, state).chosen) < len(state.chosen):
         state = model.refitted(fewer, state.rivals)
     return state
 
 
-def named_by_body(state: State) -> State:
+def attributed_to_body(state: State) -> State:
     """The state with a body in the place of the change of the link that carries it, or the reverse.
 
     Whichever is chosen: their columns are the same (``diagnosis.selection.bodies``).
@@ -66,14 +66,14 @@ def without(state: State, removed: Candidate) -> State:
     return state.model.refitted([c for c in state.chosen if c is not removed], state.rivals)
 
 
-def undissolved(state: State, bases: Bases) -> Selection:
+def without_spurious(state: State, bases: Bases) -> Selection:
     """The causes of a state that are no names for parts of unexplained structure, and that structure.
 
     bases: of the recordings of the state.
     """
     found = _with_unexplained(state, bases)
-    while dissolved := misnamed(found.state, found.unexplained, bases):
-        state = corrected(replace(state, chosen=tuple(c for c in state.chosen if c not in dissolved)))
+    while withdrawn := spurious(found.state, found.unexplained, bases):
+        state = corrected(replace(state, chosen=tuple(c for c in state.chosen if c not in withdrawn)))
         found = _with_unexplained(state, bases)
     return found
 

@@ -83,11 +83,11 @@ def _cause(candidate: LinkCandidate, chosen: Chosen, model: LinkEncoders, arm: A
     """A chosen candidate conditional on all others, where it shows most."""
     others = model.without(candidate, chosen)
     conditional = model.score(candidate, others)
-    felt = model.felt(candidate)
-    residuals = [model.residual(some, *model.rows)[:, felt] for some in (others, chosen)]
+    affected = model.affected(candidate)
+    residuals = [model.residual(some, *model.rows)[:, affected] for some in (others, chosen)]
     before, after = (float(np.sqrt(np.mean(values**2))) for values in residuals)
-    most = felt[int(np.argmax(np.sum(residuals[0] ** 2 - residuals[1] ** 2, axis=0)))]
-    unit = unit_at(arm.joints[int(model.rows.fit.joints[felt[0]]) - 1], "rad")
+    most = affected[int(np.argmax(np.sum(residuals[0] ** 2 - residuals[1] ** 2, axis=0)))]
+    unit = unit_at(arm.joints[int(model.rows.fit.joints[affected[0]]) - 1], "rad")
     evidence = (
         delay_sentence(others, model)
         if candidate.definition.delay is not None
@@ -137,8 +137,8 @@ def _group(
         if any(abs(p.value - n) <= 2 * p.std for p in near for n in orders(CATALOGUE[alias])):
             group.append((alias, candidate.joint))
     for rival in model.best(others):
-        felt = rival.joint == candidate.joint or len(model.rows.fit.joints) == 1
-        if rival.effect == candidate.effect or not felt or not model.is_physical(rival, others):
+        affected = rival.joint == candidate.joint or len(model.rows.fit.joints) == 1
+        if rival.effect == candidate.effect or not affected or not model.is_physical(rival, others):
             continue
         alone, share = model.score(rival, others).gain, LIMITS.ambiguity
         if alone >= share * gain and model.score(rival, [*others, candidate]).gain < (1.0 - share) * alone:

@@ -268,7 +268,7 @@ def orders(effect: Effect) -> tuple[float, ...]:
 def columns(candidate: LinkCandidate, rows: Rows, k: int) -> Array:
     """(m, c) rad: what a unit of each of c coefficients adds to the difference at the k-th joint of ``rows``.
 
-    c = 0 where it is not felt.
+    c = 0 where it does not act.
     """
     if candidate.joint is None:  # q(t) - q(t - delay)
         return rows.v[:, k, None]

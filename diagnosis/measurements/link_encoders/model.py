@@ -140,12 +140,12 @@ class LinkEncoders(CandidateModel[LinkCandidate]):
         return (*state, score.candidate)
 
     def score(self, candidate: LinkCandidate, chosen: Sequence[LinkCandidate]) -> Score[LinkCandidate]:
-        """Gain in units of the joints' scales, and its share of what was left where the candidate is felt."""
-        felt = self.felt(candidate)
+        """Gain in units of the joints' scales, and its share of what was left where the candidate acts."""
+        affected = self.affected(candidate)
         energy, correlated, falls = 0.0, 0.0, []
         for learned, judged in self.rows.folds():
             before, after = (
-                self.residual(some, learned, judged)[:, felt] / self.scale[felt]
+                self.residual(some, learned, judged)[:, affected] / self.scale[affected]
                 for some in (chosen, [*chosen, candidate])
             )
             energy += float(np.sum(before**2))
@@ -232,22 +232,22 @@ class LinkEncoders(CandidateModel[LinkCandidate]):
             self.fitted([*chosen, candidate], self.rows.fit)[-1] > 0.0
         )
 
-    def felt(self, candidate: LinkCandidate) -> list[int]:
+    def affected(self, candidate: LinkCandidate) -> list[int]:
         """Columns of the difference (from 0) in which a candidate shows."""
         return [k for k, joint in enumerate(self.rows.fit.joints) if candidate.joint in (None, joint)]
 
     def _ahead(self, candidate: LinkCandidate, chosen: Sequence[LinkCandidate]) -> bool:
-        felt = self.felt(candidate)
+        affected = self.affected(candidate)
         before, after = (
-            float(np.sum((self.residual(some, *self.rows)[:, felt] / self.scale[felt]) ** 2))
+            float(np.sum((self.residual(some, *self.rows)[:, affected] / self.scale[affected]) ** 2))
             for some in (chosen, [*chosen, candidate])
         )
         return before > after
 
     def _over_noise(self, candidate: LinkCandidate, chosen: Sequence[LinkCandidate]) -> bool:
-        felt = self.felt(candidate)
+        affected = self.affected(candidate)
         rms = np.sqrt(np.mean(self.residual(chosen, *self.rows) ** 2, axis=0))
-        return bool(np.any(rms[felt] > self.limits.above_noise * self.rows.fit.noise[felt]))
+        return bool(np.any(rms[affected] > self.limits.above_noise * self.rows.fit.noise[affected]))
 
 
 def link_encoders(arm: Arm, fit: Sequence[Recording], held_out: Sequence[Recording]) -> LinkEncoders | None:

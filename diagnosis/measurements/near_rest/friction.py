@@ -32,7 +32,7 @@ from diagnosis.measurements.near_rest.laws import (
     smoothing,
     torque_of,
 )
-from diagnosis.measurements.near_rest.passages import SLIDES, STANDS, NearRest, near_rest, seen
+from diagnosis.measurements.near_rest.passages import SLIDES, STANDS, NearRest, near_rest, observations
 from diagnosis.residual.expected_current import coulomb_at
 from diagnosis.residual.filters import rate_of
 from diagnosis.residual.run import Run
@@ -90,20 +90,20 @@ def friction_causes(
     terms: Sequence[EffectTerm],
     taken: Sequence[EffectKey],
     library: Sequence[Candidate],
-    given: Mapping[int, Collection[Variable]] = MappingProxyType({}),
+    nuisance: Mapping[int, Collection[Variable]] = MappingProxyType({}),
 ) -> Friction:
     """Laws of friction near rest that recordings show beside the effects ``terms``, one per joint at most.
 
     taken: effects that are known or excluded; library: candidates of the search, of which those that may be confused
-    with friction near rest must explain less; given: by joint (from 1), variables of a law that is none of the
+    with friction near rest must explain less; nuisance: by joint (from 1), variables of a law that is none of the
     catalogue, beside any function of which friction must explain the passages.
     """
     joints = range(1, len(runs.fit[0].arm) + 1)
     tests = len(joints) * len(friction_near_rest())
     every, arm = [*runs.fit, *runs.held_out], runs.fit[0].arm
-    recordings = seen(every, terms)
+    recordings = observations(every, terms)
     found = in_parallel(
-        lambda joint: _of_joint(near_rest(recordings, joint, given.get(joint, ())), library, tests),
+        lambda joint: _of_joint(near_rest(recordings, joint, nuisance.get(joint, ())), library, tests),
         [joint for joint in joints if _open(arm, joint, taken)],
     )
     return Friction(
@@ -111,13 +111,13 @@ def friction_causes(
     )
 
 
-def left_near_rest(runs: Sequence[Run], joint: int) -> float | None:
+def left_over_near_rest(runs: Sequence[Run], joint: int) -> float | None:
     """N m (N) rms: what the model leaves beyond the noise where a joint (from 1) turns or creeps.
 
     Under the smoothing velocity that explains most of it. None where no recording shows the joint there.
     """
     # what the encoder's noise hides is part of it
-    every = near_rest([replace(one, noise=0.0 * one.noise) for one in seen(runs, ())], joint)
+    every = near_rest([replace(one, noise=0.0 * one.noise) for one in observations(runs, ())], joint)
     if not every or max(runs[0].arm.joints[joint - 1].rest_friction) <= 0.0:
         return None
     left = np.concatenate(in_sample(every, smoothing(every)).left)
@@ -261,8 +261,8 @@ def _by_another_turn(every: Sequence[NearRest], values: dict[str, float], slopes
         return np.zeros(slopes.shape[1])
     width, drive = values["width"], every[0].run.arm.joints[every[0].joint - 1]
     other = [coulomb_at(drive, one.v, one.sign(width)) * (np.tanh(one.v / width) - one.sign(width)) for one in every]
-    apart = np.concatenate([one.of(torque) for one, torque in zip(every, other)])
-    return np.asarray(np.linalg.lstsq(slopes, apart, rcond=None)[0], float)
+    without_nuisance = np.concatenate([one.of(torque) for one, torque in zip(every, other)])
+    return np.asarray(np.linalg.lstsq(slopes, without_nuisance, rcond=None)[0], float)
 
 
 def _rises(every: Sequence[NearRest], law: Law) -> bool:

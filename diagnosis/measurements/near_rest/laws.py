@@ -180,7 +180,7 @@ def confused(every: Sequence[NearRest], joint: int, library: Sequence[Candidate]
     own = {effect.name for effect in friction_near_rest()}
     chosen = [c for c in library if c.joint == joint and c.effect in names - own]
     column = [
-        one.apart(np.hstack([_at_joint(c, one) for c in chosen]) / one.std[:, None]).T
+        one.without_nuisance(np.hstack([_at_joint(c, one) for c in chosen]) / one.std[:, None]).T
         if chosen
         else np.zeros((1, len(one.residual)))
         for one in every

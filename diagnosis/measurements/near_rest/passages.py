@@ -21,9 +21,16 @@ from scipy.special import ndtr
 from arm_io.types import Array
 from arm_model import EffectTerm, Joint
 from arm_model.effects import Effect, Signals, Values, Variable
-from diagnosis.measurements.currents.model_errors import felt_by
+from diagnosis.measurements.currents.model_errors import parameter_std
 from diagnosis.measurements.near_rest.between_steps import between_steps
-from diagnosis.residual.expected_current import coulomb_at, delayed, lateness, reading, terms_of, true_angle
+from diagnosis.residual.expected_current import (
+    coulomb_at,
+    current_delay,
+    delayed,
+    predicted_current,
+    terms_of,
+    true_angle,
+)
 from diagnosis.residual.filters import COMPARE_BAND, MOTION_BAND, kept, low_pass, motion_of, rate_of
 from diagnosis.residual.generation import CREEP
 from diagnosis.residual.integration import integrated
@@ -53,34 +60,34 @@ UNMEASURED = 1e4
 class NearRest:
     """One joint of one recording near rest: r rows.
 
-    run, joint  where (joint from 1); v (k,) rad/s: speed of the motor at the rate of the recording; stands (k,)
+    run, joint  where (joint from 1); v (k,) rad/s: speed of the motor at the rate of the recording; standstill (k,)
     rows (m,)   which of the run's rows these are; block (r,): number of the passage and its second
     residual    (r,) A over std, conditional on all causes; std (r,) A
-    beside      (r, k) orthonormal: what is known to be of another law, and counts neither in ``residual`` nor in ``of``
-    late        (k,) s by which currents are recorded after the angles; empty: they are not
+    nuisance_basis (r, k) orthonormal: effects of another law; projected out of ``residual`` and ``of``
+    delay       (k,) s by which currents are recorded after the angles; empty: none
     """
 
     run: Run
     joint: int
     v: Array
-    stands: NDArray[np.bool_]
+    standstill: NDArray[np.bool_]
     rows: NDArray[np.bool_]
     block: NDArray[np.intp]
     residual: Array
     std: Array
-    beside: Array = field(default_factory=lambda: np.zeros((0, 0)))
-    late: Array = field(default_factory=lambda: np.zeros(0))
+    nuisance_basis: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    delay: Array = field(default_factory=lambda: np.zeros(0))
 
     def of(self, torque: Array) -> Array:
         """(r, ...) over std: what a friction torque (k, ...) N m at the rate of the recording adds to the current."""
         t, rate = self.run.raw[0], rate_of(self.run.raw[0])
-        torque = delayed(t, torque, self.late) if self.late.any() else torque
+        torque = delayed(t, torque, self.delay) if self.delay.any() else torque
         amperes = low_pass(torque, COMPARE_BAND, rate)[kept(rate)][self.rows] / self._drive.drive_constant
-        return self.apart(np.asarray((amperes.T / self.std).T, float))
+        return self.without_nuisance(np.asarray((amperes.T / self.std).T, float))
 
-    def apart(self, values: Array) -> Array:
-        """Values (r, ...) over std without what is ``beside``."""
-        return values - self.beside @ (self.beside.T @ values) if self.beside.size else values
+    def without_nuisance(self, values: Array) -> Array:
+        """Values (r, ...) over std, orthogonal to ``nuisance_basis``."""
+        return values - self.nuisance_basis @ (self.nuisance_basis.T @ values) if self.nuisance_basis.size else values
 
     def sign(self, width: Array | float) -> Array:
         """(k, ...) direction of the motion, of the smoothing velocities ``width``."""
@@ -109,69 +116,71 @@ class NearRest:
 
 
 @dataclass(frozen=True)
-class Seen:
+class Observation:
     """A recording by angles between the steps of its encoders: v (k, n) rad/s at its rate, residual (m, n) A.
 
-    noise: (k, n) rad/s std of ``v`` that is counted beside the rest: of an identified model none, since what it left
-    near rest has it. stands: (k, n) where joints stand, by the readings themselves: a joint that creeps shows steps.
-    late: (k,) s by which its currents are recorded after its angles. doubt: (m, n) A, std of what the model predicts
-    where joints turn or creep, by what an identification knows of it; NaN where it says nothing; 0 of an exact model.
+    noise       (k, n) rad/s: std of ``v`` counted in addition to the rest; 0 of an identified model: what it left near
+                rest has it
+    standstill  (k, n) where joints stand, by the readings themselves: a joint that creeps shows steps
+    delay       (k,) s by which its currents are recorded after its angles
+    model_std   (m, n) A: std of the predicted current where joints turn or creep, by what an identification knows of
+                it; NaN where it says nothing; 0 of an exact model
     """
 
     run: Run
     v: Array
     noise: Array
     residual: Array
-    stands: NDArray[np.bool_]
-    late: Array
-    doubt: Array
+    standstill: NDArray[np.bool_]
+    delay: Array
+    model_std: Array
 
 
-def seen(runs: Sequence[Run], terms: Sequence[EffectTerm]) -> list[Seen]:
+def observations(runs: Sequence[Run], terms: Sequence[EffectTerm]) -> list[Observation]:
     """The ``runs`` with drives on, each under its arm with ``terms``."""
-    return [seen_under(run, (*run.arm.effects, *terms)) for run in runs if run.powered]
+    return [observation(run, (*run.arm.effects, *terms)) for run in runs if run.powered]
 
 
-def seen_under(run: Run, effects: Sequence[EffectTerm]) -> Seen:
+def observation(run: Run, effects: Sequence[EffectTerm]) -> Observation:
     """A recording under its arm with these effects instead of the arm's own."""
     t, q = run.raw
     arm = replace(run.arm, effects=(*effects, *run.own))
     rate, angle = rate_of(t), between_steps(q)
     shown = motion_of(true_angle(arm, q), MOTION_BAND, rate)
-    stands = np.stack([standing(v, rate) for v in shown[1].T], axis=1)
-    late = np.sum([lateness(effect, values, t) for effect, _, values in terms_of(arm)], axis=0) + np.zeros_like(t)
+    standstill = np.stack([standstill_rows(v, rate) for v in shown[1].T], axis=1)
+    delay = np.sum([current_delay(effect, values, t) for effect, _, values in terms_of(arm)], axis=0) + np.zeros_like(t)
     # an angle between two steps has no noise of readings
     read = ndimage.uniform_filter1d((angle == q).astype(float), max(1, round(SMEARED * rate)), axis=0)
     noise = np.sqrt(np.maximum(read, 0.0)) * [speed_noise(run, joint) for joint in range(1, q.shape[1] + 1)]
     noise = noise * (arm.uncertainty is None)
     if np.array_equal(angle, q):
-        return Seen(run, shown[1], noise, residual_under(run, effects), stands, late, _doubt(run))
+        return Observation(run, shown[1], noise, residual_under(run, effects), standstill, delay, _model_std(run))
     motion = motion_of(true_angle(arm, angle), MOTION_BAND, rate)
-    expected = low_pass(reading(arm, t, angle, motion=motion), COMPARE_BAND, rate)[kept(rate)]
-    return Seen(run, motion[1], noise, run.current - expected, stands, late, _doubt(run))
+    expected = low_pass(predicted_current(arm, t, angle, motion=motion), COMPARE_BAND, rate)[kept(rate)]
+    return Observation(run, motion[1], noise, run.current - expected, standstill, delay, _model_std(run))
 
 
-def _doubt(run: Run) -> Array:
+def _model_std(run: Run) -> Array:
     """(m, n) A, see ``Seen``: parameters within their covariance, and what the model left near rest."""
     known = run.arm.uncertainty
     if known is None:
         return np.zeros_like(run.q)
     left = [np.nan if value is None else value for value in known.near_rest] or [np.nan] * len(run.arm)
-    return np.hypot(felt_by(run), np.array(left) / run.arm.joint_array("drive_constant"))
+    return np.hypot(parameter_std(run), np.array(left) / run.arm.joint_array("drive_constant"))
 
 
-def near_rest(recordings: Sequence[Seen], joint: int, given: Collection[Variable] = ()) -> list[NearRest]:
+def near_rest(recordings: Sequence[Observation], joint: int, nuisance: Collection[Variable] = ()) -> list[NearRest]:
     """A joint near rest in each recording; none where its speed is not known so finely, or its model not near rest.
 
-    given: variables of another law; what functions of them, one per direction, explain is ``beside``.
+    nuisance: variables of another law; what functions of them explain, one per direction, is projected out.
     """
-    judged = (one for one in recordings if known_speed(one, joint) and np.isfinite(one.doubt[:, joint - 1]).all())
+    judged = (one for one in recordings if known_speed(one, joint) and np.isfinite(one.model_std[:, joint - 1]).all())
     found = [_of_run(one, joint) for one in judged]
-    return [_given(one, given) for one in found if one.rows.any()]
+    return [_with_nuisance(one, nuisance) for one in found if one.rows.any()]
 
 
-def _given(one: NearRest, variables: Collection[Variable]) -> NearRest:
-    """The rows beside any function of each of the variables in either direction of motion."""
+def _with_nuisance(one: NearRest, variables: Collection[Variable]) -> NearRest:
+    """The rows, orthogonal to any function of each of the variables in either direction of motion."""
     if not variables:
         return one
     sign = one.of(one.sign(one.run.arm.joints[one.joint - 1].sign_velocity))
@@ -182,11 +191,11 @@ def _given(one: NearRest, variables: Collection[Variable]) -> NearRest:
         hats = np.stack([np.interp(x, knots, hat) for hat in np.eye(BENDS)], axis=1)
         columns += [hats / one.std[:, None], hats * sign[:, None]]
     basis, size, _ = np.linalg.svd(np.hstack(columns), full_matrices=False)
-    one = replace(one, beside=basis[:, size > 1e-6 * size[0]])
-    return replace(one, residual=one.apart(one.residual))
+    one = replace(one, nuisance_basis=basis[:, size > 1e-6 * size[0]])
+    return replace(one, residual=one.without_nuisance(one.residual))
 
 
-def known_speed(recording: Seen, joint: int) -> bool:
+def known_speed(recording: Observation, joint: int) -> bool:
     """Whether the encoder shows that a joint moves faster than it stands, or finely where its noise is not counted."""
     counted = recording.noise[:, joint - 1].any()
     return speed_noise(recording.run, joint) < (SPEED_NOISE if counted else COARSE)
@@ -209,29 +218,31 @@ def position_noise(run: Run, joint: int) -> float:
     return float(angle_noise(run.raw[1][:, [joint - 1]])[0])
 
 
-def _of_run(recording: Seen, joint: int) -> NearRest:
+def _of_run(recording: Observation, joint: int) -> NearRest:
     run, v, j = recording.run, recording.v[:, joint - 1], joint - 1
     rate = rate_of(run.raw[0])
     instruments = run.instruments[:, j]
-    stands = recording.stands[:, j]
+    standstill = recording.standstill[:, j]
     slow = _spread(np.abs(v) < SLIDES, SMEARED * rate)
-    rows = (slow & ~_spread(stands, AFTER_REST * rate))[kept(rate)] & (run.deviation[:, j] < UNMEASURED * instruments)
+    rows = (slow & ~_spread(standstill, AFTER_REST * rate))[kept(rate)] & (
+        run.deviation[:, j] < UNMEASURED * instruments
+    )
     passage, _ = ndimage.label(rows)
     one = NearRest(
         run=run,
         joint=joint,
         v=v,
-        stands=stands,
+        standstill=standstill,
         rows=rows,
         block=(passage.astype(np.intp) * len(rows) + (np.arange(len(rows)) // run.per_second).astype(np.intp))[rows],
         residual=np.zeros(0),
         std=np.ones(int(rows.sum())),
-        late=recording.late,
+        delay=recording.delay,
     )
     drive = run.arm.joints[j]
     lacking = 1.0 - np.abs(one.sign(drive.sign_velocity))
     unknown = max(drive.rest_friction) * np.hypot(TURN * lacking, direction_noise(v, recording.noise[:, j]))
-    std = np.sqrt(instruments[rows] ** 2 + one.of(unknown) ** 2 + recording.doubt[rows, j] ** 2)
+    std = np.sqrt(instruments[rows] ** 2 + one.of(unknown) ** 2 + recording.model_std[rows, j] ** 2)
     return replace(one, residual=recording.residual[rows, j] / std, std=std)
 
 
@@ -243,7 +254,7 @@ def direction_noise(v: Array, noise: Array) -> Array:
     return np.asarray(2.0 * np.sqrt(other_way * (1.0 - other_way)))
 
 
-def standing(v: Array, rate: float) -> NDArray[np.bool_]:
+def standstill_rows(v: Array, rate: float) -> NDArray[np.bool_]:
     """(k,) where a joint of speeds v (k,) rad/s at ``rate`` Hz stands."""
     return _longer(np.abs(v) < STANDS, STANDS_FOR * rate)
 

@@ -6,7 +6,7 @@ the time at rest (Rabinowicz, Proc. Phys. Soc. 71, 1958; Armstrong-Helouvry, Dup
 
     height = level + rise log10(time at rest).
 
-A joint stands where ``NearRest.stands`` says so; it rests there from the first to the last instant at which it is
+A joint stands where ``NearRest.standstill`` says so; it rests there from the first to the last instant at which it is
 slower than ``STILL``, or than its encoder shows. How long it had rested when a recording began is not known.
 """
 
@@ -24,7 +24,7 @@ from arm_model import EffectTerm
 from arm_model.effects import CATALOGUE, Effect
 from diagnosis.cause import Cause, RiseAtRest
 from diagnosis.measurements.near_rest.laws import WIDTHS
-from diagnosis.measurements.near_rest.passages import STANDS, NearRest, near_rest, seen, speed_noise
+from diagnosis.measurements.near_rest.passages import STANDS, NearRest, near_rest, observations, speed_noise
 from diagnosis.residual.filters import kept, rate_of
 from diagnosis.residual.run import Run
 
@@ -63,7 +63,7 @@ def with_rise_at_rest(causes: Sequence[Cause], runs: Sequence[Run], terms: Seque
     terms: effects of all causes that the arm of the ``runs`` does not have.
     """
     humps = [cause.key for cause in causes if cause.joint is not None and _is_hump(CATALOGUE[cause.effect])]
-    recordings = seen(runs, terms) if humps else []
+    recordings = observations(runs, terms) if humps else []
     return [
         replace(cause, rise_at_rest=rise_at_rest(cause, near_rest(recordings, cause.joint)))
         if cause.joint is not None and cause.key in humps
@@ -81,16 +81,16 @@ def rise_at_rest(cause: Cause, every: Sequence[NearRest]) -> RiseAtRest:
     """The rise of a hump's level, from the residual that it leaves near rest in ``every`` recording."""
     values, unit = {p.name: p.value for p in cause.parameters}, cause.parameters[0].unit
     effect = CATALOGUE[cause.effect]
-    seen = break_aways(every, effect, values) if every else BreakAways(*np.zeros((4, 0)))
-    shortest, longest = (float(of(seen.rested)) if len(seen.rested) else 0.0 for of in (np.min, np.max))
-    found = RiseAtRest(unit=unit, rests=len(seen.rested), shortest=shortest, longest=longest)
+    measured = break_aways(every, effect, values) if every else BreakAways(*np.zeros((4, 0)))
+    shortest, longest = (float(of(measured.rested)) if len(measured.rested) else 0.0 for of in (np.min, np.max))
+    found = RiseAtRest(unit=unit, rests=len(measured.rested), shortest=shortest, longest=longest)
     if found.rests < FEWEST or longest < VARIES * shortest:
         return found
-    x = np.column_stack([np.ones_like(seen.rested), np.log10(seen.rested)])
+    x = np.column_stack([np.ones_like(measured.rested), np.log10(measured.rested)])
     # one break-away scatters by more than the noise of its rows
-    weight = 1.0 / np.maximum(seen.std, np.median(seen.std))
-    solved = np.linalg.lstsq(x * weight[:, None], seen.height * weight, rcond=None)[0]
-    left = (seen.height - x @ solved) * weight
+    weight = 1.0 / np.maximum(measured.std, np.median(measured.std))
+    solved = np.linalg.lstsq(x * weight[:, None], measured.height * weight, rcond=None)[0]
+    left = (measured.height - x @ solved) * weight
     covariance = np.linalg.inv((x * weight[:, None]).T @ (x * weight[:, None])) * float(left @ left) / (len(x) - 2)
     rise, std = float(solved[1]), float(np.sqrt(covariance[1, 1]))
     found = replace(found, value=rise, std=float(np.hypot(std, effect.model_error * rise)))
@@ -98,7 +98,7 @@ def rise_at_rest(cause: Cause, every: Sequence[NearRest]) -> RiseAtRest:
         return found
     level = values[effect.linear[0].name]
     reference = float(np.clip(10.0 ** ((level - float(solved[0])) / rise), shortest, longest))
-    return replace(found, reference=reference, slip=FORGETS * float(np.median(seen.slid)))
+    return replace(found, reference=reference, slip=FORGETS * float(np.median(measured.slid)))
 
 
 @dataclass(frozen=True)
@@ -153,7 +153,7 @@ def _rests(number: int, one: NearRest, ends: float) -> Iterator[Rest]:
     """Every rest that begins within a recording of this ``number``; ``ends`` rad/s (m/s): where a hump is over."""
     rate = rate_of(one.run.raw[0])
     place = np.arange(len(one.v))[kept(rate)][one.rows]
-    label, count = ndimage.label(one.stands)
+    label, count = ndimage.label(one.standstill)
     stands = [part for (part,) in ndimage.find_objects(label)]
     still = np.abs(one.v) < max(STILL, 3.0 * speed_noise(one.run, one.joint))
     for k in range(count):

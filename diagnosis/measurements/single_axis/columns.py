@@ -19,7 +19,7 @@ from arm_model import Arm
 from arm_model.effects import CATALOGUE, Effect, Instrument, Parameter, Scale, Signals, Values, described, units
 from arm_model.system import inverse_dynamics
 from arm_model.tables import Temperatures
-from diagnosis.residual.expected_current import as_read, coulomb_at, true_angle
+from diagnosis.residual.expected_current import coulomb_at, transduced, true_angle
 from diagnosis.residual.filters import low_pass, motion_of, rate_along, rate_of
 from diagnosis.residual.integration import integrated
 from diagnosis.residual.noise.channels import angle_noise
@@ -92,7 +92,7 @@ def rows_of(arm: Arm, recordings: Sequence[AxisSamples], block_seconds: float) -
         rate = rate_of(t)
         angle, v, a = motion_of(true_angle(arm, q), _bands(rate)[0], rate)
         torque = inverse_dynamics(warm, angle, v, a, time=t)
-        expected = as_read(arm, t, torque / constant)[:, 0]
+        expected = transduced(arm, t, torque / constant)[:, 0]
         sign = v[:, 0] / np.hypot(v[:, 0], drive.sign_velocity)
         current = low_pass(i, _bands(rate)[0], rate)[:, 0]
         s = Signals(

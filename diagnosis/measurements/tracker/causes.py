@@ -22,9 +22,9 @@ from daq.recording import Recording
 from diagnosis.cause import MAX_CONFIDENCE, Cause, Estimate, Signal, Structure, Undetectable, confidence_of
 from diagnosis.measurements.tracker.columns import State, Survey, TrackedCandidate
 from diagnosis.measurements.tracker.detectability import no_tracker, sizes, structure, undetectable_by_tracker, visible
-from diagnosis.measurements.tracker.model import LIMITS, Named, TrackedPoints, selected, tracked_points
+from diagnosis.measurements.tracker.model import LIMITS, Accepted, TrackedPoints, selected, tracked_points
 from diagnosis.measurements.tracker.points import Outliers, Side, points_of, side_of
-from diagnosis.measurements.tracker.regression import beside_zeros, energy, good, point_residual
+from diagnosis.measurements.tracker.regression import energy, good, point_residual, residual_without_zeros
 from diagnosis.residual.noise.encoder_step import encoder_step
 from diagnosis.selection.estimates import estimates
 from identification.kinematics.data import aligned
@@ -89,12 +89,12 @@ def tracked_causes(
     model = tracked_points(arm, sides, survey, nominal=start.values, level=level, steps=steps)
     state = _sparse(selected(model, progress), model)
     precise = model.precise(state)
-    causes = [_cause(named, precise, state, model) for named in (model.named(state) if state.chosen else [])]
+    causes = [_cause(accepted, precise, state, model) for accepted in (model.accepted(state) if state.chosen else [])]
     strays = _strays(outliers, [[r.path.name for r, _ in part] for part in parts])
     moves = sizes(model.every, model.start(), points)
     before = sides.map(lambda side: side.xyz - position(start, side.q))
     after = sides.map(lambda side: point_residual(state, side))
-    beside = sides.map(lambda side: beside_zeros(state, side, steps, level))
+    beside = sides.map(lambda side: residual_without_zeros(state, side, steps, level))
     errors = {"fit": (before.fit, after.fit), "held_out": (before.held_out, after.held_out)}
     return Tracked(
         causes=causes + ([strays] if strays else []),
@@ -225,16 +225,16 @@ def _step(candidate: TrackedCandidate, steps: Array) -> float:
     return float(steps[(candidate.joint or 1) - 1])
 
 
-def _cause(named: Named, precise: State, state: State, model: TrackedPoints) -> Cause:
-    candidate = named.candidate
+def _cause(accepted: Accepted, precise: State, state: State, model: TrackedPoints) -> Cause:
+    candidate = accepted.candidate
     values, covariance = precise.coefficients(candidate)
     after = point_residual(state, model.points.held_out)
-    before, now = _rms(named.before), _rms(after)
-    group = [c.key for c in named.equals]
+    before, now = _rms(accepted.before), _rms(after)
+    group = [c.key for c in accepted.aliased]
     definition = candidate.definition
     aliases = [(alias, candidate.joint) for alias in definition.observed_by[Instrument.TRACKER].aliases]
     group += [key for key in aliases if key not in group]
-    better, blocks = int(np.sum(named.score.blocks > 0)), int(np.sum(named.score.blocks != 0))
+    better, blocks = int(np.sum(accepted.score.blocks > 0)), int(np.sum(accepted.score.blocks != 0))
     where = "" if candidate.joint is None else f" of joint {candidate.joint}"
     sentence = (
         f"{definition.shown(Instrument.TRACKER, {}, {})}{where}: with it, the error of the held-out points falls from "
@@ -249,7 +249,7 @@ def _cause(named: Named, precise: State, state: State, model: TrackedPoints) -> 
         effect=candidate.effect,
         joint=candidate.joint,
         parameters=estimates(candidate, values.tolist(), covariance, None, LIMITS.systematic),
-        confidence=confidence_of(named.score.p),
+        confidence=confidence_of(accepted.score.p),
         before=before,
         after=now,
         group=tuple(group),

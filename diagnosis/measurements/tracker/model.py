@@ -73,7 +73,7 @@ LIMITS = TrackerLimits(
 
 
 @dataclass(frozen=True)
-class Named:
+class Accepted:
     """A chosen candidate with its ambiguity group.
 
     score   conditional on all others
@@ -81,7 +81,7 @@ class Named:
     """
 
     candidate: TrackedCandidate
-    equals: tuple[TrackedCandidate, ...]
+    aliased: tuple[TrackedCandidate, ...]
     score: Score[TrackedCandidate]
     before: Array = field(repr=False)
 
@@ -193,11 +193,11 @@ class TrackedPoints(MeasurementModel[TrackedCandidate, State]):
             )
         return scores
 
-    def named(self, state: State) -> list[Named]:
+    def accepted(self, state: State) -> list[Accepted]:
         """The chosen candidates with their equals and gains, the largest gain first."""
         held_out = self.points.held_out
         enough = energy(point_residual(state, held_out)) + self.limits.tie * self.undetermined
-        named = []
+        accepted = []
         for candidate in state.chosen:
             others = [c for c in state.chosen if c is not candidate]
             without = self.refit(others, state)
@@ -208,9 +208,11 @@ class TrackedPoints(MeasurementModel[TrackedCandidate, State]):
                 if score.gain > self.limits.ambiguity * own.gain
             ]
             rivals = [c for c in alike + _of_the_same_errors(alike, candidate) if c.key != candidate.key]
-            equals = [c for c in rivals if self._leaves_less(enough, c, others, without)]
-            named.append(Named(candidate, _distinct([candidate, *equals]), own, point_residual(without, held_out)))
-        return sorted(named, key=lambda one: -one.score.gain)
+            aliased = [c for c in rivals if self._leaves_less(enough, c, others, without)]
+            accepted.append(
+                Accepted(candidate, _distinct([candidate, *aliased]), own, point_residual(without, held_out))
+            )
+        return sorted(accepted, key=lambda one: -one.score.gain)
 
     def _leaves_less(
         self, enough: float, rival: TrackedCandidate, others: Sequence[TrackedCandidate], without: State
@@ -271,6 +273,6 @@ def _of_the_same_errors(alike: Sequence[TrackedCandidate], candidate: TrackedCan
     return [replace(c, names=candidate.names) for c in alike if c.effect == LINK_GEOMETRY.name]
 
 
-def _distinct(equals: Sequence[TrackedCandidate]) -> tuple[TrackedCandidate, ...]:
+def _distinct(aliased: Sequence[TrackedCandidate]) -> tuple[TrackedCandidate, ...]:
     """The first of each effect and joint."""
-    return tuple({c.key: c for c in reversed(equals)}[key] for key in dict.fromkeys(c.key for c in equals))
+    return tuple({c.key: c for c in reversed(aliased)}[key] for key in dict.fromkeys(c.key for c in aliased))

@@ -33,7 +33,7 @@ def over_time(side: Side, residual: Array, level: float) -> list[Structure]:
     level: m, noise of a coordinate.
     """
     keep = good(residual)
-    energy, found = float(np.sum(residual[keep] ** 2)), list[_Found]()
+    energy, found = float(np.sum(residual[keep] ** 2)), list[_TimeStructure]()
     for recording in np.unique(side.of):
         own = keep & (side.of == recording)
         if own.sum() > 2 * NEIGHBOURS:
@@ -45,7 +45,7 @@ def over_time(side: Side, residual: Array, level: float) -> list[Structure]:
     ]
 
 
-class _Found(NamedTuple):
+class _TimeStructure(NamedTuple):
     """Energy, m^2, of a wave or a drift of a recording; its name and its size as in ``Structure``."""
 
     energy: float
@@ -54,7 +54,7 @@ class _Found(NamedTuple):
     drifts: bool
 
 
-def _waves(t: Array, residual: Array, level: float) -> Iterator[_Found]:
+def _waves(t: Array, residual: Array, level: float) -> Iterator[_TimeStructure]:
     """Energy and name of the strongest line above the spectrum beside it, all coordinates together."""
     step = float(np.median(np.diff(t)))
     even = np.arange(t[0], t[-1], step)
@@ -67,10 +67,12 @@ def _waves(t: Array, residual: Array, level: float) -> Iterator[_Found]:
     near = slice(max(0, top - 2), top + 3)
     rms = float(np.sqrt(np.sum((power - floor)[near].clip(0.0)) * frequency[1]))
     if over[top] > OVER_FLOOR and rms > LEAST * level:
-        yield _Found(rms**2 * len(t), f"a wave of {frequency[top]:.1f} Hz", f"{1e3 * rms:.2g} mm rms", drifts=False)
+        yield _TimeStructure(
+            rms**2 * len(t), f"a wave of {frequency[top]:.1f} Hz", f"{1e3 * rms:.2g} mm rms", drifts=False
+        )
 
 
-def _drifts(t: Array, residual: Array, level: float) -> Iterator[_Found]:
+def _drifts(t: Array, residual: Array, level: float) -> Iterator[_TimeStructure]:
     """Energy and size of a straight line over time that blocks of one second confirm."""
     x, residual = t - t.mean(), residual - residual.mean(axis=0)
     slope = residual.T @ x / (x @ x)
@@ -83,4 +85,4 @@ def _drifts(t: Array, residual: Array, level: float) -> Iterator[_Found]:
     if np.max(np.abs(slope) / np.maximum(std, 1e-300)) > SHARP and rms > LEAST * level:
         seconds = t[-1] - t[0]
         way = 1e3 * float(np.linalg.norm(slope)) * seconds
-        yield _Found(rms**2 * len(t), "time", f"{way:.2g} mm in {seconds:.0f} s", drifts=True)
+        yield _TimeStructure(rms**2 * len(t), "time", f"{way:.2g} mm in {seconds:.0f} s", drifts=True)

@@ -20,7 +20,7 @@ def point_residual(state: State, side: Side) -> Array:
     return residuals(state.parameters, state.values, state.estimate.extension, state.points(side))
 
 
-def beside_zeros(state: State, side: Side, steps: Array, level: float) -> Array:
+def residual_without_zeros(state: State, side: Side, steps: Array, level: float) -> Array:
     """(N, 3) m: ``point_residual`` without what the encoders' own zeros in each recording explain of it.
 
     steps (n,) rad: of the encoders, whose prior of a zero they are (``zero_scales``); level: m, noise of a coordinate.

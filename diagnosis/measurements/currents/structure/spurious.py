@@ -27,7 +27,7 @@ from diagnosis.selection.design import Columns
 from diagnosis.selection.regression import score, with_columns
 
 
-def misnamed(state: State, unexplained: Unexplained, bases: Bases) -> list[Candidate]:
+def spurious(state: State, unexplained: Unexplained, bases: Bases) -> list[Candidate]:
     """Chosen candidates that name parts of the structure that they leave unexplained; empty where none does."""
     kept = dominant(state)
     return _superfluous(state, unexplained, kept) or _outdone(state, kept, bases) or _compensating(state)
