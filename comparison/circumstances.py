@@ -44,16 +44,16 @@ class Circumstance:
 
 
 def circumstances(
-    recordings: Sequence[Recording], motions: Sequence[Motion], side: NDArray[np.bool_], arm: Arm
+    recordings: Sequence[Recording], motions: Sequence[Motion], is_before: NDArray[np.bool_], arm: Arm
 ) -> list[Circumstance]:
-    """All differences; ``side`` (n,) is True for recordings of the side before."""
+    """All differences; ``is_before`` (n,) is True for recordings of the side before."""
     return [
         *_payload(recordings),
-        *_temperature(recordings, side),
-        *_rate(recordings, side),
-        *_motion(motions, side, arm),
-        *_rig(recordings, side),
-        *_calibration(recordings, side),
+        *_temperature(recordings, is_before),
+        *_rate(recordings, is_before),
+        *_motion(motions, is_before, arm),
+        *_rig(recordings, is_before),
+        *_calibration(recordings, is_before),
     ]
 
 
@@ -79,14 +79,14 @@ def _means(recordings: Sequence[Recording], which: NDArray[np.bool_]) -> Array |
     return np.asarray(np.mean(found, axis=0))
 
 
-def warmer(recordings: Sequence[Recording], side: NDArray[np.bool_], joints: int) -> Array:
+def warmer(recordings: Sequence[Recording], is_before: NDArray[np.bool_], joints: int) -> Array:
     """(J,) K by which the side after was warmer; NaN where a recording has no temperature."""
-    before, after = _means(recordings, side), _means(recordings, ~side)
+    before, after = _means(recordings, is_before), _means(recordings, ~is_before)
     return np.full(joints, np.nan) if before is None or after is None else after - before
 
 
-def _temperature(recordings: Sequence[Recording], side: NDArray[np.bool_]) -> Iterator[Circumstance]:
-    before, after = _means(recordings, side), _means(recordings, ~side)
+def _temperature(recordings: Sequence[Recording], is_before: NDArray[np.bool_]) -> Iterator[Circumstance]:
+    before, after = _means(recordings, is_before), _means(recordings, ~is_before)
     if before is None or after is None:
         return
     for j, by in enumerate(after - before):
@@ -99,21 +99,21 @@ def _temperature(recordings: Sequence[Recording], side: NDArray[np.bool_]) -> It
             yield Circumstance("temperature", (j + 1,), sentence)
 
 
-def _rate(recordings: Sequence[Recording], side: NDArray[np.bool_]) -> Iterator[Circumstance]:
+def _rate(recordings: Sequence[Recording], is_before: NDArray[np.bool_]) -> Iterator[Circumstance]:
     rates = np.array([1 / recording.dt for recording in recordings])
-    before, after = float(np.median(rates[side])), float(np.median(rates[~side]))
+    before, after = float(np.median(rates[is_before])), float(np.median(rates[~is_before]))
     if not 1 / RATE < after / before < RATE:
         yield Circumstance("rate", (), f"sampling rate: {before:.4g} rows/s before, {after:.4g} after")
 
 
-def _motion(motions: Sequence[Motion], side: NDArray[np.bool_], arm: Arm) -> Iterator[Circumstance]:
+def _motion(motions: Sequence[Motion], is_before: NDArray[np.bool_], arm: Arm) -> Iterator[Circumstance]:
     speed = np.array([np.sqrt(np.mean(motion.qd**2, axis=0)) for motion in motions])
     centre = np.array([motion.q.mean(axis=0) for motion in motions])
     travel = np.array([np.ptp(motion.q, axis=0) for motion in motions]).max(axis=0)
     differing = []
     for j in range(len(arm)):
-        before, after = speed[side, j].mean(), speed[~side, j].mean()
-        shift = abs(centre[side, j].mean() - centre[~side, j].mean())
+        before, after = speed[is_before, j].mean(), speed[~is_before, j].mean()
+        shift = abs(centre[is_before, j].mean() - centre[~is_before, j].mean())
         if max(before, after) > FASTER * min(before, after) or shift > PLACE * travel[j] > 0:
             differing.append(j + 1)
     if differing:
@@ -125,8 +125,8 @@ def _motion(motions: Sequence[Motion], side: NDArray[np.bool_], arm: Arm) -> Ite
         yield Circumstance("motion", tuple(differing), sentence)
 
 
-def _rig(recordings: Sequence[Recording], side: NDArray[np.bool_]) -> Iterator[Circumstance]:
-    names = [{r.rig.get("name") for r, mine in zip(recordings, side) if mine == which} for which in (True, False)]
+def _rig(recordings: Sequence[Recording], is_before: NDArray[np.bool_]) -> Iterator[Circumstance]:
+    names = [{r.rig.get("name") for r, mine in zip(recordings, is_before) if mine == which} for which in (True, False)]
     if names[0] != names[1] and None not in names[0] | names[1]:
         before, after = (", ".join(sorted(map(str, each))) for each in names)
         yield Circumstance("rig", (), f"rig: {before} before, {after} after; a wrong current gain looks like a change")
@@ -141,10 +141,10 @@ CALIBRATED = {
 """Entries of a calibration, one per joint, in words."""
 
 
-def _calibration(recordings: Sequence[Recording], side: NDArray[np.bool_]) -> Iterator[Circumstance]:
+def _calibration(recordings: Sequence[Recording], is_before: NDArray[np.bool_]) -> Iterator[Circumstance]:
     """Entries in which the calibrations of the sides differ, by the file of each side's first recording."""
     hashes = [(r.calibration or {}).get("hash") for r in recordings]
-    sides = [{one for one, mine in zip(hashes, side) if mine == which} for which in (True, False)]
+    sides = [{one for one, mine in zip(hashes, is_before) if mine == which} for which in (True, False)]
     if sides[0] == sides[1] and len(sides[0]) == 1:
         return
     if max(map(len, sides)) > 1 or None in sides[0] | sides[1]:
@@ -152,7 +152,7 @@ def _calibration(recordings: Sequence[Recording], side: NDArray[np.bool_]) -> It
         which = f"{', '.join(without)} without any" if without else "of one side, too"
         yield Circumstance("calibration", (), f"calibrations differ between the recordings ({which})")
         return
-    first = [next(r for r, mine in zip(recordings, side) if mine == which) for which in (True, False)]
+    first = [next(r for r, mine in zip(recordings, is_before) if mine == which) for which in (True, False)]
     before, after = (r.calibration or {} for r in first)
     for name, words in CALIBRATED.items():
         for j, (then, now) in enumerate(zip(before.get(name, ()), after.get(name, ()))):

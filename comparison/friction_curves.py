@@ -74,15 +74,15 @@ def shows(motion: Motion, joint: int, direction: float) -> bool:
 
 
 def common_curves(
-    motions: Sequence[Motion], names: Sequence[str], arm: Arm, side: NDArray[np.bool_] | None = None
+    motions: Sequence[Motion], names: Sequence[str], arm: Arm, is_before: NDArray[np.bool_] | None = None
 ) -> list[Curve]:
     """For each joint and direction the speeds at which the ``motions`` show friction.
 
     names  of the recordings
-    side   (n,) True for those before: of each side, ENOUGH of them must show it; None: all must
+    is_before (n,) True for recordings of the side before: of each side, ENOUGH of them must show it; None: all must
     """
     places = [(joint, direction) for joint in range(len(arm)) for direction in (1.0, -1.0)]
-    return [_curve(motions, names, arm, place, side) for place in places]
+    return [_curve(motions, names, arm, place, is_before) for place in places]
 
 
 def _curve(
@@ -90,13 +90,13 @@ def _curve(
     names: Sequence[str],
     arm: Arm,
     place: tuple[int, float],
-    side: NDArray[np.bool_] | None,
+    is_before: NDArray[np.bool_] | None,
 ) -> Curve:
     joint, direction = place
     nothing = np.empty(0)
     shown = np.array([shows(motion, joint, direction) for motion in motions])
-    groups = [shown] if side is None else [shown[side], shown[~side]]
-    if any(of_side.sum() < (len(of_side) if side is None else min(len(of_side), ENOUGH)) for of_side in groups):
+    groups = [shown] if is_before is None else [shown[is_before], shown[~is_before]]
+    if any(of_side.sum() < (len(of_side) if is_before is None else min(len(of_side), ENOUGH)) for of_side in groups):
         missing = int(np.argmin(shown))
         return Curve(joint, direction, nothing, _why(motions[missing], names[missing], joint, direction))
     motions = [motion for motion, well in zip(motions, shown) if well]
@@ -155,11 +155,11 @@ def hats(motion: Motion, curve: Curve, knots: Array) -> Array:
 
 def model_friction(arm: Arm, curve: Curve, speeds: Array) -> Array:
     """(K,) what the model has at these speeds, N m (N): the value of a point that a recording does not show."""
-    joint, side = arm.joints[curve.joint], 0 if curve.direction > 0 else 1
+    joint, place = arm.joints[curve.joint], 0 if curve.direction > 0 else 1
     own = joint.friction_curve
     return np.asarray(
-        joint.ratio**2 * joint.viscous[side] * speeds
-        + joint.ratio * (joint.coulomb[side] + curve.direction * joint.offset)
+        joint.ratio**2 * joint.viscous[place] * speeds
+        + joint.ratio * (joint.coulomb[place] + curve.direction * joint.offset)
         + (0.0 if own is None else curve_at(own, speeds, 1 if curve.direction > 0 else -1))
     )
 

@@ -149,11 +149,11 @@ def is_friction(name: str) -> bool:
 
 
 def structure_of(
-    arm: Arm, base: BaseParameters, motions: Sequence[Motion], names: Sequence[str], side: NDArray[np.bool_]
+    arm: Arm, base: BaseParameters, motions: Sequence[Motion], names: Sequence[str], is_before: NDArray[np.bool_]
 ) -> Structure:
-    """What all ``motions`` are compared by; ``names`` of their recordings, ``side`` (n,) True for those before."""
+    """What all ``motions`` are compared by; ``names`` of their recordings, ``is_before`` (n,) True for those before."""
     rows = [row for row, column in enumerate(base.kept) if not is_friction(base.names[column])]
-    curves = common_curves(motions, names, arm, side)
+    curves = common_curves(motions, names, arm, is_before)
     return Structure(arm, base, np.array(rows, np.intp), curves, mean_loads(arm, motions))
 
 

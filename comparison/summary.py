@@ -23,8 +23,8 @@ from scipy import linalg, stats
 
 from arm_io.types import Array
 from comparison.change import Change
-from comparison.joint_fit.both_sides import Tested
-from comparison.joint_fit.fewest import Found
+from comparison.joint_fit.fewest_changes import AcceptedChange
+from comparison.joint_fit.joint_regression import Tested
 from comparison.regression import Fitted, Structure
 
 CERTAIN = 1e-4
@@ -90,30 +90,30 @@ class _Changes:
 def summaries(
     structure: Structure,
     fits: Sequence[Fitted],
-    side: NDArray[np.bool_],
+    is_before: NDArray[np.bool_],
     changes: Sequence[Change],
-    found: Sequence[Found] = (),
+    found: Sequence[AcceptedChange] = (),
     added: Sequence[Change] = (),
 ) -> list[Summary]:
     """The causes that sum up changes: of the regressions of single recordings, or those that the joint fit found.
 
     fits     of recordings that are long enough; of a side without one, what the joint fit found is summed up
-    side     True of the fits before
+    is_before  True of the fits before
     changes  of all quantities; the last of them are those of the values
     found    by the joint fit; added: changes of effects beyond the model
     """
     significant = [one for one in changes if one.significant]
     # where the arm is acts on values that a regression of one recording has no column for
     placed = any(one.tested.hypothesis.added is not None and one.tested.hypothesis.added.placed for one in found)
-    if placed or side.all() or not side.any():
+    if placed or is_before.all() or not is_before.any():
         return list(_by_joint_fit(found, [*significant, *(one for one in added if one.significant)]))
-    seen = _seen(fits, side, changes[len(changes) - structure.size :])
+    seen = _seen(fits, is_before, changes[len(changes) - structure.size :])
     of_all = [*significant, *(one for one in added if one.significant)]
     if not len(seen.change) or not significant:
         return []
     candidates = 1 + len(structure.arm)
     single = [_payload(structure, seen, significant, candidates)]
-    scale = np.mean([f.by_scale for f, mine in zip(fits, side) if not mine], axis=0)
+    scale = np.mean([f.by_scale for f, mine in zip(fits, is_before) if not mine], axis=0)
     # what a scale does to the values differs between recordings, and so between means that are weighted otherwise
     several = found if len(fits) > 2 else []
     exact = {one.tested.hypothesis.joint: one.tested for one in several if one.tested.hypothesis.what == "scale"}
@@ -127,12 +127,12 @@ def summaries(
     return [max(stated, key=lambda one: len(one.explains))] if stated else list(_by_joint_fit(found, of_all))
 
 
-def _seen(fits: Sequence[Fitted], side: NDArray[np.bool_], changes: Sequence[Change]) -> _Changes:
+def _seen(fits: Sequence[Fitted], is_before: NDArray[np.bool_], changes: Sequence[Change]) -> _Changes:
     common = np.isfinite([f.values for f in fits]).all(axis=0) & np.array([one.std is not None for one in changes])
     places = np.flatnonzero(common)
     covariance = sum(
-        np.mean([f.plain[np.ix_(places, places)] for f, mine in zip(fits, side) if mine == which], axis=0)
-        / np.sum(side == which)
+        np.mean([f.plain[np.ix_(places, places)] for f, mine in zip(fits, is_before) if mine == which], axis=0)
+        / np.sum(is_before == which)
         for which in (True, False)
     )
     std = np.array([changes[int(k)].std or 0.0 for k in places])
@@ -235,7 +235,7 @@ def _current_scale(
     return _scale(joint + 1, scale, std, names, 0)
 
 
-def _by_joint_fit(found: Sequence[Found], significant: Sequence[Change]) -> Iterator[Summary]:
+def _by_joint_fit(found: Sequence[AcceptedChange], significant: Sequence[Change]) -> Iterator[Summary]:
     """The causes among what the joint fit found that make several changes: scales, bodies, effects beyond the model."""
     of = [each.quantity for each in significant]
     for one in found:
@@ -246,16 +246,16 @@ def _by_joint_fit(found: Sequence[Found], significant: Sequence[Change]) -> Iter
             if names:
                 yield _tilt(tested, names, len(of))
         elif what == "scale":
-            names = [each.name for each in of if each.name in one.makes or each.joint == joint]
+            names = [each.name for each in of if each.name in one.quantities or each.joint == joint]
             if (summary := _scale_found(joint, tested, names, len(of) - len(names))) is not None:
                 yield summary
         elif added is not None:
             own = [each for each in of if each.name.startswith(f"joint{joint}.{added.effect}.")]
-            names = [each.name for each in of if each in own or each.name in one.makes]
+            names = [each.name for each in of if each in own or each.name in one.quantities]
             if own and len(names) > len(own):
                 yield _cause(added.effect, joint, own[0].words, names, len(of))
         elif what == "inertia" and len(tested.coefficients) > 1:
-            names = [each.name for each in of if each.name in one.makes]
+            names = [each.name for each in of if each.name in one.quantities]
             if len(names) > 1:
                 yield _cause("link_inertia", joint, f"body of link {joint}, or what it carries", names, len(of))
 

@@ -10,8 +10,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from comparison.joint_fit.both_sides import Both, Tested, left_of, shared_values, tested
 from comparison.joint_fit.hypotheses import Hypothesis, chance
+from comparison.joint_fit.joint_regression import JointRegression, Tested, residuals_of, shared_values, tested
 
 CERTAIN = 1e-3
 """Probability by chance, times the number of hypotheses, of a certain change; of one that explains more, its own."""
@@ -21,11 +21,11 @@ STIFFER = 4.0
 """Deviations by which the stiffness of a spring must change, beside the constant torque that it may have."""
 MOST = 6
 """Changes at most: an arm that differs in more is another arm."""
-AS_WELL = 6.0
+RIVAL_MARGIN = 6.0
 """Squares, in those of the noise, by which a rival of a change may explain less: a ratio of likelihoods of 20."""
 
 
-def selected(both: Both, every: Sequence[Hypothesis], first: Sequence[Hypothesis] = ()) -> list[Tested]:
+def selected(fit: JointRegression, every: Sequence[Hypothesis], first: Sequence[Hypothesis] = ()) -> list[Tested]:
     """The hypotheses that entered, after those that are ``first``, each as tested beside the others that did.
 
     Of those that are certain, the one that explains most shows that something changed. What did is the hypothesis
@@ -36,21 +36,20 @@ def selected(both: Both, every: Sequence[Hypothesis], first: Sequence[Hypothesis
     surest: dict[int, float] = {}
     for _ in range(2 * MOST):
         rest = [one for one in every if all(one is not other for other in chosen)]
-        likely = [one for one in tested(both, rest, chosen) if one.log_p < np.log(CERTAIN) and _is_possible(both, one)]
+        likely = [one for one in tested(fit, rest, chosen) if one.log_p < np.log(CERTAIN) and _is_possible(fit, one)]
         certain = [one for one in likely if _is_certain(one, every)]
         if len(chosen) == MOST or not certain:
             break
-        shown = max(certain, key=_explained)
-        best = _explaining(both, every, chosen, shown, likely).hypothesis
+        shown = max(certain, key=_akaike_gain)
+        best = _explaining(fit, every, chosen, shown, likely).hypothesis
         surest[id(best)] = shown.log_p
-        chosen = [one.hypothesis for one in _beside(both, every, [*chosen, best]) if one.log_p < np.log(CERTAIN)]
-    return [
-        replace(one, log_p=min(one.log_p, surest.get(id(one.hypothesis), 0.0))) for one in _beside(both, every, chosen)
-    ]
+        chosen = [one.hypothesis for one in _conditional(fit, every, [*chosen, best]) if one.log_p < np.log(CERTAIN)]
+    entered = _conditional(fit, every, chosen)
+    return [replace(one, log_p=min(one.log_p, surest.get(id(one.hypothesis), 0.0))) for one in entered]
 
 
-def in_one(
-    both: Both, every: Sequence[Hypothesis], points: Sequence[Hypothesis], found: Sequence[Tested]
+def with_one_mass(
+    fit: JointRegression, every: Sequence[Hypothesis], points: Sequence[Hypothesis], found: Sequence[Tested]
 ) -> list[Tested]:
     """Those ``found``; or one of ``points`` and what is certain beside it, where that is fewer and explains more.
 
@@ -59,19 +58,19 @@ def in_one(
     """
     if len(found) < 2:
         return list(found)
-    alone = [one for one in tested(both, [*every, *points], []) if any(one.hypothesis is point for point in points)]
+    alone = [one for one in tested(fit, [*every, *points], []) if any(one.hypothesis is point for point in points)]
     likely = [one for one in alone if chance(one.log_p, points) < np.log(CERTAIN)]
     if not likely:
         return list(found)
-    point = max(likely, key=_explained).hypothesis
-    others = selected(both, [*every, point], [point])
-    if len(others) >= len(found) or _left(both, others) >= _left(both, found):
+    point = max(likely, key=_akaike_gain).hypothesis
+    others = selected(fit, [*every, point], [point])
+    if len(others) >= len(found) or _akaike(fit, others) >= _akaike(fit, found):
         return list(found)
     surest = min(one.log_p for one in found)
     return [replace(one, log_p=min(one.log_p, surest)) if one.hypothesis is point else one for one in others]
 
 
-def rivals_of(both: Both, every: Sequence[Hypothesis], found: Sequence[Tested]) -> list[list[Tested]]:
+def rivals_of(fit: JointRegression, every: Sequence[Hypothesis], found: Sequence[Tested]) -> list[list[Tested]]:
     """Per change found, the hypotheses that explain as much in its place; those of which it is a part are none."""
     rivals = []
     for one in found:
@@ -80,10 +79,10 @@ def rivals_of(both: Both, every: Sequence[Hypothesis], found: Sequence[Tested]) 
         rivals.append(
             [
                 each
-                for each in tested(both, free, others)
+                for each in tested(fit, free, others)
                 if each.hypothesis is not one.hypothesis
-                and _explained(each) > _explained(one) - AS_WELL
-                and _is_possible(both, each)
+                and _akaike_gain(each) > _akaike_gain(one) - RIVAL_MARGIN
+                and _is_possible(fit, each)
                 and not _is_part(one.hypothesis, each.hypothesis)
             ]
         )
@@ -96,27 +95,31 @@ def _is_part(one: Hypothesis, of: Hypothesis) -> bool:
     return bool(np.allclose(within, one.directions, atol=1e-9 * np.abs(one.directions).max()))
 
 
-def _left(both: Both, found: Sequence[Tested]) -> float:
-    """Squares over the noise that the shared fit with the changes ``found`` leaves, and 2 for each coefficient."""
-    squares = sum(float(np.sum(left**2)) for left in left_of(both, found))
+def _akaike(fit: JointRegression, found: Sequence[Tested]) -> float:
+    """Akaike's criterion: squared residual over the noise with the changes ``found``, and 2 per coefficient."""
+    squares = sum(float(np.sum(residual**2)) for residual in residuals_of(fit, found))
     return squares + 2 * sum(one.hypothesis.directions.shape[1] for one in found)
 
 
 def _explaining(
-    both: Both, every: Sequence[Hypothesis], chosen: Sequence[Hypothesis], shown: Tested, likely: Sequence[Tested]
+    fit: JointRegression,
+    every: Sequence[Hypothesis],
+    chosen: Sequence[Hypothesis],
+    shown: Tested,
+    likely: Sequence[Tested],
 ) -> Tested:
     """Of those that explain more than the one ``shown``, the one that explains most and this one with it; or it."""
-    rivals = [one for one in likely if _explained(one) > _explained(shown)]
-    for rival in sorted(rivals, key=_explained, reverse=True):
-        beside = [*chosen, rival.hypothesis]
-        again = tested(both, [one for one in every if all(one is not other for other in beside)], beside)
+    rivals = [one for one in likely if _akaike_gain(one) > _akaike_gain(shown)]
+    for rival in sorted(rivals, key=_akaike_gain, reverse=True):
+        given = [*chosen, rival.hypothesis]
+        again = tested(fit, [one for one in every if all(one is not other for other in given)], given)
         if not any(_is_certain(one, every) for one in again if one.hypothesis is shown.hypothesis):
             return rival
     return shown
 
 
-def _explained(one: Tested) -> float:
-    """Squares that it removes beyond those that its number of coefficients would by chance."""
+def _akaike_gain(one: Tested) -> float:
+    """By how much it lowers Akaike's criterion: squares that it removes, less 2 per coefficient."""
     return one.gain - 2 * one.hypothesis.directions.shape[1]
 
 
@@ -124,18 +127,18 @@ def _is_certain(one: Tested, every: Sequence[Hypothesis]) -> bool:
     return bool(chance(one.log_p, every) < np.log(CERTAIN))
 
 
-def _beside(both: Both, every: Sequence[Hypothesis], chosen: Sequence[Hypothesis]) -> list[Tested]:
-    """Each of those ``chosen`` as tested beside the others."""
+def _conditional(fit: JointRegression, every: Sequence[Hypothesis], chosen: Sequence[Hypothesis]) -> list[Tested]:
+    """Each of those ``chosen``, tested conditional on the others."""
     again = []
     for one in chosen:
         others = [other for other in chosen if other is not one]
         # with all that did not enter, as their scatter between recordings is part of what it is judged by
-        beside = tested(both, [each for each in every if all(each is not other for other in others)], others)
-        again += [each for each in beside if each.hypothesis is one]
+        given = tested(fit, [each for each in every if all(each is not other for other in others)], others)
+        again += [each for each in given if each.hypothesis is one]
     return again
 
 
-def _is_possible(both: Both, one: Tested) -> bool:
+def _is_possible(fit: JointRegression, one: Tested) -> bool:
     """Whether neither side has less than nothing of an elastic gear or a gap, and of a spring the stiffness changed.
 
     The constant torque that a spring may have is, alone, an asymmetry of friction.
@@ -145,9 +148,9 @@ def _is_possible(both: Both, one: Tested) -> bool:
         return True
     place = int(np.argmax(one.hypothesis.directions[:, 0]))
     if added.definition.spring is None:
-        unit = np.eye(len(both.scale))[place : place + 1]
+        unit = np.eye(len(fit.scale))[place : place + 1]
         sizes, errors = one.seen_by(unit)
         return bool(abs(sizes[0]) > STIFFER * errors[0])
-    values, covariance = shared_values(both, np.zeros(len(both.scale)), [one])
+    values, covariance = shared_values(fit, np.zeros(len(fit.scale)), [one])
     least = min(values[place], values[place] + one.changes[place])
     return bool(least > -max(SLACK * np.sqrt(covariance[place, place]), NEARLY * abs(one.changes[place])))

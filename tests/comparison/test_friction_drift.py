@@ -13,9 +13,9 @@ from comparison import friction_drift
 from comparison.friction_curves import Curve
 from comparison.friction_drift import UNTOLD
 from comparison.from_recordings import compare_recordings
-from comparison.joint_fit import both_sides
-from comparison.joint_fit.both_sides import Both
+from comparison.joint_fit import joint_regression
 from comparison.joint_fit.hypotheses import Hypothesis
+from comparison.joint_fit.joint_regression import JointRegression
 from comparison.regression import Structure
 from identification.regression.base_parameters import structural_base
 from tests.comparison.second_day import LEVELS, puma, record
@@ -89,10 +89,12 @@ def test_deviations_hold_what_differs_between_the_sides() -> None:
     for _ in range(300):
         x = rng.normal(size=(len(block), 3))
         x[:, 1] += 0.7 * x[:, 0]
-        late = recording[block] == 1
-        y = rng.normal(size=len(block)) + late * (x[:, 0] * by * rng.normal())
+        after = recording[block] == 1
+        y = rng.normal(size=len(block)) + after * (x[:, 0] * by * rng.normal())
         drift = by * np.eye(3)[:, :1]
-        both = Both(x, y, block, recording, recording == 1, np.ones(3), x.T @ x, x[late].T @ x[late], drift)
+        fit = JointRegression(x, y, block, recording, recording == 1, np.ones(3), x.T @ x, x[after].T @ x[after], drift)
         every = [Hypothesis("friction", 1, one[:, None], str(k)) for k, one in enumerate(np.eye(3))]
-        z.append([one.coefficients[0] / np.sqrt(one.covariance[0, 0]) for one in both_sides.tested(both, every, [])])
+        z.append(
+            [one.coefficients[0] / np.sqrt(one.covariance[0, 0]) for one in joint_regression.tested(fit, every, [])]
+        )
     assert np.std(z, axis=0) == pytest.approx(1.0, abs=0.15)

@@ -57,7 +57,7 @@ def test_structure_is_searched_for_once_where_there_is_none(
     model = _model(arm, Day(coulomb=(6.0, 0.0), ripple=ripple), TRUE, IDLE)
     state = model.refitted([TRUE, IDLE], {TRUE.key: [], IDLE.key: []})
     calls = _counted(monkeypatch, tenable, "without_spurious")
-    found = tenable._found(state, Bases(*model.data), lambda sentence: None)
+    found = tenable._selected(state, Bases(*model.data), lambda sentence: None)
     assert len(calls) == searches
     assert bool(found.unexplained.structures) is (ripple > 0.0)
     assert IDLE not in found.state.chosen or ripple

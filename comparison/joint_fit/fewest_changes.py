@@ -14,16 +14,23 @@ from numpy.typing import NDArray
 from arm_io.types import Array
 from comparison.change import Change
 from comparison.joint_fit.added_changes import added_changes
-from comparison.joint_fit.both_sides import Both, Tested, both_sides, left_of, shared_values, tested
 from comparison.joint_fit.effects import Added, added_rows, always, with_columns
 from comparison.joint_fit.hypotheses import Hypothesis, chance, hypotheses, point_masses, single_values, size_with
+from comparison.joint_fit.joint_regression import (
+    JointRegression,
+    Tested,
+    joint_regression,
+    residuals_of,
+    shared_values,
+    tested,
+)
 from comparison.joint_fit.ripples import ripples
-from comparison.joint_fit.selection import in_one, rivals_of, selected
+from comparison.joint_fit.selection import rivals_of, selected, with_one_mass
 from comparison.quantities import friction_maps
 from comparison.regression import Fitted, Rows, Structure
 from identification.preprocessing.signals import Motion
 
-SHOWN_TOO = 0.05
+CONFIRMED = 0.05
 """Probability by chance in the shared regression, times the number of hypotheses, of a change that single regressions
 call significant."""
 
@@ -32,7 +39,7 @@ call significant."""
 class Recorded:
     """The recordings in the band of the joint fit, and what each says alone.
 
-    side   (n,) True for those before
+    is_before (n,) True for recordings of the side before
     drift  (c, d) as of ``friction_drift``
     """
 
@@ -40,7 +47,7 @@ class Recorded:
     motions: Sequence[Motion]
     rows: Sequence[Rows]
     fits: Sequence[Fitted]
-    side: NDArray[np.bool_]
+    is_before: NDArray[np.bool_]
     drift: Array
 
 
@@ -48,26 +55,28 @@ class Recorded:
 class _Joint:
     """The joint fit with the columns of some effects beyond the model, its hypotheses, and those that entered."""
 
-    both: Both
+    fit: JointRegression
     added: Sequence[Added]
     every: Sequence[Hypothesis]
     found: Sequence[Tested]
 
 
 @dataclass(frozen=True)
-class Found:
+class AcceptedChange:
     """A hypothesis that entered.
 
-    makes   names of the quantities that it changes by more than two deviations
-    rivals  hypotheses that explain as much in its place
+    quantities  names of those that it changes by more than two deviations
+    rivals      hypotheses that explain as much in its place
     """
 
     tested: Tested
-    makes: frozenset[str]
+    quantities: frozenset[str]
     rivals: Sequence[Hypothesis] = ()
 
 
-def with_fewest(recorded: Recorded, changes: Sequence[Change]) -> tuple[list[Change], list[Change], list[Found]]:
+def fewest_changes(
+    recorded: Recorded, changes: Sequence[Change]
+) -> tuple[list[Change], list[Change], list[AcceptedChange]]:
     """The changes of all quantities, decided by the shared regression; those of effects beyond the model; what entered.
 
     changes: by regressions of single recordings; the last of them are those of the values.
@@ -75,30 +84,30 @@ def with_fewest(recorded: Recorded, changes: Sequence[Change]) -> tuple[list[Cha
     joint = _searched(recorded)
     structure, found = recorded.structure, joint.found
     chances = _chances(structure, joint)
-    values, covariance = shared_values(joint.both, _model(structure, joint.added), found)
+    values, covariance = shared_values(joint.fit, _model(structure, joint.added), found)
     maps = _maps(structure, np.diag(covariance), len(values), _by_scale(recorded))
     made = np.zeros((len(found), len(changes)), bool)
     for own, one in zip(made, found):
         sizes, errors = one.seen_by(maps)
         own[:] = np.abs(sizes) > 2.0 * errors
     decided = [
-        each if by else _stands(each, chances, joint.every)
+        each if by else _confirmed(each, chances, joint.every)
         for each, by in zip(changes, made.any(axis=0) & _possible(changes))
     ]
     std = np.sqrt(np.maximum(np.sum(maps @ covariance * maps, axis=1), 0.0))
     for own, one in zip(made, found):
         if one.hypothesis.added is None:
             sizes, errors = one.seen_by(maps)
-            k = _clearest(one, decided, sizes, errors, structure.size)
+            k = _most_significant(one, decided, sizes, errors, structure.size)
             before, after = (float(maps[k] @ values), float(std[k])), (float(sizes[k]), float(errors[k]))
             decided[k] = _conditional(decided[k], before, after, one, joint.every)
             own[k] = True
     causes = []
-    for own, one, rivals in zip(made, found, rivals_of(joint.both, joint.every, found)):
+    for own, one, rivals in zip(made, found, rivals_of(joint.fit, joint.every, found)):
         # without what the others change less beside it
         touched = own & np.any(maps @ one.hypothesis.directions != 0.0, axis=1)
-        makes = frozenset(each.quantity.name for each, by in zip(decided, touched) if by)
-        causes.append(Found(one, makes, [each.hypothesis for each in rivals]))
+        quantities = frozenset(each.quantity.name for each, by in zip(decided, touched) if by)
+        causes.append(AcceptedChange(one, quantities, [each.hypothesis for each in rivals]))
     return decided, added_changes(structure, joint.every, found, values, covariance), causes
 
 
@@ -107,11 +116,11 @@ def _searched(recorded: Recorded) -> _Joint:
 
     First those that all recordings have alike, then those that differ, without any change and with those found.
     """
-    arm, motions, after = recorded.structure.arm, recorded.motions, ~recorded.side
+    arm, motions, after = recorded.structure.arm, recorded.motions, ~recorded.is_before
     joint, rows = _with(recorded, recorded.rows, [], always(arm, motions))
     for common in (True, False):
         every = [[], joint.found] if joint.found else [[]]
-        left = [left_of(joint.both, found) for found in every]
+        left = [residuals_of(joint.fit, found) for found in every]
         proposed = [one for e in left for one in ripples(arm, motions, e, after, common=common)]
         if proposed:
             joint, rows = _with(recorded, rows, joint.added, proposed)
@@ -140,13 +149,13 @@ def _with(
     recorded: Recorded, rows: Sequence[Rows], added: Sequence[Added], proposed: Sequence[Added]
 ) -> tuple[_Joint, list[Rows]]:
     """The joint fit of ``rows``, which have the columns of those ``added``, with those of the others ``proposed``."""
-    structure, fits, side = recorded.structure, recorded.fits, recorded.side
+    structure, fits, is_before = recorded.structure, recorded.fits, recorded.is_before
     new = [one for k, one in enumerate(proposed) if all(not one.same(other) for other in [*added, *proposed[:k]])]
     data = [with_columns(own, added_rows(new, structure.arm, motion)) for own, motion in zip(rows, recorded.motions)]
     every = [*added, *new]
     tried, points = hypotheses(structure, every), point_masses(structure, every)
-    both = both_sides(structure, data, fits, side, recorded.drift)
-    return _Joint(both, every, [*tried, *points], in_one(both, tried, points, selected(both, tried))), data
+    fit = joint_regression(structure, data, fits, is_before, recorded.drift)
+    return _Joint(fit, every, [*tried, *points], with_one_mass(fit, tried, points, selected(fit, tried))), data
 
 
 def _model(structure: Structure, added: Sequence[Added]) -> Array:
@@ -155,8 +164,9 @@ def _model(structure: Structure, added: Sequence[Added]) -> Array:
 
 def _by_scale(recorded: Recorded) -> Array:
     """(c, J) what another scale of a joint's currents does to the values of a recording after."""
-    late = [one for one, mine in zip(recorded.fits, recorded.side) if not mine and np.isfinite(one.values).any()]
-    return np.mean([one.by_scale for one in late], axis=0) if late else np.zeros_like(recorded.fits[0].by_scale)
+    pairs = zip(recorded.fits, recorded.is_before)
+    after = [one.by_scale for one, first in pairs if not first and np.isfinite(one.values).any()]
+    return np.mean(after, axis=0) if after else np.zeros_like(recorded.fits[0].by_scale)
 
 
 def _maps(structure: Structure, variance: Array, size: int, by_scale: Array) -> Array:
@@ -170,7 +180,7 @@ def _maps(structure: Structure, variance: Array, size: int, by_scale: Array) -> 
 def _chances(structure: Structure, joint: _Joint) -> dict[str, float]:
     """Name of a quantity -> logarithm of its chance beside what was found."""
     singles = [*(one for one in joint.every if one.quantity), *single_values(structure, joint.added)]
-    found = tested(joint.both, singles, [one.hypothesis for one in joint.found])
+    found = tested(joint.fit, singles, [one.hypothesis for one in joint.found])
     return {one.hypothesis.quantity: one.log_p for one in found}
 
 
@@ -178,15 +188,15 @@ def _possible(changes: Sequence[Change]) -> NDArray[np.bool_]:
     return np.array([one.significant for one in changes], bool)
 
 
-def _stands(change: Change, chances: dict[str, float], every: Sequence[Hypothesis]) -> Change:
+def _confirmed(change: Change, chances: dict[str, float], every: Sequence[Hypothesis]) -> Change:
     """The change, not significant where the shared regression does not show it."""
     shared = min(1.0, float(np.exp(chance(chances.get(change.quantity.name, 0.0), every))))
-    if change.significant and change.corrected is not None and shared > SHOWN_TOO:
+    if change.significant and change.corrected is not None and shared > CONFIRMED:
         return replace(change, corrected=max(change.corrected, shared))
     return change
 
 
-def _clearest(one: Tested, changes: Sequence[Change], sizes: Array, errors: Array, values: int) -> int:
+def _most_significant(one: Tested, changes: Sequence[Change], sizes: Array, errors: Array, values: int) -> int:
     """The quantity that shows a hypothesis best: its own, or the value that changes by most deviations."""
     own = next((k for k, each in enumerate(changes) if each.quantity.name == one.hypothesis.quantity), None)
     if own is not None and errors[own] > 0.0:

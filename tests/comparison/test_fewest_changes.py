@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from comparison.joint_fit import both_sides
-from comparison.joint_fit.both_sides import Both
+from comparison.joint_fit import joint_regression
 from comparison.joint_fit.hypotheses import Hypothesis
-from comparison.joint_fit.selection import in_one, selected
+from comparison.joint_fit.joint_regression import JointRegression
+from comparison.joint_fit.selection import selected, with_one_mass
 
 RECORDINGS, BLOCKS, ROWS = 8, 30, 12
 QUIET = 8
@@ -17,7 +17,7 @@ QUIET = 8
 
 def both_of(
     rng: np.random.Generator, made: tuple[float, float, float], differs: float
-) -> tuple[Both, list[Hypothesis]]:
+) -> tuple[JointRegression, list[Hypothesis]]:
     """Eight recordings, the last four with changes of the first three values, under noise of 1.
 
     The rows of the second value are a part of those of the first. What a change of the first makes of the others
@@ -28,10 +28,10 @@ def both_of(
     x[:, 1] = np.where(in_part, x[:, 0], 0.0)
     block = np.repeat(np.arange(RECORDINGS * BLOCKS), ROWS)
     recording = np.repeat(np.arange(RECORDINGS), BLOCKS)
-    late = recording[block] >= RECORDINGS // 2
+    after = recording[block] >= RECORDINGS // 2
     uneven = differs * made[0] * (-1.0) ** recording[block] * x[:, 0] * ~in_part
-    y = rng.normal(size=n) + late * (x[:, :3] @ made + uneven)
-    both = Both(
+    y = rng.normal(size=n) + after * (x[:, :3] @ made + uneven)
+    fit = JointRegression(
         x,
         y,
         block,
@@ -39,25 +39,25 @@ def both_of(
         recording >= RECORDINGS // 2,
         np.ones(size),
         x.T @ x,
-        x[late].T @ x[late],
+        x[after].T @ x[after],
         np.zeros((size, 0)),
     )
     names = ["cause", "part", "other", *(f"quiet {k}" for k in range(QUIET))]
     kinds = ["scale", *["friction"] * (size - 1)]
     every = [Hypothesis(what, 1, one[:, None], name, tries=300) for what, one, name in zip(kinds, np.eye(size), names)]
-    return both, every
+    return fit, every
 
 
-def names(found: list[both_sides.Tested]) -> set[str]:
+def names(found: list[joint_regression.Tested]) -> set[str]:
     return {one.hypothesis.quantity for one in found}
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_a_cause_is_found_though_a_part_of_it_is_surer(seed: int) -> None:
-    both, every = both_of(np.random.default_rng(seed), (1.0, 0.0, 0.0), 0.17)
-    whole, part, *_ = both_sides.tested(both, every, [])
+    fit, every = both_of(np.random.default_rng(seed), (1.0, 0.0, 0.0), 0.17)
+    whole, part, *_ = joint_regression.tested(fit, every, [])
     assert whole.gain > part.gain and whole.log_p > part.log_p
-    (found,) = selected(both, every)
+    (found,) = selected(fit, every)
     assert found.hypothesis.quantity == "cause"
     # something changed as surely as its part shows
     assert found.log_p <= part.log_p
@@ -65,26 +65,26 @@ def test_a_cause_is_found_though_a_part_of_it_is_surer(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", range(4))
 def test_a_part_alone_is_found_as_itself(seed: int) -> None:
-    both, every = both_of(np.random.default_rng(seed), (0.0, 1.0, 0.0), 0.0)
-    assert names(selected(both, every)) == {"part"}
+    fit, every = both_of(np.random.default_rng(seed), (0.0, 1.0, 0.0), 0.0)
+    assert names(selected(fit, every)) == {"part"}
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_two_that_have_nothing_in_common_are_both_found(seed: int) -> None:
-    both, every = both_of(np.random.default_rng(seed), (1.0, 0.0, 0.5), 0.17)
-    assert names(selected(both, every)) == {"cause", "other"}
+    fit, every = both_of(np.random.default_rng(seed), (1.0, 0.0, 0.5), 0.17)
+    assert names(selected(fit, every)) == {"cause", "other"}
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_nothing_is_found_where_nothing_changed(seed: int) -> None:
-    both, every = both_of(np.random.default_rng(seed), (0.0, 0.0, 0.0), 0.0)
-    assert selected(both, every) == []
+    fit, every = both_of(np.random.default_rng(seed), (0.0, 0.0, 0.0), 0.0)
+    assert selected(fit, every) == []
 
 
 @pytest.mark.parametrize(("sign", "expected"), [(1.0, {"mass"}), (-1.0, {"cause", "other"})])
 def test_a_mass_takes_the_place_of_several_that_it_explains(sign: float, expected: set[str]) -> None:
-    both, every = both_of(np.random.default_rng(1), (0.3, 0.0, sign * 0.3), 0.0)
-    mass = Hypothesis("inertia", 1, np.eye(len(both.scale))[:, [0, 2]].sum(axis=1, keepdims=True), "mass")
-    found = selected(both, every)
+    fit, every = both_of(np.random.default_rng(1), (0.3, 0.0, sign * 0.3), 0.0)
+    mass = Hypothesis("inertia", 1, np.eye(len(fit.scale))[:, [0, 2]].sum(axis=1, keepdims=True), "mass")
+    found = selected(fit, every)
     assert names(found) == {"cause", "other"}
-    assert names(in_one(both, every, [mass], found)) == expected
+    assert names(with_one_mass(fit, every, [mass], found)) == expected

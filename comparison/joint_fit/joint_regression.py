@@ -37,14 +37,14 @@ NONE = 1e-9
 
 
 @dataclass(frozen=True)
-class Both:
+class JointRegression:
     """Weighted rows of all recordings, for values in units of ``scale`` (c,).
 
     The last ``scales`` of the c values are changes of scale of the joints' currents, 0 before.
 
     x, y       (n, c) columns and (n,) torques less the model's, over the noise
     block      (n,) the block of time of each row; recording, after  (b,) of each block
-    total, late  (c, c) normal matrices of all rows, and of the side after
+    total, total_after  (c, c) normal matrices of all rows, and of the side after
     drift      (c, d) changes of the values by one standard deviation each of what differs where nothing changed
     """
 
@@ -55,7 +55,7 @@ class Both:
     after: NDArray[np.bool_]
     scale: Array
     total: Array
-    late: Array
+    total_after: Array
     drift: Array
     scales: int = 0
 
@@ -68,14 +68,14 @@ class Both:
         """(n,) rows of the side after."""
         return np.asarray(self.after[self.block])
 
-    def weighed(self) -> tuple[Array, Array, Array]:
+    def information(self) -> tuple[Array, Array, Array]:
         """(c, c) each: pseudo-inverse of both sides' matrix, share of the shared fit that is of the side after, M."""
         common = len(self.total) - self.scales
         inverse = np.zeros_like(self.total)
         own = self.total[:common, :common]
         inverse[:common, :common] = np.linalg.pinv(own + NONE * np.eye(common), hermitian=True)
-        share = self.late @ inverse
-        return inverse, share, np.asarray(self.late - share @ self.late)
+        share = self.total_after @ inverse
+        return inverse, share, np.asarray(self.total_after - share @ self.total_after)
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ class Tested:
 
 
 @dataclass(frozen=True)
-class _Raw:
+class _Estimate:
     """Coefficients (k,) of independent directions (c, k), scaled; covariance (k, k) by blocks; scatter over it.
 
     drift    (k, d) change of the coefficients by one standard deviation each of what differs where nothing changed
@@ -124,10 +124,10 @@ class _Raw:
     freedom: float
 
 
-def both_sides(
-    structure: Structure, data: Sequence[Rows], fits: Sequence[Fitted], side: NDArray[np.bool_], drift: Array
-) -> Both:
-    """Of recordings with their own fits; ``side`` (n,) is True for those before.
+def joint_regression(
+    structure: Structure, data: Sequence[Rows], fits: Sequence[Fitted], is_before: NDArray[np.bool_], drift: Array
+) -> JointRegression:
+    """Of recordings with their own fits; ``is_before`` (n,) is True for those before.
 
     drift: (c, d) as of ``friction_drift``. Columns beyond those of the compared values are zero in the model, and do
     not drift. Those of the joints' scales come last.
@@ -138,7 +138,7 @@ def both_sides(
     square = np.array([_spread(rows, one, joints) for rows, one in zip(data, fits)])
     noise = np.sqrt(np.array([np.median(of[np.isfinite(of)]) if np.isfinite(of).any() else 1.0 for of in square.T]))
     parts = [_weighted(rows, model, noise) for rows in data]
-    before = _values_of([one for one, mine in zip(parts, side) if mine], model)
+    before = _values_of([one for one, mine in zip(parts, is_before) if mine], model)
     parts = [(np.concatenate([x, _scales(one, before, noise)], axis=1), y) for one, (x, y) in zip(data, parts)]
     square = sum((x**2).sum(axis=0) for x, _ in parts)
     # of a joint that stands, or a gap that its load never crosses, nothing is shown
@@ -151,9 +151,10 @@ def both_sides(
         recording += [number] * (int(block.max()) + 1)
     of, block = np.array(recording, np.intp), np.concatenate(blocks)
     x, y = np.concatenate([one * scale for one, _ in parts]), np.concatenate([one for _, one in parts])
-    late = x[~side[of][block]]
+    rows_after = x[~is_before[of][block]]
     drift = np.pad(drift, ((0, size - structure.size), (0, 0))) / scale[:, None]
-    return Both(x, y, block, of, ~side[of], scale, x.T @ x, late.T @ late, drift, joints)
+    squares = x.T @ x, rows_after.T @ rows_after
+    return JointRegression(x, y, block, of, ~is_before[of], scale, *squares, drift, joints)
 
 
 def _spread(rows: Rows, fitted: Fitted, joints: int) -> Array:
@@ -164,11 +165,11 @@ def _spread(rows: Rows, fitted: Fitted, joints: int) -> Array:
 
 def _weighted(rows: Rows, model: Array, noise: Array) -> tuple[Array, Array]:
     """Columns and torques of a recording over the noise, without what its own columns explain."""
-    both = _apart(rows, np.column_stack([rows.columns, rows.y - rows.columns @ model]), noise)
-    return both[:, :-1], both[:, -1]
+    stacked = _without_own(rows, np.column_stack([rows.columns, rows.y - rows.columns @ model]), noise)
+    return stacked[:, :-1], stacked[:, -1]
 
 
-def _apart(rows: Rows, columns: Array, noise: Array) -> Array:
+def _without_own(rows: Rows, columns: Array, noise: Array) -> Array:
     """Columns (k, c) over the noise, without what the recording's own columns explain."""
     weight = 1.0 / np.maximum(noise[rows.equations.joint], 1e-300)[:, None]
     x = np.asarray(columns * weight)
@@ -196,47 +197,47 @@ def _sizes(square: Array) -> Array:
 def _scales(rows: Rows, values: Array, noise: Array) -> Array:
     """(k, J) torque of each joint alone by the values (c,), as ``_apart``."""
     own = rows.equations.joint[:, None] == np.arange(len(noise))
-    return _apart(rows, (rows.columns @ values)[:, None] * own, noise)
+    return _without_own(rows, (rows.columns @ values)[:, None] * own, noise)
 
 
-def left_of(both: Both, found: Sequence[Tested]) -> list[Array]:
-    """(k,) per recording: what the shared fit with the changes ``found`` leaves of its rows, over their noise."""
-    values, changes = _shared(both, found)
-    left = both.y - both.x @ values - np.where(both.rows_after, both.x @ changes, 0.0)
-    return [left[both.recording[both.block] == k] for k in range(both.recordings)]
+def residuals_of(fit: JointRegression, found: Sequence[Tested]) -> list[Array]:
+    """(k,) per recording: residual of its rows in the joint fit with the changes ``found``, over their noise."""
+    values, changes = _shared(fit, found)
+    left = fit.y - fit.x @ values - np.where(fit.rows_after, fit.x @ changes, 0.0)
+    return [left[fit.recording[fit.block] == k] for k in range(fit.recordings)]
 
 
-def _shared(both: Both, found: Sequence[Tested]) -> tuple[Array, Array]:
+def _shared(fit: JointRegression, found: Sequence[Tested]) -> tuple[Array, Array]:
     """(c,) scaled: the values of the side before, less the model's, and the changes ``found``."""
-    changes = sum((one.changes for one in found), np.zeros(len(both.scale))) / both.scale
-    return both.weighed()[0] @ (both.x.T @ both.y - both.late @ changes), changes
+    changes = sum((one.changes for one in found), np.zeros(len(fit.scale))) / fit.scale
+    return fit.information()[0] @ (fit.x.T @ fit.y - fit.total_after @ changes), changes
 
 
-def shared_values(both: Both, model: Array, found: Sequence[Tested]) -> tuple[Array, Array]:
+def shared_values(fit: JointRegression, model: Array, found: Sequence[Tested]) -> tuple[Array, Array]:
     """(c,) values of the side before, with the changes ``found``, and their covariance (c, c), of white rows.
 
     model: (c,) values of the model.
     """
-    values, _ = _shared(both, found)
-    return model + both.scale * values, both.weighed()[0] * both.scale[:, None] * both.scale
+    values, _ = _shared(fit, found)
+    return model + fit.scale * values, fit.information()[0] * fit.scale[:, None] * fit.scale
 
 
-def tested(both: Both, every: Sequence[Hypothesis], chosen: Sequence[Hypothesis]) -> list[Tested]:
-    """What each of ``every`` explains beside those that are ``chosen``."""
-    inverse, share, m = both.weighed()
-    known = np.concatenate([np.empty((len(m), 0)), *(one.directions for one in chosen)], axis=1) / both.scale[:, None]
+def tested(fit: JointRegression, every: Sequence[Hypothesis], chosen: Sequence[Hypothesis]) -> list[Tested]:
+    """What each of ``every`` explains, conditional on those ``chosen``."""
+    inverse, share, m = fit.information()
+    known = np.concatenate([np.empty((len(m), 0)), *(one.directions for one in chosen)], axis=1) / fit.scale[:, None]
     apart = np.linalg.pinv(known.T @ m @ known, hermitian=True, rcond=SHOWN) @ known.T if known.shape[1] else known.T
-    after = both.rows_after
-    scores = both.x[after].T @ both.y[after]
-    found = known @ (apart @ (scores - share @ (both.x.T @ both.y)))
-    left = both.y - np.where(after, both.x @ found, 0.0)
-    left = left - both.x @ (inverse @ (both.x.T @ left))
-    scores = both.x[after].T @ left[after]
+    after = fit.rows_after
+    scores = fit.x[after].T @ fit.y[after]
+    found = known @ (apart @ (scores - share @ (fit.x.T @ fit.y)))
+    left = fit.y - np.where(after, fit.x @ found, 0.0)
+    left = left - fit.x @ (inverse @ (fit.x.T @ left))
+    scores = fit.x[after].T @ left[after]
     shapes = []
     for one in every:
-        directions = one.directions / both.scale[:, None]
+        directions = one.directions / fit.scale[:, None]
         shapes.append(_shape(scores, directions - known @ (apart @ (m @ directions)), m))
-    return _judged(both, every, _raws(both, left, shapes, inverse, share, m @ both.drift))
+    return _with_scatter(fit, every, _estimates(fit, left, shapes, inverse, share, m @ fit.drift))
 
 
 def _shape(scores: Array, directions: Array, m: Array) -> tuple[Array, Array, Array]:
@@ -250,51 +251,53 @@ def _shape(scores: Array, directions: Array, m: Array) -> tuple[Array, Array, Ar
     return along, size, along.T @ scores / size
 
 
-def _raws(
-    both: Both,
+def _estimates(
+    fit: JointRegression,
     left: Array,
     shapes: Sequence[tuple[Array, Array, Array]],
     inverse: Array,
     share: Array,
     drifting: Array,
-) -> list[_Raw | None]:
+) -> list[_Estimate | None]:
     """Of each hypothesis, from what the shared fit leaves (n,); None where the sides do not show it.
 
     drifting: (c, d) M times the drift.
     """
-    after, blocks = both.rows_after, len(both.recording)
+    after, blocks = fit.rows_after, len(fit.recording)
     along = np.concatenate([one for one, _, _ in shapes], axis=1)
     changed = np.stack([one @ coefficients for one, _, coefficients in shapes], axis=1)
-    shown, shared = both.x @ along, both.x @ (share.T @ along)
+    shown, shared = fit.x @ along, fit.x @ (share.T @ along)
     # the residual of the fit in which it has changed
-    remaining = left[:, None] - np.where(after[:, None], both.x @ changed, 0.0)
-    remaining += both.x @ (inverse @ (both.late @ changed))
-    into = sparse.csr_array((np.ones(len(after)), (both.block, np.arange(len(after)))), (blocks, len(after)))
-    found: list[_Raw | None] = []
+    remaining = left[:, None] - np.where(after[:, None], fit.x @ changed, 0.0)
+    remaining += fit.x @ (inverse @ (fit.total_after @ changed))
+    into = sparse.csr_array((np.ones(len(after)), (fit.block, np.arange(len(after)))), (blocks, len(after)))
+    found: list[_Estimate | None] = []
     end = 0
     for k, (one, size, coefficients) in enumerate(shapes):
         own = slice(end, end := end + len(size))
         moves = np.where(after[:, None], shown[:, own], 0.0) - shared[:, own]
         parts = into @ (remaining[:, k, None] * moves), into @ (shown[:, own] ** 2)
         drift = one.T @ drifting / size[:, None]
-        found.append(_raw(both, (one, size, coefficients), *parts, drift) if len(size) else None)
+        found.append(_estimate(fit, (one, size, coefficients), *parts, drift) if len(size) else None)
     return found
 
 
-def _raw(both: Both, shape: tuple[Array, Array, Array], sums: Array, shown: Array, drift: Array) -> _Raw:
+def _estimate(
+    fit: JointRegression, shape: tuple[Array, Array, Array], sums: Array, shown: Array, drift: Array
+) -> _Estimate:
     """``sums`` (b, k) of blocks at the fit with the change, and the information (b, k) of each."""
     along, size, coefficients = shape
     blocks = len(sums)
     covariance = sums.T @ sums * blocks / max(blocks - 1 - len(size), 1) / np.outer(size, size)
     # no surer than white rows
     covariance += np.diag(np.maximum(1.0 / size - np.diag(covariance), 0.0))
-    whole = np.zeros((both.recordings, len(size)))
-    np.add.at(whole, both.recording, sums / size)
-    spare = max(both.recordings - 2, 1)
-    scatter = float(np.mean(np.sum(whole**2, axis=0) * both.recordings / spare / np.diag(covariance)))
+    whole = np.zeros((fit.recordings, len(size)))
+    np.add.at(whole, fit.recording, sums / size)
+    spare = max(fit.recordings - 2, 1)
+    scatter = float(np.mean(np.sum(whole**2, axis=0) * fit.recordings / spare / np.diag(covariance)))
     gains = coefficients**2 * size
-    freedom = _effective(shown, both.after, gains)
-    return _Raw(along, coefficients, covariance, drift, scatter, float(gains.sum()), freedom)
+    freedom = _effective(shown, fit.after, gains)
+    return _Estimate(along, coefficients, covariance, drift, scatter, float(gains.sum()), freedom)
 
 
 def _effective(shown: Array, after: NDArray[np.bool_], gains: Array) -> float:
@@ -311,11 +314,11 @@ def _effective(shown: Array, after: NDArray[np.bool_], gains: Array) -> float:
     return float(freedom @ gains / max(float(gains.sum()), 1e-300))
 
 
-def _judged(both: Both, every: Sequence[Hypothesis], raw: Sequence[_Raw | None]) -> list[Tested]:
+def _with_scatter(fit: JointRegression, every: Sequence[Hypothesis], raw: Sequence[_Estimate | None]) -> list[Tested]:
     pairs = [(one, of) for one, of in zip(every, raw) if of is not None]
     # of one recording on each side, nothing says how far the next would differ
-    scatter = np.array([of.scatter if both.recordings > 2 else 0.0 for _, of in pairs])
-    freedom = np.full(len(pairs), float(max(both.recordings - 2, 1)))
+    scatter = np.array([of.scatter if fit.recordings > 2 else 0.0 for _, of in pairs])
+    freedom = np.full(len(pairs), float(max(fit.recordings - 2, 1)))
     for what in {one.what for one, _ in pairs}:
         mine = np.array([one.what == what for one, _ in pairs])
         scatter[mine], freedom[mine] = moderate(scatter[mine], freedom[mine])
@@ -326,6 +329,6 @@ def _judged(both: Both, every: Sequence[Hypothesis], raw: Sequence[_Raw | None])
         left = min(of.freedom, degrees) if more > 1.0 else of.freedom
         left = max(left - count + 1, 1.0)
         log_p = float(stats.f.logsf(square / count, count, left))
-        along = of.directions * both.scale[:, None]
+        along = of.directions * fit.scale[:, None]
         found.append(Tested(one, along, of.coefficients, covariance, of.gain, log_p))
     return found
