@@ -92,31 +92,28 @@ class RecordingHead:
             return utc_date(int(wall_ns[0]))
         return utc_date_of(self.provenance.get("made"))
 
+    def position_unit(self, joint: int) -> str:
+        """rad, or m of a joint (from 1) that slides, as the rig says, or the model with which a table was imported."""
+        types = self.provenance.get("joint_types", [])
+        kind = types[joint - 1] if joint <= len(types) else self._joint_table(joint).get("type")
+        return "m" if kind == "prismatic" else "rad"
+
+    def current_unit(self, joint: int) -> str:
+        """Of ``i`` of a joint (from 1): A, N m or N (torque or force at the joint), or "drive".
+
+        An imported table may be in the drive's own unit.
+        """
+        unit: str = self.provenance.get("current_unit", "")
+        if not unit and self.provenance.get("kind") == "imported":
+            return "drive"
+        unit = unit or self._joint_table(joint).get("current", {}).get("unit", "A")
+        return "N" if unit == "N m" and self.position_unit(joint) == "m" else unit
+
+    def _joint_table(self, joint: int) -> dict[str, Any]:
+        tables = self.rig.get("joint", [])
+        table: dict[str, Any] = tables[joint - 1] if joint <= len(tables) else {}
+        return table
+
     def _toml(self, name: str) -> dict[str, Any] | None:
         data = self.attachments.get(name)
         return None if data is None else toml_of(data.decode(), f"{self.path}: {name}")
-
-
-def position_unit(recording: RecordingHead, joint: int) -> str:
-    """rad, or m of a joint (from 1) that slides, as the rig says, or the model with which a table was imported."""
-    types = recording.provenance.get("joint_types", [])
-    kind = types[joint - 1] if joint <= len(types) else _joint_table(recording, joint).get("type")
-    return "m" if kind == "prismatic" else "rad"
-
-
-def current_unit(recording: RecordingHead, joint: int) -> str:
-    """Of ``i`` of a joint (from 1): A, N m or N (torque or force at the joint), or "drive".
-
-    An imported table may be in the drive's own unit.
-    """
-    unit: str = recording.provenance.get("current_unit", "")
-    if not unit and recording.provenance.get("kind") == "imported":
-        return "drive"
-    unit = unit or _joint_table(recording, joint).get("current", {}).get("unit", "A")
-    return "N" if unit == "N m" and position_unit(recording, joint) == "m" else unit
-
-
-def _joint_table(recording: RecordingHead, joint: int) -> dict[str, Any]:
-    tables = recording.rig.get("joint", [])
-    table: dict[str, Any] = tables[joint - 1] if joint <= len(tables) else {}
-    return table

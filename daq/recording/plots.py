@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from daq.recording.head import RecordingHead, current_unit, position_unit
+from daq.recording.head import RecordingHead
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -69,7 +69,7 @@ def _draw_joint(
         for axis, signal, width in zip(row, ("q", "i", "deviation"), (1.0, 0.8, 0.8)):
             if (signal, joint) in drawn:
                 axis.plot(*drawn[signal, joint], linewidth=width, **style)
-    unit, current = position_unit(first, joint), current_unit(first, joint)
+    unit, current = first.position_unit(joint), first.current_unit(joint)
     row[0].set_ylabel(f"{first.layout.joints[joint - 1]}\nposition [{unit}]")
     labels = {"A": "current [A]", "N m": "torque [N m]", "N": "force [N]"}
     row[1].set_ylabel(labels.get(current, "current [drive's unit]"))

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from daq.recording.blocks import LongRecording
-from daq.recording.head import RecordingHead, current_unit, position_unit
+from daq.recording.head import RecordingHead
 from daq.recording.mcap_file.checksums import SENTENCES, verify
 from daq.recording.mcap_file.pages import mapped
 from daq.recording.messages.row_format import JOINT_TOPICS, format_of
@@ -158,9 +158,9 @@ def _signals(recording: RecordingHead, found: _Rows) -> list[dict[str, Any]]:
     for signal in JOINT_TOPICS:
         for joint in recording.layout.signals.get(signal, ()):
             if signal == "i":
-                unit = current_unit(recording, joint)
+                unit = recording.current_unit(joint)
             else:
-                unit = _UNITS.get(signal) or position_unit(recording, joint)
+                unit = _UNITS.get(signal) or recording.position_unit(joint)
             table.append({"signal": signal, "joint": joint, "unit": unit} | found.signals[signal].column(joint - 1))
     if recording.layout.points:
         points = found.signals["points" if recording.layout.points == "tracker" else "xyz"]

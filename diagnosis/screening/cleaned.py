@@ -25,7 +25,7 @@ from diagnosis.screening.lost_rows.missing_rows import event_of as event_of_miss
 from diagnosis.screening.lost_rows.missing_rows import gaps_of, missing_rows
 from diagnosis.screening.lost_rows.skipped_rows import Hole, filled, holes_of, remark
 from diagnosis.screening.mains_hum import lines_near_mains, mains_hum, other_lines, without_hum
-from diagnosis.screening.plausibility import check
+from diagnosis.screening.plausibility import check, recorded_otherwise
 from diagnosis.screening.standstill import Oscillation, oscillations
 
 OWN_LIMIT = 0.02
@@ -91,7 +91,12 @@ def screened(arm: Arm, recordings: Sequence[Recording], progress: Progress = lam
         counter_gaps=tuple((*own, *single) for own, single in zip(by_all, gaps)),
         holes=holes,
         blanks=blanks,
-        remarks=(*unmeasured, *(remark(r, own) for r, own in zip(recordings, holes) if own), *other_lines(lines, arm)),
+        remarks=(
+            *recorded_otherwise(arm, recordings),
+            *unmeasured,
+            *(remark(r, own) for r, own in zip(recordings, holes) if own),
+            *other_lines(lines, arm),
+        ),
         oscillating=tuple(oscillating),
     )
 

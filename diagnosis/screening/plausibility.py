@@ -14,6 +14,7 @@ from diagnosis.residual.run_setup import setup_of
 from diagnosis.screening.lost_rows.blank_samples import without_blanks
 from diagnosis.units import recorded_quantity, recorded_signals
 from identification.preprocessing import check_joints
+from identification.preprocessing.mechanism import check_mechanism, other_drives
 
 STANDSTILL = 0.005
 """rad (m): smaller motion of a joint is standstill."""
@@ -33,6 +34,7 @@ def check(arm: Arm, recordings: Sequence[Recording]) -> None:
     """InputError where a recording does not belong to the arm, is too short, lacks samples or has constant signals."""
     for r in recordings:
         check_joints(r, arm)
+        check_mechanism(r, arm)
         if r.dt > 1.0 / LEAST_RATE:
             raise InputError(
                 r.path,
@@ -47,6 +49,15 @@ def check(arm: Arm, recordings: Sequence[Recording]) -> None:
             j = int(np.argmax(constant))
             what = recorded_quantity(arm.joints[j])
             raise InputError(r.path, f"{what} of joint {j + 1} never changes; is it connected?")
+
+
+def recorded_otherwise(arm: Arm, recordings: Sequence[Recording]) -> list[str]:
+    """What the models that recordings carry say otherwise of the drives, each sentence once, with their names."""
+    names: dict[str, dict[str, None]] = {}
+    for r in recordings:
+        for said in other_drives(r, arm):
+            names.setdefault(said, {})[r.path.name] = None
+    return [f"{', '.join(of)}: {said}" for said, of in names.items()]
 
 
 def check_motion(arm: Arm, recordings: Sequence[Recording], words: str) -> None:

@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 
 from arm_io import InputError
 from arm_io.types import Array
-from arm_model import Arm, carried_arm
+from arm_model import Arm
 from daq.recording import Recording
 from identification.preprocessing.joints import check_joints
+from identification.preprocessing.mechanism import check_mechanism
 from identification.preprocessing.quality import as_trusted
 from identification.preprocessing.signals import Motion
 
@@ -19,7 +20,6 @@ MISSING = 0.5  # share of a channel's samples: more missing is no recording of t
 EXPLAINED = 0.7  # of the variation of a joint's torque: a model of the wrong joint explains less
 DEAD = 0.05  # of it: not even friction is seen
 SHOWN = 1e-6  # of the largest: combinations of a joint's columns that its rows show
-LENGTH = 0.02  # m by which the axes of one mechanism may stand otherwise in two models of it
 MOVED = 20.0  # noise levels: less is no motion
 
 
@@ -27,6 +27,7 @@ def check_recording(recording: Recording, arm: Arm) -> None:
     """InputError, one line, where no identification of ``arm`` can come of this recording."""
     where = recording.path
     check_joints(recording, arm)
+    check_mechanism(recording, arm)
     recording = as_trusted(recording)
     if len(recording.t) < 50:
         raise InputError(where, f"has {len(recording.t)} rows; identification needs several seconds of motion")
@@ -38,7 +39,7 @@ def check_recording(recording: Recording, arm: Arm) -> None:
                 where, f"{name}{j + 1}: {missing[j]:.0%} of its samples are missing; expected most of the {unit}"
             )
     _check_channels(recording)
-    _check_rig(recording, arm)
+    _check_limits(recording, arm)
 
 
 def _check_channels(recording: Recording) -> None:
@@ -62,37 +63,9 @@ def _check_channels(recording: Recording) -> None:
             raise InputError(where, f"q{j + 1}: constant while it is demanded to move; the encoder channel is stuck")
 
 
-def _check_rig(recording: Recording, arm: Arm) -> None:
-    """A recording that carries its model must be of the same mechanism; positions must lie within the arm's limits.
-
-    Lengths may differ by what a calibration finds, and no more.
-    """
+def _check_limits(recording: Recording, arm: Arm) -> None:
+    """Positions must lie within the arm's limits."""
     where = recording.path
-    if recording.model is not None:
-        own = carried_arm(recording.model, f"{where}: model.toml")
-        if own.floating is not None:
-            raise InputError(where, f"was recorded with '{own.name}', whose base floats; '{arm.name}' has a fixed one")
-        for number, (mine, other) in enumerate(zip(arm.joints, own.joints), 1):
-            if mine.type != other.type:
-                raise InputError(
-                    where,
-                    f"was recorded with '{own.name}', whose joint {number} is {other.type}; '{arm.name}' has a "
-                    f"{mine.type} one",
-                )
-            for length in ("a", "d") if mine.convention == other.convention else ():
-                now, then = getattr(mine, length), getattr(other, length)
-                if abs(now - then) > LENGTH + 0.05 * abs(now):
-                    raise InputError(
-                        where,
-                        f"was recorded with '{own.name}', whose joint {number} has {length} = {then:.4g} m; "
-                        f"'{arm.name}' has {now:.4g} m",
-                    )
-            if abs(mine.drive_constant / other.drive_constant - 1) > 0.5:
-                raise InputError(
-                    where,
-                    f"was recorded with '{own.name}': {other.drive_constant:.4g} N m/A at joint {number}, "
-                    f"'{arm.name}' has {mine.drive_constant:.4g}",
-                )
     for number, joint in enumerate(arm.joints, 1):
         if joint.limits is None:
             continue

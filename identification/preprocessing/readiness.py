@@ -18,6 +18,7 @@ from scipy import signal
 from arm_io.types import Array
 from arm_model import Arm
 from daq.recording import Recording
+from identification.preprocessing.mechanism import other_drives
 from identification.preprocessing.quality import Trusted
 from identification.preprocessing.signals import Motion
 
@@ -158,6 +159,7 @@ def readiness_of(recording: Recording, found: Trusted, motion: Motion, arm: Arm)
         warnings.append(
             f"{name}: {recording.ledger.lost} of {recording.ledger.triggers} rows were lost as it was recorded"
         )
+    warnings += [f"{name}: {said}" for said in other_drives(recording, arm)]
     warnings += [*found.sentences, *_left_out(name, motion)]
     for entry, joint in zip(joints, arm.joints):
         warnings += _weaknesses(name, entry, motion, joint.torque_limit)

@@ -9,7 +9,6 @@ import pytest
 from scipy.io import savemat
 
 from armscope.cli import run
-from daq.recording.head import current_unit, position_unit
 from tests.daq.test_foreign_tables import imported
 
 
@@ -132,6 +131,6 @@ def test_joints_that_slide_have_metres_and_newtons(root: Path, tmp_path: Path) -
     header = ",".join(["time", *(f"{name}_pos" for name in names), *(f"{name}_effort [Nm]" for name in names)])
     (tmp_path / "log.csv").write_text(header + "\n" + "\n".join(",".join([str(k / 100)] * 7) for k in range(30)))
     recording = imported(tmp_path / "log.csv", "--guess", "--model", str(root / "config/models/gantry.toml"))
-    assert [position_unit(recording, joint) for joint in (1, 2, 3)] == ["m"] * 3
+    assert [recording.position_unit(joint) for joint in (1, 2, 3)] == ["m"] * 3
     plain = imported(tmp_path / "log.csv", "--guess")
-    assert position_unit(plain, 1) == "rad" and current_unit(plain, 1) == "N m"
+    assert plain.position_unit(1) == "rad" and plain.current_unit(1) == "N m"

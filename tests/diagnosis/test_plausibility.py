@@ -11,10 +11,11 @@ import pytest
 
 from arm_io import InputError
 from arm_model.description import Arm, EffectTerm
-from arm_model.model_file import read_model
-from daq.recording import Recording
+from arm_model.model_file import read_model, write_model
+from daq.recording import Attachments, Recording, open_recording, write_table
+from diagnosis import check_recordings
 from diagnosis.residual.run import Run
-from diagnosis.screening.plausibility import check_motion, mixed_up
+from diagnosis.screening.plausibility import check_motion, mixed_up, recorded_otherwise
 from tests.diagnosis.runs import seen
 
 
@@ -57,3 +58,27 @@ def test_angles_in_degrees_and_arms_at_rest_are_refused(run: Run, arm: Arm) -> N
         check_motion(arm, [_recording(np.degrees(run.q))], "fitted")
     with pytest.raises(InputError, match="no joint moves in the held-out"):
         check_motion(arm, [_recording(0.0 * run.q)], "held-out")
+
+
+def test_a_recording_made_with_other_drives(arm: Arm, tmp_path: Path) -> None:
+    """Refused where they are other ones, as ``identify`` and ``compare`` do; a smaller difference is told."""
+    t = np.arange(2000) / 500
+    q = 0.3 * np.sin(2 * np.pi * 0.5 * t)[:, None] * np.ones(6)
+
+    def recorded(factor: float, **provenance: str) -> Recording:
+        third = replace(arm.joints[2], torque_constant=factor * arm.joints[2].torque_constant)
+        own = replace(arm, joints=(*arm.joints[:2], third, *arm.joints[3:]))
+        write_model(tmp_path / "own.toml", own)
+        carried = Attachments(model=(tmp_path / "own.toml").read_text(), provenance={"kind": "measured", **provenance})
+        write_table(tmp_path / "run.mcap", t, {"q": q, "i": 1.0 + q}, carried)
+        return open_recording(tmp_path / "run.mcap")
+
+    constant = arm.joints[2].drive_constant
+    for factor, said in ((1.0, []), (0.8, [f"{0.8 * constant:.4g} N m/A at joint 3", f"has {constant:.4g},"])):
+        check_recordings(arm, [found := recorded(factor)])
+        told = recorded_otherwise(arm, [found, found])
+        assert len(told) == bool(said) and all(one in told[0] for one in said)
+    with pytest.raises(InputError, match=rf"{2 * constant:.4g} N m/A at joint 3.*has {constant:.4g}"):
+        check_recordings(arm, [recorded(2.0)])
+    with pytest.raises(InputError, match=r"has the torque of joint 1 \(N m\).*takes currents"):
+        check_recordings(arm, [recorded(1.0, current_unit="N m")])

@@ -55,7 +55,7 @@ PUBLIC = {
     "diagnosis.screening": ("current_limit",),
     "identification": ("result",),
     "identification.floating_base": ("charts",),
-    "identification.preprocessing": ("grid", "quality", "signals"),
+    "identification.preprocessing": ("grid", "mechanism", "quality", "signals"),
     "identification.regression": (
         "base_parameters",
         "effect_columns",

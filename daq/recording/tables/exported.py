@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from arm_io.types import Array
-from daq.recording.head import RecordingHead, current_unit, position_unit
+from daq.recording.head import RecordingHead
 
 if TYPE_CHECKING:
     from daq.recording.reader import Recording
@@ -27,7 +27,7 @@ def units_of(recording: RecordingHead) -> dict[str, str]:
     units = {"t": "s", **dict.fromkeys("xyz", "m")}
     for signal, having in recording.layout.signals.items():
         for joint in having:
-            current = current_unit(recording, joint)
+            current = recording.current_unit(joint)
             named = {"i": "drive unit" if current == "drive" else current, "v": "V", "temp": "degC"}
-            units[f"{signal}{joint}"] = named.get(signal) or position_unit(recording, joint)
+            units[f"{signal}{joint}"] = named.get(signal) or recording.position_unit(joint)
     return units

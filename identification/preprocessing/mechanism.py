@@ -1,0 +1,100 @@
+"""Whether a recording is of the mechanism, and of the drives, that a model describes.
+
+A recording may carry the model with which it was made; and it may say whether its signals of the drives are currents or
+torques.
+"""
+
+from __future__ import annotations
+
+from arm_io import InputError
+from arm_model import Arm, Joint, carried_arm
+from daq.recording import Recording
+
+LENGTH = 0.02
+"""m by which the axes of one mechanism may stand otherwise in two models of it, beside 5 % of the length."""
+OTHER = 1.5
+"""Ratio of drive constants, or its inverse, above which it is another drive."""
+ROUNDED = 1.01
+"""... below which they are the same, rounded."""
+
+
+def check_mechanism(recording: Recording, arm: Arm) -> None:
+    """InputError where a recording was made with the model of another mechanism, or with other drives, than ``arm``.
+
+    Lengths may differ by what a calibration finds, and no more.
+    """
+    _check_units(recording, arm)
+    own = _carried(recording)
+    if isinstance(own, str):
+        return
+    where, said = recording.path, f"was recorded with '{own.name}'"
+    if own.floating is not None:
+        raise InputError(where, f"{said}, whose base floats; '{arm.name}' has a fixed one")
+    for number, (mine, other) in enumerate(zip(arm.joints, own.joints), 1):
+        if mine.type != other.type:
+            raise InputError(where, f"{said}, whose joint {number} is {other.type}; '{arm.name}' has a {mine.type} one")
+        for length in ("a", "d") if mine.convention == other.convention else ():
+            now, then = getattr(mine, length), getattr(other, length)
+            if abs(now - then) > LENGTH + 0.05 * abs(now):
+                raise InputError(
+                    where,
+                    f"{said}, whose joint {number} has {length} = {then:.4g} m; '{arm.name}' has {now:.4g} m",
+                )
+        if _has_motor(other) and _differ(mine, other) > OTHER:
+            raise InputError(
+                where,
+                f"{said}: {other.drive_constant:.4g} {_per_ampere(other)} at joint {number}, '{arm.name}' has "
+                f"{mine.drive_constant:.4g}; if that model was wrong, export the recording as a table and import it "
+                "again without",
+            )
+
+
+def other_drives(recording: Recording, arm: Arm) -> list[str]:
+    """A sentence per joint whose drive constant differs from that of the model which the recording carries."""
+    own = _carried(recording)
+    if isinstance(own, str):
+        return [own] if own else []
+    return [
+        f"was recorded with a model of {other.drive_constant:.4g} {_per_ampere(other)} at joint "
+        f"{number}, '{arm.name}' has {mine.drive_constant:.4g}, which counts here"
+        for number, (mine, other) in enumerate(zip(arm.joints, own.joints), 1)
+        if _has_motor(other) and _differ(mine, other) > ROUNDED
+    ]
+
+
+def _check_units(recording: Recording, arm: Arm) -> None:
+    """InputError where a recording has torques and the model takes currents."""
+    for number, joint in enumerate(arm.joints, 1):
+        unit = recording.current_unit(number)
+        if unit in ("N m", "N") and _has_motor(joint):
+            raise InputError(
+                recording.path,
+                f"has the {'torque' if unit == 'N m' else 'force'} of joint {number} ({unit}); '{arm.name}' takes "
+                f"currents, {joint.drive_constant:.4g} {_per_ampere(joint)}: use a model without torque constants, or "
+                "import the table with the --rig of this one",
+            )
+
+
+def _carried(recording: Recording) -> Arm | str:
+    """The model that a recording carries; a sentence where it cannot be read, as one that includes files; "": none."""
+    if recording.model is None:
+        return ""
+    try:
+        return carried_arm(recording.model, "model.toml")
+    except InputError as error:
+        return f"is not compared with the model that it carries: {error}"
+
+
+def _has_motor(joint: Joint) -> bool:
+    """Whether the model says what a current does; of a URDF file none does, and any drive may be behind it."""
+    return abs(joint.drive_constant - 1) > 1e-9
+
+
+def _differ(one: Joint, other: Joint) -> float:
+    """Ratio of the larger drive constant to the smaller."""
+    pair = one.drive_constant, other.drive_constant
+    return max(pair) / min(pair)
+
+
+def _per_ampere(joint: Joint) -> str:
+    return f"{'N m' if joint.revolute else 'N'}/{joint.current_unit}"
