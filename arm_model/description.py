@@ -32,7 +32,7 @@ from pydantic.dataclasses import dataclass
 
 from arm_io.types import Array
 from arm_model.tables.controller import Controller
-from arm_model.tables.drive import STAGES_AND_GEAR, FrictionCurve, GearStage
+from arm_model.tables.drive import SLIDING, STAGES_AND_GEAR, FrictionCurve, GearStage
 from arm_model.tables.fields import IDENTITY, STRICT, Directions, NotNegative, Pose, Positive, Vector
 from arm_model.tables.floating_base import FloatingBase
 from arm_model.tables.link_shapes import Capsule, Cylinder
@@ -130,6 +130,18 @@ class Joint:
         if self.current_unit != "A" or abs(self.drive_constant - 1.0) > 1e-9:
             return self.current_unit
         return "N m" if self.revolute else "N"
+
+    def unit(self, unit: str, name: str = "") -> str:
+        """A unit that is written for a revolute joint driven by a current, as this joint has it.
+
+        ``name`` of the parameter: a phase stays one.
+        """
+        if unit in ("A", "1/A2", "1/A4"):
+            own = self.command_unit if " " not in self.command_unit else f"({self.command_unit})"
+            return self.command_unit if unit == "A" else unit.replace("A", own)
+        if unit == "N m/A":
+            return f"{'N m' if self.revolute else 'N'}/{self.command_unit}"
+        return unit if self.revolute or name == "phase" else SLIDING.get(unit, unit)
 
     @property
     def drive_constant(self) -> float:

@@ -1,4 +1,4 @@
-"""Units as a joint has them: N and m where it slides, and the unit of its drive command where that is not A."""
+"""What a recording has of a drive, by its unit, and values as people read them."""
 
 from __future__ import annotations
 
@@ -8,22 +8,6 @@ import numpy as np
 
 from arm_model import Arm, Joint
 
-SLIDING = {
-    "rad": "m",
-    "rad/s": "m/s",
-    "rad/s2": "m/s2",
-    "N m": "N",
-    "N m/rad": "N/m",
-    "N m s/rad": "N s/m",
-    "N m s2/rad2": "N s2/m2",
-    "N m/rad3": "N/m3",
-    "N m/rad5": "N/m5",
-    "N m/s": "N/s",
-    "N m/K": "N/K",
-    "N m s/(rad K)": "N s/(m K)",
-    "rad/(N m)": "m/N",
-    "kg m2": "kg",
-}
 MILLI = ("A", "rad", "m")
 """Units whose small values are written in thousandths."""
 
@@ -32,19 +16,6 @@ QUANTITY = {"A": "current", "V": "voltage", "N m": "torque", "N": "force"}
 
 LONGEST = 1e5
 """Values from here on are written with an exponent."""
-
-
-def unit_at(joint: Joint, unit: str, name: str = "") -> str:
-    """A unit of the catalogue, which is written for revolute joints driven by currents, at a joint.
-
-    ``name`` of the parameter: a phase stays one.
-    """
-    if unit in ("A", "1/A2", "1/A4"):
-        own = joint.command_unit if " " not in joint.command_unit else f"({joint.command_unit})"
-        return joint.command_unit if unit == "A" else unit.replace("A", own)
-    if unit == "N m/A":
-        return f"{'N m' if joint.revolute else 'N'}/{joint.command_unit}"
-    return unit if joint.revolute or name == "phase" else SLIDING.get(unit, unit)
 
 
 def recorded_quantity(joint: Joint) -> str:

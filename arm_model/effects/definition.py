@@ -126,6 +126,13 @@ class Parameter:
         words = noun.replace("{}", size) if "{}" in noun else f"{noun} of {size}"
         return f"{'an' if words[0] in 'aeiou' else 'a'} {words}"
 
+    def in_words(self, value: float, unit: str) -> str:
+        """``viscous 10 N m s/rad``; of an ``own`` share, what it is of the joint's friction in either direction."""
+        if not self.own:
+            return f"{self.name.replace('_', ' ')} {value:g}" + (f" {unit}" if unit != "1" else "")
+        more, less = ("more", "less") if value > 0.0 else ("less", "more")
+        return f"{100 * abs(value):.3g} % {more} while moving positive, as much {less} while moving negative"
+
 
 @dataclass(frozen=True)
 class Signals:

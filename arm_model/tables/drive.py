@@ -9,6 +9,24 @@ from pydantic.dataclasses import dataclass
 
 from arm_model.tables.fields import STRICT, NotNegative, Positive
 
+SLIDING = {
+    "rad": "m",
+    "rad/s": "m/s",
+    "rad/s2": "m/s2",
+    "N m": "N",
+    "N m/rad": "N/m",
+    "N m s/rad": "N s/m",
+    "N m s2/rad2": "N s2/m2",
+    "N m/rad3": "N/m3",
+    "N m/rad5": "N/m5",
+    "N m/s": "N/s",
+    "N m/K": "N/K",
+    "N m s/(rad K)": "N s/(m K)",
+    "rad/(N m)": "m/N",
+    "kg m2": "kg",
+}
+"""Units where a joint slides, by those where it turns."""
+
 
 @dataclass(frozen=True, config=STRICT)
 class FrictionCurve:

@@ -162,10 +162,9 @@ _READINESS = (
     "joint",
     "travel",
     "top speed",
-    "noise",
+    "noise, rms",
     "rows used",
-    "torque delay",
-    "share of limit",
+    "largest torque",
     "rows excluded",
 )
 
@@ -182,16 +181,15 @@ def _print_readiness(ready: Readiness, as_json: bool) -> None:
         cells = [
             (
                 str(joint.joint),
-                f"{joint.travel:.3g}",
-                f"{joint.top_speed:.3g}",
-                f"{joint.noise:.1g}",
+                f"{joint.travel:.3g} {joint.unit}",
+                f"{joint.top_speed:.3g} {joint.unit}/s",
+                f"{joint.noise:.1g} {joint.unit}",
                 f"{joint.used / run.rows:.0%}",
-                "" if joint.lag is None else f"{joint.lag * 1e3:.1f} ms",
-                "" if joint.torque is None else f"{joint.torque:.0%}",
+                "" if joint.torque is None else f"{joint.torque:.0%} of its limit",
                 ", ".join(f"{reason} {rows / run.rows:.0%}" for reason, rows in joint.left_out.items()),
             )
             for joint in run.joints
         ]
-        lines += text_table(cells, _READINESS, numbers=range(7))
+        lines += text_table(cells, _READINESS, numbers=range(6))
     lines += [f"warning: {warning}" for warning in ready.warnings]
     print(wrapped("\n".join([*lines, ready.sentence])))

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from arm_io import InputError
-from arm_model import Arm
+from arm_model import Arm, EffectTerm
+from arm_model.effects import CATALOGUE
 from arm_model.rigid_body import drive_mass_matrix
 from arm_model.simulation import system_of
 from arm_model.symbolic import operations
@@ -44,7 +45,10 @@ def summary(arm: Arm) -> dict[str, Any]:
         }
         for number, joint in enumerate(arm.joints, 1)
     ]
-    effects = [{"effect": term.name, "joint": term.joint, "parameters": term.parameters} for term in arm.effects]
+    effects = [
+        {"effect": term.name, "joint": term.joint, "parameters": term.parameters, "units": _units(arm, term)}
+        for term in arm.effects
+    ]
     controller = None if arm.controller is None else arm.controller.kind
     return {
         "name": arm.name,
@@ -102,10 +106,19 @@ def summary_text(summary: dict[str, Any]) -> str:
             values = ", ".join(f"{size} {unit}" for size, unit in zip(sizes, units))
             lines.append(f"joint {joint['joint']}: friction of its own axis {values}")
     for term in summary["effects"]:
-        values = ", ".join(f"{name} {value:g}" for name, value in term["parameters"].items())
+        law, units = CATALOGUE[term["effect"]], term["units"]
+        values = ", ".join(law[name].in_words(value, units[name]) for name, value in term["parameters"].items())
         where = "arm" if term["joint"] is None else f"joint {term['joint']}"
         lines.append(f"effect {term['effect']} ({where}): {values}")
     return "\n".join(lines)
+
+
+def _units(arm: Arm, term: EffectTerm) -> dict[str, str]:
+    """Unit of each parameter of an effect, as its joint has it."""
+    units = {name: CATALOGUE[term.name][name].unit for name in term.parameters}
+    if term.joint is None:
+        return units
+    return {name: arm.joints[term.joint - 1].unit(unit, name) for name, unit in units.items()}
 
 
 def _base(floating: FloatingBase) -> dict[str, Any]:

@@ -33,7 +33,6 @@ from diagnosis.measurements.near_rest.laws import RESOLVED, SOFTEST
 from diagnosis.residual.filters import COMPARE_BAND, TRANSIENT, kept, low_pass, rate_kept, rate_of
 from diagnosis.residual.noise.channels import angle_noise
 from diagnosis.residual.run_setup import set_up
-from diagnosis.units import unit_at
 from identification.preprocessing import demand_of_run
 from identification.selection import Thresholds, p_value
 from identification.selection.cluster_covariance import cluster_covariance
@@ -216,7 +215,7 @@ def _judged(arm: Arm, recordings: Sequence[Recording], joint: int, effect: Effec
     if not stiffness.min() < found[0].value < stiffness.max():
         return None
     rms = [float(np.sqrt(side[0] / sum(map(len, held[0])))) for side in (before, after)]
-    unit = unit_at(drive, "rad")
+    unit = drive.unit("rad")
     return Cause(
         effect=effect.name,
         joint=joint,
@@ -301,7 +300,7 @@ def _estimates(arm: Arm, recordings: Sequence[Recording], joint: int, effect: Ef
             name.split(".")[1],
             at,
             float(np.hypot(by, effect.model_error * at)),
-            unit_at(drive, effect[name.split(".")[1]].unit),
+            drive.unit(effect[name.split(".")[1]].unit),
         )
         for name, at, by in zip(names, last, std)
     ]

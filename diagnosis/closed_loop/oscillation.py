@@ -14,7 +14,7 @@ from diagnosis.closed_loop.clear_errors import HIGHEST
 from diagnosis.closed_loop.comparison import Compared
 from diagnosis.residual.filters import COMPARE_BAND, rate_of
 from diagnosis.selection.waves import SECONDS, SLOWEST, peak
-from diagnosis.units import readable, rounded, unit_at
+from diagnosis.units import readable, rounded
 
 LEAST_ANGLE = 1e-7
 """rad (m): no encoder of a joint resolves less."""
@@ -79,7 +79,7 @@ def _words(own: Oscillation, arm: Arm, joint: int) -> str:
     """``it oscillates at 5.3 Hz, with amplitudes of 120 mA and 0.034 mrad``; no oscillation is what setpoints make."""
     drive = arm.joints[joint - 1]
     sizes = []
-    for size, unit in ((own.current, drive.command_unit), (own.angle, unit_at(drive, "rad"))):
+    for size, unit in ((own.current, drive.command_unit), (own.angle, drive.unit("rad"))):
         factor, said = readable(unit, (size,))
         sizes.append(f"{rounded(size * factor, 2)} {said}")
     if _at_setpoints(own.frequency, arm):

@@ -25,7 +25,7 @@ from diagnosis.cause import Cause, Estimate, Signal, confidence_of
 from diagnosis.closed_loop.comparison import has_demand, with_smoothing_velocities
 from diagnosis.closed_loop.loop_errors import BAND, Trial, loop_errors, noise_floor
 from diagnosis.closed_loop.servo_gains import with_servo_gains
-from diagnosis.units import recorded_quantity, unit_at
+from diagnosis.units import recorded_quantity
 from identification.selection import BLOCK_SECONDS, Thresholds, p_value
 from identification.selection.cluster_covariance import cluster_covariance
 
@@ -279,6 +279,6 @@ def _estimates(arm: Arm, trial: Trial, fit: Sequence[Recording], noise: Array) -
     relative = np.sqrt(np.diag(covariance) + LIMITS.systematic**2)
     own = {p.name: p.unit for p in CATALOGUE[trial.effect].parameters}
     return [
-        Estimate(n, trial.values[n], float(trial.values[n] * s), unit_at(arm.joints[j], own[n], n))
+        Estimate(n, trial.values[n], float(trial.values[n] * s), arm.joints[j].unit(own[n], n))
         for n, s in zip(names, relative)
     ]

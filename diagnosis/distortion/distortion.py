@@ -28,7 +28,6 @@ from diagnosis.measurements.currents.design_matrix import dataset_of, free_colum
 from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.residual.comparable_rows import comparable_rows
 from diagnosis.residual.run import Run
-from diagnosis.units import unit_at
 from identification.selection import p_value
 
 ROUNDS = 3
@@ -151,7 +150,7 @@ def distort(arm: Arm, name: str, runs: Sequence[Run], recordings: Sequence[Recor
         own,
         joint,
         drive,
-        unit_at(drive, UNITS.get(own.rpartition(".")[2], "")),
+        drive.unit(UNITS.get(own.rpartition(".")[2], "")),
         model,
         paths,
         float(np.sqrt(scale * ratio / STEP)),

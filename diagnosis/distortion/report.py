@@ -13,7 +13,6 @@ from arm_io.whole_folder import whole_folder
 from arm_report import Chart, Level, Panel, Report, Series, write_report
 from arm_report.palette import AFTER, BEFORE, PALE_AFTER
 from diagnosis.distortion.distortion import Distortion, sentence
-from diagnosis.units import unit_at
 
 SCHEMA = "armscope.distortion/1"
 UNITS = {"position": "rad", "speed": "rad/s", "load torque": "N m", "time": "s", "temperature": "degC", "direction": ""}
@@ -96,7 +95,7 @@ def against(result: Distortion) -> Chart:
         std = np.concatenate([path.std[path.seen] for path in result.paths])
         shown = x + (0.15 * np.random.default_rng(0).uniform(-1, 1, len(x)) if name == "direction" else 0.0)
         middle, mean, spread = _means(x, value, std)
-        unit = f", {unit_at(result.drive, UNITS[name])}" if UNITS[name] else ""
+        unit = f", {result.drive.unit(UNITS[name])}" if UNITS[name] else ""
         share = explained.get(name)
         panels.append(
             Panel(

@@ -13,7 +13,6 @@ from diagnosis.measurements.currents.design_matrix import dataset_of
 from diagnosis.remainder.against_noise import ratios
 from diagnosis.remainder.predictable import predictable
 from diagnosis.result import Diagnosis
-from diagnosis.units import unit_at
 from identification.selection import Split
 
 WHEN = ("before", "after")
@@ -68,7 +67,7 @@ def _of_joints(
         {
             "signal": signal,
             "joint": j + 1,
-            "unit": unit_at(joint, unit),
+            "unit": joint.unit(unit),
             "error_rms": {
                 half: {
                     when: float(np.sqrt(np.mean([pair[k][j] ** 2 for pair in pairs]))) for k, when in enumerate(WHEN)
@@ -89,7 +88,7 @@ def _link_signals(result: Diagnosis) -> list[dict[str, Any]]:
     link, rows = result.link, []
     for k, joint in enumerate(int(j) for j in link.held_out.joints):
         before, after = (float(np.sqrt(np.mean(values[:, k] ** 2))) for values in (link.without, link.residual))
-        unit = unit_at(result.arm.joints[joint - 1], "rad")
+        unit = result.arm.joints[joint - 1].unit("rad")
         errors = {"held_out": {"before": before, "after": after}}
         rows.append(
             {

@@ -166,9 +166,14 @@ def values_of(cause: Cause) -> list[str]:
         return [_missed(one) for one in cause.encoder_jumps]
     several = {f"at joint {joint}": own for joint, own in cause.of_joints.items()}
     several |= {f"in {name}": own for name, own in cause.of_recordings.items()}
+    own = {parameter.name: parameter for parameter in CATALOGUE[cause.effect].parameters if parameter.own}
+
+    def said(one: Estimate) -> str:
+        return own[one.name].in_words(one.value, one.unit) if one.name in own else estimate(one)
+
     if not several:
-        return [estimate(p) for p in cause.parameters]
-    return [f"{where}: {', '.join(map(estimate, own))}" for where, own in several.items()]
+        return [said(p) for p in cause.parameters]
+    return [f"{where}: {', '.join(map(said, values))}" for where, values in several.items()]
 
 
 def _lost(one: LostRows) -> str:

@@ -11,7 +11,6 @@ from arm_model import Joint
 from arm_model.effects import Parameter
 from diagnosis.cause import Estimate
 from diagnosis.selection.candidate import Candidate
-from diagnosis.units import unit_at
 
 
 def estimates(
@@ -42,7 +41,7 @@ def estimates(
             continue
         slope = np.array([moved.get(name, 0.0) for moved in (*by_coefficient, *by_parameter)])
         std = float(np.sqrt(max(float(slope @ covariance @ slope), 0.0)))
-        unit = unit_at(joint, parameter.unit, parameter.name) if joint else parameter.unit
+        unit = joint.unit(parameter.unit, parameter.name) if joint else parameter.unit
         exact = parameter.whole or parameter.own or parameter.lasts
         std = float(np.hypot(std, 0.0 if exact else share * abs(value)))
         std = _between(parameter, value) if parameter.coarse else std

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from arm_model import Arm
-from diagnosis.units import unit_at
 
 
 def smoothing_replaced(model: Arm, base: Arm) -> Iterator[str]:
@@ -15,7 +14,7 @@ def smoothing_replaced(model: Arm, base: Arm) -> Iterator[str]:
             of = f" of joint {number}" if len(model) > 1 else ""
             yield (
                 f"Coulomb smoothing velocity{of} set to {other.sign_velocity:.2g} instead of {own.sign_velocity:.2g} "
-                f"{unit_at(own, 'rad/s')}"
+                f"{own.unit('rad/s')}"
             )
 
 

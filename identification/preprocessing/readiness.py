@@ -37,13 +37,14 @@ BLOCK = 1 << 17  # rows of a correlation at a time
 
 @dataclass(frozen=True)
 class JointReadiness:
-    """One joint in one run: joint from 1; travel rad (m), top_speed rad/s (m/s), noise rad (m) rms of its angle.
+    """One joint in one run: joint from 1; travel, top_speed (per s) and noise (rms of its angle) in ``unit``, rad or m.
 
     Used rows of all; left_out: reason -> rows; lag s of the torque behind the motion, None where the motion does not
     determine it; torque: largest over the drive's limit, None without one.
     """
 
     joint: int
+    unit: str
     travel: float
     top_speed: float
     noise: float
@@ -139,6 +140,7 @@ def readiness_of(recording: Recording, found: Trusted, motion: Motion, arm: Arm)
         joints.append(
             JointReadiness(
                 joint=j + 1,
+                unit="rad" if joint.revolute else "m",
                 travel=float(np.ptp(motion.q[:, j])),
                 top_speed=float(np.max(np.abs(motion.qd[:, j]))),
                 noise=float(motion.band.noise_rms[j]),

@@ -194,8 +194,8 @@ def prepare(
     if freed := freed_rotors(arm):
         which = f"joint{'s' if len(freed) > 1 else ''} {', '.join(map(str, freed))}"
         warnings.append(
-            f"the model has a gear or a lift, and no rotor inertia at {which}: identified here, at the joint side "
-            "(gear^2 times that of the motor), if it is distinguishable from the link's, else in base_parameters"
+            f"the model has a gear or screw, but no rotor inertia at {which}: identified here, at the joint side "
+            "(gear^2 times the motor's), by itself where the motions distinguish it from the link's inertia"
         )
     progress("equations of motion")
     base = structural_base(arm, friction)

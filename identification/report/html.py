@@ -184,23 +184,21 @@ def _recordings(result: Identification) -> Markup:
     for run in result.runs:
         rows.append([Markup("<b>{}</b>, {} rows of {:.4g} ms").format(run.run, run.rows, run.period * 1e3)])
         for joint in run.joints:
-            unit = "rad" if result.arm.joints[joint.joint - 1].revolute else "m"
             left_out = ", ".join(f"{reason} {count / run.rows:.0%}" for reason, count in joint.left_out.items())
             rows.append(
                 [
                     f"joint {joint.joint}",
-                    f"{joint.travel:.3g} {unit}",
-                    f"{joint.top_speed:.3g} {unit}/s",
+                    f"{joint.travel:.3g} {joint.unit}",
+                    f"{joint.top_speed:.3g} {joint.unit}/s",
                     f"{joint.used / run.rows:.0%}",
                     left_out,
-                    "" if joint.lag is None else f"{joint.lag * 1e3:.1f} ms",
-                    "" if joint.torque is None else f"{joint.torque:.0%}",
+                    "" if joint.torque is None else f"{joint.torque:.0%} of its limit",
                 ]
             )
     return table(
         rows,
-        ("", "travel", "top speed", "rows used", "rows excluded", "torque delay", "share of limit"),
-        (1, 2, 3, 5, 6),
+        ("", "travel", "top speed", "rows used", "rows excluded", "largest torque"),
+        (1, 2, 3, 5),
     )
 
 

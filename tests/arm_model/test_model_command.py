@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from arm_io import InputError
+from arm_model import Arm, EffectTerm, Joint, write_model
 from arm_model.effects import CATALOGUE
 from arm_model.model_file import read_model
 from arm_model.rigid_body import numeric
@@ -93,6 +94,22 @@ def test_water_is_told(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert "link 2 in water: cylinder of 0.025 m, C_d 1, C_a 2, buoyancy 1" in capsys.readouterr().out
     assert run(["model", model, "--equations", "text"]) == 0
     assert "resistance2" in capsys.readouterr().out
+
+
+def test_effects_of_a_model_are_told_with_units(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    slide = Joint(type="prismatic", mass=1.0, rotor_inertia=1.0)
+    terms = (
+        EffectTerm("coulomb_friction", 1, {"coulomb": 1.5, "skew": 0.1143}),
+        EffectTerm("coulomb_friction", 2, {"coulomb": 2.5}),
+    )
+    turn = Joint(mass=1.0, rotor_inertia=1.0)
+    write_model(tmp_path / "arm.toml", Arm(name="two", joints=(turn, slide), effects=terms))
+    assert run(["model", str(tmp_path / "arm.toml")]) == 0
+    assert capsys.readouterr().out.splitlines()[-2:] == [
+        "effect coulomb_friction (joint 1): coulomb 1.5 N m, 11.4 % more while moving positive, as much less while "
+        "moving negative",
+        "effect coulomb_friction (joint 2): coulomb 2.5 N",
+    ]
 
 
 def test_through_urdf(root: Path, tmp_path: Path) -> None:

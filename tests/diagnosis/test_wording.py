@@ -22,7 +22,7 @@ from diagnosis.remainder.of_identification import Remainder
 from diagnosis.remainder.predictable import predictable
 from diagnosis.report.joint_verdicts import Remaining
 from diagnosis.report.tables import undetectable_table
-from diagnosis.report.wording import either, estimate, gain, sentence
+from diagnosis.report.wording import either, estimate, gain, sentence, values_of
 from diagnosis.result import Diagnosis
 from diagnosis.units import rounded
 from tests.diagnosis.runs import group_of, seen
@@ -59,6 +59,16 @@ class Verdict:
 )
 def test_numbers_have_the_digits_that_their_doubt_leaves(one: Estimate, said: str) -> None:
     assert estimate(one) == said
+
+
+def test_how_the_directions_of_friction_differ_is_said_in_words() -> None:
+    """It is the share that the joint's own friction has: no estimate, and as a bare number it says nothing."""
+    values = [Estimate("coulomb", 3.0, 0.1, "N m"), Estimate("skew", -0.1143, 0.0, "1")]
+    cause = replace(group_of(("coulomb_friction", 2), felt_at=2), parameters=values)
+    assert values_of(cause) == [
+        "coulomb 3.00 ± 0.20 N m",
+        "11.4 % less while moving positive, as much more while moving negative",
+    ]
 
 
 def test_no_sentence_calls_noise_what_a_table_shows_above_it(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -21,7 +21,7 @@ from diagnosis.selection.design import Dataset
 from diagnosis.selection.friction_shares import with_shares
 from diagnosis.selection.regression import Fitted, score
 from diagnosis.selection.ripple_orders import in_words
-from diagnosis.units import recorded_quantity, unit_at
+from diagnosis.units import recorded_quantity
 from identification.selection import Split
 
 BY_DIRECTION = {"positive", "negative", "viscous_positive", "viscous_negative"}
@@ -112,7 +112,7 @@ def from_event(event: Event, arm: Arm, data: Split[Dataset]) -> Cause:
     felt = arm.joints[gain.joint - 1]
 
     def stated(values: list[Estimate], at: Joint) -> list[Estimate]:
-        return [replace(p, unit=unit_at(at, p.unit, p.name)) for p in values]
+        return [replace(p, unit=at.unit(p.unit, p.name)) for p in values]
 
     return Cause(
         effect=event.effect,
@@ -124,7 +124,7 @@ def from_event(event: Event, arm: Arm, data: Split[Dataset]) -> Cause:
         group=((event.effect, event.joint),),
         evidence=event.evidence,
         felt_at=gain.joint,
-        unit=unit_at(felt, gain.unit),
+        unit=felt.unit(gain.unit),
         signal=Signal.CURRENT if gain.unit == "A" else Signal.ANGLE,
         of_arm=all(observation.of_arm for observation in CATALOGUE[event.effect].observed_by.values()),
         of_joints={j: stated(values, arm.joints[j - 1]) for j, values in event.of_joints.items()},
@@ -137,7 +137,7 @@ def from_axis(axis_cause: AxisCause, arm: Arm) -> Cause:
     """A cause of a single axis in the words and units of its drive."""
     effect, drive = CATALOGUE[axis_cause.effect], arm.joints[0]
     values = {p.name: p.value for p in axis_cause.parameters}
-    units = {p.name: unit_at(drive, p.unit, p.name) for p in effect.parameters}
+    units = {p.name: drive.unit(p.unit, p.name) for p in effect.parameters}
     sentence = (
         f"{effect.shown(Instrument.SINGLE_AXIS, values, units)}: with it, the held-out error of the command below 60 "
         f"Hz falls from {axis_cause.before:.3g} to {axis_cause.after:.3g} {drive.command_unit} rms, in "
@@ -174,7 +174,7 @@ def _by_direction(arm: Arm, more: Mapping[str, float]) -> str:
     A constant offset of the model acts as friction that differs by direction while the axis moves.
     """
     drive = arm.joints[0]
-    step, slope = unit_at(drive, "N m"), unit_at(drive, "N m s/rad")
+    step, slope = drive.unit("N m"), drive.unit("N m s/rad")
     offset = drive.ratio * drive.offset
     by_direction = [
         f"{drive.ratio * drive.coulomb[k] + more[side] + sign * offset:.4g} {step} and "

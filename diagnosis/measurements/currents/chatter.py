@@ -24,7 +24,6 @@ from diagnosis.measurements.currents.columns import column_of_gap
 from diagnosis.residual.gap import AS_FOUND, POSSIBLE
 from diagnosis.residual.other_effects import residual_with
 from diagnosis.residual.run import Run
-from diagnosis.units import unit_at
 from identification.selection import Split, p_value
 
 LEAST_GAIN = 0.25
@@ -91,7 +90,7 @@ def _of_joint(effect: Effect, joint: int, runs: Split[Sequence[Run]], terms: Seq
     # between two values of the grid nothing is known
     std = float(np.hypot(alike.std(), np.log(values[1] / values[0]) / 2))
     drive, value = runs.fit[0].arm.joints[joint - 1], float(np.exp(alike.mean()))
-    size = Estimate(effect.gap.name, value, value * std, unit_at(drive, effect.gap.unit, effect.gap.name))
+    size = Estimate(effect.gap.name, value, value * std, drive.unit(effect.gap.unit, effect.gap.name))
     before, after = (
         float(np.sqrt(np.mean((one * held_out.deviation) ** 2))) for one in (held_out.before, held_out.after)
     )

@@ -16,7 +16,7 @@ from diagnosis.residual.warmth import depends, not_warmed
 from diagnosis.screening.plausibility import STANDSTILL
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Columns, Dataset
-from diagnosis.units import recorded_quantity, recorded_signals, rounded, unit_at
+from diagnosis.units import recorded_quantity, recorded_signals, rounded
 from identification.selection import Split
 
 SHOWS_FROM = 1 / 3
@@ -123,23 +123,23 @@ def _did(need: Excitation, joint: int | None, side: Dataset, arm: Arm) -> str:
     if need is Excitation.LOAD_REVERSAL and load.min() * load.max() > 0.0:
         return (
             f"the load of joint {joint} never changed sign ({rounded(load.min())} to {rounded(load.max())} "
-            f"{unit_at(drive, 'N m')})"
+            f"{drive.unit('N m')})"
         )
     if need in (Excitation.LOAD, Excitation.LOAD_REVERSAL):
-        return f"the load of joint {joint} was at most {rounded(np.abs(load).max(), 2)} {unit_at(drive, 'N m')}"
+        return f"the load of joint {joint} was at most {rounded(np.abs(load).max(), 2)} {drive.unit('N m')}"
     if need is Excitation.GRAVITY:
         poses = np.concatenate([run.q[::10] for run in side.runs])
         gravity = drive_rigid_torque(arm, poses, 0.0 * poses, 0.0 * poses)[:, j]
-        change = f"changed by at most {rounded(np.ptp(gravity), 2)} {unit_at(drive, 'N m')}"
+        change = f"changed by at most {rounded(np.ptp(gravity), 2)} {drive.unit('N m')}"
         return f"the gravity torque of joint {joint} {change if np.abs(gravity).max() > 1e-6 else 'is zero'}"
     if need is Excitation.CURRENT:
         most = f"{rounded(np.abs(current).max(), 2)} {drive.command_unit}"
         return f"the {recorded_quantity(drive)} of joint {joint} was at most {most}"
     if need is Excitation.ACCELERATION:
-        return f"the acceleration of joint {joint} was at most {rounded(np.abs(a).max(), 2)} {unit_at(drive, 'rad/s2')}"
+        return f"the acceleration of joint {joint} was at most {rounded(np.abs(a).max(), 2)} {drive.unit('rad/s2')}"
     return (
-        f"joint {joint} moved {rounded(np.ptp(q), 2)} {unit_at(drive, 'rad')}, at up to {rounded(np.abs(v).max(), 2)} "
-        f"{unit_at(drive, 'rad/s')}"
+        f"joint {joint} moved {rounded(np.ptp(q), 2)} {drive.unit('rad')}, at up to {rounded(np.abs(v).max(), 2)} "
+        f"{drive.unit('rad/s')}"
     )
 
 
@@ -187,5 +187,5 @@ def _size(effect: str, arm: Arm, joint: int | None) -> str:
     definition = CATALOGUE[effect]
     parameter = (definition.linear or definition.parameters)[0]
     value = parameter.typical[0] if parameter.inverse else parameter.typical[1]
-    unit = unit_at(arm.joints[(joint or 1) - 1], parameter.unit, parameter.name)
+    unit = arm.joints[(joint or 1) - 1].unit(parameter.unit, parameter.name)
     return parameter.sized(f"{value:g}{'' if unit == '1' else f' {unit}'}")

@@ -23,7 +23,6 @@ from diagnosis.measurements.link_encoders.per_recording import contradicted
 from diagnosis.measurements.link_encoders.unexplained import remarks, unexplained_structure
 from diagnosis.measurements.link_encoders.zero_offsets import zero_offsets
 from diagnosis.selection.beyond_model import in_deviations
-from diagnosis.units import unit_at
 from identification.selection import select
 
 
@@ -87,7 +86,7 @@ def _cause(candidate: LinkCandidate, chosen: Chosen, model: LinkEncoders, arm: A
     residuals = [model.residual(some, *model.rows)[:, affected] for some in (others, chosen)]
     before, after = (float(np.sqrt(np.mean(values**2))) for values in residuals)
     most = affected[int(np.argmax(np.sum(residuals[0] ** 2 - residuals[1] ** 2, axis=0)))]
-    unit = unit_at(arm.joints[int(model.rows.fit.joints[affected[0]]) - 1], "rad")
+    unit = arm.joints[int(model.rows.fit.joints[affected[0]]) - 1].unit("rad")
     evidence = (
         delay_sentence(others, model)
         if candidate.definition.delay is not None

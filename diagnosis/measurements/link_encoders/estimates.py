@@ -15,7 +15,6 @@ from diagnosis.measurements.link_encoders.delay import delays_by_joint
 from diagnosis.measurements.link_encoders.model import LIMITS, Chosen, LinkEncoders
 from diagnosis.measurements.link_encoders.model_errors import directions
 from diagnosis.selection.estimates import estimates
-from diagnosis.units import unit_at
 from identification.selection import BLOCK_SECONDS
 from identification.selection.cluster_covariance import cluster_covariance
 
@@ -38,7 +37,7 @@ def parameters_of(candidate: LinkCandidate, chosen: Chosen, model: LinkEncoders,
     found = estimates(candidate, c, covariance, joint if candidate.joint else None, systematic, order)
     if effect.spring is not None and effect.gap is None:
         damping, std = _damping(candidate, chosen, model, found[0].value)
-        found.append(Estimate("damping", damping, std, unit_at(joint, "N m s/rad")))
+        found.append(Estimate("damping", damping, std, joint.unit("N m s/rad")))
     return found
 
 

@@ -12,7 +12,6 @@ from diagnosis.binned_means import predicted_by_bins
 from diagnosis.cause import NO_VARIABLE, Signal, Structure
 from diagnosis.measurements.link_encoders.columns import standing_orders, turns
 from diagnosis.measurements.link_encoders.model import LIMITS, Chosen, LinkEncoders
-from diagnosis.units import unit_at
 
 BINS = 16
 VARIABLES = {"position": "q", "velocity": "v", "load torque": "load"}
@@ -29,7 +28,7 @@ def remarks(chosen: Chosen, model: LinkEncoders, arm: Arm) -> Iterator[str]:
             continue
         remark = (
             f"joint {joint}: the residual between its encoders is {1e3 * rms:.2g} "
-            f"m{unit_at(arm.joints[joint - 1], 'rad')} rms, {rms / fit.noise[k]:.0f} times their scatter "
+            f"m{arm.joints[joint - 1].unit('rad')} rms, {rms / fit.noise[k]:.0f} times their scatter "
             "from row to row"
         )
         orders = [standing_orders(values[:, k], side, k, 1) for values, side in zip(residuals, (fit, held_out))]

@@ -14,7 +14,6 @@ from diagnosis.measurements.link_encoders.estimates import coefficients
 from diagnosis.measurements.link_encoders.model import LIMITS, Chosen, LinkEncoders
 from diagnosis.measurements.link_encoders.per_recording import alone
 from diagnosis.selection.contradiction import CHANCE, chance_of
-from diagnosis.units import unit_at
 
 
 def zero_offsets(chosen: Chosen, model: LinkEncoders, arm: Arm) -> list[Cause]:
@@ -22,7 +21,7 @@ def zero_offsets(chosen: Chosen, model: LinkEncoders, arm: Arm) -> list[Cause]:
     recordings, causes = alone(chosen, model), []
     values, covariance = coefficients(chosen, model)
     for k, joint in enumerate(int(j) for j in model.rows.fit.joints):
-        unit = unit_at(arm.joints[joint - 1], "rad")
+        unit = arm.joints[joint - 1].unit("rad")
         each = {one.name: _offset(one.values, one.covariance, k, unit) for one in recordings}
         together = _offset(values, covariance, k, unit)
         differ = chance_of(recordings, slice(k, k + 1)) < CHANCE / len(model.rows.fit.joints)

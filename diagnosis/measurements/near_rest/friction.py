@@ -38,7 +38,7 @@ from diagnosis.residual.filters import rate_of
 from diagnosis.residual.run import Run
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.friction_shares import with_shares
-from diagnosis.units import recorded_quantity, unit_at
+from diagnosis.units import recorded_quantity
 from identification.selection import Split, Thresholds, p_value
 from identification.selection.cluster_covariance import cluster_covariance
 
@@ -249,7 +249,7 @@ def estimates(every: Sequence[NearRest], law: Law) -> list[Estimate]:
         name: np.hypot(by, late if name in added else effect.model_error * values[name]) for name, by in stds.items()
     }
     return [
-        Estimate(p.name, values[p.name], float(stds.get(p.name, 0.0)), unit_at(joint, p.unit))
+        Estimate(p.name, values[p.name], float(stds.get(p.name, 0.0)), joint.unit(p.unit))
         for p in effect.parameters
         if p.name in values
     ]

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from arm_model import Joint
 from diagnosis.measurements.single_axis.causes import AxisSide
-from diagnosis.units import recorded_quantity, unit_at
+from diagnosis.units import recorded_quantity
 
 
 def remarks(axis: AxisSide, drive: Joint) -> Iterator[str]:
@@ -17,7 +17,7 @@ def remarks(axis: AxisSide, drive: Joint) -> Iterator[str]:
     if axis.wave:
         length = f"{axis.wave.length:.4g} rad" if drive.revolute else f"{1e3 * axis.wave.length:.2f} mm"
         yield (
-            f"a wave of {axis.wave.amplitude:.2g} {unit_at(drive, 'N m')} every {length}, the same at all speeds and "
+            f"a wave of {axis.wave.amplitude:.2g} {drive.unit('N m')} every {length}, the same at all speeds and "
             f"in both directions, is {axis.wave.share:.0%} of the residual; it is not named because a second recording "
             "must show it at the same positions"
         )

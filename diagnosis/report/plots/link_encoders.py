@@ -9,7 +9,6 @@ from arm_model.effects import CATALOGUE, Instrument, Variable
 from arm_report import Chart, Panel, Series
 from arm_report.palette import AFTER, BEFORE
 from diagnosis.measurements.link_encoders.causes import LinkSide
-from diagnosis.units import unit_at
 
 AGAINST = {Variable.LOAD: ("load", "load", "N m"), Variable.VELOCITY: ("v", "velocity", "rad/s")}
 """Field of the rows, name and unit of the variables that a difference is drawn against, in addition to the angle."""
@@ -26,7 +25,7 @@ def link_overview(link: LinkSide, arm: Arm) -> Chart:
             ),
             title=f"joint {joint}",
             x="time in the held-out recordings, s",
-            y=f"difference, m{unit_at(arm.joints[joint - 1], 'rad')}",
+            y=f"difference, m{arm.joints[joint - 1].unit('rad')}",
             joint=joint,
         )
         for k, joint in enumerate(int(j) for j in link.held_out.joints)
@@ -54,8 +53,8 @@ def link_chart(name: str, link: LinkSide, arm: Arm, effect: str, joint: int) -> 
                 )
                 for values, colour, when in sides
             ),
-            x=f"{words} of joint {joint}, {unit_at(drive, unit)}",
-            y=f"difference, m{unit_at(drive, 'rad')}",
+            x=f"{words} of joint {joint}, {drive.unit(unit)}",
+            y=f"difference, m{drive.unit('rad')}",
             joint=joint,
         )
         for field, words, unit in shown

@@ -15,7 +15,7 @@ from diagnosis.measurements.near_rest.passages import SLIDES, near_rest, observa
 from diagnosis.report.plots.residuals import UNITS
 from diagnosis.residual.filters import kept, rate_of
 from diagnosis.result import Diagnosis
-from diagnosis.units import recorded_quantity, unit_at
+from diagnosis.units import recorded_quantity
 
 
 def near_rest_chart(picture: str, result: Diagnosis, joint: int) -> Chart | None:
@@ -34,7 +34,7 @@ def near_rest_chart(picture: str, result: Diagnosis, joint: int) -> Chart | None
             series=(Series(x=v, y=residual, kind="dots", colour=colour, label=title),),
             zones=(Zone(low=-2.0, high=2.0, label="noise, two std"),),
             title=title,
-            x=f"velocity of joint {joint}, {unit_at(drive, UNITS['velocity'])}",
+            x=f"velocity of joint {joint}, {drive.unit(UNITS['velocity'])}",
             y="residual over its std",
             x_range=(-SLIDES, SLIDES),
             y_range=robust_range(sides[0][1], 4.0),

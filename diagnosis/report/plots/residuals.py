@@ -22,7 +22,7 @@ from diagnosis.report.plots.motion import HELD_OUT, held_out_time
 from diagnosis.residual.filters import COMPARE_BAND, low_pass, rate_of
 from diagnosis.result import Diagnosis
 from diagnosis.selection.design import Dataset
-from diagnosis.units import recorded_quantity, recorded_signals, unit_at, variable_in_words
+from diagnosis.units import recorded_quantity, recorded_signals, variable_in_words
 
 SHOWN = ("time", "position", "motor angle", "velocity", "load torque")
 UNITS = {
@@ -149,7 +149,7 @@ def _cloud(x: Array, y: Array, at: Array, colours: tuple[str, str], label: str) 
 def unit_of(result: Diagnosis, joint: int, name: str) -> str:
     """The unit of a variable at a joint (from 1), or at the other one that it names: ``position of joint 3``."""
     variable, _, other = name.partition(" of joint ")
-    return unit_at(result.arm.joints[int(other or joint) - 1], UNITS[variable]) if variable in UNITS else ""
+    return result.arm.joints[int(other or joint) - 1].unit(UNITS[variable]) if variable in UNITS else ""
 
 
 def _with_unit(result: Diagnosis, joint: int, name: str) -> str:

@@ -9,7 +9,6 @@ from arm_model.effects import CATALOGUE, Instrument, Variable
 from arm_report import Chart, Panel, Series
 from arm_report.palette import AFTER, BEFORE, PALE_AFTER, PALE_BEFORE
 from diagnosis.measurements.single_axis.causes import AxisSide
-from diagnosis.units import unit_at
 
 BINS = 24
 NEAR = 4.0
@@ -27,9 +26,9 @@ def axis_chart(name: str, axis: AxisSide, effect: str, drive: Joint) -> Chart:
         case Variable.CURRENT_RATE:
             x, label = axis.held_out.rate, f"change of the command, {drive.command_unit}/s"
         case Variable.POSITION:
-            x, label = axis.held_out.q, f"position, {unit_at(drive, 'rad')}"
+            x, label = axis.held_out.q, f"position, {drive.unit('rad')}"
         case _:
-            x, label = axis.held_out.v, f"velocity, {unit_at(drive, 'rad/s')}"
+            x, label = axis.held_out.v, f"velocity, {drive.unit('rad/s')}"
     widths = {p.name for p in definition.nonlinear if p.unit == "rad/s"}
     reach = next((NEAR * p.value for p in cause.parameters if p.name in widths), np.inf)
     shown = np.abs(x) < reach
