@@ -9,6 +9,7 @@ import numpy as np
 
 from arm_report.chart import Chart, Panel, Series
 from arm_report.palette import GRID
+from arm_report.scales import Scale, written
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -17,6 +18,8 @@ if TYPE_CHECKING:
 WIDTH = 10.5
 """Inches."""
 PICTURE_DPI = 200
+TICKS = 12
+"""On an axis that is linear about zero and logarithmic beyond."""
 
 
 def figure(chart: Chart) -> Figure:
@@ -62,12 +65,7 @@ def _draw(axis: Axes, panel: Panel) -> None:
     if panel.names:
         axis.set_yticks(range(len(panel.names)), panel.names, fontsize="small")
         axis.invert_yaxis()
-    if panel.linear is not None:
-        axis.set_xscale("symlog", linthresh=panel.linear)
-    if panel.log_x:
-        axis.set_xscale("log")
-    if panel.log_y:
-        axis.set_yscale("log", nonpositive="mask")
+    _scales(axis, panel)
     axis.grid(color=GRID)
     axis.set_axisbelow(True)
     axis.set_title(panel.title, loc="left", fontsize="medium")
@@ -86,6 +84,32 @@ def _draw(axis: Axes, panel: Panel) -> None:
         if level.words and level.axis == "x":
             top = axis.get_xaxis_transform()
             axis.text(level.value, 1.0, f" {level.words}", transform=top, fontsize="small", va="bottom")
+    _ticks(axis, panel)
+
+
+def _scales(axis: Axes, panel: Panel) -> None:
+    """Those that are not linear throughout."""
+    if panel.linear is not None:
+        axis.set_xscale("symlog", linthresh=panel.linear)
+    if panel.log_x:
+        axis.set_xscale("log")
+    if panel.log_y:
+        axis.set_yscale("log", nonpositive="mask")
+
+
+def _ticks(axis: Axes, panel: Panel) -> None:
+    """Plain numbers on those axes, as on the page, where matplotlib writes powers of ten."""
+    from matplotlib.ticker import FuncFormatter, NullFormatter, NullLocator
+
+    if panel.linear is not None:
+        low, high = axis.get_xlim()
+        ticks = Scale(low=low, high=high, linear=panel.linear).ticks(TICKS)
+        axis.set_xticks(*zip(*ticks))
+        axis.xaxis.set_minor_locator(NullLocator())
+    for log, one in ((panel.log_x, axis.xaxis), (panel.log_y, axis.yaxis)):
+        if log:
+            one.set_major_formatter(FuncFormatter(lambda x, _: written(x)))
+            one.set_minor_formatter(NullFormatter())
 
 
 def _series(axis: Axes, one: Series, dates: bool) -> None:

@@ -56,7 +56,12 @@ class Scale:
             return [(x, _date(x, self.high - self.low)) for x in _multiples(self.low, self.high, most, dates=True)]
         else:
             values = _multiples(self.low, self.high, most, dates=False)
-        return [(x, f"{x:.6g}".replace("-", "\N{MINUS SIGN}")) for x in values if self.low <= x <= self.high]
+        return [(x, written(x)) for x in values if self.low <= x <= self.high]
+
+
+def written(value: float) -> str:
+    """A tick in plain digits."""
+    return f"{value:.6g}".replace("-", "\N{MINUS SIGN}")
 
 
 def scale_of(

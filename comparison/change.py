@@ -71,6 +71,8 @@ class Change:
                     Hochberg)
     scatter         spread between the recordings of a group, over what their own standard deviations explain; None:
                     one recording on each side
+    overruled       why it is not significant though regressions of single recordings say so ("follows from base tilt");
+                    "" of all others
     """
 
     quantity: Quantity
@@ -82,6 +84,7 @@ class Change:
     p: float | None = None
     corrected: float | None = None
     scatter: float | None = None
+    overruled: str = ""
 
     @property
     def change(self) -> float | None:
@@ -108,12 +111,13 @@ class Change:
             return None
         ratio = self.change / abs(self.before)
         sign = math.copysign(1.0, self.before)
-        # Of after / before by both deviations, to first order; scatter between recordings is in both, and what only
-        # the change has (friction that differs from day to day) is that of the value after.
-        own = math.hypot(self.std_before, self.std_after)
-        more = math.sqrt(max((self.std or 0.0) ** 2 - own**2, 0.0))
-        std = math.hypot(self.std_after, more, (1 + sign * ratio) * self.std_before) / abs(self.before)
-        return ratio, std
+        # To first order, by the variances of before, after and their difference, which tell how the first two are
+        # correlated. What only the difference has (friction that differs from day to day) is of the value after.
+        before = self.std_before**2
+        change = self.std**2 if self.std else before + self.std_after**2
+        after = max(self.std_after**2, change - before)
+        variance = change + ratio**2 * before - sign * ratio * (after - before - change)
+        return ratio, math.sqrt(max(variance, 0.0)) / abs(self.before)
 
     def to_json(self) -> dict[str, Any]:
         relative = self.relative
@@ -137,6 +141,8 @@ class Change:
             table["scatter"] = self.scatter
         if self.quantity.speed is not None:
             table["speed"] = self.quantity.speed
+        if self.overruled:
+            table["overruled"] = self.overruled
         if self.quantity.why:
             table["not_comparable"] = self.quantity.why
         return table

@@ -5,7 +5,7 @@ A change that the regressions of single recordings call significant stands only 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -33,6 +33,7 @@ from identification.preprocessing.signals import Motion
 CONFIRMED = 0.05
 """Probability by chance in the shared regression, times the number of hypotheses, of a change that single regressions
 call significant."""
+NOT_SHOWN = "not shown by the regression of all recordings together"
 
 
 @dataclass(frozen=True)
@@ -83,7 +84,7 @@ def fewest_changes(
     """
     joint = _searched(recorded)
     structure, found = recorded.structure, joint.found
-    chances = _chances(structure, joint)
+    chances = _chances(structure, joint, found)
     values, covariance = shared_values(joint.fit, _model(structure, joint.added), found)
     maps = _maps(structure, np.diag(covariance), len(values), _by_scale(recorded))
     made = np.zeros((len(found), len(changes)), bool)
@@ -94,6 +95,7 @@ def fewest_changes(
         each if by else _confirmed(each, chances, joint.every)
         for each, by in zip(changes, made.any(axis=0) & _possible(changes))
     ]
+    decided = _with_reasons(decided, changes, structure, joint)
     std = np.sqrt(np.maximum(np.sum(maps @ covariance * maps, axis=1), 0.0))
     for own, one in zip(made, found):
         if one.hypothesis.added is None:
@@ -177,11 +179,14 @@ def _maps(structure: Structure, variance: Array, size: int, by_scale: Array) -> 
     return np.concatenate([maps, effects, maps @ by_scale], axis=1)
 
 
-def _chances(structure: Structure, joint: _Joint) -> dict[str, float]:
-    """Name of a quantity -> logarithm of its chance beside what was found."""
+def _chances(
+    structure: Structure, joint: _Joint, found: Sequence[Tested], names: Collection[str] | None = None
+) -> dict[str, float]:
+    """Name of a quantity (None: all) -> logarithm of its chance beside what was found."""
     singles = [*(one for one in joint.every if one.quantity), *single_values(structure, joint.added)]
-    found = tested(joint.fit, singles, [one.hypothesis for one in joint.found])
-    return {one.hypothesis.quantity: one.log_p for one in found}
+    singles = [one for one in singles if names is None or one.quantity in names]
+    given = tested(joint.fit, singles, [one.hypothesis for one in found])
+    return {one.hypothesis.quantity: one.log_p for one in given}
 
 
 def _possible(changes: Sequence[Change]) -> NDArray[np.bool_]:
@@ -190,10 +195,36 @@ def _possible(changes: Sequence[Change]) -> NDArray[np.bool_]:
 
 def _confirmed(change: Change, chances: dict[str, float], every: Sequence[Hypothesis]) -> Change:
     """The change, not significant where the shared regression does not show it."""
-    shared = min(1.0, float(np.exp(chance(chances.get(change.quantity.name, 0.0), every))))
+    shared = _shared_chance(change, chances, every)
     if change.significant and change.corrected is not None and shared > CONFIRMED:
         return replace(change, corrected=max(change.corrected, shared))
     return change
+
+
+def _shared_chance(change: Change, chances: dict[str, float], every: Sequence[Hypothesis]) -> float:
+    return min(1.0, float(np.exp(chance(chances.get(change.quantity.name, 0.0), every))))
+
+
+def _with_reasons(
+    decided: Sequence[Change], changes: Sequence[Change], structure: Structure, joint: _Joint
+) -> list[Change]:
+    """Those that only regressions of single recordings call significant with the reason why they are not.
+
+    What the shared regression shows as long as nothing is known of a change that was found follows from that.
+    """
+    lost = [now for now, then in zip(decided, changes) if then.significant and not now.significant]
+    if not lost:
+        return list(decided)
+    names = {one.quantity.name for one in lost}
+    unknown = _chances(structure, joint, [], names)
+    given = [(one.hypothesis.words, _chances(structure, joint, [one], names)) for one in joint.found]
+    reasons: dict[str, str] = {}
+    for one in lost:
+        reasons[one.quantity.name] = NOT_SHOWN
+        if _shared_chance(one, unknown, joint.every) <= CONFIRMED:
+            by = [words for words, chances in given if _shared_chance(one, chances, joint.every) > CONFIRMED]
+            reasons[one.quantity.name] = f"follows from {' and '.join(by or [words for words, _ in given])}"
+    return [replace(one, overruled=reasons.get(one.quantity.name, "")) for one in decided]
 
 
 def _most_significant(one: Tested, changes: Sequence[Change], sizes: Array, errors: Array, values: int) -> int:
@@ -227,4 +258,5 @@ def _conditional(
         std=by[1],
         p=float(np.exp(one.log_p)),
         corrected=min(1.0, float(np.exp(chance(one.log_p, every)))),
+        overruled="",
     )

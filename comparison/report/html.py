@@ -10,7 +10,7 @@ from markupsafe import Markup
 from arm_report import Report, table
 from comparison.change import Change
 from comparison.report import plots
-from comparison.report.wording import changed_sentences, percent, size, verdict
+from comparison.report.wording import changed_sentences, overruled_sentences, percent, size, verdict
 
 if TYPE_CHECKING:
     from comparison.outcome import Comparison
@@ -30,7 +30,7 @@ def report(result: Comparison) -> Report:
             "changed": bool(result.significant),
             "causes": result.causes,
             "changed_sentences": changed_sentences(result),
-            "alternatives": result.alternatives,
+            "overruled": overruled_sentences(result),
             "circumstances": [one.sentence for one in result.circumstances],
             "assumptions": result.assumptions,
             "overview": plots.overview(result),

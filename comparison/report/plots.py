@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from arm_report import Chart, Level, Panel, Series, Zone
-from arm_report.palette import AFTER, BEFORE, MEASURED
+from arm_report.palette import AFTER, BEFORE, MEASURED, PALE_AFTER
 from comparison.change import Change
 
 if TYPE_CHECKING:
@@ -17,6 +17,8 @@ MOST = 60
 """Bars; of more, those with the largest changes."""
 LINEAR = 5.0
 """Deviations up to which the axis is linear, where some changes are far larger."""
+KINDS = {"significant": AFTER, "no change of its own": PALE_AFTER, "not significant": MEASURED}
+"""Bars by what they say, with their colours."""
 
 
 def overview(result: Comparison) -> Chart:
@@ -26,10 +28,9 @@ def overview(result: Comparison) -> Chart:
     shown = [one for one in tested if one in kept]
     words = [one.quantity.words for one in shown]
     series = []
-    for significant, colour in ((True, AFTER), (False, MEASURED)):
-        rows = [k for k, one in enumerate(shown) if one.significant == significant]
+    for label, colour in KINDS.items():
+        rows = [k for k, one in enumerate(shown) if _kind(one) == label]
         sizes = np.array([shown[k].z or 0.0 for k in rows])
-        label = "significant" if significant else "not significant"
         series.append(Series(x=sizes, y=np.array(rows, float), kind="bars", colour=colour, label=label))
     panel = Panel(
         series=tuple(one for one in series if len(one.x)),
@@ -46,6 +47,10 @@ def overview(result: Comparison) -> Chart:
         panels=(panel,),
         height=0.9 + 0.22 * max(len(shown), 1),
     )
+
+
+def _kind(one: Change) -> str:
+    return "significant" if one.significant else "no change of its own" if one.overruled else "not significant"
 
 
 def curves(result: Comparison) -> Chart | None:

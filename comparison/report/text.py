@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from arm_report import cut, line_width, text_table
 from comparison.change import Change
-from comparison.report.wording import changed_sentences, percent, size, verdict
+from comparison.report.wording import changed_sentences, overruled_sentences, percent, size, verdict
 
 if TYPE_CHECKING:
     from comparison.outcome import Comparison
@@ -17,6 +17,7 @@ HEADS = ("quantity", "before", "after", "change", "2 std", "relative", "z", "p c
 LEGEND = (
     "*: significant; z: change over its std; p corr.: probability by chance, corrected for the number of quantities"
 )
+OVERRULED = "\N{DEGREE SIGN}: significant by single recordings, but no change of its own: the reason is below"
 MOST = 12
 """Rows of the table that are printed; all stand in the report."""
 
@@ -30,6 +31,8 @@ def text(result: Comparison) -> str:
     lines += _table(shown)
     if any(one.significant for one in shown):
         lines.append(LEGEND)
+    if any(one.overruled for one in shown):
+        lines.append(OVERRULED)
     if len(tested) > len(shown):
         lines.append(f"... and {len(tested) - len(shown)} more parameters with smaller changes")
     blind = [one for one in result.changes if not one.comparable]
@@ -40,7 +43,7 @@ def text(result: Comparison) -> str:
     lines += [f"warning: {warning}" for warning in result.warnings]
     said = verdict(result)
     sentences = [*result.causes, *(one.sentence for one in result.summaries), *changed_sentences(result)]
-    sentences += [f"not distinguished: {one}" for one in result.alternatives]
+    sentences += overruled_sentences(result)
     return "\n".join([*lines, *(one for one in sentences if one not in said), said])
 
 
@@ -50,7 +53,7 @@ def _table(changes: list[Change]) -> list[str]:
 
 
 def _row(change: Change) -> tuple[str, ...]:
-    mark = "*" if change.significant else ""
+    mark = "*" if change.significant else "\N{DEGREE SIGN}" if change.overruled else ""
     return (
         cut(change.quantity.words, min(WIDEST, line_width() - 30)),
         size(change.before),

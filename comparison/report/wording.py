@@ -72,8 +72,22 @@ def changed_sentences(result: Comparison) -> list[str]:
     return parameters + curve_sentences(result)
 
 
+def overruled_sentences(result: Comparison) -> list[str]:
+    """What single recordings call changed and all of them together do not, with the reason; one per reason."""
+    by_reason: dict[str, list[str]] = {}
+    for one in result.changes:
+        if one.overruled and one.z is not None and one.quantity.kind != "curve":
+            by_reason.setdefault(one.overruled, []).append(f"{one.quantity.words} (z = {one.z:+.1f})")
+    return [f"{reason[:1].upper()}{reason[1:]}: {', '.join(names)}" for reason, names in by_reason.items()]
+
+
 def verdict(result: Comparison) -> str:
-    """The one sentence."""
+    """What changed, in one sentence; and in another what the recordings do not distinguish from it."""
+    said = _what_changed(result)
+    return f"{said} Not distinguished: {'; '.join(result.alternatives)}." if result.alternatives else said
+
+
+def _what_changed(result: Comparison) -> str:
     if not result.tested:
         reasons = Counter(one.quantity.why for one in result.changes if one.quantity.why)
         return (

@@ -124,3 +124,5 @@ def test_charts_are_written_as_pictures_and_the_json_last(tmp_path: Path) -> Non
     assert (tmp_path / "out/pictures/both.pdf").read_bytes().startswith(b"%PDF")
     drawn = figure(chart)
     assert [axis.get_xlabel() for axis in drawn.axes] == ["speed, rad/s", "change"]
+    ticks = [one.get_text() for axis in drawn.axes for one in axis.get_xticklabels()]
+    assert {"0", "5", "10"} <= set(ticks) and not any("$" in text for text in ticks)

@@ -99,3 +99,14 @@ def test_moderation_recovers_the_common_scatter() -> None:
     mixed = np.where(np.arange(400) % 2, 1.0, 400.0)
     moderated, left = moderate(mixed * rng.chisquare(4, 400) / 4, freedom)
     assert (left < 8).all() and np.median(moderated[::2]) > 50 * np.median(moderated[1::2])
+
+
+def test_a_share_is_as_sure_as_the_change_that_it_is() -> None:
+    """Of a joint fit the change is known better than either value: they are of one regression."""
+    quantity = Quantity(name="link6.mx", words="first moment x of link 6", unit="kg m", kind="inertia", joint=6)
+    std_before, std = 0.0035, 0.00088
+    after = float(np.hypot(std_before, std))
+    one = Change(quantity=quantity, before=0.172, after=0.181, std_before=std_before, std_after=after, std=std)
+    assert one.z == pytest.approx(0.009 / std)
+    share = 0.009 / 0.172
+    assert one.relative == pytest.approx((share, np.hypot(std, share * std_before) / 0.172))
