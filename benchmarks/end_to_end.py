@@ -68,7 +68,7 @@ def measure(folder: Path, rate: int, seconds: float) -> dict[str, float]:
         spent.clear()
         wall, cpu = time.monotonic(), time.process_time()
         service.ask("start")
-        while service.state != "idle":
+        while service.lifecycle.state != "idle":
             service.step(0.5)
         wall, cpu = time.monotonic() - wall, time.process_time() - cpu
         simulation = sum(spent)
@@ -76,7 +76,7 @@ def measure(folder: Path, rate: int, seconds: float) -> dict[str, float]:
     finally:
         listener.kill()
         service.close()
-    last = service.last
+    last = service.lifecycle.last
     assert last is not None
     if tally["missed"] or tally["joined"] or not tally["complete"]:
         print(f"at {rate} Hz the subscriber says: {tally}", file=sys.stderr)

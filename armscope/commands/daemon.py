@@ -56,9 +56,9 @@ def command(
         shown = start_attached(["page", str(rig)]) if page else None
         while not told_to_end:
             service.step(1.0)
-            if service.bug is not None:
-                traceback.print_exception(service.bug)
-                service.bug = None
+            if service.lifecycle.bug is not None:
+                traceback.print_exception(service.lifecycle.bug)
+                service.lifecycle.bug = None
     finally:
         if shown is not None:
             shown.terminate()

@@ -80,8 +80,8 @@ class EmbeddedServer:
 
     def wait(self) -> None:
         self._service.step(WAIT_SECONDS)
-        if self._service.bug is not None:
-            raise self._service.bug
+        if self._service.lifecycle.bug is not None:
+            raise self._service.lifecycle.bug
 
     def close(self) -> None:
         self._service.close()
