@@ -54,10 +54,10 @@ def wrenches_of(sides: Sides, before: Array, after: Array, scale: Array) -> list
     rows, found = sides.held_out, []
     for number, run in enumerate(sides.runs):
         mine = rows.part(rows.run == number)
-        left = mine.residual(after)
+        residual = mine.residual(after)
         each, wrench = mine.thrusts(after), mine.thrust_wrench(after)
         parts = {name: -_sum_of(mine, after, beginnings) for name, beginnings in PARTS.items()}
-        parts["hull: inertia, weight, buoyancy"] = left + wrench - sum(parts.values())
+        parts["hull: inertia, weight, buoyancy"] = residual + wrench - sum(parts.values())
         found.append(
             Wrenches(
                 run=run,
@@ -65,10 +65,10 @@ def wrenches_of(sides: Sides, before: Array, after: Array, scale: Array) -> list
                 thrust=wrench,
                 required=parts,
                 before=mine.residual(before),
-                after=left,
+                after=residual,
                 demand=mine.demand,
                 each=each,
-                seen=each + _shares(mine, left, scale),
+                seen=each + _shares(mine, residual, scale),
             )
         )
     return found
@@ -79,7 +79,7 @@ def _sum_of(rows: Rows, values: Array, beginnings: tuple[str, ...]) -> Array:
     return np.asarray(rows.columns[:, :, mine] @ values[mine])
 
 
-def _shares(rows: Rows, left: Array, scale: Array) -> Array:
+def _shares(rows: Rows, residual: Array, scale: Array) -> Array:
     """(k, thrusters) N: thrust of each thruster that would explain what is left best, alone."""
     directions = rows.allocation / scale[:, None]
-    return np.asarray(left / scale @ directions / np.maximum((directions**2).sum(axis=0), 1e-300))
+    return np.asarray(residual / scale @ directions / np.maximum((directions**2).sum(axis=0), 1e-300))

@@ -24,7 +24,7 @@ from arm_io.types import Array, Progress
 from arm_model import Arm
 from arm_model.simulation import simulate
 from daq.recording import Recording
-from identification.methods.solved import settled
+from identification.methods.solution import settled
 from identification.preprocessing.demands import demand_of_run
 from identification.preprocessing.signals import Motion, smooth_motion
 from identification.regression.conclusion import conclude, physical_values, with_values
@@ -32,7 +32,7 @@ from identification.regression.equations import Equations, described_rows, with_
 from identification.regression.least_squares import Fit, joint_noise, least_squares, weighted
 from identification.regression.problem import Problem
 from identification.regression.uncertainty import uncertainty
-from identification.regression.weak_directions import held_note, held_to_the_model
+from identification.regression.weak_directions import held_note, regularised_to_model
 from identification.result import Identification
 
 ClosedLoopMethod = Literal["iv", "didim"]
@@ -73,7 +73,7 @@ def identify_closed_loop(
             break
     # What is reported is the same measure for every method: the inverse dynamics on the measured motion.
     solved = Fit(fit.values, fit.weight, torque - columns @ fit.values, fit.scaled)
-    solved, held = held_to_the_model(problem, solved, spread.information)
+    solved, held = regularised_to_model(problem, solved, spread.information)
     result = conclude(
         problem,
         method,

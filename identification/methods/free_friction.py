@@ -11,17 +11,18 @@ from __future__ import annotations
 from dataclasses import replace
 
 from arm_io.types import Progress
-from identification.methods.friction_trial import Trial, trial_of
+from identification.methods.friction_trial import FrictionTrial, trial_of
+from identification.methods.held_out import held_out_residuals
 from identification.methods.load_and_temperature import Dependence, with_load_and_temperature
-from identification.methods.solved import Solved, fitted_arm, solved
+from identification.methods.solution import Solution, fitted_arm, friction_sizes, solve
 from identification.regression.conditional_friction import with_terms
 from identification.regression.friction_shape import curve_speeds, with_curves
 from identification.regression.least_squares import Method
 
 
 def with_free_friction(
-    straight: Solved, method: Method, *, always: bool, progress: Progress
-) -> tuple[Solved, list[Trial], list[Dependence]]:
+    straight: Solution, method: Method, *, always: bool, progress: Progress
+) -> tuple[Solution, list[FrictionTrial], list[Dependence]]:
     """The fit with the friction laws that are justified, and all that was tried; ``always``: every curve that shows."""
     problem = straight.problem
     speeds = {
@@ -30,20 +31,21 @@ def with_free_friction(
         if joint.friction_curve is None and (found := curve_speeds(problem.motions, j)) is not None
     }
     progress("friction of free shape")
-    curved = solved(with_curves(problem, speeds), method, progress) if speeds else straight
+    curved = solve(with_curves(problem, speeds), method, progress) if speeds else straight
     wider, depends = with_load_and_temperature(curved, method, progress)
     if not speeds:
         return wider, [], depends
     added = wider.problem.arm.effects[len(problem.arm.effects) :]
     degc = {j: one.temperature for j, one in enumerate(wider.problem.arm.joints) if one.temperature is not None}
     if added:
-        straight = solved(with_terms(problem, fitted_arm(straight), added, degc), method, progress)
-    trials = [trial_of(j, straight, wider, speed[0], len(speeds)) for j, speed in speeds.items()]
+        straight = solve(with_terms(problem, fitted_arm(straight), added, degc), method, progress)
+    residuals, sizes = held_out_residuals(straight, wider), friction_sizes(straight.problem, straight.best)
+    trials = [trial_of(j, residuals, speed[0], float(sizes[j]), len(speeds)) for j, speed in speeds.items()]
     trials = [replace(trial, stays=True) for trial in trials] if always else trials
     stay = {trial.joint - 1: speeds[trial.joint - 1] for trial in trials if trial.stays}
     if not stay:
         return straight, trials, depends
     if len(stay) < len(speeds):
         problem = with_curves(problem, stay)
-        wider = solved(with_terms(problem, problem.arm, added, degc) if added else problem, method, progress)
+        wider = solve(with_terms(problem, problem.arm, added, degc) if added else problem, method, progress)
     return wider, trials, depends

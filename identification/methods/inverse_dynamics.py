@@ -15,11 +15,11 @@ from arm_model import Arm
 from daq.recording import Recording
 from identification.methods.chosen_terms import chosen_terms
 from identification.methods.free_friction import with_free_friction
-from identification.methods.friction_trial import Trial
+from identification.methods.friction_trial import FrictionTrial
 from identification.methods.lag_of_currents import Lag, delayed, judged, lag_shown
 from identification.methods.load_and_temperature import Dependence
-from identification.methods.sharper_sign import Sharper, with_sharper_sign
-from identification.methods.solved import Solved, fitted_arm, friction_sizes, solved
+from identification.methods.sign_velocity import SignVelocity, with_smaller_sign_velocities
+from identification.methods.solution import Solution, fitted_arm, friction_sizes, solve
 from identification.regression.conclusion import conclude
 from identification.regression.friction_band import bands_of
 from identification.regression.least_squares import Method
@@ -54,8 +54,8 @@ def identify(
         problem = prepare(fit, arm, held_out=held_out, friction=friction, progress=progress)
         if shape == "straight":
             return _fitted(problem, method, shape, progress)
-        problem, sharper = with_sharper_sign(problem, method, progress)
-        return replace(_fitted(problem, method, shape, progress), sharper=sharper)
+        problem, sign_velocities = with_smaller_sign_velocities(problem, method, progress)
+        return replace(_fitted(problem, method, shape, progress), sign_velocities=sign_velocities)
 
     first = of(arm)
     lag, first = (None, first) if shape == "straight" else _with_lag(first, of, arm)
@@ -71,13 +71,13 @@ def identify(
     result.extra.update(held_directions=found.held, blocks=found.spread.blocks)
     result.extra["friction_trials"] = [asdict(trial) for trial in trials]
     result.extra["friction_dependence"] = [one.to_json() for one in depends]
-    result.extra["sign_velocities"] = [one.to_json() for one in first.sharper]
+    result.extra["sign_velocities"] = [one.to_json() for one in first.sign_velocities]
     if lag is not None:
         result.notes.append(str(lag))
         result.extra["lag_of_currents"] = lag.to_json()
     bands = bands_of(found.problem, result.arm, found.spread)
     # curves of shape free are there whatever the held-out rows say
-    chosen = chosen_terms(lag, first.sharper, [] if shape == "free" else trials, depends, ripples or [])
+    chosen = chosen_terms(lag, first.sign_velocities, [] if shape == "free" else trials, depends, ripples or [])
     result = replace(result, friction_bands=bands, smoothness=found.scale, chosen_on_held_out=chosen)
     return result if ripples is None else with_found(result, found.problem, ripples)
 
@@ -87,14 +87,14 @@ class _Fitted:
     """The fit of a ``problem`` with the friction laws that are justified, and what was tried."""
 
     problem: Problem
-    found: Solved
-    trials: list[Trial]
+    found: Solution
+    trials: list[FrictionTrial]
     depends: list[Dependence]
-    sharper: Sequence[Sharper] = ()
+    sign_velocities: Sequence[SignVelocity] = ()
 
 
 def _fitted(problem: Problem, method: Method, shape: Shape, progress: Progress) -> _Fitted:
-    found = solved(problem, method, progress)
+    found = solve(problem, method, progress)
     if shape == "straight":
         return _Fitted(problem, found, [], [])
     return _Fitted(problem, *with_free_friction(found, method, always=shape == "free", progress=progress))

@@ -51,23 +51,14 @@ def identify_joints(
     """
     motions, held_motions, seen = motions_of(fit, held_out, arm, progress)
     own = _Results(warnings=[text for run in seen[: len(fit)] for text in run.warnings if "never moves" not in text])
-    fitted_runs, held_runs = list(zip(fit, motions)), list(zip(held_out, held_motions))
-    for j in range(len(arm)):
-        runs = [run for run in fitted_runs if own_run([run[1]], j) is not None]
-        if runs:
-            progress(Step("joints", j, len(arm), detail=f"joint {j + 1}"))
-            own.warnings += _of_coupled(arm, j)
-            _identify_joint(arm, j, runs, held_runs, own)
-        else:
-            own.warnings.append(f"joint {j + 1} does not move in any run; nothing is said about it")
+    _identify_all(arm, list(zip(fit, motions)), list(zip(held_out, held_motions)), own, progress)
     if not own.parameters:
         names = ", ".join(str(recording.path) for recording in fit)
         raise InputError(names, "no joint moves on its own; nothing to identify")
     if not held_out:
         own.warnings.append(
             f"no recording is held out: the held-out error is that of the last {1 - SPLIT:.0%} of the same runs, "
-            "predicted from the first"
-            f" {SPLIT:.0%}; give --held-out recordings before calling these values validated"
+            f"predicted from the first {SPLIT:.0%}; give --held-out recordings before calling these values validated"
         )
     own.warnings.append(
         "inertia and gravity of a motor-link pair include what the joint carries in this pose; model.toml takes the "
@@ -88,6 +79,18 @@ def identify_joints(
         runs=seen,
         extra={"integrated_equation": own.integrated},
     )
+
+
+def _identify_all(arm: Arm, fitted: Sequence[Run], held_out: Sequence[Run], own: _Results, progress: Progress) -> None:
+    """Every joint from the ``fitted`` runs in which it moves; what is found is added to ``own``."""
+    for j in range(len(arm)):
+        runs = [run for run in fitted if own_run([run[1]], j) is not None]
+        if not runs:
+            own.warnings.append(f"joint {j + 1} does not move in any run; nothing is said about it")
+            continue
+        progress(Step("joints", j, len(arm), detail=f"joint {j + 1}"))
+        own.warnings += _of_coupled(arm, j)
+        _identify_joint(arm, j, runs, held_out, own)
 
 
 def _with_friction(arm: Arm, friction: Mapping[str, float]) -> Arm:

@@ -19,14 +19,14 @@ import numpy as np
 from arm_io.types import Array
 from arm_model import Arm, EffectTerm
 from arm_model.effects import CATALOGUE
-from identification.methods.friction_trial import held_out_residual, residual_of
-from identification.methods.solved import Solved
+from identification.methods.added_columns import added_coefficients
+from identification.methods.held_out import held_out_residual
+from identification.methods.solution import Solution
 from identification.preprocessing.signals import Motion, equation_rows, equation_weight, parallel_filter
 from identification.regression.equations import Equations
 from identification.regression.least_squares import joint_noise
 from identification.ripples.search import BY_CHANCE
-from identification.selection import BLOCK_SECONDS, p_value, scaled_lstsq
-from identification.selection.cluster_covariance import cluster_covariance
+from identification.selection import BLOCK_SECONDS, p_value
 
 EFFECT = next(one.name for one in CATALOGUE.values() if one.delay is not None and len(one.parameters) == 1)
 """The one whose delay is all that it has."""
@@ -72,7 +72,7 @@ def delayed(arm: Arm, delay: float) -> Arm:
     return replace(arm, effects=(*arm.effects, EffectTerm(EFFECT, None, {"delay": delay})))
 
 
-def lag_shown(found: Solved) -> tuple[float, float] | None:
+def lag_shown(found: Solution) -> tuple[float, float] | None:
     """Lag of the currents and its std, s, that the fitted rows show at several joints alike; None: they show none.
 
     Not looked for in a model that has one, and of an arm with one joint.
@@ -80,22 +80,11 @@ def lag_shown(found: Solved) -> tuple[float, float] | None:
     problem = found.problem
     if any(CATALOGUE[term.name].delay is not None for term in problem.arm.effects) or len(problem.arm) < 2:
         return None
-    rows, residual = problem.rows, residual_of(problem, problem.rows, found.best)
-    noise = joint_noise(residual, rows.joint)[rows.joint]
-    late = -_derivatives(problem.motions)
+    rows, late = problem.rows, -_derivatives(problem.motions)
     joints = [j for j in range(len(problem.arm)) if np.any(late[rows.joint == j])]
     if len(joints) < 2:
         return None
-    own = np.where(rows.joint[:, None] == np.array(joints), late[:, None], 0.0) / noise[:, None]
-    arm = rows.columns[:, problem.columns] / noise[:, None]
-    # what the arm's own columns leave of both sides (Frisch & Waugh, Econometrica 1, 1933)
-    both = np.column_stack([own, residual / noise])
-    both = both - arm @ scaled_lstsq(arm, both)
-    columns, left = both[:, :-1], both[:, -1]
-    lags = scaled_lstsq(columns, left)
-    _, block = np.unique(np.stack([rows.run, rows.t // BLOCK_SECONDS]), axis=1, return_inverse=True)
-    covariance = cluster_covariance(columns, [left - columns @ lags], block.ravel())
-    return _alike(lags, np.sqrt(np.diag(covariance)))
+    return _alike(*added_coefficients(found, np.where(rows.joint[:, None] == np.array(joints), late[:, None], 0.0)))
 
 
 def _alike(lags: Array, std: Array) -> tuple[float, float] | None:
@@ -125,7 +114,7 @@ def _derivatives(motions: Sequence[Motion]) -> Array:
     return np.concatenate(parts)
 
 
-def judged(shown: tuple[float, float], without: Solved, with_it: Solved) -> Lag:
+def judged(shown: tuple[float, float], without: Solution, with_it: Solution) -> Lag:
     """The lag (value, std) with the errors of both fits on held-out rows; it stays where these justify it."""
     (rows, one), (others, other) = held_out_residual(without), held_out_residual(with_it)
     # a joint that hardly moves may have rows in one of both alone
@@ -135,9 +124,9 @@ def judged(shown: tuple[float, float], without: Solved, with_it: Solved) -> Lag:
     before, after = _in_blocks(rows, one, noise), _in_blocks(others, other, noise)
     both = sorted(before.keys() & after.keys())
     gains = np.array([before[block] - after[block] for block in both])
-    size, left = (float(np.sqrt(np.mean([table[block] for block in both]))) for table in (before, after))
-    stays = p_value(gains) < BY_CHANCE and left < (1.0 - REDUCED) * size
-    return Lag(delay=shown[0], std=shown[1], before=size, after=left, stays=stays)
+    size, remaining = (float(np.sqrt(np.mean([table[block] for block in both]))) for table in (before, after))
+    stays = p_value(gains) < BY_CHANCE and remaining < (1.0 - REDUCED) * size
+    return Lag(delay=shown[0], std=shown[1], before=size, after=remaining, stays=stays)
 
 
 def _in_blocks(rows: Equations, residual: Array, noise: Array) -> dict[tuple[int, int], float]:

@@ -16,8 +16,9 @@ import numpy as np
 from arm_io.types import Array, Progress
 from arm_model import Arm, EffectTerm
 from arm_model.effects import CATALOGUE
-from identification.methods.friction_trial import residual_of, trial_of
-from identification.methods.solved import Solved, fitted_arm, friction_sizes, solved
+from identification.methods.friction_trial import trial_of
+from identification.methods.held_out import held_out_residuals
+from identification.methods.solution import Solution, fitted_arm, friction_sizes, solve
 from identification.preprocessing.signals import Motion
 from identification.regression.conditional_friction import (
     LOAD,
@@ -75,7 +76,7 @@ class _Tried:
     refused: list[Dependence] = field(default_factory=list)
 
 
-def with_load_and_temperature(found: Solved, method: Method, progress: Progress) -> tuple[Solved, list[Dependence]]:
+def with_load_and_temperature(found: Solution, method: Method, progress: Progress) -> tuple[Solution, list[Dependence]]:
     """The fit with friction over load and temperature where it is justified.
 
     What the model has of such effects is kept, and fitted.
@@ -85,12 +86,12 @@ def with_load_and_temperature(found: Solved, method: Method, progress: Progress)
     tried = _tried(found, near)
     if not tried.terms:
         return found, tried.refused
-    wider = solved(with_terms(found.problem, near, tried.terms, tried.references), method, progress)
+    wider = solve(with_terms(found.problem, near, tried.terms, tried.references), method, progress)
     stay, why = _justified(found, wider, tried)
     if stay:
         warm = {term.joint - 1 for term in stay if term.joint and term.name in TEMPERATURE}
         kept = {j: degc for j, degc in tried.references.items() if j in warm}
-        wider = solved(with_terms(found.problem, near, stay, kept), method, progress)
+        wider = solve(with_terms(found.problem, near, stay, kept), method, progress)
     judged = [*tried.refused, *(_dependence(wider, tried, stay, j, on, why[j]) for j, on in _kinds(tried.terms))]
     return (wider if stay else found), sorted(judged, key=lambda one: (one.joint, one.on))
 
@@ -104,9 +105,9 @@ def _on(term: EffectTerm) -> str:
     return "load" if term.name in LOAD else "temperature"
 
 
-def _tried(found: Solved, arm: Arm) -> _Tried:
+def _tried(found: Solution, arm: Arm) -> _Tried:
     problem, tried = found.problem, _Tried()
-    sizes, residual = friction_sizes(problem, found.best), residual_of(problem, problem.rows, found.best)
+    sizes, residual = friction_sizes(problem, found.best), found.residual(problem.rows)
     present = {(term.joint, term.name) for term in problem.arm.effects}
     for j in range(len(arm)):
         certain = [motion.certain[:, j] for motion in problem.motions]
@@ -153,13 +154,14 @@ def _no_temperature(motions: Sequence[Motion], seen: Sequence[Conditions], certa
     return ""
 
 
-def _justified(found: Solved, wider: Solved, tried: _Tried) -> tuple[list[EffectTerm], dict[int, str]]:
+def _justified(found: Solution, wider: Solution, tried: _Tried) -> tuple[list[EffectTerm], dict[int, str]]:
     """The effects that stay, with those coefficients alone that are clearly not zero, and per joint the reason."""
     known, joints = _estimates(wider), sorted({j for j, _ in _kinds(tried.terms)})
+    residuals, sizes = held_out_residuals(found, wider), friction_sizes(found.problem, found.best)
     stay: list[EffectTerm] = []
     why: dict[int, str] = {}
     for j in joints:
-        trial = trial_of(j, found, wider, tried.slowest[j], len(joints))
+        trial = trial_of(j, residuals, tried.slowest[j], float(sizes[j]), len(joints))
         unit = "N m" if found.problem.arm.joints[j].revolute else "N"
         why[j] = trial.compared(unit)
         if not trial.stays:
@@ -181,14 +183,14 @@ def _is_clear(term: EffectTerm, name: str, known: Mapping[str, tuple[float, floa
     return abs(value) > CLEARLY * std and CATALOGUE[term.name].admits(name, value)
 
 
-def _estimates(fit: Solved) -> dict[str, tuple[float, float]]:
+def _estimates(fit: Solution) -> dict[str, tuple[float, float]]:
     """Value and std of the fitted base parameters by name."""
     names = [fit.problem.base.names[k] for k in fit.problem.columns]
     std: Array = fit.spread.std
     return {name: (float(v), float(s)) for name, v, s in zip(names, fit.best.values, std)}
 
 
-def _dependence(fit: Solved, tried: _Tried, stay: Sequence[EffectTerm], j: int, on: str, why: str) -> Dependence:
+def _dependence(fit: Solution, tried: _Tried, stay: Sequence[EffectTerm], j: int, on: str, why: str) -> Dependence:
     own = [term for term in stay if term.joint == j + 1 and _on(term) == on]
     known = _estimates(fit)
     given = {name_of(term, name): value for term in own for name, value in term.parameters.items()}

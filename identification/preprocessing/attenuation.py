@@ -40,8 +40,8 @@ def _own_power(motion: Motion, j: int) -> float:
     """(rad/s2)^2: mean square of joint j's acceleration without what follows its velocity."""
     qd, qdd = motion.qd[:, j], motion.qdd[:, j]
     filtered = parallel_filter(motion, np.stack([qdd, qd, np.sign(qd)], axis=1))
-    left = filtered[:, 0] - filtered[:, 1:] @ np.linalg.lstsq(filtered[:, 1:], filtered[:, 0], rcond=None)[0]
-    return float(np.mean(left**2))
+    residual = filtered[:, 0] - filtered[:, 1:] @ np.linalg.lstsq(filtered[:, 1:], filtered[:, 0], rcond=None)[0]
+    return float(np.mean(residual**2))
 
 
 def attenuation_warnings(motions: Sequence[Motion]) -> list[str]:

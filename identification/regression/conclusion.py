@@ -6,7 +6,7 @@ Checks, predictions, named parameters with their uncertainty, an arm that could 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -147,21 +147,10 @@ def conclude(
     predictions = _accounted_for(problem, predictions, identified, spread)
     identified = replace(identified, uncertainty=known_to(problem, spread))
     base, parameters = named(problem, best, spread, physical)
-    weak = [value.name for value in base if not value.identifiable]
-    if weak:
+    if weak := [value.name for value in base if not value.identifiable]:
         warnings.append(
             f"{len(weak)} of {len(base)} base parameters cannot be identified from these runs: {_weak_in_words(weak)}"
         )
-    notes = [
-        f"cut-off {motion.band.motion:.3g} Hz for differentiation, {motion.band.parallel:.3g} Hz for the "
-        "regression, from the"
-        f" spectrum of {recording.path.name}"
-        for recording, motion in zip(problem.fit, problem.motions)
-    ]
-    notes.append(
-        f"standard deviations from {spread.blocks} blocks of {spread.block:.3g} s; those of the formula take "
-        "residuals for white"
-    )
     return Identification(
         method=method,
         friction=problem.friction,
@@ -173,11 +162,24 @@ def conclude(
         condition=best.condition,
         predictions=predictions,
         warnings=warnings,
-        notes=notes,
+        notes=list(_notes(problem, spread)),
         bands=[motion.band for motion in problem.motions],
         covariance=spread.covariance,
         compared={UNCONSTRAINED: compared},
         runs=problem.runs,
+    )
+
+
+def _notes(problem: Problem, spread: Uncertainty) -> Iterator[str]:
+    """Bands and blocks that the fit was made with."""
+    for recording, motion in zip(problem.fit, problem.motions):
+        yield (
+            f"cut-off {motion.band.motion:.3g} Hz for differentiation, {motion.band.parallel:.3g} Hz for the "
+            f"regression, from the spectrum of {recording.path.name}"
+        )
+    yield (
+        f"standard deviations from {spread.blocks} blocks of {spread.block:.3g} s; those of the formula take "
+        "residuals for white"
     )
 
 

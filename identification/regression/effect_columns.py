@@ -58,7 +58,7 @@ def felt(effect: Effect) -> bool:
     return effect.coupling or effect.angle is not None or effect.current is not None
 
 
-def left_to_the_model(arm: Arm) -> list[str]:
+def effects_held_fixed(arm: Arm) -> list[str]:
     """Names of the effects that an identification holds as they are, and counts as rigid or sliding."""
     return [
         f"{term.name} of joint {term.joint}"

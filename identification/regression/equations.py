@@ -29,6 +29,7 @@ from identification.preprocessing.signals import (
 from identification.regression.base_parameters import BaseParameters
 from identification.regression.effect_columns import effect_columns, effect_parameters, shown_torque
 from identification.regression.model_parameters import Friction, column_names, described_columns, model_values
+from identification.selection import BLOCK_SECONDS
 
 PER_ROW = ("columns", "torque", "joint", "run", "t", "rest", "systematic", "sliding")
 
@@ -60,6 +61,11 @@ class Equations:
         """Only those rows."""
         given = {name: value[rows] for name in PER_ROW if (value := getattr(self, name)) is not None}
         return replace(self, **given)
+
+    def blocks(self) -> NDArray[np.intp]:
+        """(rows,) number of the run and second of each row, from 0."""
+        _, block = np.unique(np.stack([self.run, self.t // BLOCK_SECONDS]), axis=1, return_inverse=True)
+        return np.asarray(block.ravel(), np.intp)
 
 
 def equations(

@@ -25,7 +25,7 @@ from identification.preprocessing.setpoint_ripple import folded_torque
 from identification.preprocessing.setpoints import Setpoints, setpoints_of
 from identification.preprocessing.signals import Motion, smooth_motion, spared, with_reversals
 from identification.regression.base_parameters import BaseParameters, base_parameters, structural_base
-from identification.regression.effect_columns import left_to_the_model, repeated, true_readings
+from identification.regression.effect_columns import effects_held_fixed, repeated, true_readings
 from identification.regression.equations import Equations, described_rows, equations, equations_of, with_effects
 from identification.regression.least_squares import weighted
 from identification.regression.model_parameters import Friction, freed_rotors, model_values
@@ -188,7 +188,7 @@ def prepare(
     motions = motions if smooth else [*map(with_reversals, motions)]
     warnings = [warning for run in runs for warning in run.warnings]
     warnings += [
-        f"{name}: held as the model has it, and counted as rigid or sliding here" for name in left_to_the_model(arm)
+        f"{name}: held as the model has it, and counted as rigid or sliding here" for name in effects_held_fixed(arm)
     ]
     warnings += [f"{name} is in the model more than once: only the first is fitted" for name in repeated(arm)]
     if freed := freed_rotors(arm):

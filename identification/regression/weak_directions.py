@@ -25,7 +25,7 @@ WEAK = 0.1  # of the model's size
 SURE = 3.0  # standard deviations, with the residual's colour in them
 
 
-def held_to_the_model(problem: Problem, fit: Fit, information: Array) -> tuple[Fit, int]:
+def regularised_to_model(problem: Problem, fit: Fit, information: Array) -> tuple[Fit, int]:
     """The fit of the excited base parameters with its weak directions at the model's values, and how many these are.
 
     information (b, b): inverse covariance of the fitted values, as ``Uncertainty`` has it.

@@ -50,7 +50,7 @@ class Fitted:
     amplitudes: Array
     middle: float
     covariance: Array
-    left: tuple[Array, Array]
+    residual: tuple[Array, Array]
 
     def parameters(self, k: int, ratio: float) -> tuple[tuple[float, float, float], Array]:
         """Torque N m (N), order per turn of the motor and phase at angle 0 of the k-th wave, and covariance (3, 3)."""
@@ -71,7 +71,7 @@ class Fitted:
 def fit_waves(rows: WideRows, joint: int, waves: Sequence[Wave]) -> Fitted:
     """The waves at a joint (from 0) by least squares of the fitted rows; orders that are not exact are refined."""
     if not waves:
-        return Fitted((), np.zeros((0, 2)), 0.0, np.zeros((0, 0)), rows.left)
+        return Fitted((), np.zeros((0, 2)), 0.0, np.zeros((0, 0)), rows.residual)
     angles = np.concatenate([motion.q[:, joint] for motion in rows.fit.motions])
     middle = float(angles.min() + angles.max()) / 2
     travel = float(np.ptp(angles))
@@ -80,18 +80,18 @@ def fit_waves(rows: WideRows, joint: int, waves: Sequence[Wave]) -> Fitted:
     amplitudes = np.zeros((len(waves), 2))
     for step in range(STEPS + 1):
         fitted, held_out = _linear(rows, joint, found, middle)
-        values = scaled_lstsq(fitted, rows.left[0])
+        values = scaled_lstsq(fitted, rows.residual[0])
         amplitudes = values.reshape(-1, 2)
         bent = _bent(rows, joint, found, middle, amplitudes, free)
         if step == STEPS or not free:
             break
-        by = scaled_lstsq(np.hstack([fitted, bent]), rows.left[0])[fitted.shape[1] :]
+        by = scaled_lstsq(np.hstack([fitted, bent]), rows.residual[0])[fitted.shape[1] :]
         most = np.pi / travel
         for k, change in zip(free, np.clip(by, -most / 4, most / 4)):
             found[k] = Wave(found[k].order + float(change))
-    left = rows.left[0] - fitted @ values, rows.left[1] - held_out @ values
-    covariance = _covariance(np.hstack([fitted, bent]), left[0], rows.fit, free, len(waves))
-    return Fitted(tuple(found), amplitudes, middle, covariance, left)
+    residual = rows.residual[0] - fitted @ values, rows.residual[1] - held_out @ values
+    covariance = _covariance(np.hstack([fitted, bent]), residual[0], rows.fit, free, len(waves))
+    return Fitted(tuple(found), amplitudes, middle, covariance, residual)
 
 
 def _linear(rows: WideRows, joint: int, waves: Sequence[Wave], middle: float) -> tuple[Array, Array]:
@@ -110,7 +110,7 @@ def _bent(
 ) -> Array:
     """(k, f) derivative of the fitted rows by the orders that are free."""
     if not free:
-        return np.zeros((len(rows.left[0]), 0))
+        return np.zeros((len(rows.residual[0]), 0))
     torques = []
     for motion in rows.fit.motions:
         q = motion.q[:, joint] - middle
@@ -120,18 +120,18 @@ def _bent(
         ]
         torques.append(np.stack(slopes, axis=1))
     columns = rows.fit.seen(rows.arm, joint, torques)
-    return rows.beside(columns, np.zeros((len(rows.left[1]), columns.shape[1])))[0]
+    return rows.beside(columns, np.zeros((len(rows.residual[1]), columns.shape[1])))[0]
 
 
-def _covariance(columns: Array, left: Array, side: Side, free: Sequence[int], waves: int) -> Array:
+def _covariance(columns: Array, residual: Array, side: Side, free: Sequence[int], waves: int) -> Array:
     """(3 w, 3 w) by blocks of time, never below that of white residuals; two standard deviations cover 95 %."""
     count = int(side.block.max()) + 1
-    robust = cluster_covariance(columns, [left], side.block)
+    robust = cluster_covariance(columns, [residual], side.block)
     student = stats.t.ppf(0.975, max(count - 1, 1)) / stats.norm.ppf(0.975)
     size = np.linalg.norm(columns, axis=0)
     size[size == 0.0] = 1.0
     gram = np.linalg.pinv((columns / size).T @ (columns / size), hermitian=True) / np.outer(size, size)
-    white = gram * float(left @ left) / max(len(left) - columns.shape[1], 1)
+    white = gram * float(residual @ residual) / max(len(residual) - columns.shape[1], 1)
     known = robust * student**2
     raised = np.sqrt(np.maximum(1.0, np.diag(white) / np.maximum(np.diag(known), 1e-300)))
     known = known * np.outer(raised, raised)

@@ -22,7 +22,7 @@ from identification.regression.equations import Equations, equations, with_effec
 from identification.regression.least_squares import joint_noise
 from identification.regression.problem import Problem
 from identification.ripples.scan import wide
-from identification.selection import BLOCK_SECONDS, scaled_lstsq
+from identification.selection import scaled_lstsq
 
 DETERMINED = 1e-9
 """Singular value of scaled columns below which a direction of the arm is not determined in the wider band."""
@@ -45,8 +45,7 @@ class Side:
     @cached_property
     def block(self) -> NDArray[np.intp]:
         """(k,) number of each row's block of time, from 0."""
-        where = np.stack([self.equations.run, self.equations.t // BLOCK_SECONDS])
-        return np.asarray(np.unique(where, axis=1, return_inverse=True)[1], np.intp).ravel()
+        return self.equations.blocks()
 
     def seen(self, arm: Arm, joint: int, torques: Sequence[Array]) -> Array:
         """(k, c) columns over the noise of ``torques`` (m, c) at the drive of a joint (from 0), one per motion."""
@@ -85,7 +84,7 @@ class WideRows:
         return fitted - self.fit.columns @ values, held_out - self.held_out.columns @ values
 
     @cached_property
-    def left(self) -> tuple[Array, Array]:
+    def residual(self) -> tuple[Array, Array]:
         """(k,) each: what the arm's own columns leave of the torques of both sides, over the noise."""
         one, other = self.beside(self.fit.y[:, None], self.held_out.y[:, None])
         return one[:, 0], other[:, 0]

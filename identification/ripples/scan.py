@@ -59,19 +59,19 @@ def orders_of(motions: Sequence[Motion], joint: int) -> Array:
 
 
 def wave_sums(
-    motions: Sequence[Motion], left: Sequence[Array], joint: int, orders: Array, late: NDArray[np.bool_]
+    motions: Sequence[Motion], residuals: Sequence[Array], joint: int, orders: Array, late: NDArray[np.bool_]
 ) -> tuple[Array, Array]:
     """(2, 2, o) sum e w* of residuals e and waves w, and (2, 2, o) sum |w|^2 / 2: of both sides, both ways of acting.
 
     The wave that fits a side is their ratio, and reduces its squares by |sum e w*|^2 / (sum |w|^2 / 2).
 
-    left    (k,) per motion, what is left of its rows (``equation_rows``), over their noise
-    orders  (o,) evenly apart
-    late    (n,) True for motions of the second side
+    residuals  (k,) per motion, of its rows (``equation_rows``), over their noise
+    orders     (o,) evenly apart
+    late       (n,) True for motions of the second side
     Ways: a torque, and an error of an angle, in proportion to the square of the speed.
     """
     sums, power = np.zeros((2, 2, len(orders)), complex), np.zeros((2, 2, len(orders)))
-    for motion, residual, side in zip(motions, left, late.astype(int)):
+    for motion, residual, side in zip(motions, residuals, late.astype(int)):
         of_joint, row = np.nonzero(equation_rows(motion)[1].T)
         mine = of_joint == joint
         weight = equation_weight(motion)[:, joint, None]

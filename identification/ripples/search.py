@@ -103,8 +103,8 @@ class _Joint:
     ) -> tuple[float, bool] | None:
         """The order that stands out most, and whether it does more as an error of an angle; None where none does."""
         side = self.rows.fit
-        left = _by_motion(kept.left[0], side.kept, side.motions)
-        gains = _gains(side.motions, left, self.j, orders)
+        residual = _by_motion(kept.residual[0], side.kept, side.motions)
+        gains = _gains(side.motions, residual, self.j, orders)
         floor = ndimage.median_filter(gains[0], NEIGHBOURS, mode="nearest") / np.log(2.0)
         above = gains[0] / np.maximum(floor, 1.0)
         for order in [*refused, *(wave.order for wave in kept.waves)]:
@@ -113,7 +113,7 @@ class _Joint:
         if above[best] < STANDS_OUT:
             return None
         finer = orders[best] + (orders[1] - orders[0]) * FINER
-        around = _gains(side.motions, left, self.j, finer)
+        around = _gains(side.motions, residual, self.j, finer)
         return float(finer[int(np.argmax(around[0]))]), bool(around[1].max() > around[0].max())
 
     def _judged(self, before: Fitted, after: Fitted, of_angle: bool, tests: int) -> tuple[str, bool]:
@@ -121,7 +121,7 @@ class _Joint:
         joint, held = self.arm.joints[self.j], self.rows.held_out
         unit = "N m" if joint.revolute else "N"
         mine = held.equations.joint == self.j
-        one, other = (fit.left[1][mine] for fit in (before, after))
+        one, other = (fit.residual[1][mine] for fit in (before, after))
         gain = np.bincount(held.block[mine], weights=one**2 - other**2) if mine.any() else np.zeros(1)
         p = p_value(gain[gain != 0.0].astype(float))
         errors = [float(np.sqrt(np.mean(each**2))) * held.noise[self.j] if len(each) else 0.0 for each in (one, other)]
@@ -155,15 +155,15 @@ class _Joint:
         )
 
 
-def _by_motion(left: Array, kept: NDArray[np.bool_], motions: Sequence[Motion]) -> list[Array]:
+def _by_motion(residual: Array, kept: NDArray[np.bool_], motions: Sequence[Motion]) -> list[Array]:
     """Residuals (k,) of the ``kept`` rows (r,) as all rows of each motion; 0 where a row is not kept."""
     every = np.zeros(len(kept))
-    every[kept] = left
+    every[kept] = residual
     counts = [int(equation_rows(motion)[1].sum()) for motion in motions]
     return np.split(every, np.cumsum(counts)[:-1])
 
 
-def _gains(motions: Sequence[Motion], left: Sequence[Array], joint: int, orders: Array) -> Array:
+def _gains(motions: Sequence[Motion], residual: Sequence[Array], joint: int, orders: Array) -> Array:
     """(2, o) by how much a wave in all motions reduces the squares: as a torque, and as an error of an angle."""
-    sums, power = wave_sums(motions, left, joint, orders, np.zeros(len(motions), bool))
+    sums, power = wave_sums(motions, residual, joint, orders, np.zeros(len(motions), bool))
     return np.asarray(np.abs(sums[0]) ** 2 / power[0] / 2.0)

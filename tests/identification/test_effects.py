@@ -22,8 +22,7 @@ from armscope.cli import run
 from daq.recording import open_recording
 from daq.recording.parts import Attachments
 from daq.recording.tables.table import write_table
-from identification.methods import solved as steps
-from identification.methods.friction_trial import residual_of
+from identification.methods import solution as steps
 from identification.regression.effect_columns import repeated
 from identification.regression.problem import prepare
 from tests.arm_model.pumas import three_links
@@ -131,8 +130,8 @@ def test_a_fit_that_does_not_settle_is_one_of_the_rows_that_it_goes_with(
     """Rows around its values are others, and may show more parameters than were fitted."""
     monkeypatch.setattr(steps, "STEPS", 1)
     recording = open_recording(record(tmp_path / "run.mcap", arm, 0))
-    found = steps.solved(prepare([recording], replace(arm, effects=TERMS)), "wls", lambda _: None)
-    left = residual_of(found.problem, found.problem.rows, found.best)
+    found = steps.solve(prepare([recording], replace(arm, effects=TERMS)), "wls", lambda _: None)
+    left = found.residual(found.problem.rows)
     assert left == pytest.approx(found.best.residual, abs=1e-6)
     assert "did not settle" in found.problem.warnings[-1]
 
