@@ -54,17 +54,17 @@ def _between(ratio: float, limits: tuple[float, float]) -> float:
     return math.log(min(max(ratio, limits[0]), limits[1]))
 
 
-def support_of(cause: Cause, largest: float, left: Mapping[int, float], unexplained: int) -> Support:
+def support_of(cause: Cause, largest: float, noise_ratios: Mapping[int, float], unexplained: int) -> Support:
     """The evidence for a cause.
 
-    largest: gain of any cause; left: joint (from 1) -> rms of what remains over the noise
+    largest: gain of any cause; noise_ratios: joint (from 1) -> rms residual over the noise
     """
     return Support(
         significance=cause.confidence,
         gain=gain_of(cause),
         largest=largest,
         determined=determined(cause),
-        left=left.get(cause.felt_at or 0, 1.0),
+        left=noise_ratios.get(cause.felt_at or 0, 1.0),
         unexplained=unexplained,
     )
 
@@ -89,7 +89,7 @@ def determined(cause: Cause) -> float:
     return max(ratios, default=LARGEST)
 
 
-def with_confidence(causes: Sequence[Cause], left: Mapping[int, float], unexplained: int) -> list[Cause]:
+def with_confidence(causes: Sequence[Cause], noise_ratios: Mapping[int, float], unexplained: int) -> list[Cause]:
     """The causes with the confidence that names with such evidence deserve: at most 1 - p of their gain.
 
     What no case of the bank shows is stated with no larger confidence than was counted anywhere.
@@ -98,7 +98,7 @@ def with_confidence(causes: Sequence[Cause], left: Mapping[int, float], unexplai
     largest = max((gain_of(cause) for cause in causes if cause.signal in SIGNALS), default=1.0)
     for cause in causes:
         if cause.signal in SIGNALS:
-            support = support_of(cause, largest, left, unexplained)
+            support = support_of(cause, largest, noise_ratios, unexplained)
             cause = replace(
                 cause, confidence=min(support.significance, calibrated_confidence(support)), support=support
             )

@@ -97,9 +97,7 @@ def diagnose(
         warnings=(
             *cleaned.remarks,
             *_warnings(given, measured, currents),
-            *friction_replaced(as_found, extended),
-            *smoothing_replaced(as_found, extended),
-            *not_simulated(extended),
+            *_replaced(as_found, extended),
         ),
     )
 
@@ -107,17 +105,20 @@ def diagnose(
 def check_recordings(arm: Arm, fit: Sequence[Recording], held_out: Sequence[Recording] = ()) -> None:
     """InputError where ``diagnose`` does not take these recordings of the arm."""
     check(arm, [*fit, *held_out])
-    check_motion(arm, fit, "fitted")
-    if held_out:
-        check_motion(arm, held_out, "held-out")
+    _check_motions(arm, fit, held_out)
 
 
 def screen(arm: Arm, recordings: Recordings, progress: Progress) -> Screened:
     """Recordings that belong to the arm and show a motion, their events found and removed."""
     cleaned = screened(arm, [*recordings.fit, *recordings.held_out], progress)
-    check_motion(arm, recordings.fit, "fitted")
-    check_motion(arm, recordings.held_out, "held-out")
+    _check_motions(arm, *recordings)
     return cleaned
+
+
+def _check_motions(arm: Arm, fit: Sequence[Recording], held_out: Sequence[Recording]) -> None:
+    check_motion(arm, fit, "fitted")
+    if held_out:
+        check_motion(arm, held_out, "held-out")
 
 
 def evenly(recordings: Recordings, cleaned: Screened) -> tuple[Recordings, Screened]:
@@ -161,6 +162,13 @@ def top_speeds(currents: CurrentDiagnosis) -> Array:
     """(n,) rad/s (m/s): the highest speed of each joint in any of the recordings."""
     speeds = [np.abs(run.brisk_v).max(axis=0) for part in currents.state.data for run in part.runs]
     return np.asarray(np.max(speeds, axis=0))
+
+
+def _replaced(as_found: Arm, extended: Arm) -> Iterator[str]:
+    """What the ``extended`` model has otherwise than the causes say, and whether it can be simulated."""
+    yield from friction_replaced(as_found, extended)
+    yield from smoothing_replaced(as_found, extended)
+    yield from not_simulated(extended)
 
 
 def _warnings(arm: Arm, measured: OtherInstruments, currents: CurrentDiagnosis) -> Iterator[str]:

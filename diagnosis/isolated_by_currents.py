@@ -48,7 +48,7 @@ def isolated_by_currents(
             continue
         progress("comparing currents with the waves of both encoders")
         runs = residuals_of(extend(arm, [one for one in measured.known if one is not cause]), screened).runs
-        own, *of_rivals = (_left(runs, one.terms) for one in (cause, *rivals))
+        own, *of_rivals = (_squared_residual(runs, one.terms) for one in (cause, *rivals))
         best = int(np.argmin([one.sum() for one in of_rivals]))
         if p_value(own - of_rivals[best]) < SIGNIFICANT:
             causes[place] = _estimated_by_both(rivals[best], runs)
@@ -94,12 +94,12 @@ def _estimated_by_both(cause: Cause, runs: Sequence[Run]) -> Cause:
     along = np.array([np.cos(phase.value), np.sin(phase.value)])
     c, step = amplitude.value * along, STEP * amplitude.value
 
-    def left(of: Array) -> Array:
+    def residual(of: Array) -> Array:
         term = EffectTerm(cause.effect, cause.joint, solved(effect, held, of.tolist()))
         return np.concatenate([_weighted(run, [term]).ravel() for run in runs])
 
-    here = left(c)
-    columns = np.stack([(left(c + step * one) - here) / step for one in np.eye(2)], axis=1)
+    here = residual(c)
+    columns = np.stack([(residual(c + step * one) - here) / step for one in np.eye(2)], axis=1)
     change = -np.linalg.lstsq(columns, here, rcond=None)[0]
     of_currents = cluster_covariance(columns, [here + columns @ change], _blocks(runs))
     turned = np.column_stack([along, [-along[1], along[0]]])
@@ -116,7 +116,7 @@ def _estimated_by_both(cause: Cause, runs: Sequence[Run]) -> Cause:
     return replace(cause, parameters=[better.get(p.name, p) for p in cause.parameters])
 
 
-def _left(runs: Sequence[Run], terms: Sequence[EffectTerm]) -> Array:
+def _squared_residual(runs: Sequence[Run], terms: Sequence[EffectTerm]) -> Array:
     """(blocks,) squared residual currents of all joints over their variance, with more effects."""
     squares = np.concatenate([np.sum(_weighted(run, terms) ** 2, axis=1) for run in runs])
     joints = len(runs[0].arm)

@@ -122,8 +122,8 @@ def _searched(recorded: Recorded) -> _Joint:
     joint, rows = _with(recorded, recorded.rows, [], always(arm, motions))
     for common in (True, False):
         every = [[], joint.found] if joint.found else [[]]
-        left = [residuals_of(joint.fit, found) for found in every]
-        proposed = [one for e in left for one in ripples(arm, motions, e, after, common=common)]
+        residuals = [residuals_of(joint.fit, found) for found in every]
+        proposed = [one for e in residuals for one in ripples(arm, motions, e, after, common=common)]
         if proposed:
             joint, rows = _with(recorded, rows, joint.added, proposed)
     return _without_rivals(recorded, joint, rows)

@@ -203,8 +203,8 @@ def _scales(rows: Rows, values: Array, noise: Array) -> Array:
 def residuals_of(fit: JointRegression, found: Sequence[Tested]) -> list[Array]:
     """(k,) per recording: residual of its rows in the joint fit with the changes ``found``, over their noise."""
     values, changes = _shared(fit, found)
-    left = fit.y - fit.x @ values - np.where(fit.rows_after, fit.x @ changes, 0.0)
-    return [left[fit.recording[fit.block] == k] for k in range(fit.recordings)]
+    residual = fit.y - fit.x @ values - np.where(fit.rows_after, fit.x @ changes, 0.0)
+    return [residual[fit.recording[fit.block] == k] for k in range(fit.recordings)]
 
 
 def _shared(fit: JointRegression, found: Sequence[Tested]) -> tuple[Array, Array]:
@@ -230,14 +230,14 @@ def tested(fit: JointRegression, every: Sequence[Hypothesis], chosen: Sequence[H
     after = fit.rows_after
     scores = fit.x[after].T @ fit.y[after]
     found = known @ (apart @ (scores - share @ (fit.x.T @ fit.y)))
-    left = fit.y - np.where(after, fit.x @ found, 0.0)
-    left = left - fit.x @ (inverse @ (fit.x.T @ left))
-    scores = fit.x[after].T @ left[after]
+    residual = fit.y - np.where(after, fit.x @ found, 0.0)
+    residual = residual - fit.x @ (inverse @ (fit.x.T @ residual))
+    scores = fit.x[after].T @ residual[after]
     shapes = []
     for one in every:
         directions = one.directions / fit.scale[:, None]
         shapes.append(_shape(scores, directions - known @ (apart @ (m @ directions)), m))
-    return _with_scatter(fit, every, _estimates(fit, left, shapes, inverse, share, m @ fit.drift))
+    return _with_scatter(fit, every, _estimates(fit, residual, shapes, inverse, share, m @ fit.drift))
 
 
 def _shape(scores: Array, directions: Array, m: Array) -> tuple[Array, Array, Array]:
@@ -253,7 +253,7 @@ def _shape(scores: Array, directions: Array, m: Array) -> tuple[Array, Array, Ar
 
 def _estimates(
     fit: JointRegression,
-    left: Array,
+    residual: Array,
     shapes: Sequence[tuple[Array, Array, Array]],
     inverse: Array,
     share: Array,
@@ -268,7 +268,7 @@ def _estimates(
     changed = np.stack([one @ coefficients for one, _, coefficients in shapes], axis=1)
     shown, shared = fit.x @ along, fit.x @ (share.T @ along)
     # the residual of the fit in which it has changed
-    remaining = left[:, None] - np.where(after[:, None], fit.x @ changed, 0.0)
+    remaining = residual[:, None] - np.where(after[:, None], fit.x @ changed, 0.0)
     remaining += fit.x @ (inverse @ (fit.total_after @ changed))
     into = sparse.csr_array((np.ones(len(after)), (fit.block, np.arange(len(after)))), (blocks, len(after)))
     found: list[_Estimate | None] = []
@@ -326,9 +326,9 @@ def _with_scatter(fit: JointRegression, every: Sequence[Hypothesis], raw: Sequen
     for (one, of), more, degrees in zip(pairs, scatter, freedom):
         covariance, count = of.covariance * max(more, 1.0) + of.drift @ of.drift.T, len(of.coefficients)
         square = float(of.coefficients @ np.linalg.pinv(covariance, hermitian=True) @ of.coefficients)
-        left = min(of.freedom, degrees) if more > 1.0 else of.freedom
-        left = max(left - count + 1, 1.0)
-        log_p = float(stats.f.logsf(square / count, count, left))
+        denominator = min(of.freedom, degrees) if more > 1.0 else of.freedom
+        denominator = max(denominator - count + 1, 1.0)
+        log_p = float(stats.f.logsf(square / count, count, denominator))
         along = of.directions * fit.scale[:, None]
         found.append(Tested(one, along, of.coefficients, covariance, of.gain, log_p))
     return found

@@ -23,11 +23,11 @@ WAYS = (("gear_ripple", "torque"), ("encoder_ripple", ""))
 
 
 def ripples(
-    arm: Arm, motions: Sequence[Motion], left: Sequence[Array], after: NDArray[np.bool_], *, common: bool
+    arm: Arm, motions: Sequence[Motion], residuals: Sequence[Array], after: NDArray[np.bool_], *, common: bool
 ) -> list[Added]:
     """The order at each joint, and of each way of acting, whose wave differs most between the sides.
 
-    left    (k,) per recording, what the joint fit leaves of its rows, over their noise
+    residuals  (k,) per recording, of the joint fit, over their noise
     after   (n,) True for recordings of the side after
     common  instead the torque whose wave all recordings have alike, where it stands out: a ripple that the model lacks
     """
@@ -36,13 +36,13 @@ def ripples(
         orders = orders_of(motions, joint)
         if len(orders) < 2:
             continue
-        gains = _gains(motions, left, joint, orders, after, common)
+        gains = _gains(motions, residuals, joint, orders, after, common)
         for way, (effect, amplitude) in enumerate(WAYS[:1] if common else WAYS):
             best, least = float(orders[int(np.argmax(gains[:, way]))]), LEAST_GAIN if common else 0.0
             if gains[:, way].max() <= least:
                 continue
             around = best + (orders[-1] - orders[0]) / (len(orders) - 1) * FINER
-            finer = _gains(motions, left, joint, around, after, common)[:, way]
+            finer = _gains(motions, residuals, joint, around, after, common)[:, way]
             order = _named(float(around[int(np.argmax(finer))]), arm, motions, joint)
             held = {"order": order / arm.joints[joint].ratio}
             found.append(Added(effect, joint + 1, held, amplitude, tries=len(orders)))
@@ -51,7 +51,7 @@ def ripples(
 
 def _gains(
     motions: Sequence[Motion],
-    left: Sequence[Array],
+    residuals: Sequence[Array],
     joint: int,
     orders: Array,
     after: NDArray[np.bool_],
@@ -62,7 +62,7 @@ def _gains(
     Of the waves of both sides z = sum e w* / S and S = sum |w|^2 / 2, it is |z_after - z_before|^2 over 1/S + 1/S, or
     |sum e w*|^2 / S of both together.
     """
-    sums, power = wave_sums(motions, left, joint, orders, after)
+    sums, power = wave_sums(motions, residuals, joint, orders, after)
     if common:
         return np.asarray(np.abs(sums.sum(axis=0)) ** 2 / power.sum(axis=0)).T
     difference = sums[1] / power[1] - sums[0] / power[0]

@@ -163,12 +163,12 @@ def _above(before: Compared, one: Compared, white: Array) -> tuple[Array, Array]
     end = round(TRANSIENT * rate)
     lag = lag_of((known * measured)[end:-end], (known * simulated)[end:-end], rate)
 
-    def left(moving: Array) -> Array:
+    def error_per_block(moving: Array) -> Array:
         moved = CubicSpline(one.t, moving)(np.clip(one.t - lag, one.t[0], one.t[-1])) + (simulated - moving)
         error = (measured - moved)[end:-end]
         return _of_blocks(error, known[end:-end], round(rate))
 
-    return left(simulated), left(without)
+    return error_per_block(simulated), error_per_block(without)
 
 
 def _sections(rate: float) -> Array:

@@ -70,7 +70,7 @@ def _grown(
 
     From ``first`` on; None where something is always left.
     """
-    several, before = [first], _left(state)
+    several, before = [first], sum(state.energy)
     while True:
         values = own_values(several, state)
         if not _exist(values, state):
@@ -80,16 +80,16 @@ def _grown(
             for k, run in enumerate(runs)
         ]
         selection = search(free, _taken(several)).selection
-        left = _left(selection.state)
+        energy = sum(selection.state.energy)
         further = contradicted(selection.state)
         if further is None and quiet(selection.state) and not selection.unexplained.structures:
             return several, selection.state.terms
-        if len(several) == MOST or left > SETTLED * before:
+        if len(several) == MOST or energy > SETTLED * before:
             return None
         more = [further] if further is not None else promising(state, 1, several, selection.state.terms)
         if not more:
             return None
-        several, before = [*several, *more], left
+        several, before = [*several, *more], energy
 
 
 def _settled(
@@ -114,11 +114,6 @@ def _settled(
 def _exist(values: Sequence[OwnValues], state: State) -> bool:
     """Whether in every recording there can be an arm with all of the values."""
     return all(exists(state.model.arm, terms) for terms in zip(*(own.terms for own in values)))
-
-
-def _left(state: State) -> float:
-    """Squared residual of all recordings, in units of the noise."""
-    return float(sum(np.sum(part**2) for part in (state.fitted.fit, state.fitted.held_out)))
 
 
 def _columns(several: Sequence[Candidate], run: Run) -> np.ndarray:

@@ -33,7 +33,7 @@ def in_fit_alone(state: State, structures: Sequence[Structure], allowed: Array) 
 
 
 def structures_of_fit(
-    left: Array,
+    residual: Array,
     fit: Dataset,
     structures: Sequence[Structure],
     allowed: Array,
@@ -49,27 +49,27 @@ def structures_of_fit(
         Structure(
             Signal.CURRENT,
             joint,
-            variable_of(joint) or wave_of(left, fit, joint) or NO_VARIABLE,
+            variable_of(joint) or wave_of(residual, fit, joint) or NO_VARIABLE,
             0.0,
             f"{ratio:.1f} times the noise, in fitted recordings",
         )
-        for joint, ratio in _above_in_fit(left, fit, structures, allowed).items()
+        for joint, ratio in _above_in_fit(residual, fit, structures, allowed).items()
     ]
 
 
-def not_held_out(left: Array, fit: Dataset, structures: Sequence[Structure], allowed: Array) -> tuple[str, ...]:
+def not_held_out(residual: Array, fit: Dataset, structures: Sequence[Structure], allowed: Array) -> tuple[str, ...]:
     """Warns of joints whose residual exceeds the noise in the fitted recordings alone, where no cause is named."""
     return tuple(
         f"the residual {recorded_quantity(fit.runs[0].arm.joints[joint - 1])} of joint {joint} is {ratio:.1f} "
         "times the noise in the fitted recordings, but not in the held-out ones: hold out a recording with a similar "
         "motion of this joint"
-        for joint, ratio in _above_in_fit(left, fit, structures, allowed).items()
+        for joint, ratio in _above_in_fit(residual, fit, structures, allowed).items()
     )
 
 
-def _above_in_fit(left: Array, fit: Dataset, structures: Sequence[Structure], allowed: Array) -> dict[int, float]:
+def _above_in_fit(residual: Array, fit: Dataset, structures: Sequence[Structure], allowed: Array) -> dict[int, float]:
     """Joint -> residual over the noise in the fitted recordings, where that is no noise and was not reported."""
     reported = {one.joint for one in structures}
-    joints = range(1, len(left) // fit.rows + 1)
-    by_joint = {joint: noise_ratio(left, fit, joint) for joint in joints if joint not in reported}
+    joints = range(1, len(residual) // fit.rows + 1)
+    by_joint = {joint: noise_ratio(residual, fit, joint) for joint in joints if joint not in reported}
     return {joint: ratio for joint, ratio in by_joint.items() if ratio > LIMITS.above_noise * allowed[joint - 1]}

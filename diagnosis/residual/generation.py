@@ -64,16 +64,17 @@ def residual_run(
     brisk = [thin(values) for values in motion]
     expected = thin(predicted_current(arm, t, q, powered=powered, motion=motion))
     known = replace(known, steps=encoder_steps(q)) if known.steps is None else known
-    seen = _instruments(arm, (t, q, i), motion[2], slow_v, known, powered)
-    uncertain = (
-        seen.instruments**2
+    instruments = _instruments(arm, (t, q, i), motion[2], slow_v, known, powered)
+    variance = (
+        instruments.instruments**2
         + (_friction_std(arm, motion[1], rate) * powered) ** 2
         + _teeth_variance(arm, (t, q), motion, expected, thin, powered)
     )
-    folded, rippled = np.zeros_like(slow_v), np.zeros((*slow_v.shape, DIRECTIONS))
-    if powered and seen.setpoints.period:
-        folded = folded_onto(arm, (t, angle, i), brisk[2], seen.noise, keep, seen.setpoints)
-        rippled = ripple_beside(arm, (t, angle, i), seen.noise, keep, seen.setpoints)
+    if powered and instruments.setpoints.period:
+        samples, of_rig = (t, angle, i), (instruments.noise, keep, instruments.setpoints)
+        folded, rippled = folded_onto(arm, samples, brisk[2], *of_rig), ripple_beside(arm, samples, *of_rig)
+    else:
+        folded, rippled = np.zeros_like(slow_v), np.zeros((*slow_v.shape, DIRECTIONS))
     rows = t[keep]
     return Run(
         name=name,
@@ -89,15 +90,15 @@ def residual_run(
         brisk_v=brisk[1],
         brisk_rigid=np.asfortranarray(rigid_torque_along(bent, *brisk)),
         inertia=np.asfortranarray(mass_matrix_along(bent, low, rotors=False).diagonal(axis1=1, axis2=2)),
-        deviation=np.asfortranarray(np.sqrt(uncertain)),
-        noise=seen.noise,
-        loop_noise=seen.loop_noise,
-        instruments=seen.instruments,
+        deviation=np.asfortranarray(np.sqrt(variance)),
+        noise=instruments.noise,
+        loop_noise=instruments.loop_noise,
+        instruments=instruments.instruments,
         folded=folded,
         rippled=rippled,
         block=((rows - rows[0]) // 1.0).astype(np.intp),
         arm=arm,
-        setpoints=seen.setpoints,
+        setpoints=instruments.setpoints,
         powered=powered,
     )
 

@@ -20,6 +20,6 @@ def orthonormal_basis(columns: Array) -> Array:
 def orthogonal_to(basis: Array, values: Array) -> Array:
     """Values (m, n) or (m, n, k) perpendicular to a basis (m n, r); exactly 0 where nothing is left of them."""
     flat = values.reshape(len(basis), -1)
-    left = flat - basis @ (basis.T @ flat)
-    kept = np.linalg.norm(left, axis=0) > DEPENDENT * np.linalg.norm(flat, axis=0)
-    return np.asarray((left * kept).reshape(values.shape))
+    residual = flat - basis @ (basis.T @ flat)
+    kept = np.linalg.norm(residual, axis=0) > DEPENDENT * np.linalg.norm(flat, axis=0)
+    return np.asarray((residual * kept).reshape(values.shape))

@@ -94,11 +94,11 @@ class Evidence:
 
         Clustered by block, and as if it were alike everywhere: columns that act in few blocks show little of it.
         """
-        left, clusters = self.residual - own @ c, int(self.block.max()) + 1
-        scores = np.stack([np.bincount(self.block, column * left, clusters) for column in own.T], axis=1)
+        rest, clusters = self.residual - own @ c, int(self.block.max()) + 1
+        scores = np.stack([np.bincount(self.block, column * rest, clusters) for column in own.T], axis=1)
         # what the prior holds back is in all of them
         scores -= scores.mean(axis=0)
-        alike = self.alike * float(np.mean(left**2)) * own.T @ own
+        alike = self.alike * float(np.mean(rest**2)) * own.T @ own
         return np.asarray(scores.T @ scores * clusters / max(clusters - len(c), 1) + alike)
 
 

@@ -14,7 +14,7 @@ from diagnosis.measurements.currents.design_matrix import Library, columns_of, d
 from diagnosis.measurements.currents.model import Currents
 from diagnosis.measurements.currents.search import without, without_spurious
 from diagnosis.measurements.currents.structure.basis_functions import shapes_of
-from diagnosis.measurements.currents.structure.likely_variable import _predicted, kept_beside, likely_variable
+from diagnosis.measurements.currents.structure.likely_variable import _predicted, likely_variable, share_kept
 from diagnosis.measurements.currents.structure.shared_bases import KNOTS, Bases, bends_of, splines_at
 from diagnosis.residual.generation import residual_run
 from diagnosis.residual.run import Run
@@ -95,7 +95,7 @@ def test_friction_beside_a_drift_is_there_or_explains_nothing(friction: float) -
     )
     drift = likely_variable(data, y, AXIS, 1)
     assert drift is not None and drift.variable == "time"
-    share = kept_beside(drift, data.map(lambda side: columns_of(Candidate(effect, 1), side)), [], data)
+    share = share_kept(drift, data.map(lambda side: columns_of(Candidate(effect, 1), side)), [], data)
     assert share > 0.9 if friction else share < 0.1
 
 

@@ -6,8 +6,6 @@ from collections.abc import Sequence, Set
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
-import numpy as np
-
 from arm_io.parallel import in_parallel
 from arm_io.types import Array
 from arm_model import Arm
@@ -226,15 +224,18 @@ class Currents(MeasurementModel[Candidate, State]):
         Where what is left falls to ``LIMITS.swapped`` of it: the nearest single law need not be the one whose terms
         explain the rest. None where none does.
         """
-        best, least = None, self.limits.swapped * _left(state)
+        best, least = None, self.limits.swapped * sum(state.energy)
         for c in (one for one in state.chosen if one.joint in joints):
             for rival in (one.candidate for one in state.rivals[c.key] if one.candidate.definition.terms):
                 if rival.key in self._taken(state):
                     continue
                 trial = self.with_terms(replace(state, rivals={**state.rivals, rival.key: ()}), c, rival)
                 # first-order columns screen: only what they show is evaluated exactly
-                if _left(trial) < least and _left(exact := self.refitted(trial.chosen, trial.rivals)) < least:
-                    best, least = exact, _left(exact)
+                if sum(trial.energy) >= least:
+                    continue
+                exact = self.refitted(trial.chosen, trial.rivals)
+                if sum(exact.energy) < least:
+                    best, least = exact, sum(exact.energy)
         return best
 
     def _next_order(self, score: Score[Candidate], state: State) -> bool:
@@ -295,8 +296,3 @@ class Currents(MeasurementModel[Candidate, State]):
 
 def _replaced(state: State, old: Candidate, new: Candidate) -> State:
     return replace(state, chosen=tuple(new if c is old else c for c in state.chosen))
-
-
-def _left(state: State) -> float:
-    """Squared residual, fitted and held out, in units of the noise variance."""
-    return float(np.sum(state.fitted.fit**2) + np.sum(state.fitted.held_out**2))

@@ -6,8 +6,6 @@ import itertools
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from arm_model.effects import CATALOGUE, Excitation
 from diagnosis.cause import EffectKey
 from diagnosis.measurements.currents.estimates import estimates_of
@@ -40,14 +38,14 @@ def simplified(state: State) -> State:
             [*others[:place], *substitutes, *others[place:]],
             {**state.rivals, **{c.key: rivals for c in substitutes}},
         )
-        left, left_by_trial = _held_out_left(state), _held_out_left(trial)
+        energy, energy_of_trial = state.energy.held_out, trial.energy.held_out
         noise = float(state.data.held_out.rows)
-        # where much is left that no effect explains, more coefficients follow some of it
-        beyond = max(left - noise * len(model.arm), 0.0) if _friction_alone(substitutes, replaced) else 0.0
+        # where much remains that no effect explains, more coefficients follow some of it
+        beyond = max(energy - noise * len(model.arm), 0.0) if _friction_alone(substitutes, replaced) else 0.0
         possible = all(_is_body(trial, c) for c in substitutes if c.body)
-        if possible and left_by_trial - left < max(model.limits.min_gain * noise, model.limits.follows * beyond):
+        if possible and energy_of_trial - energy < max(model.limits.min_gain * noise, model.limits.follows * beyond):
             state = trial
-        elif (better := _by_next_order(state, substitutes, replaced[0], left)) is not None:
+        elif (better := _by_next_order(state, substitutes, replaced[0], energy)) is not None:
             state = better
     return state
 
@@ -57,22 +55,17 @@ def _is_body(state: State, chosen: Candidate) -> bool:
     return is_body(estimates_of(state)[state.chosen.index(chosen)], state.model.limits.body_deviations)
 
 
-def _by_next_order(state: State, substitutes: Sequence[Candidate], cause: Candidate, left: float) -> State | None:
-    """The state with a near case of a cause and a next-order term of its law, if that leaves less than ``left``."""
+def _by_next_order(state: State, substitutes: Sequence[Candidate], cause: Candidate, energy: float) -> State | None:
+    """The state with a near case of a cause and a next-order term of its law, if its held-out energy is lower."""
     (substitute, *others) = substitutes
     if others or substitute.effect not in cause.definition.near_cases or not substitute.definition.terms:
         return None
     trial = state.model.with_terms(replace(state, rivals={**state.rivals, substitute.key: ()}), cause, substitute)
     # first-order columns screen: only what they show is evaluated exactly
-    if _held_out_left(trial) >= left:
+    if trial.energy.held_out >= energy:
         return None
     exact = state.model.refitted(trial.chosen, trial.rivals)
-    return exact if _held_out_left(exact) < left else None
-
-
-def _held_out_left(state: State) -> float:
-    """Squared held-out residual, in units of the noise variance."""
-    return float(np.sum(state.fitted.held_out**2))
+    return exact if exact.energy.held_out < energy else None
 
 
 def _friction_alone(*candidates: Sequence[Candidate]) -> bool:

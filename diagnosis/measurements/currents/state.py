@@ -79,6 +79,11 @@ class State:
         return np.split(own, np.cumsum(widths)[:-1]) if self.chosen else []
 
     @property
+    def energy(self) -> Split[float]:
+        """Squared residual, in units of the noise variance."""
+        return Split(float(np.sum(self.fitted.fit**2)), float(np.sum(self.fitted.held_out**2)))
+
+    @property
     def terms(self) -> list[EffectTerm]:
         """The chosen candidates as effects of a model."""
         return terms(self.chosen, self.coefficients)

@@ -22,8 +22,8 @@ from arm_model import Arm, EffectTerm
 from arm_model.effects import CATALOGUE, Variable, friction_near_rest
 from diagnosis.cause import Cause, EffectKey, Estimate, Signal, Structure, confidence_of
 from diagnosis.measurements.near_rest.laws import (
-    Judged,
     Law,
+    Residuals,
     confused,
     fitted_to_all,
     in_sample,
@@ -120,9 +120,9 @@ def left_over_near_rest(runs: Sequence[Run], joint: int) -> float | None:
     every = near_rest([replace(one, noise=0.0 * one.noise) for one in observations(runs, ())], joint)
     if not every or max(runs[0].arm.joints[joint - 1].rest_friction) <= 0.0:
         return None
-    left = np.concatenate(in_sample(every, smoothing(every)).left)
+    residual = np.concatenate(in_sample(every, smoothing(every)).residuals)
     std = np.concatenate([one.std for one in every])
-    beyond = max(float(np.mean((left**2 - 1.0) * std**2)), 0.0)
+    beyond = max(float(np.mean((residual**2 - 1.0) * std**2)), 0.0)
     return runs[0].arm.joints[joint - 1].drive_constant * float(np.sqrt(beyond))
 
 
@@ -173,17 +173,17 @@ def _determined(law: Law, parameters: Sequence[Estimate], deviations: float) -> 
     return True
 
 
-def _gains(every: Sequence[NearRest], before: Judged, after: Judged) -> Array:
+def _gains(every: Sequence[NearRest], before: Residuals, after: Residuals) -> Array:
     """(passages,) fall of the squared residual in every passage through rest."""
     gains = []
-    for one, a, b in zip(every, before.left, after.left):
+    for one, a, b in zip(every, before.residuals, after.residuals):
         _, number = np.unique(one.block, return_inverse=True)
         gains.append(np.bincount(number, weights=a**2 - b**2))
     return np.concatenate(gains)
 
 
 def _cause(
-    every: Sequence[NearRest], joint: int, laws: tuple[Judged, Judged, Sequence[Judged]], chance: float
+    every: Sequence[NearRest], joint: int, laws: tuple[Residuals, Residuals, Sequence[Residuals]], chance: float
 ) -> Cause:
     """laws: another smoothing, the law that is named, and those that explain the passages as well."""
     smooth, best, as_well = laws
@@ -229,16 +229,16 @@ def estimates(every: Sequence[NearRest], law: Law) -> list[Estimate]:
         }
         return {**start, **moved}
 
-    def left(x: Array) -> Array:
+    def residual(x: Array) -> Array:
         values = at(x)
         return np.concatenate([one.residual - one.of(torque_of(one, effect, values)) for one in every])
 
     fitted = optimize.least_squares(
-        left, np.zeros(len(free)), diff_step=[1e-3] * len(free), loss="soft_l1", max_nfev=30
+        residual, np.zeros(len(free)), diff_step=[1e-3] * len(free), loss="soft_l1", max_nfev=30
     )
     offsets = np.cumsum([0, *(int(one.block.max()) + 1 for one in every[:-1])])
     _, block = np.unique(np.concatenate([one.block + k for one, k in zip(every, offsets)]), return_inverse=True)
-    covariance = cluster_covariance(np.asarray(fitted.jac), [left(fitted.x)], block)
+    covariance = cluster_covariance(np.asarray(fitted.jac), [residual(fitted.x)], block)
     values = {name: max(float(value), 0.0) for name, value in at(fitted.x).items()}
     turned = _by_another_turn(every, values, np.asarray(fitted.jac))
     own = np.sqrt(np.diag(covariance) + turned**2)

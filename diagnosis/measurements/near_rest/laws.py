@@ -41,38 +41,38 @@ class Law:
 
 
 @dataclass(frozen=True)
-class Judged:
+class Residuals:
     """What a law leaves (r,) of every recording, over std."""
 
     law: Law
-    left: Sequence[Array]
+    residuals: Sequence[Array]
 
     @property
     def energy(self) -> float:
         """Squared residual of all recordings."""
-        return float(sum(part @ part for part in self.left))
+        return float(sum(part @ part for part in self.residuals))
 
 
-def predicted(every: Sequence[NearRest], law: Law) -> Judged:
+def predicted(every: Sequence[NearRest], law: Law) -> Residuals:
     """What a law leaves of every recording by the trial and the coefficient that fit all others best."""
     products = _products(every, law)
     by = [_fitted(*(part.sum(axis=0) - part[k] for part in products)) for k in range(len(every))]
-    return _left(every, law, by)
+    return _residuals(every, law, by)
 
 
-def in_sample(every: Sequence[NearRest], law: Law) -> Judged:
+def in_sample(every: Sequence[NearRest], law: Law) -> Residuals:
     """What a law leaves of every recording by the trial and the coefficient that fit all of them best.
 
     Of what another law must beat: the few rows of one recording may predict a long one as badly as they like.
     """
     by = _fitted(*(part.sum(axis=0) for part in _products(every, law)))
-    return _left(every, law, [by] * len(every))
+    return _residuals(every, law, [by] * len(every))
 
 
-def _left(every: Sequence[NearRest], law: Law, by: Sequence[tuple[int, float]]) -> Judged:
+def _residuals(every: Sequence[NearRest], law: Law, by: Sequence[tuple[int, float]]) -> Residuals:
     """by: of each recording, the trial and its coefficient."""
     parts = zip(every, law.offset, law.column, by, strict=True)
-    return Judged(law, [one.residual - offset[k] - c * column[k] for one, offset, column, (k, c) in parts])
+    return Residuals(law, [one.residual - offset[k] - c * column[k] for one, offset, column, (k, c) in parts])
 
 
 def _products(every: Sequence[NearRest], law: Law) -> tuple[Array, Array, Array]:

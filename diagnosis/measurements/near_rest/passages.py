@@ -161,7 +161,7 @@ def observation(run: Run, effects: Sequence[EffectTerm]) -> Observation:
 
 
 def _model_std(run: Run) -> Array:
-    """(m, n) A, see ``Seen``: parameters within their covariance, and what the model left near rest."""
+    """(m, n) A, see ``Observation``: parameters within their covariance, and what the model left near rest."""
     known = run.arm.uncertainty
     if known is None:
         return np.zeros_like(run.q)

@@ -89,9 +89,10 @@ def rise_at_rest(cause: Cause, every: Sequence[NearRest]) -> RiseAtRest:
     x = np.column_stack([np.ones_like(measured.rested), np.log10(measured.rested)])
     # one break-away scatters by more than the noise of its rows
     weight = 1.0 / np.maximum(measured.std, np.median(measured.std))
-    solved = np.linalg.lstsq(x * weight[:, None], measured.height * weight, rcond=None)[0]
-    left = (measured.height - x @ solved) * weight
-    covariance = np.linalg.inv((x * weight[:, None]).T @ (x * weight[:, None])) * float(left @ left) / (len(x) - 2)
+    weighted = x * weight[:, None]
+    solved = np.linalg.lstsq(weighted, measured.height * weight, rcond=None)[0]
+    residual = (measured.height - x @ solved) * weight
+    covariance = np.linalg.inv(weighted.T @ weighted) * float(residual @ residual) / (len(x) - 2)
     rise, std = float(solved[1]), float(np.sqrt(covariance[1, 1]))
     found = replace(found, value=rise, std=float(np.hypot(std, effect.model_error * rise)))
     if not found.determined:
@@ -135,18 +136,18 @@ def _heights(
     """Squared residual with the hump at a smoothing velocity; the height of every break-away, and its std."""
     (effect, values), name = law, law[0].linear[0].name
     level, unit = values[name], {**values, name: 1.0}
-    shapes, parts, left = [], [], 0.0
+    shapes, parts, energy = [], [], 0.0
     for one in every:
         w = width * one.run.arm.joints[one.joint - 1].sign_velocity
         shape = one.of(one.of_law(effect, unit, w))
         rest = one.residual + level * one.of(one.of_law(effect, unit)) - one.of(one.smoothed(np.array([w]))[:, 0])
         shapes.append(shape)
         parts.append(rest)
-        left += float(np.sum((rest - level * shape) ** 2))
+        energy += float(np.sum((rest - level * shape) ** 2))
     own = [(shapes[rest.of][rest.shows], parts[rest.of][rest.shows]) for rest in rests]
     size = np.array([max(float(shape @ shape), 1e-12) for shape, _ in own])
     heights = np.array([float(shape @ part) for shape, part in own]) / size
-    return left, heights, 1.0 / np.sqrt(size)
+    return energy, heights, 1.0 / np.sqrt(size)
 
 
 def _rests(number: int, one: NearRest, ends: float) -> Iterator[Rest]:

@@ -213,7 +213,7 @@ class SingleAxis(CandidateModel[Candidate]):
         rows = self.rows.fit
         fixed = self.stacked(others, rows)
 
-        def left(trial: Candidate) -> float:
+        def energy(trial: Candidate) -> float:
             x = np.column_stack([fixed, columns(trial, rows)])
             return float(np.sum((rows.residual - x @ scaled_lstsq(x, rows.residual)) ** 2))
 
@@ -222,7 +222,7 @@ class SingleAxis(CandidateModel[Candidate]):
                 continue
 
             def worse(log_value: float, name: str = name, now: Candidate = candidate) -> float:
-                return left(now.at(name, float(np.exp(log_value))))
+                return energy(now.at(name, float(np.exp(log_value))))
 
             reach = 2.0
             if candidate.definition.wave:

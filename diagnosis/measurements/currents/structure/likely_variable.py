@@ -48,13 +48,13 @@ class Likely(NamedTuple):
     bends: Array | None = None
 
 
-def likely_variable(data: Split[Dataset], left: Split[Array], arm: Arm, joint: int) -> Likely | None:
+def likely_variable(data: Split[Dataset], residual: Split[Array], arm: Arm, joint: int) -> Likely | None:
     """The variable whose function explains most of what is left at a joint (from 1).
 
     left: whitened residuals (n * rows,) of both sides. None where no function explains half of it
     (``LIMITS.likely_share``).
     """
-    every = joined(data, left)
+    every = joined(data, residual)
     own = every.of(joint)
     y, block = every.y[own], every.block[own]
     fold = block // FOLD_BLOCKS % FOLDS
@@ -71,25 +71,25 @@ def likely_variable(data: Split[Dataset], left: Split[Array], arm: Arm, joint: i
     return Likely(name, pair, most / float(np.sum(y**2)), bends)
 
 
-def kept_beside(likely: Likely, own: Pair, others: Sequence[Pair], data: Split[Dataset]) -> float:
-    """Share of what a cause explains that it still explains beside the function of a likely variable.
+def share_kept(likely: Likely, own: Pair, others: Sequence[Pair], data: Split[Dataset]) -> float:
+    """Share of what a cause explains that it still explains conditional on the function of a likely variable.
 
-    By predictions of all recordings, less some seconds of each, beside the ``others``; 0 where it predicts nothing.
+    By predictions of all recordings, less some seconds of each, with the ``others``; 0 where it predicts nothing.
     """
     every = joined(data, data.map(lambda side: side.y))
     fold = every.block // FOLD_BLOCKS % FOLDS
     causes = [_scaled(_dense(pair, data)) for pair in others]
     cause, function = _scaled(_dense(own, data)), _dense(likely.pair, data)
 
-    def left(*columns: Array, beside: bool) -> float:
-        x = np.hstack([*causes, *columns, function if beside else function[:, :0]])
+    def energy(*columns: Array, given: bool) -> float:
+        x = np.hstack([*causes, *columns, function if given else function[:, :0]])
         penalty = np.zeros((x.shape[1], x.shape[1]))
-        first = x.shape[1] - function.shape[1] if beside else x.shape[1]
+        first = x.shape[1] - function.shape[1] if given else x.shape[1]
         penalty[:first, :first] = NEGLIGIBLE * np.eye(first)
-        penalty[first:, first:] = _penalty(function, likely.bends) if beside else 0.0
+        penalty[first:, first:] = _penalty(function, likely.bends) if given else 0.0
         return float(np.sum((every.y - _by_folds(x, every.y, fold, penalty)) ** 2))
 
-    alone, kept = (left(beside=beside) - left(cause, beside=beside) for beside in (False, True))
+    alone, kept = (energy(given=given) - energy(cause, given=given) for given in (False, True))
     return kept / alone if alone > 0.0 else 0.0
 
 
@@ -113,8 +113,8 @@ def _functions(
     for shape in shapes_of(Bases(every, every), every.y, arm, joint):
         yield shape.name, shape.functions.fit.columns.x, shape.bends if shape.bends.size else None
     constants, lines = levels(every, joint), own_lines(every, joint)
-    left, left_by_lines = (float(np.sum((y - _predicted(x, y, fold)) ** 2)) for x in (constants, lines))
-    if left_by_lines < (1.0 - LIMITS.likely_share) * left:
+    energy, energy_of_lines = (float(np.sum((y - _predicted(x, y, fold)) ** 2)) for x in (constants, lines))
+    if energy_of_lines < (1.0 - LIMITS.likely_share) * energy:
         yield "time", lines, None
 
 

@@ -18,7 +18,7 @@ from diagnosis.measurements.currents.structure.dominant import (
     family_dominates,
     of_own_variable,
 )
-from diagnosis.measurements.currents.structure.likely_variable import kept_beside
+from diagnosis.measurements.currents.structure.likely_variable import share_kept
 from diagnosis.measurements.currents.structure.noise_ratio import noise_ratio
 from diagnosis.measurements.currents.structure.shared_bases import Bases
 from diagnosis.measurements.currents.structure.unexplained import Unexplained, better_than_causes
@@ -59,7 +59,7 @@ def _superfluous(state: State, unexplained: Unexplained, kept: Container[Candida
         if (likely := unexplained.likely.get(c.joint)) is not None:
             if not of_own_variable(c, [likely.variable]):
                 beside = [*others.free, *(model.columns(one) for one in others.chosen)]
-                shares[c] = kept_beside(likely, own, beside, state.data)
+                shares[c] = share_kept(likely, own, beside, state.data)
             elif not family_dominates(c, likely.variable, state):
                 shares[c] = model.limits.superfluous * explained_alone([c], state)
         elif c.joint in unknown:
