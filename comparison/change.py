@@ -88,18 +88,22 @@ class Change:
 
     @property
     def change(self) -> float | None:
+        """After less before, in the unit of the quantity; None where a side does not show it."""
         return None if self.before is None or self.after is None else self.after - self.before
 
     @property
     def z(self) -> float | None:
+        """The change over its std."""
         return None if self.change is None or not self.std else self.change / self.std
 
     @property
     def comparable(self) -> bool:
+        """Whether both sides show the quantity."""
         return not self.quantity.why
 
     @property
     def significant(self) -> bool:
+        """Whether chance makes such a change in at most ``SIGNIFICANT`` of the findings (false-discovery rate)."""
         return self.comparable and self.corrected is not None and self.corrected <= SIGNIFICANT
 
     @property
@@ -120,6 +124,7 @@ class Change:
         return ratio, math.sqrt(max(variance, 0.0)) / abs(self.before)
 
     def to_json(self) -> dict[str, Any]:
+        """As compare.json has it."""
         relative = self.relative
         table: dict[str, Any] = {
             "name": self.quantity.name,

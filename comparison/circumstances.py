@@ -40,6 +40,7 @@ class Circumstance:
     sentence: str
 
     def to_json(self) -> dict[str, Any]:
+        """As compare.json has it."""
         return {"kind": self.kind, "joints": list(self.joints), "sentence": self.sentence}
 
 

@@ -58,6 +58,7 @@ class Summary:
     sentence: str
 
     def to_json(self) -> dict[str, Any]:
+        """As compare.json has it."""
         return {
             "effect": self.effect,
             "joint": self.joint,

@@ -74,6 +74,7 @@ class Prediction:
 
     @property
     def residual(self) -> Array:
+        """(rows,) N m (N)."""
         return self.measured - self.predicted
 
     @property

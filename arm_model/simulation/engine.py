@@ -71,7 +71,7 @@ def program_of(system: System, width: int, *, single: bool = False) -> Program:
 
 
 def aligned(*shape: int, dtype: type[np.floating[Any]] = np.float64) -> Array:
-    """Zeros on a 64-byte boundary."""
+    """(*shape,) zeros on a 64-byte boundary."""
     size, each = int(np.prod(shape)), np.dtype(dtype).itemsize
     raw = np.zeros(size + 64 // each, dtype)
     offset = (-raw.ctypes.data % 64) // each

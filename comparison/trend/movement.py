@@ -47,6 +47,7 @@ class Movement:
 
     @property
     def significant(self) -> bool:
+        """Whether the quantity moved."""
         return bool(self.moved.fit.terms)
 
     def to_json(self, histories: Histories) -> dict[str, Any]:

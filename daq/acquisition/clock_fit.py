@@ -71,6 +71,7 @@ class ClockPairs:
         self.added = 0
 
     def add(self, tick: int, host: int) -> None:
+        """A reading of the device's ticks at a time of the host, ns; every other one goes where there are too many."""
         if self.added % self.stride == 0:
             if len(self.kept) == MOST_PAIRS:
                 del self.kept[1::2]

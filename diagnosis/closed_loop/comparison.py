@@ -45,7 +45,7 @@ SMOOTHING = np.array([0.12, 0.2, 0.3, 0.45, 0.65, 1.0, 1.6, 2.5])
 
 
 def identity(values: Array) -> Array:
-    """The values: nothing folds."""
+    """The values (r, n) A themselves: nothing folds."""
     return values
 
 

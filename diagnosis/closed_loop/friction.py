@@ -120,7 +120,7 @@ class _Lanes:
     seconds: list[NDArray[np.intp]]
 
     def of(self, lane: int) -> Array:
-        """Angle errors of all recordings in one lane."""
+        """(m,) rad: angle errors of all recordings, one after the other, in one lane."""
         return np.concatenate([part[lane] for part in self.angle])
 
     @property

@@ -161,6 +161,7 @@ def _noise_in_band(recordings: Sequence[Recording]) -> Array:
 
 @cache
 def band_sections(rate: float) -> Array:
+    """(3, 6) second-order sections of the Butterworth filter of ``BAND`` at ``rate`` rows/s."""
     half = rate / 2
     sections: Array = signal.butter(3, [BAND[0] / half, min(BAND[1] / half, 0.9)], btype="band", output="sos")
     return sections

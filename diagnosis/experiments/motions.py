@@ -156,10 +156,12 @@ class _Axis:
 
     @property
     def low(self) -> float:
+        """rad (m): lower limit of the joint."""
         return float(self.stage.limits.position[self.joint - 1, 0])
 
     @property
     def high(self) -> float:
+        """rad (m): upper limit of the joint."""
         return float(self.stage.limits.position[self.joint - 1, 1])
 
     @property

@@ -14,8 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from arm_io.types import Array
+from diagnosis.selection.candidate_model import CandidateModel
 from identification.floating_base import Rows, Sides, fitted
-from identification.selection import Index, Limits, MeasurementModel, Score, block_sums, p_value
+from identification.selection import Index, Limits, Score, block_sums, p_value
 
 LIMITS = Limits(max_causes=12, fdr=0.01, min_gain=0.02, kept_gain=0.01, ambiguity=0.8, block_seconds=3.0)
 """min_gain, kept_gain: of the held-out residual that is left without the candidate. systematic: a change that makes a
@@ -27,7 +28,7 @@ Chosen = tuple[str, ...]
 
 
 @dataclass(frozen=True)
-class BaseWrench(MeasurementModel[str, Chosen]):
+class BaseWrench(CandidateModel[str]):
     """Rows of both sides, the model's values (p,), and the noise (6,) that weighs the degrees of freedom."""
 
     rows: Sides
@@ -70,18 +71,14 @@ class BaseWrench(MeasurementModel[str, Chosen]):
             first += int(judged.block.max()) + 1
         return np.concatenate(found)
 
-    def start(self) -> Chosen:
-        return ()
+    def best(self, chosen: Sequence[str]) -> list[str]:
+        """Every parameter that is not chosen, nor a part of one."""
+        state = tuple(chosen)
+        return [name for name in self.names if name not in state and not contained(name, state)]
 
-    def chosen(self, state: Chosen) -> Chosen:
-        return state
-
-    def scores(self, state: Chosen) -> Sequence[Score[str]]:
-        return [self.score(name, state) for name in self.names if name not in state and not contained(name, state)]
-
-    def score(self, name: str, without: Chosen) -> Score[str]:
-        """One candidate conditional on ``without``."""
-        block = self.block
+    def score(self, candidate: str, chosen: Sequence[str]) -> Score[str]:
+        """One candidate conditional on those chosen, on held-out rows; its share of their squared residual."""
+        block, without, name = self.block, tuple(chosen), candidate
         before, after = ((self.residual(state) ** 2).sum(axis=1) for state in (without, entered(name, without)))
         blocks = block_sums(before - after, block, int(block.max()) + 1)
         share = float(blocks.sum()) / max(float(before.sum()), 1e-300)
@@ -95,6 +92,7 @@ class BaseWrench(MeasurementModel[str, Chosen]):
         )
 
     def admissible(self, score: Score[str], state: Chosen) -> bool:
+        """Whether a candidate gains enough, by a wrench that is not within what thrusters are known by."""
         return score.share > self.limits.min_gain and self.size(score.candidate, state) > self.limits.systematic
 
     def size(self, name: str, without: Chosen) -> float:
@@ -108,16 +106,12 @@ class BaseWrench(MeasurementModel[str, Chosen]):
         return float(np.max(change / np.maximum(thrust, self.scale)))
 
     def entered(self, score: Score[str], admissible: Sequence[Score[str]], state: Chosen) -> Chosen:
+        """With the candidate, and without what it contains."""
         return entered(score.candidate, state)
 
     def without(self, candidate: str, state: Chosen) -> Chosen:
+        """Without the parameter of that name."""
         return tuple(name for name in state if name != candidate)
-
-    def conditional(self, candidate: str, without: Chosen, state: Chosen) -> Score[str]:
-        return self.score(candidate, without)
-
-    def needed(self, score: Score[str], state: Chosen) -> bool:
-        return self.limits.kept_gain is None or score.share > self.limits.kept_gain
 
 
 def contained(name: str, state: Chosen) -> bool:

@@ -31,7 +31,7 @@ Motion = tuple[Array, Array, Array]
 
 
 def low_pass(values: Array, band: float, rate: float) -> Array:
-    """Zero-phase fourth-order Butterworth along the first axis; ``rate`` Hz is that of the rows."""
+    """(m, ...) zero-phase fourth-order Butterworth along the first axis; ``band`` and ``rate`` of the rows: Hz."""
     return zero_phase(_sections(band, rate), values, pad=min(len(values) - 1, int(3 * rate / band)))
 
 

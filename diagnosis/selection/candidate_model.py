@@ -6,14 +6,13 @@ from abc import abstractmethod
 from collections.abc import Sequence
 from typing import TypeVar
 
-from diagnosis.selection.candidate import Candidate
 from identification.selection import MeasurementModel, Score
 
-C = TypeVar("C", bound=Candidate)
+C = TypeVar("C")
 
 
 class CandidateModel(MeasurementModel[C, tuple[C, ...]]):
-    """What link encoders and a single axis have in common: the coefficients follow from the chosen candidates."""
+    """Of link encoders, a single axis and a floating base: the coefficients follow from the chosen candidates."""
 
     @abstractmethod
     def best(self, chosen: Sequence[C]) -> list[C]:
@@ -43,9 +42,9 @@ class CandidateModel(MeasurementModel[C, tuple[C, ...]]):
         """One candidate conditional on all others."""
         return self.score(candidate, without)
 
-    @abstractmethod
     def beyond_model(self, candidate: C, others: tuple[C, ...]) -> bool:
-        """Whether a candidate is significant beside others with the model as uncertain as it says that it is."""
+        """Whether a candidate is significant conditional on others, with the model as uncertain as it says it is."""
+        return True
 
     def needed(self, score: Score[C], state: tuple[C, ...]) -> bool:
         """Whether a candidate still matters beside all others, which enter after it and may take its part."""

@@ -69,7 +69,7 @@ class BaseRun:
 
     @property
     def t(self) -> Array:
-        """s of the kept rows from the first row."""
+        """(k,) s of the kept rows, from the first row."""
         return np.asarray(self.dt * np.arange(len(self.q)))[self.kept]
 
     def thrust_of(self, given: Array) -> Array:

@@ -79,6 +79,7 @@ class Rows:
 
     @property
     def rows(self) -> int:
+        """m."""
         return len(self.t)
 
     def of(self, name: str) -> Rows:

@@ -114,5 +114,5 @@ def deflections(extensions: Sequence[Extension], q: Array, *, velocity: Array | 
 
 
 def prior_scales(extensions: Sequence[Extension]) -> Array:
-    """Prior deviations of all parameters, in order."""
+    """(e,) prior standard deviations of all parameters, in order, in their units."""
     return np.array([s for e in extensions for s in e.scales], float)

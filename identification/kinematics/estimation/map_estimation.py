@@ -182,11 +182,13 @@ class _Problem:
         return np.asarray(self.prior + self.root @ self.unit(x))
 
     def values(self, x: Array) -> Array:
+        """(v,) values of the chain at the unknowns x."""
         values = self.parameters.chain.values
         values[self.parameters.free] = x[: self.n_free]
         return values
 
     def residual(self, x: Array) -> Array:
+        """(N, 3) m: measured minus predicted points."""
         return residuals(self.parameters, self.values(x), x[self.n_free :], self.points)
 
     def linear(self, x: Array) -> tuple[Array, Array]:
@@ -199,6 +201,7 @@ class _Problem:
         return residual, jacobian @ self.root
 
     def cost(self, x: Array, weight: Array, noise: float, length: Array) -> float:
+        """Negative logarithm of the posterior, twice: residuals of ``length`` (N,) m over the noise, and the prior."""
         return float(np.sum(weight * length**2) / noise**2 + np.sum(self.unit(x) ** 2))
 
 

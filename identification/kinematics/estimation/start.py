@@ -105,7 +105,7 @@ def _alone(q: Array) -> float:
 
 
 def with_nominal_target(parameters: Parameters, values: Array) -> Array:
-    """The values with the target at its nominal place, which circle-point analysis alone assumes."""
+    """(v,) the values with the target at its nominal place, which circle-point analysis alone assumes."""
     values, nominal = values.copy(), parameters.chain.values
     for k, name in enumerate(parameters.chain.names):
         if is_target(name):
@@ -121,7 +121,7 @@ def one_target(chain: Chain) -> Chain:
 
 
 def best_start(parameters: Parameters, points: Points, nominal: Array, circles: Array | None) -> Array:
-    """The nominal values or those from circles, whichever has the smaller median distance to the points."""
+    """(v,) the nominal values or those from circles, whichever has the smaller median distance to the points."""
     starts = [nominal] if circles is None else [nominal, with_nominal_target(parameters, circles)]
     plain = points.where(~points.oriented).deflected(None)
     off = [float(np.median(np.linalg.norm(residuals(parameters, s, np.zeros(0), plain), axis=1))) for s in starts]
