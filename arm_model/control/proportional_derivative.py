@@ -17,20 +17,21 @@ from arm_model.system.dynamics import inverse_dynamics
 class ProportionalDerivative:
     """tau = Kp (q_d - q) + Kd (q'_d - q') + weight(q).
 
-    position (n,) N m/rad, velocity (n,) N m s/rad (N/m, N s/m); weighed: the arm whose weight is fed forward, or None.
+    position (n,) N m/rad, velocity (n,) N m s/rad (N/m, N s/m); gravity_model: the arm whose weight is fed forward,
+    or None.
     """
 
     position: Array
     velocity: Array
-    weighed: Arm | None = None
+    gravity_model: Arm | None = None
 
     def torque(self, q: Array, qd: Array, reference: Reference) -> Array:
         """(n,) joint torque, N m (N), that no limit has cut yet."""
         asked = self.position * (reference.q - q) + self.velocity * (reference.qd - qd)
-        if self.weighed is None:
+        if self.gravity_model is None:
             return asked
         still = np.zeros((1, len(q)))
-        return np.asarray(asked + inverse_dynamics(self.weighed, q[None], still, still)[0])
+        return np.asarray(asked + inverse_dynamics(self.gravity_model, q[None], still, still)[0])
 
     def observe(self, q: Array, qd: Array, applied: Array) -> None:
         """What the drives then gave; there is no memory of it."""

@@ -24,13 +24,13 @@ from daq.recording.mcap_file.checksums import NAME as CHECKSUMS
 from daq.recording.mcap_file.pages import mapped
 from daq.recording.mcap_file.writer import PROGRESS, Progress
 from daq.recording.messages.row_format import Layout, RowFormat, format_of
-from daq.recording.missing_rows import Found, Numbers, account
+from daq.recording.missing_rows import FoundRows, TriggerRuns, reconciled
 
 Columns = dict[str, NDArray]
 """Column -> (n, ...) of some rows."""
 
 
-class Keeper(Protocol):
+class RowSink(Protocol):
     """What is done with the rows.
 
     ``append`` gets those of one chunk after the other, as views that it must copy to keep.
@@ -39,12 +39,12 @@ class Keeper(Protocol):
     def append(self, columns: Columns) -> None: ...
 
 
-K = TypeVar("K", bound=Keeper)
+K = TypeVar("K", bound=RowSink)
 MOST_TOPICS = 4
 """Of a file of another program that are named."""
 
 
-class Whole:
+class AllRows:
     """Keeps all rows of all columns."""
 
     factor = 1
@@ -79,7 +79,7 @@ class Contents:
 
     data: memoryview
     form: RowFormat | None = None
-    numbers: Numbers = field(default_factory=Numbers)
+    numbers: TriggerRuns = field(default_factory=TriggerRuns)
     attachments: dict[str, bytes] = field(default_factory=dict)
     progress: Progress | None = None
     damages: list[mcap_walk.Damage] = field(default_factory=list)
@@ -105,7 +105,7 @@ class Contents:
 
     def ledger(self) -> tuple[LedgerSummary, bool]:
         """The ledger, and whether it is sure that nothing more is missing."""
-        return account(Found(self.numbers.runs(), self.finished), self.written_ledger(), self.progress)
+        return reconciled(FoundRows(self.numbers.runs(), self.finished), self.written_ledger(), self.progress)
 
     def notes(self, sure: bool) -> tuple[str, ...]:
         """Sentences about what is wrong with the file."""
@@ -161,7 +161,7 @@ def _foreign(path: Path, data: memoryview) -> str:
     )
 
 
-def read_contents(path: Path, keeper: Callable[[Layout], K]) -> tuple[Contents, K]:
+def read_contents(path: Path, sink: Callable[[Layout], K]) -> tuple[Contents, K]:
     """Walks the file, and hands its rows to what ``keeper`` makes.
 
     InputError where the file is absent, or no row and no layout of ours can be found in it.
@@ -174,7 +174,7 @@ def read_contents(path: Path, keeper: Callable[[Layout], K]) -> tuple[Contents, 
             case mcap_walk.Rows():
                 if kept is None:
                     contents.form = part.form  # what a chunk's checksum confirms is surer than the head
-                    kept = keeper(contents.layout)
+                    kept = sink(contents.layout)
                 columns = _columns(part.form, part.rows)
                 contents.numbers.append(columns["number"], torn=torn)
                 kept.append(columns)
@@ -195,7 +195,7 @@ def read_contents(path: Path, keeper: Callable[[Layout], K]) -> tuple[Contents, 
     if contents.form is None:
         raise InputError(path, _foreign(path, contents.data))
     if kept is None:
-        kept = keeper(contents.layout)
+        kept = sink(contents.layout)
         kept.append(contents.nothing())
     if not contents.finished and contents.damages and contents.damages[-1].end == len(contents.data):
         contents.cut = contents.damages.pop()

@@ -16,7 +16,7 @@ from daq.recording.mcap_file.writer import Progress
 
 
 @dataclass(frozen=True)
-class Found:
+class FoundRows:
     """What could be read of a file.
 
     runs      (k, 3) trigger numbers without a hole between them: first, last, and whether something unreadable was
@@ -32,7 +32,7 @@ class Found:
         return int((self.runs[:, 1] - self.runs[:, 0] + 1).sum())
 
 
-class Numbers:
+class TriggerRuns:
     """Trigger numbers as they are read, kept as runs: of a recording of any length a few."""
 
     def __init__(self) -> None:
@@ -53,11 +53,11 @@ class Numbers:
             self._runs.append(runs)
 
     def runs(self) -> NDArray[np.int64]:
-        """As ``Found`` has them."""
+        """As ``FoundRows`` has them."""
         return np.concatenate([np.empty((0, 3), np.int64), *self._runs])
 
 
-def account(found: Found, ledger: LedgerSummary | None, progress: Progress | None) -> tuple[LedgerSummary, bool]:
+def reconciled(found: FoundRows, ledger: LedgerSummary | None, progress: Progress | None) -> tuple[LedgerSummary, bool]:
     """The ledger of what was found, and whether it is sure that nothing more is missing.
 
     ledger    as it stands in the file; None where the recording ended before it was written, or where it is damaged
@@ -68,17 +68,17 @@ def account(found: Found, ledger: LedgerSummary | None, progress: Progress | Non
         return ledger, True
     known = ledger.losses if ledger is not None else ()
     losses = [*known, *_missing(found, known, progress)]
-    accounted = recorded + sum(loss.rows for loss in losses)
-    triggers = max(accounted, ledger.triggers) if ledger is not None else accounted
-    if triggers > accounted:
+    explained = recorded + sum(loss.rows for loss in losses)
+    triggers = max(explained, ledger.triggers) if ledger is not None else explained
+    if triggers > explained:
         last = int(found.runs[-1, 1]) if recorded else -1
-        losses.append(Loss(last + 1, triggers - accounted, LossReason.DAMAGED, "their places are unknown"))
-    latched = ledger.latched if ledger is not None else progress.rows if progress is not None else accounted
+        losses.append(Loss(last + 1, triggers - explained, LossReason.DAMAGED, "their places are unknown"))
+    latched = ledger.latched if ledger is not None else progress.rows if progress is not None else explained
     summary = LedgerSummary(triggers, latched, recorded, tuple(sorted(losses, key=lambda loss: loss.first)))
     return summary, ledger is not None or progress is not None
 
 
-def _missing(found: Found, known: tuple[Loss, ...], progress: Progress | None) -> list[Loss]:
+def _missing(found: FoundRows, known: tuple[Loss, ...], progress: Progress | None) -> list[Loss]:
     """Numbers between the first and the last that are neither found nor known to be lost."""
     runs = found.runs
     if progress is not None and progress.rows:

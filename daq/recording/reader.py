@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from arm_io import InputError
 from arm_io.types import Array
-from daq.recording.contents import Columns, Contents, Whole, read_contents
+from daq.recording.contents import AllRows, Columns, Contents, read_contents
 from daq.recording.head import RecordingHead
 from daq.recording.losses import Account, opened
 from daq.recording.messages.row_format import JOINT_TOPICS, Layout
@@ -166,7 +166,7 @@ def open_recording(path: str | Path, *, damaged: bool = False, most_numbers: int
     Raises InputError where the file is absent, no recording of armscope, or damaged.
     """
     path = Path(path)
-    contents, kept = read_contents(path, lambda layout: _keeper(layout, most_numbers))
+    contents, kept = read_contents(path, lambda layout: _sink(layout, most_numbers))
     head = head_of(path, contents, damaged=damaged)
     columns = kept.arrays()
     t = time_of(head.layout, columns, origin_of(head.layout, columns))
@@ -189,8 +189,8 @@ def head_of(path: Path, contents: Contents, *, damaged: bool) -> RecordingHead:
     return head
 
 
-def _keeper(layout: Layout, most_numbers: int | None) -> Whole | Thinned:
-    return Whole() if most_numbers is None else Thinned(most_numbers // max(len(layout.joints), 1))
+def _sink(layout: Layout, most_numbers: int | None) -> AllRows | Thinned:
+    return AllRows() if most_numbers is None else Thinned(most_numbers // max(len(layout.joints), 1))
 
 
 def origin_of(layout: Layout, columns: Columns) -> NDArray:

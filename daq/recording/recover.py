@@ -64,7 +64,7 @@ def recover(path: str | Path, out: str | Path | None = None, *, replace: bool = 
         raise InputError(out, "is the damaged file itself; use another name")
     if replace:
         check_replaceable(out, measured=True)
-    contents, _ = read_contents(path, lambda layout: _Nothing())
+    contents, _ = read_contents(path, lambda layout: _NoRows())
     if being_written(path):
         raise InputError(path, "is being recorded right now; wait until it is finished")
     ledger, sure = contents.ledger()
@@ -96,7 +96,7 @@ def recover(path: str | Path, out: str | Path | None = None, *, replace: bool = 
     return Recovery(out, ledger, sure, notes, lost)
 
 
-class _Nothing:
+class _NoRows:
     """The first time that the file is read, no row is kept."""
 
     def append(self, columns: Columns) -> None: ...

@@ -27,8 +27,8 @@ class Coupling:
     """Of one joint (1-based): the pair as fitted, and with the coupling torque taken out before.
 
     torque (m,) N m (N): the coupling torque; by_joint: its rms that goes when joint k (1-based) alone is held still;
-    left, left_without: rms of what the pair leaves of the torque, before and after, N m; share: of the former's square
-    that the coupling is.
+    residual_rms, residual_rms_without: of the torque, as fitted and without the coupling torque, N m (N); share: of the
+    former's square that the coupling is.
     """
 
     joint: int
@@ -36,12 +36,12 @@ class Coupling:
     without: MotorLink
     torque: Array
     by_joint: dict[int, float]
-    left: float
-    left_without: float
+    residual_rms: float
+    residual_rms_without: float
 
     @property
     def share(self) -> float:
-        return 1.0 - (self.left_without / self.left) ** 2
+        return 1.0 - (self.residual_rms_without / self.residual_rms) ** 2
 
     def sentence(self) -> str:
         """The verdict for a person."""
@@ -51,8 +51,8 @@ class Coupling:
             if rms > 0.1 * max(self.by_joint.values())
         )
         return (
-            f"joint {self.joint}: {self.share:.0%} of what the motor-link pair leaves ({self.left:.2g} -> "
-            f"{self.left_without:.2g} rms) is the "
+            f"joint {self.joint}: {self.share:.0%} of what the motor-link pair leaves ({self.residual_rms:.2g} -> "
+            f"{self.residual_rms_without:.2g} rms) is the "
             f"coupling torque of the other links, of joint {most} above all; the pair's values hold it for inertia "
             "and friction"
         )

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from daq.acquisition.ledger import Loss, LossReason
 from daq.recording import Recording, open_long, open_recording, write_csv
-from daq.recording.missing_rows import Found, Numbers
+from daq.recording.missing_rows import FoundRows, TriggerRuns
 from daq.recording.parts import Attachments
 from daq.recording.plots import POINTS, Envelope
 from daq.recording.recorder import Recorder
@@ -89,7 +89,7 @@ def test_the_period_of_a_very_long_one_is_that_of_rows_spread_over_it(
 @given(st.lists(st.tuples(st.lists(st.integers(1, 3), max_size=6), st.booleans()), max_size=8))
 def test_numbers_are_kept_as_runs(pieces: list[tuple[list[int], bool]]) -> None:
     """Against a plain list of all numbers."""
-    numbers, every, last = Numbers(), [], -1
+    numbers, every, last = TriggerRuns(), [], -1
     for steps, torn in pieces:
         piece = last + np.cumsum(steps, dtype=np.int64)
         numbers.append(piece, torn=torn)
@@ -97,7 +97,7 @@ def test_numbers_are_kept_as_runs(pieces: list[tuple[list[int], bool]]) -> None:
         last = every[-1] if every else last
     runs = numbers.runs()
     assert [number for first, stop, _ in runs.tolist() for number in range(first, stop + 1)] == every
-    assert (runs[1:, 0] > runs[:-1, 1] + 1).all() and Found(runs, True).rows == len(every)
+    assert (runs[1:, 0] > runs[:-1, 1] + 1).all() and FoundRows(runs, True).rows == len(every)
 
 
 @settings(max_examples=30)

@@ -117,7 +117,7 @@ class Currents(MeasurementModel[Candidate, State]):
     def admissible(self, score: Score[Candidate], state: State) -> bool:
         """Whether a candidate is physically admissible, matters, and is beyond what is known of the model.
 
-        Whether a body is one is decided when all causes are known (``bodies.named_by_body``). A term must be small
+        Whether a body is one is decided when all causes are known (``search.attributed_to_body``). A term must be small
         against its effect.
         """
         if score.candidate.terms:

@@ -214,13 +214,13 @@ def _explained(q: Array, gaps: Sequence[CounterGap], jumps: Sequence[Jump], resi
             counted[jump.row :, gaps[0].joint - 1] -= jump.size
     with_rows, with_counts = residual(put_back(q, gaps)), residual(counted)
     dt = float(with_rows.raw[0][1] - with_rows.raw[0][0])
-    weighed = [without_lost(run, gaps, dt) for run in (with_rows, with_counts)]
+    weighted = [without_lost(run, gaps, dt) for run in (with_rows, with_counts)]
     # rows that both can judge, without the mean of each piece: loads that the model has not are no lost rows
     joint = gaps[0].joint - 1
-    rows = np.flatnonzero((weighed[0].deviation < NO_WEIGHT * 1e-3).all(axis=1))
+    rows = np.flatnonzero((weighted[0].deviation < NO_WEIGHT * 1e-3).all(axis=1))
     pieces = [rows[at : at + PIECE] for at in range(0, len(rows) - PIECE + 1, PIECE)]
-    left = [float(sum(np.var(run.residual[piece, joint]) for piece in pieces)) for run in weighed]
-    return left[0] < BETTER * left[1]
+    variance = [float(sum(np.var(run.residual[piece, joint]) for piece in pieces)) for run in weighted]
+    return variance[0] < BETTER * variance[1]
 
 
 def _restored(q: Array, gaps: Sequence[tuple[int, int]]) -> Array:

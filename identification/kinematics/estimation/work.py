@@ -118,7 +118,7 @@ def first_fit(work: Work) -> None:
     work.settings = replace(work.settings, frame_known=known)
     work.parameters = parameters_of(work.arm, work.targets, frame_known=known, trust=work.settings.trust)
     work.first = work.parameters.chain.at(start)
-    aim(work)
+    align_orientations(work)
     work.tell("circles of single-joint sweeps")
     work.circles, work.refused = best_circles(work.runs)
     work.from_circles = values_from_circles(work.arm, work.circles, work.first)
@@ -126,7 +126,7 @@ def first_fit(work: Work) -> None:
     work.tell("least squares on all points")
     best = best_start(work.parameters, work.points, start, work.from_circles)
     work.estimate = fit(work.parameters, work.points, start=best)
-    if weigh(work):
+    if weigh_orientations(work):
         work.estimate = fit(work.parameters, work.points, start=work.estimate.values)
 
 
@@ -160,7 +160,7 @@ def couple(work: Work, stated_frame: bool) -> None:
         first_fit(work)
 
 
-def aim(work: Work) -> None:
+def align_orientations(work: Work) -> None:
     """Orientations become those of a frame that is nearly parallel to the last link's."""
     found = aimed(work.first, work.points)
     for number, turn in found.items():
@@ -171,7 +171,7 @@ def aim(work: Work) -> None:
         work.points = points_of(work.runs, work.rows)
 
 
-def weigh(work: Work) -> bool:
+def weigh_orientations(work: Work) -> bool:
     """Orientations weigh by the ratio of both noises, as the residuals show it. Whether there are any."""
     lever = lever_of(
         work.points, residuals(work.parameters, work.estimate.values, work.estimate.extension, work.points)
