@@ -186,7 +186,7 @@ def _refresh(folder: Path, found: list[Found], index: Index, progress: Callable[
 def _read(
     folder: Path, changed: list[Found], progress: Callable[[int, int, str], None]
 ) -> Iterator[tuple[Found, Entry, int]]:
-    done, total = 0, sum(one.size for one in changed)
+    done, total = 0, sum(change.size for change in changed)
     for one in changed:
         progress(done, total, one.path)
         began = time.time_ns()

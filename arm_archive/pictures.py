@@ -116,10 +116,10 @@ def _calibrated(table: Mapping[str, Any]) -> Bars:
 
 def _compared(table: Mapping[str, Any]) -> Bars:
     changes = sorted(table["changes"], key=lambda one: -abs(_number(one["z"])))
-    shown = [bool(one["significant"]) for one in changes]
+    shown = [bool(change["significant"]) for change in changes]
     return (
         "changes over their standard deviations; blue: significant",
-        [(0.0, abs(_number(one["z"]))) for one in changes],
+        [(0.0, abs(_number(change["z"]))) for change in changes],
         shown,
     )
 

@@ -67,7 +67,7 @@ def fetched(places: Sequence[str], folder: Path, storage: Mapping[str, Any], sec
             total += one.ranges.seconds if one.ranges is not None else 0.0
     share = 1.0 if seconds is None else seconds / max(total, seconds)
     groups = [_local(one, share, folder / str(number)) for number, one in enumerate(sources, 1)]
-    return Fetched(groups, sum(one.size for one in sources), sum(one.read for one in sources))
+    return Fetched(groups, sum(source.size for source in sources), sum(source.read for source in sources))
 
 
 def spread(seconds: float, share: float) -> list[tuple[float, float]]:

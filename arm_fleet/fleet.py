@@ -74,7 +74,7 @@ class Fleet:
             "schema": SCHEMA,
             "name": self.plan.name,
             "arms": [one.to_json() for one in self.verdicts],
-            "changed": [one.arm for one in self.changed],
+            "changed": [change.arm for change in self.changed],
             "returned": [one.arm for one in self.returned],
             "tasks": len(self.tasks),
             "ran": self.ran,

@@ -103,7 +103,7 @@ def moved(capsules: tuple[Capsule, ...] | None, pose: Array) -> tuple[Capsule, .
     def there(point: tuple[float, float, float]) -> tuple[float, float, float]:
         return _vector(pose[:3, :3] @ np.array(point) + pose[:3, 3])
 
-    return tuple(Capsule(there(one.start), there(one.end), one.radius) for one in capsules)
+    return tuple(Capsule(there(capsule.start), there(capsule.end), capsule.radius) for capsule in capsules)
 
 
 def _vector(values: Array) -> tuple[float, float, float]:

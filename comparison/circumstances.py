@@ -129,7 +129,7 @@ def _motion(motions: Sequence[Motion], is_before: NDArray[np.bool_], arm: Arm) -
 def _rig(recordings: Sequence[Recording], is_before: NDArray[np.bool_]) -> Iterator[Circumstance]:
     names = [{r.rig.get("name") for r, mine in zip(recordings, is_before) if mine == which} for which in (True, False)]
     if names[0] != names[1] and None not in names[0] | names[1]:
-        before, after = (", ".join(sorted(map(str, each))) for each in names)
+        before, after = (", ".join(sorted(map(str, name))) for name in names)
         yield Circumstance("rig", (), f"rig: {before} before, {after} after; a wrong current gain looks like a change")
 
 

@@ -87,13 +87,13 @@ def _separate_changes(separate: SeparateRegressions, drift: Array) -> list[Chang
     drift: (c, d) as of ``friction_drift``.
     """
     quantities, maps = _quantities(separate)
-    estimates = [_estimate(name, one, maps) for name, one in zip(separate.names, separate.fits)]
+    estimates = [_estimate(name, fitted, maps) for name, fitted in zip(separate.names, separate.fits)]
     drifted = np.linalg.norm(np.nan_to_num(maps) @ drift, axis=1)
     leaked = _leaked(separate.structure, *separate.long_enough(), maps)
     return changes(
         _of_short_sides(quantities, separate),
-        [one for one, first in zip(estimates, separate.is_before) if first],
-        [one for one, first in zip(estimates, separate.is_before) if not first],
+        [estimate for estimate, first in zip(estimates, separate.is_before) if first],
+        [estimate for estimate, first in zip(estimates, separate.is_before) if not first],
         np.hypot(leaked, drifted),
     )
 
@@ -114,7 +114,7 @@ def _in_joint_band(
 def _alternatives(accepted: Sequence[AcceptedChange]) -> Iterator[str]:
     """A sentence per accepted change that others explain as well."""
     for one in accepted:
-        if rivals := ", or by ".join(each.words for each in one.rivals):
+        if rivals := ", or by ".join(rival.words for rival in one.rivals):
             yield f"{one.tested.hypothesis.words}: these recordings are explained as well by {rivals}"
 
 
@@ -134,7 +134,7 @@ def _of_short_sides(quantities: Sequence[Quantity], separate: SeparateRegression
             if first == side
         ]
         if all(why for _, why in mine):
-            return [one.not_comparable(f"{mine[0][0]} {mine[0][1]}") for one in quantities]
+            return [quantity.not_comparable(f"{mine[0][0]} {mine[0][1]}") for quantity in quantities]
     return list(quantities)
 
 
@@ -177,6 +177,6 @@ def _leaked(structure: Structure, fits: Sequence[Fitted], is_before: NDArray[np.
     if is_before.all() or not is_before.any():
         return np.zeros(len(maps))
     units = [quantity.unit for quantity in values_quantities(structure)]
-    leakage = np.array([one.leakage for one in fits])
+    leakage = np.array([fitted.leakage for fitted in fits])
     difference = np.nan_to_num(maps) @ (leakage[~is_before].mean(axis=0) - leakage[is_before].mean(axis=0))
     return np.asarray(np.linalg.norm(difference * structure.uncertain(units), axis=1))

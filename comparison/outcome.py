@@ -86,13 +86,13 @@ class Comparison:
     @property
     def significant(self) -> list[Change]:
         """Significant changes, the surest first; friction parameters before points of friction curves."""
-        found = [one for one in self.changes if one.significant]
+        found = [change for change in self.changes if change.significant]
         return sorted(found, key=lambda one: (one.quantity.kind == "curve", -abs(one.z or 0.0)))
 
     @property
     def tested(self) -> int:
         """Quantities that were tested; a friction curve counts as one."""
-        tested = [one.quantity for one in self.changes if one.corrected is not None]
+        tested = [change.quantity for change in self.changes if change.corrected is not None]
         return len({f"curve {q.joint}" if q.kind == "curve" else q.name for q in tested})
 
     def __repr__(self) -> str:
@@ -140,11 +140,11 @@ class Comparison:
             "changed": bool(self.significant),
             "false_discovery_rate": SIGNIFICANT,
             "tested": self.tested,
-            "circumstances": [one.to_json() for one in self.circumstances],
+            "circumstances": [circumstance.to_json() for circumstance in self.circumstances],
             "assumptions": self.assumptions,
-            "changes": [one.to_json() for one in self.changes],
+            "changes": [change.to_json() for change in self.changes],
             "causes": self.causes,
-            "summaries": [one.to_json() for one in self.summaries],
+            "summaries": [summary.to_json() for summary in self.summaries],
             "alternatives": self.alternatives,
             "warnings": self.warnings,
         }

@@ -44,11 +44,11 @@ class SeparateRegressions:
     def long_enough(self) -> tuple[list[Fitted], NDArray[np.bool_]]:
         """The fits of recordings that can be judged alone, and whether each is of the side before."""
         long = np.array([not why for why in self.too_short])
-        return [one for one, kept in zip(self.fits, long) if kept], self.is_before[long]
+        return [fitted for fitted, kept in zip(self.fits, long) if kept], self.is_before[long]
 
     def mean_values(self) -> Array:
         """(c,) of all recordings that show them; NaN where none does."""
-        values = np.array([one.values for one in self.fits])
+        values = np.array([fitted.values for fitted in self.fits])
         seen = np.isfinite(values)
         total = np.where(seen, values, 0.0).sum(axis=0)
         return np.where(seen.any(axis=0), total / np.maximum(seen.sum(axis=0), 1), np.nan)
@@ -102,13 +102,13 @@ def regressions_of(
     for name, rows, seen, why in zip(names, data, shown, too_short):
         progress(Step("regression", len(fits), len(recordings), detail=name))
         fits.append(None if why else fit(rows, seen, model, joints))
-    block = max(one.block for one in fits if one is not None)
+    block = max(fitted.block for fitted in fits if fitted is not None)
     return SeparateRegressions(
         structure=structure,
         names=names,
         is_before=is_before,
         rows=data,
-        fits=[unfitted(rows, structure, block) if one is None else one for one, rows in zip(fits, data)],
+        fits=[unfitted(rows, structure, block) if fitted is None else fitted for fitted, rows in zip(fits, data)],
         shown=np.array(shown),
         too_short=too_short,
     )

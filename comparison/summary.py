@@ -82,7 +82,7 @@ class _Changes:
     def select(self, which: NDArray[np.bool_]) -> _Changes:
         return _Changes(
             self.places[which],
-            [one for one, kept in zip(self.quantities, which) if kept],
+            [quantity for quantity, kept in zip(self.quantities, which) if kept],
             self.change[which],
             self.covariance[np.ix_(which, which)],
         )
@@ -103,7 +103,7 @@ def summaries(
     changes  of all quantities; the last of them are those of the values
     found    by the joint fit; added: changes of effects beyond the model
     """
-    significant = [one for one in changes if one.significant]
+    significant = [change for change in changes if change.significant]
     # where the arm is acts on values that a regression of one recording has no column for
     placed = any(one.tested.hypothesis.added is not None and one.tested.hypothesis.added.placed for one in found)
     if placed or is_before.all() or not is_before.any():
@@ -173,11 +173,11 @@ def _explained(before: float, after: float, rows: int, rank: int, candidates: in
 def _payload(structure: Structure, seen: _Changes, significant: Sequence[Change], candidates: int) -> Summary | None:
     """The body that was added to or taken from the last link, if it explains all changes of what it would change."""
     made = structure.by_body(len(structure.arm))[seen.places]
-    of_links = np.array([one.quantity.kind == "inertia" for one in seen.quantities])
+    of_links = np.array([quantity.quantity.kind == "inertia" for quantity in seen.quantities])
     of_body = np.asarray(made.any(axis=1) | of_links, bool)
     own = seen.select(of_body)
-    names = {one.quantity.name for one in own.quantities}
-    borne = {one.quantity.joint for one in own.quantities if one.quantity.kind == "curve"}
+    names = {quantity.quantity.name for quantity in own.quantities}
+    borne = {quantity.quantity.joint for quantity in own.quantities if quantity.quantity.kind == "curve"}
     # a constant force, of a joint that bears the body
     names |= {f"joint{joint}.offset" for joint in borne}
     explains = tuple(one.quantity.name for one in significant if one.quantity.name in names)
@@ -224,7 +224,10 @@ def _current_scale(
     c, covariance, before, after, rank = _fitted(column[seen.places][:, None], seen)
     if not _explained(before, after, len(seen.change), rank, candidates):
         return None
-    curve = [float(one.quantity.kind == "curve" and one.quantity.joint == joint + 1) for one in seen.quantities]
+    curve = [
+        float(quantity.quantity.kind == "curve" and quantity.quantity.joint == joint + 1)
+        for quantity in seen.quantities
+    ]
     *_, by_friction, _ = _fitted(np.array(curve)[:, None], seen)
     if (by_friction - after) * (len(seen.change) - 1) < BETTER:
         return None

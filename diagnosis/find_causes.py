@@ -158,7 +158,7 @@ def _searched(search: Search, residuals: Residuals) -> CurrentDiagnosis:
     library = Library((c for c in every if order_of(c) is None), data)
     warm = [run.arm.temperatures for run in residuals.runs]
     axis = axis_side(arm, (residuals.samples[:first], residuals.samples[first:]), two_fold=parts, temperatures=warm)
-    of_axis, base = [from_axis(one, arm) for one in axis.causes] if axis else [], arm
+    of_axis, base = [from_axis(cause, arm) for cause in axis.causes] if axis else [], arm
     if axis and of_axis:
         # the search continues in their residual
         base = replace(arm, joints=axis.held_out.arm.joints)

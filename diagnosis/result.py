@@ -71,7 +71,7 @@ class Diagnosis:
         places = evidence_of(
             self.causes, self.arm, self._searched, {(one.effect, one.joint) for one in self.undetectable}
         )
-        unexplained = {one.joint for one in self.unexplained}
+        unexplained = {structure.joint for structure in self.unexplained}
         return suspects([place for place in places if place.joint not in unexplained])
 
     @property

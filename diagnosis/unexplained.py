@@ -37,7 +37,10 @@ def unexplained_structure(
         *(in_fit_alone(state, of_currents, known_to(state).fit) if measured.judged else []),
         *(measured.link.unexplained if measured.link else []),
         *measured.tracked.unexplained,
-        *(one.structure(currents.arm.joints[one.joint - 1].command_unit) for one in cleaned.oscillating),
+        *(
+            oscillation.structure(currents.arm.joints[oscillation.joint - 1].command_unit)
+            for oscillation in cleaned.oscillating
+        ),
     ]
     reported = [one.joint for one in (*of_currents, *found)]
     return [*found, *_in_loop(verified, recordings, state.data, reported)]

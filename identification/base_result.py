@@ -138,7 +138,10 @@ class BaseIdentification:
                 value.unit,
                 "" if value.identifiable else "not identifiable",
             )
-            for value in (*self.parameters, *(one for one in self.joints.parameters if one.std is not None))
+            for value in (
+                *self.parameters,
+                *(parameter for parameter in self.joints.parameters if parameter.std is not None),
+            )
         ]
         errors = [
             (name, f"{self.thrust_rms[k]:.3g}", f"{self.before_rms[k]:.3g}", f"{self.after_rms[k]:.3g}")

@@ -36,7 +36,7 @@ def widened(changes: Sequence[Change], reference: int) -> list[Change]:
         if one.scatter is not None and one.scatter > least and of_friction(one):
             joint = one.quantity.joint
             scatter[joint] = max(scatter.get(joint, 0.0), one.scatter)
-    return [_with(one, scatter, freedom) for one in changes]
+    return [_with(change, scatter, freedom) for change in changes]
 
 
 def _with(one: Change, scatter: dict[int | None, float], freedom: int) -> Change:

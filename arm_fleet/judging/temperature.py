@@ -62,10 +62,16 @@ def regressed(
                 lines[name] = line
     scatter = _scatter(changes, lines)
     return [
-        _against(one, lines[one.quantity.name], estimates[-1], place[one.quantity.name], *scatter[one.quantity.name])
-        if one.quantity.name in lines
-        else one
-        for one in changes
+        _against(
+            change,
+            lines[change.quantity.name],
+            estimates[-1],
+            place[change.quantity.name],
+            *scatter[change.quantity.name],
+        )
+        if change.quantity.name in lines
+        else change
+        for change in changes
     ]
 
 
@@ -81,10 +87,13 @@ def no_surer(changes: Sequence[Change]) -> list[Change]:
             for joint in (one.quantity.joint, None):
                 surest[joint] = min(surest.get(joint, 1.0), one.p)
     return [
-        replace(one, p=max(one.p, surest[one.quantity.joint]))
-        if one.p is not None and one.quantity.kind == "cause" and of_friction(one) and one.quantity.joint in surest
-        else one
-        for one in changes
+        replace(change, p=max(change.p, surest[change.quantity.joint]))
+        if change.p is not None
+        and change.quantity.kind == "cause"
+        and of_friction(change)
+        and change.quantity.joint in surest
+        else change
+        for change in changes
     ]
 
 
@@ -106,7 +115,7 @@ def _of_joint(temperature: Array, joint: int | None) -> Array:
 
 def _line(estimates: Sequence[Estimate], which: int, degc: Array) -> Line | None:
     """None where too few reference nights, or the night, have a temperature or a value."""
-    values, raw = (np.array([getattr(one, name)[which] for one in estimates]) for name in ("values", "raw"))
+    values, raw = (np.array([getattr(estimate, name)[which] for estimate in estimates]) for name in ("values", "raw"))
     there = np.isfinite(values) & np.isfinite(degc) & (raw > 0)
     if not there[-1] or there[:-1].sum() < FEWEST:
         return None
@@ -126,7 +135,7 @@ def _line(estimates: Sequence[Estimate], which: int, degc: Array) -> Line | None
         left=float(0.5 * BENDS * np.hypot(slope, width**-0.5) * away**2),
         ratio=float(weight @ rest**2) / freedom,
         freedom=freedom,
-        stated=min(one.freedom for one, mine in zip(estimates, there) if mine),
+        stated=min(estimate.freedom for estimate, mine in zip(estimates, there) if mine),
     )
 
 
@@ -135,9 +144,9 @@ def _scatter(changes: Sequence[Change], lines: Mapping[str, Line]) -> dict[str, 
     found = {}
     for causes in (True, False):
         names = [
-            one.quantity.name
-            for one in changes
-            if one.quantity.name in lines and (one.quantity.kind == "cause") is causes
+            change.quantity.name
+            for change in changes
+            if change.quantity.name in lines and (change.quantity.kind == "cause") is causes
         ]
         if names:
             mine = [lines[name] for name in names]

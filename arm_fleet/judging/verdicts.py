@@ -124,7 +124,7 @@ def verdict_of(
     told = _told(trends, series, any(one.temperature is not None for one in nights))
     moved = [sentence(one, trend.histories) for one, trend in told]
     limits = _limits(trends)
-    moved += [one.sentence for one in limits]
+    moved += [limit.sentence for limit in limits]
     by_key = {one["key"]: one for one in records}
     known = [one.moved.history.quantity.name for trend in trends for one in trend.movements]
     absent = tuple(name for name in plan.limits if name not in known)
@@ -183,7 +183,9 @@ def _nights_of_causes(series: Sequence[Alarm]) -> Counter[Place]:
     counts: Counter[Place] = Counter()
     for alarm in reversed(series):
         # A cause has several parameters.
-        counts.update([*dict.fromkeys(place_of(one.quantity) for one in alarm.changes if one.quantity.kind == "cause")])
+        counts.update(
+            [*dict.fromkeys(place_of(change.quantity) for change in alarm.changes if change.quantity.kind == "cause")]
+        )
     return counts
 
 
@@ -207,7 +209,7 @@ def _trends(plan: Plan, nights: Sequence[Night]) -> list[Trend]:
         results = [one for night in nights for one in night.results if one.what == kind]
         if len(results) >= FEWEST:
             plain = trend_of(results)
-            known = {one.moved.history.quantity.name for one in plain.movements}
+            known = {movement.moved.history.quantity.name for movement in plain.movements}
             limits = [limit for limit in plan.owners_limits() if limit.name in known]
             found.append(trend_of(results, limits) if limits else plain)
     return found
@@ -225,13 +227,13 @@ def _limits(trends: Sequence[Trend]) -> list[Limited]:
 def _that_changed(causes: Sequence[Mapping[str, Any]], series: Sequence[Alarm]) -> list[Mapping[str, Any]]:
     """Of the causes of a night those that changed, in most nights first; else those that the changed parameters fit."""
     nights = _nights_of_causes(series)
-    own = [one for one in causes if (one["effect"], one["joint"]) in nights]
+    own = [cause for cause in causes if (cause["effect"], cause["joint"]) in nights]
     if own:
         return sorted(own, key=lambda one: -nights[one["effect"], one["joint"]])
     changes = [one for alarm in series for one in alarm.changes]
-    joints = {one.quantity.joint for one in changes} | {None}
+    joints = {change.quantity.joint for change in changes} | {None}
     friction = all(map(of_friction, changes))
-    return [one for one in causes if one["joint"] in joints and (like_friction(one["effect"]) or not friction)]
+    return [cause for cause in causes if cause["joint"] in joints and (like_friction(cause["effect"]) or not friction)]
 
 
 def _actions(

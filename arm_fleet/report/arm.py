@@ -21,7 +21,7 @@ def arm_page(arm: Verdict, tasks: Sequence[TaskLine], alarms: Sequence[Alarm]) -
     changed = {change.quantity.name for one in alarms if one.named for change in one.changes} | {*arm.told}
     charts = []
     for trend in arm.trends:
-        shown = [one for one in trend.movements if one.moved.history.quantity.name in changed]
+        shown = [movement for movement in trend.movements if movement.moved.history.quantity.name in changed]
         shown += [one for one in trend.limited if one not in shown]
         if shown:
             title = f"{trend.histories.what}: what changed, or has a limit"

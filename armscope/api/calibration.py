@@ -195,7 +195,10 @@ def calibrate(
         arm,
         runs,
         [run for one in common.runs[len(fitted) :] for run in one],
-        [replace(one, place=in_last_link(last_link, one.place)) if one.given else one for one in common.targets],
+        [
+            replace(target, place=in_last_link(last_link, target.place)) if target.given else target
+            for target in common.targets
+        ],
         Settings(
             frame_known=common.frame_known and not tracker.unknown_frame,
             gravity=gravity_of(arm),

@@ -58,9 +58,9 @@ def night(job: Mapping[str, Any], folder: Path, before: Mapping[str, bytes]) -> 
         _check(one, job)
     fit, held_out = sides(groups)
     value: dict[str, Any] = {
-        "recorded": min((one.date for one in recordings if one.date), default=None),
-        "rows": sum(len(one) for one in recordings),
-        "lost": sum(one.ledger.lost for one in recordings),
+        "recorded": min((recording.date for recording in recordings if recording.date), default=None),
+        "rows": sum(len(recording) for recording in recordings),
+        "lost": sum(recording.ledger.lost for recording in recordings),
         "bytes": local.size,
         "read_bytes": local.read,
         "temperature": temperature(recordings),
@@ -90,9 +90,9 @@ def sides(groups: Sequence[Sequence[Recording]]) -> tuple[list[Recording], list[
 
 def temperature(recordings: Sequence[Recording]) -> list[float | None] | None:
     """degC, mean of each joint over all rows (None: not recorded); None where a recording has no temperatures."""
-    if not recordings or any(one.temp is None for one in recordings):
+    if not recordings or any(recording.temp is None for recording in recordings):
         return None
-    rows = np.concatenate([one.temp for one in recordings])
+    rows = np.concatenate([recording.temp for recording in recordings])
     known = [column[np.isfinite(column)] for column in rows.T]
     return [float(column.mean()) if len(column) else None for column in known] if any(map(len, known)) else None
 

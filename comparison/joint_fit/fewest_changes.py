@@ -92,8 +92,8 @@ def fewest_changes(
         sizes, errors = one.seen_by(maps)
         own[:] = np.abs(sizes) > 2.0 * errors
     decided = [
-        each if by else _confirmed(each, chances, joint.every)
-        for each, by in zip(changes, made.any(axis=0) & _possible(changes))
+        change if by else _confirmed(change, chances, joint.every)
+        for change, by in zip(changes, made.any(axis=0) & _possible(changes))
     ]
     decided = _with_reasons(decided, changes, structure, joint)
     std = np.sqrt(np.maximum(np.sum(maps @ covariance * maps, axis=1), 0.0))
@@ -108,8 +108,8 @@ def fewest_changes(
     for own, one, rivals in zip(made, found, rivals_of(joint.fit, joint.every, found)):
         # without what the others change less beside it
         touched = own & np.any(maps @ one.hypothesis.directions != 0.0, axis=1)
-        quantities = frozenset(each.quantity.name for each, by in zip(decided, touched) if by)
-        causes.append(AcceptedChange(one, quantities, [each.hypothesis for each in rivals]))
+        quantities = frozenset(change.quantity.name for change, by in zip(decided, touched) if by)
+        causes.append(AcceptedChange(one, quantities, [rival.hypothesis for rival in rivals]))
     return decided, added_changes(structure, joint.every, found, values, covariance), causes
 
 
@@ -190,7 +190,7 @@ def _chances(
 
 
 def _possible(changes: Sequence[Change]) -> NDArray[np.bool_]:
-    return np.array([one.significant for one in changes], bool)
+    return np.array([change.significant for change in changes], bool)
 
 
 def _confirmed(change: Change, chances: dict[str, float], every: Sequence[Hypothesis]) -> Change:
@@ -224,7 +224,7 @@ def _with_reasons(
         if _shared_chance(one, unknown, joint.every) <= CONFIRMED:
             by = [words for words, chances in given if _shared_chance(one, chances, joint.every) > CONFIRMED]
             reasons[one.quantity.name] = f"follows from {' and '.join(by or [words for words, _ in given])}"
-    return [replace(one, overruled=reasons.get(one.quantity.name, "")) for one in decided]
+    return [replace(change, overruled=reasons.get(change.quantity.name, "")) for change in decided]
 
 
 def _most_significant(one: Tested, changes: Sequence[Change], sizes: Array, errors: Array, values: int) -> int:

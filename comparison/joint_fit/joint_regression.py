@@ -135,7 +135,7 @@ def joint_regression(
     joints = len(structure.arm)
     size = data[0].columns.shape[1] + joints
     model = np.concatenate([structure.model(), np.zeros(size - joints - structure.size)])
-    square = np.array([_spread(rows, one, joints) for rows, one in zip(data, fits)])
+    square = np.array([_spread(rows, fitted, joints) for rows, fitted in zip(data, fits)])
     noise = np.sqrt(np.array([np.median(of[np.isfinite(of)]) if np.isfinite(of).any() else 1.0 for of in square.T]))
     parts = [_weighted(rows, model, noise) for rows in data]
     before = _values_of([one for one, mine in zip(parts, is_before) if mine], model)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 def report(result: Comparison) -> Report:
     """The whole page."""
-    points = [one for one in result.changes if one.quantity.kind == "curve" and one.comparable]
+    points = [change for change in result.changes if change.quantity.kind == "curve" and change.comparable]
     name = "" if result.arm is None else f"{result.arm.name}: "
     return Report(
         title=f"{name}what changed",
@@ -31,14 +31,18 @@ def report(result: Comparison) -> Report:
             "causes": result.causes,
             "changed_sentences": changed_sentences(result),
             "overruled": overruled_sentences(result),
-            "circumstances": [one.sentence for one in result.circumstances],
+            "circumstances": [circumstance.sentence for circumstance in result.circumstances],
             "assumptions": result.assumptions,
             "overview": plots.overview(result),
             "curves": plots.curves(result),
             "of_recordings": result.what == "recordings",
-            "changes": _changes([one for one in result.changes if one.comparable and one.quantity.kind != "curve"]),
+            "changes": _changes(
+                [change for change in result.changes if change.comparable and change.quantity.kind != "curve"]
+            ),
             "curve_points": _changes(points) if points else None,
-            "not_comparable": [[one.quantity.words, one.quantity.why] for one in result.changes if not one.comparable],
+            "not_comparable": [
+                [change.quantity.words, change.quantity.why] for change in result.changes if not change.comparable
+            ],
             "warnings": result.warnings,
         },
     )
@@ -50,7 +54,7 @@ def _what(result: Comparison) -> str:
 
 
 def _changes(changes: list[Change]) -> Markup:
-    scattered = any(one.scatter is not None for one in changes)
+    scattered = any(change.scatter is not None for change in changes)
     head = ["quantity", "before", "after", "change", "2 std", "relative", "z", "p corrected", "unit"]
     head += ["scatter"] if scattered else []
     rows = []

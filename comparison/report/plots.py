@@ -23,7 +23,11 @@ KINDS = {"significant": AFTER, "no change of its own": PALE_AFTER, "not signific
 
 def overview(result: Comparison) -> Chart:
     """Change over joint deviation, one bar per parameter."""
-    tested = [one for one in result.changes if one.z is not None and one.comparable and one.quantity.kind != "curve"]
+    tested = [
+        change
+        for change in result.changes
+        if change.z is not None and change.comparable and change.quantity.kind != "curve"
+    ]
     kept = sorted(tested, key=lambda one: -abs(one.z or 0.0))[:MOST]
     shown = [one for one in tested if one in kept]
     words = [one.quantity.words for one in shown]
@@ -55,11 +59,11 @@ def _kind(one: Change) -> str:
 
 def curves(result: Comparison) -> Chart | None:
     """Friction against speed, per joint, before and after, with two standard deviations; None without any."""
-    points = [one for one in result.changes if one.quantity.kind == "curve" and one.comparable]
-    joints = sorted({one.quantity.joint for one in points if one.quantity.joint is not None})
+    points = [change for change in result.changes if change.quantity.kind == "curve" and change.comparable]
+    joints = sorted({point.quantity.joint for point in points if point.quantity.joint is not None})
     if not joints:
         return None
-    panels = tuple(_curve(joint, [one for one in points if one.quantity.joint == joint]) for joint in joints)
+    panels = tuple(_curve(joint, [point for point in points if point.quantity.joint == joint]) for joint in joints)
     return Chart(
         name="friction_curves",
         title="friction against speed, before and after, with two standard deviations",
@@ -73,7 +77,7 @@ def _curve(joint: int, points: list[Change]) -> Panel:
     per = "rad/s" if unit == "N m" else "m/s"
     series = []
     for sign in (1.0, -1.0):
-        mine = [one for one in points if (one.quantity.speed or 0.0) * sign > 0]
+        mine = [point for point in points if (point.quantity.speed or 0.0) * sign > 0]
         mine.sort(key=lambda one: one.quantity.speed or 0.0)
         speed = np.array([one.quantity.speed or 0.0 for one in mine])
         for side, colour in (("before", BEFORE), ("after", AFTER)):

@@ -24,8 +24,11 @@ MOST = 12
 
 def text(result: Comparison) -> str:
     """The circumstances, a table of the largest changes, the significant ones in words, and the verdict."""
-    lines = [f"note: {one}" for one in (*(each.sentence for each in result.circumstances), *result.assumptions)]
-    tested = [one for one in result.changes if one.corrected is not None and one.quantity.kind != "curve"]
+    lines = [
+        f"note: {one}"
+        for one in (*(circumstance.sentence for circumstance in result.circumstances), *result.assumptions)
+    ]
+    tested = [change for change in result.changes if change.corrected is not None and change.quantity.kind != "curve"]
     tested.sort(key=lambda one: -abs(one.z or 0.0))
     shown = tested[: max(MOST, sum(one.significant for one in tested))]
     lines += _table(shown)
@@ -35,21 +38,21 @@ def text(result: Comparison) -> str:
         lines.append(OVERRULED)
     if len(tested) > len(shown):
         lines.append(f"... and {len(tested) - len(shown)} more parameters with smaller changes")
-    blind = [one for one in result.changes if not one.comparable]
+    blind = [change for change in result.changes if not change.comparable]
     reasons: dict[str, int] = {}
     for one in blind:
         reasons[one.quantity.why] = reasons.get(one.quantity.why, 0) + 1
     lines += [f"not comparable: {count} quantities: {why}" for why, count in reasons.items()]
     lines += [f"warning: {warning}" for warning in result.warnings]
     said = verdict(result)
-    sentences = [*result.causes, *(one.sentence for one in result.summaries), *changed_sentences(result)]
+    sentences = [*result.causes, *(summary.sentence for summary in result.summaries), *changed_sentences(result)]
     sentences += overruled_sentences(result)
-    return "\n".join([*lines, *(one for one in sentences if one not in said), said])
+    return "\n".join([*lines, *(sentence for sentence in sentences if sentence not in said), said])
 
 
 def _table(changes: list[Change]) -> list[str]:
     last = len(HEADS) - 1
-    return text_table([_row(one) for one in changes], HEADS, numbers=range(1, last), keep=(0, last))
+    return text_table([_row(change) for change in changes], HEADS, numbers=range(1, last), keep=(0, last))
 
 
 def _row(change: Change) -> tuple[str, ...]:

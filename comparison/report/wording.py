@@ -38,9 +38,9 @@ def sentence(change: Change) -> str:
 
 def curve_sentence(joint: int, points: list[Change]) -> str:
     """What the significant points of a joint's friction curve say together; ``points`` are all of that joint."""
-    changed = [one for one in points if one.significant]
-    sizes = [one.change for one in changed if one.change is not None]
-    speeds = [abs(one.quantity.speed or 0.0) for one in changed]
+    changed = [point for point in points if point.significant]
+    sizes = [change.change for change in changed if change.change is not None]
+    speeds = [abs(change.quantity.speed or 0.0) for change in changed]
     unit = changed[0].quantity.unit
     per = "rad/s" if unit == "N m" else "m/s"
     where = "all compared speeds" if len(changed) == len(points) else f"{len(changed)} of {len(points)} compared points"
@@ -53,15 +53,15 @@ def curve_sentence(joint: int, points: list[Change]) -> str:
 def curve_sentences(result: Comparison) -> list[str]:
     """One per joint whose friction curve changed anywhere."""
     found = []
-    curves = [one.quantity for one in result.changes if one.quantity.kind == "curve"]
+    curves = [change.quantity for change in result.changes if change.quantity.kind == "curve"]
     joints = sorted({quantity.joint for quantity in curves if quantity.joint is not None})
     for joint in joints:
         points = [
-            one
-            for one in result.changes
-            if one.quantity.kind == "curve" and one.quantity.joint == joint and one.comparable
+            change
+            for change in result.changes
+            if change.quantity.kind == "curve" and change.quantity.joint == joint and change.comparable
         ]
-        if any(one.significant for one in points):
+        if any(point.significant for point in points):
             found.append(curve_sentence(joint, points))
     return found
 
@@ -89,7 +89,7 @@ def verdict(result: Comparison) -> str:
 
 def _what_changed(result: Comparison) -> str:
     if not result.tested:
-        reasons = Counter(one.quantity.why for one in result.changes if one.quantity.why)
+        reasons = Counter(change.quantity.why for change in result.changes if change.quantity.why)
         return (
             f"Nothing could be compared: {reasons.most_common(1)[0][0]}." if reasons else "Nothing could be compared."
         )
@@ -97,12 +97,12 @@ def _what_changed(result: Comparison) -> str:
     if not result.significant:
         return f"No significant change of {result.tested} compared quantities ({share})."
     if result.summaries:
-        said = "; ".join(one.sentence for one in result.summaries)
+        said = "; ".join(summary.sentence for summary in result.summaries)
         explained = {name for one in result.summaries for name in one.explains}
         more = sum(one.quantity.name not in explained for one in result.significant if one.quantity.kind != "friction")
         return f"{said}; {f'{more} more' if more else 'nothing else'} of {result.tested} compared quantities ({share})."
     parameters = [one for one in result.significant if one.quantity.kind != "curve"]
-    rubbing = {one.quantity.joint for one in parameters if one.quantity.kind == "friction"}
+    rubbing = {parameter.quantity.joint for parameter in parameters if parameter.quantity.kind == "friction"}
     curves = {one.quantity.joint for one in result.significant if one.quantity.kind == "curve"} - rubbing
     first = sentence(parameters[0]) if parameters else curve_sentences(result)[0]
     more = len(parameters) + len(curves) - 1

@@ -75,7 +75,7 @@ def entries_of(
     for key in dict.fromkeys(key for one in causes for key in one):
         names = dict.fromkeys(name for one in causes if key in one for name in one[key])
         for name in names:
-            mine = [one.get(key, {}).get(name) for one in causes]
+            mine = [cause.get(key, {}).get(name) for cause in causes]
             quantity = _quantity(key, name, next(entry for entry in mine if entry is not None)[2])
             stds = [entry[1] for entry in mine if entry is not None and entry[1] is not None]
             absent = (0.0, float(np.sqrt(np.mean(np.square(stds)))) if stds else None, quantity.unit)
@@ -101,7 +101,7 @@ def cause_sentences(
     causes = [causes_of(path, table) for path, table in zip(paths, tables)]
     found = []
     for key in dict.fromkeys(key for one in causes for key in one):
-        named = [key in one for one in causes]
+        named = [key in cause for cause in causes]
         earlier, later = any(named[:before]), any(named[before:])
         if earlier == later:
             continue

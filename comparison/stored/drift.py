@@ -62,10 +62,10 @@ def stored_drift(
     nothing = np.zeros(len(quantities))
     if max(_days(tables[:before]), _days(tables[before:])) >= DAYS:
         return nothing
-    values = np.array([one.values for one in estimates])
+    values = np.array([estimate.values for estimate in estimates])
     known = np.isfinite(values)
     mean = np.where(known, values, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
-    drift = [_drift(one, float(value), tables, arm) for one, value in zip(quantities, mean)]
+    drift = [_drift(quantity, float(value), tables, arm) for quantity, value in zip(quantities, mean)]
     return np.array(drift, float).reshape(nothing.shape)
 
 

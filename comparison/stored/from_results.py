@@ -122,7 +122,7 @@ def check_together(results: Sequence[Stored]) -> None:
                 f"was made with a model of another structure than {first.path}: {difference}; compare the recordings "
                 "instead, with one --model",
             )
-    paths = [one.path.resolve() for one in results]
+    paths = [result.path.resolve() for result in results]
     for k, path in enumerate(paths):
         if path in paths[:k]:
             raise InputError(results[k].path, "is given twice; must differ from the others")
@@ -166,16 +166,16 @@ def _identified(result: Stored) -> dict[str, Entry]:
 
 def identified_entries(results: Sequence[Stored]) -> tuple[list[Quantity], list[dict[str, Entry]]]:
     """The union of all base parameters, and what each result says of them; of friction curves at common speeds."""
-    entries, tables = [_identified(one) for one in results], [one.table for one in results]
+    entries, tables = [_identified(result) for result in results], [result.table for result in results]
     arm, curved = results[0].arm, curved_joints(tables)
     points, known = list[Quantity](), [dict[str, Entry]() for _ in results]
     if arm is not None and curved:
         points, known = friction_points(arm, tables, curved)
-        entries = [{name: e for name, e in one.items() if not is_replaced(name, curved)} for one in entries]
+        entries = [{name: e for name, e in entry.items() if not is_replaced(name, curved)} for entry in entries]
     names = dict.fromkeys(name for one in entries for name in one)
-    units = {name: next(one[name][2] for one in entries if name in one) for name in names}
+    units = {name: next(entry[name][2] for entry in entries if name in entry) for name in names}
     quantities = [parameter_quantity(name, unit) for name, unit in units.items()]
-    return [*quantities, *points], [one | more for one, more in zip(entries, known)]
+    return [*quantities, *points], [entry | more for entry, more in zip(entries, known)]
 
 
 def _align_identified(results: Sequence[Stored], before: int) -> tuple[list[Quantity], list[dict[str, Entry]]]:
@@ -184,7 +184,7 @@ def _align_identified(results: Sequence[Stored], before: int) -> tuple[list[Quan
     quantities = []
     for quantity in union:
         name = quantity.name
-        absent = [str(one.path) for one, mine in zip(results, entries) if name not in mine]
+        absent = [str(result.path) for result, mine in zip(results, entries) if name not in mine]
         missing = [all(name not in one for one in side) for side in (entries[:before], entries[before:])]
         quantities.append(
             quantity.not_comparable(f"not identified in {', '.join(absent)}") if any(missing) else quantity
@@ -212,10 +212,10 @@ def _freedom(table: Mapping[str, Any]) -> float:
 def estimates_of(results: Sequence[Stored]) -> tuple[list[Quantity], list[Estimate]]:
     """All quantities of results of one kind, and what each result says of them. InputError for another layout."""
     if results[0].what == "diagnoses":
-        quantities, entries, _ = entries_of([one.path for one in results], [one.table for one in results])
+        quantities, entries, _ = entries_of([result.path for result in results], [result.table for result in results])
     else:
         quantities, entries = identified_entries(results)
-    return quantities, [estimate_of(one, quantities, mine) for one, mine in zip(results, entries)]
+    return quantities, [estimate_of(result, quantities, mine) for result, mine in zip(results, entries)]
 
 
 def estimate_of(result: Stored, quantities: Sequence[Quantity], entries: Mapping[str, Entry]) -> Estimate:

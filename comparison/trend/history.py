@@ -75,7 +75,9 @@ def histories_of(results: Sequence[Stored]) -> Histories:
     days = np.array([(date - dates[0]).total_seconds() / 86_400 for date in dates])
     found = []
     for k, quantity in enumerate(quantities):
-        values, std, raw = (np.array([getattr(one, name)[k] for one in estimates]) for name in ("values", "std", "raw"))
+        values, std, raw = (
+            np.array([getattr(estimate, name)[k] for estimate in estimates]) for name in ("values", "std", "raw")
+        )
         there = np.isfinite(values) & np.isfinite(raw) & (raw > 0)
         if there.sum() >= 2:
             found.append(
@@ -85,11 +87,11 @@ def histories_of(results: Sequence[Stored]) -> Histories:
                     values=values[there],
                     std=std[there],
                     raw=raw[there],
-                    freedom=np.array([one.freedom for one in estimates])[there],
-                    sources=tuple(str(one.path) for one, mine in zip(results, there) if mine),
+                    freedom=np.array([estimate.freedom for estimate in estimates])[there],
+                    sources=tuple(str(result.path) for result, mine in zip(results, there) if mine),
                 )
             )
-    names = tuple(str(one.path) for one in results)
+    names = tuple(str(result.path) for result in results)
     return Histories(what=results[0].what, start=dates[0], results=names, histories=found, warnings=warnings)
 
 

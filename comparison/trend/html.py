@@ -23,7 +23,7 @@ def report(trend: Trend) -> Report:
     """The whole page."""
     moved, limited = trend.moved, trend.limited
     shown = [*moved, *(one for one in limited if one not in moved)]
-    still = [one for one in trend.movements if one not in shown][:MOST_PLOTS]
+    still = [movement for movement in trend.movements if movement not in shown][:MOST_PLOTS]
     said = [sentence(one, trend.histories) for one in moved]
     said += [limit_sentence(one, its, trend.histories) for one in limited for its in one.reaches]
     first, last = trend.histories.date(0.0), trend.histories.date(_last(trend.movements))
@@ -48,7 +48,7 @@ def report(trend: Trend) -> Report:
 
 
 def _last(movements: Sequence[Movement]) -> float:
-    return max((float(one.moved.history.days[-1]) for one in movements), default=0.0)
+    return max((float(movement.moved.history.days[-1]) for movement in movements), default=0.0)
 
 
 def _table(trend: Trend) -> Markup:

@@ -75,7 +75,7 @@ class Movement:
                 }
                 for onset in self.onsets
             ],
-            "limits": [_reach(one, histories) for one in self.reaches],
+            "limits": [_reach(reach, histories) for reach in self.reaches],
             "std_between_results": float(np.sqrt(self.moved.fit.between)),
             "history": [
                 {"date": histories.date(day), "value": float(value), "std": float(std), "source": source}

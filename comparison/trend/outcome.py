@@ -34,12 +34,14 @@ class Trend:
     @property
     def moved(self) -> list[Movement]:
         """The quantities that moved, the surest first."""
-        return sorted((one for one in self.movements if one.significant), key=lambda one: one.moved.corrected)
+        return sorted(
+            (movement for movement in self.movements if movement.significant), key=lambda one: one.moved.corrected
+        )
 
     @property
     def limited(self) -> list[Movement]:
         """Those that have a limit."""
-        return [one for one in self.movements if one.reaches]
+        return [movement for movement in self.movements if movement.reaches]
 
     def __repr__(self) -> str:
         moved = ", ".join(one.moved.history.quantity.words for one in self.moved)
@@ -84,6 +86,6 @@ class Trend:
             "verdict": verdict(self),
             "moved": bool(self.moved),
             "false_discovery_rate": SIGNIFICANT,
-            "quantities": [one.to_json(self.histories) for one in self.movements],
+            "quantities": [movement.to_json(self.histories) for movement in self.movements],
             "warnings": self.histories.warnings,
         }

@@ -53,8 +53,8 @@ def select(histories: Sequence[History]) -> list[Moved]:
     while True:
         known = _known(histories, fits)
         # Tests start from the variance between results of the whole kind: a history's own would contain what moved.
-        usual = [between_of(h, one, Scatter(k.value, np.inf)) for h, one, k in zip(histories, fits, known)]
-        fits = [fit(h, one.terms, between) for h, one, between in zip(histories, fits, usual)]
+        usual = [between_of(h, fitted, Scatter(k.value, np.inf)) for h, fitted, k in zip(histories, fits, known)]
+        fits = [fit(h, fitted.terms, between) for h, fitted, between in zip(histories, fits, usual)]
         still = [fit(h, (), between) for h, between in zip(histories, usual)]
         first = np.array([_smallest(h, f, t, k.freedom)[0] for h, f, t, k in zip(histories, still, tried, known)])
         corrected = np.asarray(stats.false_discovery_control(first)) if len(first) else first
@@ -68,7 +68,7 @@ def select(histories: Sequence[History]) -> list[Moved]:
                 fits[k] = fit(history, terms, fits[k].between)
         if not added:
             break
-    fits = [one if mine else alone for one, alone, mine in zip(fits, still, moved)]
+    fits = [fitted if mine else alone for fitted, alone, mine in zip(fits, still, moved)]
     return [_moved(*one) for one in zip(histories, fits, first, corrected, known)]
 
 
@@ -111,10 +111,10 @@ def _smallest(history: History, fitted: Fit, tried: list[Term], freedom: float) 
 
 def _known(histories: Sequence[History], fits: Sequence[Fit]) -> list[Scatter]:
     """What is known of the scatter of each history, from all of its kind with the terms found so far."""
-    kinds = ["friction" if one.quantity.kind == "curve" else one.quantity.kind for one in histories]
+    kinds = ["friction" if history.quantity.kind == "curve" else history.quantity.kind for history in histories]
     found = {}
     for kind in set(kinds):
-        mine = [one for one, its in zip(fits, kinds) if its == kind and one.freedom > 0]
+        mine = [fitted for fitted, its in zip(fits, kinds) if its == kind and fitted.freedom > 0]
         if len(mine) < FEWEST:
             found[kind] = FEW
         else:

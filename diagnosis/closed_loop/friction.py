@@ -93,9 +93,13 @@ def with_estimates_of(cause: Cause, other: Cause) -> Cause:
 
     Where two differ by more than their deviations, that of their mean grows with it (Birge, Physical Review 40, 1932).
     """
-    by_other = {one.name: one for one in other.parameters if one.std > 0.0}
+    by_other = {parameter.name: parameter for parameter in other.parameters if parameter.std > 0.0}
     return replace(
-        cause, parameters=[_mean(one, by_other[one.name]) if one.name in by_other else one for one in cause.parameters]
+        cause,
+        parameters=[
+            _mean(parameter, by_other[parameter.name]) if parameter.name in by_other else parameter
+            for parameter in cause.parameters
+        ],
     )
 
 

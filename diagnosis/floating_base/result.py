@@ -210,7 +210,7 @@ class BaseDiagnosis:
         if self.unexplained:
             lines.append(f"unexplained structure in {', '.join(self.unexplained)}")
         if self.thrusters:
-            rows = [one.row for one in self.thrusters]
+            rows = [thruster.row for thruster in self.thrusters]
             lines += ["", *text_table(rows, THRUSTER_HEAD, numbers=range(5))]
         if self.undetectable:
             lines += ["", f"not detectable: {', '.join(self.undetectable)}"]

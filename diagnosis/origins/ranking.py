@@ -73,7 +73,7 @@ def ranking(place: Evidence, table: Table) -> list[Suspect]:
 def likelihood(origin: Origin, place: Evidence, table: Table) -> float:
     """Probability of an origin by the evidence of a place, between 0 and 1."""
     prior = table.priors[origin.prior]
-    odds = prior / (1.0 - prior) * prod(ratio(origin, one, table) for one in place.findings)
+    odds = prior / (1.0 - prior) * prod(ratio(origin, finding, table) for finding in place.findings)
     # effects that are the same to every instrument are missing once
     missing: dict[frozenset[str], float] = {}
     for sign in sorted(place.absent):
@@ -99,7 +99,7 @@ def _of_named(origin: Origin, finding: Finding, table: Table) -> float:
 
 
 def _judged(origin: Origin, place: Evidence, table: Table) -> Suspect:
-    by_finding = [(one.effect, ratio(origin, one, table)) for one in place.findings]
+    by_finding = [(finding.effect, ratio(origin, finding, table)) for finding in place.findings]
     return Suspect(
         origin=origin,
         joint=place.joint,

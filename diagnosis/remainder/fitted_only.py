@@ -69,7 +69,7 @@ def not_held_out(residual: Array, fit: Dataset, structures: Sequence[Structure],
 
 def _above_in_fit(residual: Array, fit: Dataset, structures: Sequence[Structure], allowed: Array) -> dict[int, float]:
     """Joint -> residual over the noise in the fitted recordings, where that is no noise and was not reported."""
-    reported = {one.joint for one in structures}
+    reported = {structure.joint for structure in structures}
     joints = range(1, len(residual) // fit.rows + 1)
     by_joint = {joint: noise_ratio(residual, fit, joint) for joint in joints if joint not in reported}
     return {joint: ratio for joint, ratio in by_joint.items() if ratio > LIMITS.above_noise * allowed[joint - 1]}

@@ -101,7 +101,7 @@ def remainders(state: State, structures: Sequence[Structure]) -> list[Remainder]
         return found
     exact = Significance(state.data, [*model.free, *(model.columns(c) for c in state.chosen)], None)
     variables = model.arm.uncertainty.against or ("",) * len(model.arm)
-    reported, bases = {one.joint for one in structures}, Bases(*state.data)
+    reported, bases = {structure.joint for structure in structures}, Bases(*state.data)
     for joint, (left, before) in enumerate(zip(model.uncertain.left_over.tolist(), variables), 1):
         sides = zip(state.data, (state.fitted.fit, state.fitted.held_out))
         if joint in reported or max(noise_ratio(y, side, joint) for side, y in sides) <= LIMITS.above_noise:
@@ -112,4 +112,4 @@ def remainders(state: State, structures: Sequence[Structure]) -> list[Remainder]
 
 
 def _variable(structures: Sequence[Structure]) -> str:
-    return next((one.against for one in structures if one.against != NO_VARIABLE), "")
+    return next((structure.against for structure in structures if structure.against != NO_VARIABLE), "")

@@ -51,7 +51,9 @@ def base_report(result: BaseDiagnosis) -> Report:
             "causes": [(cause.title, cause.evidence, ", ".join(cause.group[1:])) for cause in result.causes],
             "summary": _summary(result),
             "residuals": residual_charts(runs, result.noise_rms, bool(result.causes)),
-            "thruster_table": table([one.row for one in result.thrusters], THRUSTER_HEAD, range(5), _sound(result)),
+            "thruster_table": table(
+                [thruster.row for thruster in result.thrusters], THRUSTER_HEAD, range(5), _sound(result)
+            ),
             "thrusters": thruster_chart(result.model, result.arm, runs) if runs else None,
             "parts": parts_chart(runs[0]) if runs else None,
             "errors": _errors(result),

@@ -117,7 +117,7 @@ def _simulated(result: Diagnosis) -> Iterator[tuple[str, Chart]]:
 def _joints(result: Diagnosis, held_out: Sequence[Recording]) -> Iterator[tuple[int, bool, Chart]]:
     """Joint, whether something was found there, and its residual."""
     concerned = {cause.felt_at for cause in result.causes if not cause.by_tracker} | {
-        one.joint for one in result.unexplained
+        structure.joint for structure in result.unexplained
     }
     for joint in range(1, len(result.arm) + 1):
         yield joint, joint in concerned, against_all(result, joint, held_out)

@@ -94,7 +94,7 @@ def remaining(result: Diagnosis) -> list[Remaining]:
             along={side: sizes[joint] for side, sizes in along.items() if joint in sizes},
             in_loop={side: float(sizes[joint - 1]) for side, sizes in in_loop.items()},
             known_to=None if result.known_to is None else float(result.known_to[joint - 1]),
-            remainder=next((one for one in result.remainders if one.joint == joint), None),
+            remainder=next((remainder for remainder in result.remainders if remainder.joint == joint), None),
         )
         for joint in range(1, len(result.arm) + 1)
     ]
@@ -102,7 +102,7 @@ def remaining(result: Diagnosis) -> list[Remaining]:
 
 def _verdict(result: Diagnosis, joint: int) -> str:
     """As that of the whole, of the causes and structures at one joint."""
-    if any(one.joint == joint and one.signal is not Signal.TRACKER for one in result.unexplained):
+    if any(structure.joint == joint and structure.signal is not Signal.TRACKER for structure in result.unexplained):
         return "unexplained"
     named = any(joint in (cause.joint, cause.felt_at) or joint in cause.of_joints for cause in result.causes)
     return "explained" if named else "consistent"

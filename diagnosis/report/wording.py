@@ -69,7 +69,7 @@ def deciding(joints: Sequence[Remaining]) -> Iterator[str]:
     What the model lacks is in recordings of the day of its identification as well, and cancels where both days are
     compared. What noise left unknown of its parameters more recordings tell.
     """
-    known = [one for one in joints if one.known_to]
+    known = [joint for joint in joints if joint.known_to]
     lacking = [one.joint for one in known if one.by_lack]
     unsure = [one.joint for one in known if not one.by_lack]
     if lacking:

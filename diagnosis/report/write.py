@@ -74,13 +74,13 @@ def table_of(result: Diagnosis, fit: list[Recording], held_out: list[Recording])
         ],
         "unexplained": [
             {
-                "signal": one.signal,
-                "joint": one.joint,
-                "against": one.against,
-                "share": round(one.share, 4),
-                "size": one.size or None,
+                "signal": structure.signal,
+                "joint": structure.joint,
+                "against": structure.against,
+                "share": round(structure.share, 4),
+                "size": structure.size or None,
             }
-            for one in result.unexplained
+            for structure in result.unexplained
         ],
         "too_short": [str(result.shortage)] if result.shortage else [],
         "seconds_needed": result.shortage.seconds if result.shortage else 0.0,

@@ -32,10 +32,14 @@ def warmth(run: Run, joint: int) -> Array | None:
 
 def with_reference(arm: Arm, recordings: Sequence[Recording]) -> Arm:
     """The arm with a temperature for the friction of each joint that has a sensor: the model's, or the mean, degC."""
-    known = [recorded_temperatures(one.t, one.temp) for one in recordings]
+    known = [recorded_temperatures(recording.t, recording.temp) for recording in recordings]
     joints = []
     for j, joint in enumerate(arm.joints):
-        degc = [temperatures.at(j, one.t) for one, temperatures in zip(recordings, known) if temperatures is not None]
+        degc = [
+            temperatures.at(j, recording.t)
+            for recording, temperatures in zip(recordings, known)
+            if temperatures is not None
+        ]
         seen = [one for one in degc if one is not None]
         if joint.temperature is None and seen:
             joint = replace(joint, temperature=round(float(np.mean(np.concatenate(seen))), 1))

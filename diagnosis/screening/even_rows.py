@@ -60,7 +60,7 @@ def known_noise(q: Array, grid: Array | None, known: KnownNoise) -> KnownNoise:
 
 def even(recordings: Sequence[Recording]) -> list[Recording]:
     """The recordings with equally spaced rows; the same objects where they are, or cannot be."""
-    return [one if (grid := grid_of(one.t)) is None else _even(one, grid) for one in recordings]
+    return [recording if (grid := grid_of(recording.t)) is None else _even(recording, grid) for recording in recordings]
 
 
 def _even(recording: Recording, grid: Array) -> Recording:

@@ -105,7 +105,9 @@ def causes_of(selection: Selection) -> list[Cause]:
 
 def _remainder(candidate: Candidate, selection: Selection) -> Remainder | None:
     """What is left beside the dominant cause of a joint, where that has structure."""
-    against = [one.against for one in selection.unexplained.structures if one.joint == candidate.joint]
+    against = [
+        structure.against for structure in selection.unexplained.structures if structure.joint == candidate.joint
+    ]
     share = remainder_of(candidate, selection.state) if against else 0.0
     return Remainder(share, tuple(against)) if share > 0.0 else None
 

@@ -114,7 +114,7 @@ def _scores(
 ) -> Array:
     """As ``excitation_scores``, of m motions at the instants ``t`` (k,): q, q', q'' (m, k, n)."""
     count = len(motions[0])
-    q, qd, qdd = (each.reshape(-1, len(arm)) for each in motions)
+    q, qd, qdd = (motion.reshape(-1, len(arm)) for motion in motions)
     columns = model_columns(arm, q, qd, qdd, t=np.tile(t, count))[:, :, base.kept]
     torque = np.where(np.isfinite(limits.torque), limits.torque, 1.0)
     # In units of what the model expects each parameter to be, so that a condition number means something.

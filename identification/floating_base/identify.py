@@ -121,11 +121,11 @@ def identify_joints(fit: Sequence[Recording], arm: Arm, held_out: Sequence[Recor
 def _contradicted(joints: JointFit) -> dict[str, float]:
     """Friction and water of the arm that differ from the model significantly."""
     return {
-        one.name: one.value
-        for one in joints.parameters
-        if one.name.partition(".")[2] in {*OF_JOINT, *OF_WATER}
-        and one.identifiable
-        and one.std is not None
-        and one.value > 0.0
-        and abs(one.value - one.nominal) > CONTRADICTED * one.std
+        parameter.name: parameter.value
+        for parameter in joints.parameters
+        if parameter.name.partition(".")[2] in {*OF_JOINT, *OF_WATER}
+        and parameter.identifiable
+        and parameter.std is not None
+        and parameter.value > 0.0
+        and abs(parameter.value - parameter.nominal) > CONTRADICTED * parameter.std
     }

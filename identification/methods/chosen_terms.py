@@ -23,7 +23,7 @@ def chosen_terms(
     chosen += [f"sign velocity of joint {one.joint}" for one in sign_velocities if one.stays]
     chosen += [f"friction curve of joint {trial.joint}" for trial in trials if trial.stays]
     chosen += [f"friction of joint {one.joint} over {one.on}" for one in depends if one.stays]
-    waves = [one.joint for one in ripples if one.stays]
+    waves = [ripple.joint for ripple in ripples if ripple.stays]
     for joint in dict.fromkeys(waves):
         count = waves.count(joint)
         chosen.append(f"{count} ripples of joint {joint}" if count > 1 else f"ripple of joint {joint}")

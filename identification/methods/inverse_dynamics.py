@@ -63,7 +63,7 @@ def identify(
     ripples: list[Ripple] | None = None
     if shape != "straight":
         ripples = find_ripples(found.problem, fitted_arm(found), friction_sizes(found.problem, found.best), progress)
-        if stay := [one for one in ripples if one.stays]:
+        if stay := [ripple for ripple in ripples if ripple.stays]:
             again = _fitted(without_ripples(first.problem, stay), method, shape, progress)
             found, trials, depends = again.found, again.trials, again.depends
     result = conclude(found.problem, method, found.best, found.spread, found.solve)

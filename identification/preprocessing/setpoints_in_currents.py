@@ -34,7 +34,7 @@ def rows_between_setpoints(ripple: Array, acceleration: Array, rate: float) -> i
     rows_of = np.array_split(np.arange(len(ripple)), max(1, int(len(ripple) / rate / SECONDS)))
     stretches = [np.nan_to_num(ripple[own] * _changing(acceleration[own])) for own in rows_of]
     length = EXACT * -(-max(map(len, stretches)) // EXACT)
-    power = np.sum([np.abs(np.fft.rfft(one, length, axis=0)) ** 2 for one in stretches], axis=0)
+    power = np.sum([np.abs(np.fft.rfft(stretch, length, axis=0)) ** 2 for stretch in stretches], axis=0)
     near, far = (round(hertz * length / rate) for hertz in BESIDE)
     for rows in range(MOST, 1, -1):
         line = length // rows

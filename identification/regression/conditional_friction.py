@@ -145,5 +145,5 @@ def with_terms(problem: Problem, near: Arm, terms: Sequence[EffectTerm], referen
         held=None if problem.held is None else wider(problem.held, problem.held_motions),
         base=base,
         excited=excited,
-        warnings=[one for one in problem.warnings if one not in old] + unexcited(base, excited),
+        warnings=[warning for warning in problem.warnings if warning not in old] + unexcited(base, excited),
     )

@@ -75,8 +75,8 @@ def with_found(result: Identification, problem: Problem, ripples: Sequence[Rippl
 
     problem: the one that was solved (``without_ripples``).
     """
-    stay = [one for one in ripples if one.stays]
-    result.extra["ripples"] = [one.to_json() for one in ripples]
+    stay = [ripple for ripple in ripples if ripple.stays]
+    result.extra["ripples"] = [ripple.to_json() for ripple in ripples]
     if not stay:
         return result
     given = [term.joint for term in result.arm.effects if term.name == EFFECT]
@@ -108,7 +108,7 @@ def _names(given: Sequence[int | None], ripples: Sequence[Ripple]) -> list[str]:
 def _wider(known: Uncertainty, names: Sequence[str], ripples: Sequence[Ripple]) -> Uncertainty:
     """What is known, with that of the ripples; next to no column of the arm resembles a wave, nor is correlated."""
     every = [*known.parameters, *(f"{name}.{entry}" for name in names for entry in ("torque", "order", "phase"))]
-    covariance = linalg.block_diag(known.matrix, *(one.covariance for one in ripples))
+    covariance = linalg.block_diag(known.matrix, *(ripple.covariance for ripple in ripples))
     return uncertainty_of(known.file, tuple(every), covariance, known.left_over)
 
 

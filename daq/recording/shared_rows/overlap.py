@@ -42,9 +42,9 @@ class Overlap:
 
 def overlaps(recordings: Sequence[Recording]) -> list[Overlap]:
     """Which recordings share rows of angles and currents, as they were recorded; of three alike, each with the next."""
-    rows = sum(len(one) * one.averaged for one in recordings)
+    rows = sum(len(recording) * recording.averaged for recording in recordings)
     every = np.uint64(2 ** max(0, int(np.ceil(np.log2(max(rows, 1) / MOST)))))
-    return overlaps_of([_keys_of(one, every) for one in recordings])
+    return overlaps_of([_keys_of(recording, every) for recording in recordings])
 
 
 def overlaps_of(keys: Sequence[Keys]) -> list[Overlap]:

@@ -80,13 +80,15 @@ def _of_joint(effect: Effect, joint: int, runs: Split[Sequence[Run]], terms: Seq
         return None
     values = effect.gap.search
     fits = [_judged(runs.fit, white.fit, joint, value) for value in values]
-    best = int(np.argmax([one.gain.sum() for one in fits]))
+    best = int(np.argmax([fitted.gain.sum() for fitted in fits]))
     held_out = _judged(runs.held_out, white.held_out, joint, values[best])
     chance = min(1.0, p_value(held_out.by_block) * len(runs.fit[0].arm))
     enough = all(one.gain.mean() > LEAST_GAIN and one.explained > EXPLAINED for one in (fits[best], held_out))
     if not enough or chance > SIGNIFICANT or p_value(fits[best].by_block) > SIGNIFICANT:
         return None
-    alike = np.log([v for v, one in zip(values, fits) if p_value(fits[best].by_block - one.by_block) > SIGNIFICANT])
+    alike = np.log(
+        [v for v, fitted in zip(values, fits) if p_value(fits[best].by_block - fitted.by_block) > SIGNIFICANT]
+    )
     # between two values of the grid nothing is known
     std = float(np.hypot(alike.std(), np.log(values[1] / values[0]) / 2))
     drive, value = runs.fit[0].arm.joints[joint - 1], float(np.exp(alike.mean()))

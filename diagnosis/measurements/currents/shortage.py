@@ -47,7 +47,7 @@ class Shortage:
 def shortage(selection: Selection) -> Shortage | None:
     """What the structures that a search left unexplained may be, had more been recorded; None where they are not."""
     state, model = selection.state, selection.state.model
-    left = sorted({one.joint for one in selection.unexplained.structures if one.joint})
+    left = sorted({structure.joint for structure in selection.unexplained.structures if structure.joint})
     if not left:
         return None
     scores = model.scores(state)

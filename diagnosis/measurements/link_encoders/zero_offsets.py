@@ -22,7 +22,7 @@ def zero_offsets(chosen: Chosen, model: LinkEncoders, arm: Arm) -> list[Cause]:
     values, covariance = coefficients(chosen, model)
     for k, joint in enumerate(int(j) for j in model.rows.fit.joints):
         unit = arm.joints[joint - 1].unit("rad")
-        each = {one.name: _offset(one.values, one.covariance, k, unit) for one in recordings}
+        each = {recording.name: _offset(recording.values, recording.covariance, k, unit) for recording in recordings}
         together = _offset(values, covariance, k, unit)
         differ = chance_of(recordings, slice(k, k + 1)) < CHANCE / len(model.rows.fit.joints)
         largest = max(each.values(), key=lambda one: abs(one.value)) if differ else together

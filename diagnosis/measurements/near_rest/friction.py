@@ -163,7 +163,7 @@ def _of_joint(every: Sequence[NearRest], library: Sequence[Candidate], tests: in
 def _determined(law: Law, parameters: Sequence[Estimate], deviations: float) -> bool:
     """Whether the recordings determine a law: its coefficients differ from zero, the others end where they may."""
     assert law.effect is not None
-    effect, found = CATALOGUE[law.effect], {one.name: one for one in parameters}
+    effect, found = CATALOGUE[law.effect], {parameter.name: parameter for parameter in parameters}
     if any(found[p.name].value < deviations * found[p.name].std for p in effect.linear):
         return False
     for name in set(found) & set(law.values[0]):

@@ -174,7 +174,11 @@ def near_rest(recordings: Sequence[Observation], joint: int, nuisance: Collectio
 
     nuisance: variables of another law; what functions of them explain, one per direction, is projected out.
     """
-    judged = (one for one in recordings if known_speed(one, joint) and np.isfinite(one.model_std[:, joint - 1]).all())
+    judged = (
+        recording
+        for recording in recordings
+        if known_speed(recording, joint) and np.isfinite(recording.model_std[:, joint - 1]).all()
+    )
     found = [_of_run(one, joint) for one in judged]
     return [_with_nuisance(one, nuisance) for one in found if one.rows.any()]
 

@@ -67,7 +67,9 @@ def model_errors(arm: Arm, samples: Split[Samples], rows: Split[Rows], block_sec
         moved = with_parameters(arm, dict(zip(known.parameters, (values + step).tolist())))
         directions.append([rows_of(moved, side, block_seconds).residual for side in samples])
     changes = [
-        np.column_stack([np.empty((len(side.residual), 0)), *(one[k] - side.residual for one in directions)])
+        np.column_stack(
+            [np.empty((len(side.residual), 0)), *(direction[k] - side.residual for direction in directions)]
+        )
         for k, side in enumerate(rows)
     ]
     noise = float(np.hypot(rows.fit.noise, _of_current(samples)))

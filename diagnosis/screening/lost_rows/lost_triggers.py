@@ -137,7 +137,7 @@ def _long(
     before = sum(one.step for one in steps[:k])
     skew = -mean_lag(part_of(aligned, -np.inf, steps[k].time + before))
     lags = before + skew, before + skew + count * period
-    edges = [0.0, *(one.time for one in steps), np.inf]
+    edges = [0.0, *(step.time for step in steps), np.inf]
     near = edges[k], min(edges[k + 2], run.t[-1] - abs(lags[1]))
     if not np.any((run.t >= near[0]) & (run.t < near[1])):
         # a step at the end, with no row left to judge it by

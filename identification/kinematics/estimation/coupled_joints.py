@@ -101,7 +101,7 @@ def find_couplings(
     """
     positions = points.where(~points.oriented)
     thin = positions.where(slice(None, None, max(1, len(positions) // _POINTS)))
-    free = [replace(one, std=UNKNOWN_TARGET) for one in targets]
+    free = [replace(target, std=UNKNOWN_TARGET) for target in targets]
     search = _Search(arm, thin, free, frame_known, trust)
     nothing = search.fitted(np.eye(len(arm)), (), ())
     best = nothing

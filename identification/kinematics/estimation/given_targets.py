@@ -23,9 +23,9 @@ def free_targets(work: Work) -> None:
     The posterior of the fit with these targets free is compared with that of the targets as given, each with what the
     last link had to take: 2 log of their ratio is chi-square of 3 a target where they were given rightly.
     """
-    if not any(one.given for one in work.targets):
+    if not any(target.given for target in work.targets):
         return
-    wide = [replace(one, std=UNKNOWN_TARGET) for one in work.targets]
+    wide = [replace(target, std=UNKNOWN_TARGET) for target in work.targets]
     settings = work.settings
     parameters = parameters_of(work.arm, wide, frame_known=settings.frame_known, trust=settings.trust)
     points = work.points.deflected(None)
@@ -35,11 +35,11 @@ def free_targets(work: Work) -> None:
         parameters, found, points, both, found.noise
     )
     more = int(found.inlier.sum()) - int(work.estimate.inlier.sum())
-    if gain < _TARGET * sum(one.given for one in work.targets) and more <= OUTLIERS * len(points):
+    if gain < _TARGET * sum(target.given for target in work.targets) and more <= OUTLIERS * len(points):
         return
     chain = parameters.chain.at(found.values)
     found_at = [target_of(chain, k)[:3, 3] for k in range(len(work.targets))]
-    off = [at - one.place for at, one in zip(found_at, work.targets, strict=True)]
+    off = [at - target.place for at, target in zip(found_at, work.targets, strict=True)]
     wrong = [k for k, one in enumerate(work.targets) if one.given and np.linalg.norm(off[k]) >= 5.0 * one.std]
     for k in wrong:
         one = work.targets[k]

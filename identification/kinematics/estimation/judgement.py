@@ -115,7 +115,7 @@ def weaknesses(work: Work, rank: int) -> list[str]:
     found = []
     moving = work.moving
     prismatic = sum(not work.arm.joints[j - 1].revolute for j in moving)
-    oriented = sum(one.oriented for one in work.targets)
+    oriented = sum(target.oriented for target in work.targets)
     most = expected_rank(len(moving) - prismatic, prismatic, len(work.targets), oriented)
     if rank < most:
         found.append(f"{rank} of {most} parameters are identifiable from these poses; record more varied poses")
