@@ -16,7 +16,7 @@ from daq.recording import Recording
 from identification.methods.chosen_terms import chosen_terms
 from identification.methods.free_friction import with_free_friction
 from identification.methods.friction_trial import FrictionTrial
-from identification.methods.lag_of_currents import Lag, delayed, judged, lag_shown
+from identification.methods.lag_of_currents import Lag, delayed, in_doubt, judged, lag_shown
 from identification.methods.load_and_temperature import Dependence
 from identification.methods.sign_velocity import SignVelocity, with_smaller_sign_velocities
 from identification.methods.solution import Solution, fitted_arm, friction_sizes, solve
@@ -58,7 +58,7 @@ def identify(
         return replace(_fitted(problem, method, shape, progress), sign_velocities=sign_velocities)
 
     first = of(arm)
-    lag, first = (None, first) if shape == "straight" else _with_lag(first, of, arm)
+    lag, first = (None, first) if shape == "straight" else _with_lag(first, of, arm, method, progress)
     found, trials, depends = first.found, first.trials, first.depends
     ripples: list[Ripple] | None = None
     if shape != "straight":
@@ -100,11 +100,19 @@ def _fitted(problem: Problem, method: Method, shape: Shape, progress: Progress) 
     return _Fitted(problem, *with_free_friction(found, method, always=shape == "free", progress=progress))
 
 
-def _with_lag(first: _Fitted, of: Callable[[Arm], _Fitted], arm: Arm) -> tuple[Lag | None, _Fitted]:
-    """The fit with the lag of the currents where one shows and is justified, and the lag that was tried."""
+def _with_lag(
+    first: _Fitted, of: Callable[[Arm], _Fitted], arm: Arm, method: Method, progress: Progress
+) -> tuple[Lag | None, _Fitted]:
+    """The fit with the lag of the currents where one shows and is justified, and the lag that was tried.
+
+    Where it is not justified the fit without it, whose deviations hold what the lag would change.
+    """
     shown = lag_shown(first.found)
     if shown is None:
         return None, first
     second = of(delayed(arm, shown[0]))
     lag = judged(shown, first.found, second.found)
-    return lag, second if lag.stays else first
+    if lag.stays:
+        return lag, second
+    found = solve(in_doubt(first.found.problem, lag), method, progress)
+    return lag, replace(first, problem=in_doubt(first.problem, lag), found=found)

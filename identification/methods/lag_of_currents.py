@@ -25,6 +25,7 @@ from identification.methods.solution import Solution
 from identification.preprocessing.signals import Motion, equation_rows, equation_weight, parallel_filter
 from identification.regression.equations import Equations
 from identification.regression.least_squares import joint_noise
+from identification.regression.problem import Problem
 from identification.ripples.search import BY_CHANCE
 from identification.selection import BLOCK_SECONDS, p_value
 
@@ -34,8 +35,9 @@ LEAST = CATALOGUE[EFFECT].parameters[0].typical[0]
 """s: a shorter lag is not looked for."""
 CLEARLY = 4.0
 """Standard deviations from zero of a lag that stays, and without the joint that shows it most."""
-ALIKE = 0.5
-"""Of the lag: difference of the joint that shows it most from the others together, at most."""
+ALIKE, ALIKE_STD = 0.5, 2.5
+"""Difference of the joint that shows the lag most from the others together, at most: a share of the lag, or standard
+deviations of the difference."""
 REDUCED = 0.01
 """Of the rms error over the noise on held-out rows: what the lag must take away to stay."""
 
@@ -62,7 +64,7 @@ class Lag:
         when = "after" if self.delay > 0 else "before"
         return (
             f"currents are read {1e3 * abs(self.delay):.3g} +- {2e3 * self.std:.2g} ms {when} the angles: "
-            f"{'in the model as time_skew' if self.stays else 'not in the model'} (held-out error "
+            f"{'in the model as time_skew' if self.stays else 'only in the deviations'} (held-out error "
             f"{self.before:.3g} -> {self.after:.3g} times the noise)"
         )
 
@@ -70,6 +72,14 @@ class Lag:
 def delayed(arm: Arm, delay: float) -> Arm:
     """The arm whose currents are read ``delay`` s after its angles."""
     return replace(arm, effects=(*arm.effects, EffectTerm(EFFECT, None, {"delay": delay})))
+
+
+def in_doubt(problem: Problem, lag: Lag) -> Problem:
+    """The problem whose torques may be off by ``lag``: fitted rows show it, and held-out ones do not confirm it.
+
+    Neither is taken for the truth: the lag is one standard deviation of what the torques may be off by all along.
+    """
+    return problem.doubting(lag.delay * _derivatives(problem.motions))
 
 
 def lag_shown(found: Solution) -> tuple[float, float] | None:
@@ -95,8 +105,9 @@ def _alike(lags: Array, std: Array) -> tuple[float, float] | None:
         return None
     most = int(np.argmax(np.abs(lags) / std))
     (mean, of_mean), (others, of_others) = _mean(lags, std), _mean(np.delete(lags, most), np.delete(std, most))
-    clear = abs(mean) > CLEARLY * of_mean and abs(others) > CLEARLY * of_others
-    return (mean, of_mean) if clear and abs(mean) > LEAST and abs(lags[most] - others) < ALIKE * abs(mean) else None
+    clear = abs(mean) > max(CLEARLY * of_mean, LEAST) and abs(others) > CLEARLY * of_others
+    alike = abs(lags[most] - others) < max(ALIKE * abs(mean), ALIKE_STD * np.hypot(std[most], of_others))
+    return (mean, of_mean) if clear and alike else None
 
 
 def _mean(values: Array, std: Array) -> tuple[float, float]:

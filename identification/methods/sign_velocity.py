@@ -5,8 +5,9 @@ Coulomb friction, at three times 5 %; with w = 10 mrad/s, the default, up to 0.1
 turns within a few mrad/s, that much is missing in a fit on rows at which the joint slides, and Coulomb and viscous
 friction make up for it, beyond their stated deviations.
 
-w is estimated joint by joint beside all other parameters: the column is what friction with a sharp sign has more. Only
-a smaller one is looked for: friction that grows beyond is a matter of its curve over speed.
+w is estimated joint by joint beside all other parameters: the column is what friction with a sharp sign has more. That
+is linear in w^2 far above w alone, so that the step is repeated around what it found. Only a smaller w is looked for:
+friction that grows beyond is a matter of its curve over speed.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ import numpy as np
 from arm_io.types import Array, Progress
 from arm_model import Arm
 from identification.methods.added_columns import added_coefficients
-from identification.methods.held_out import Comparison, held_out_residuals
+from identification.methods.held_out import Comparison, HeldOutResiduals, held_out_residuals
 from identification.methods.solution import Solution, solve
 from identification.preprocessing.signals import (
     Motion,
@@ -40,8 +41,12 @@ SHARPEST = 0.2
 """Of the model's velocity: a smaller one changes nothing at speeds at which a joint is known to slide."""
 LEAST = 0.3
 """Of what a sharp sign has more: less leaves the velocity as it is."""
+STEPS, SETTLED = 5, 0.05
+"""Steps at most; one in which no velocity changes by more than this share of itself is the last."""
 REDUCED = 0.01
 """Of the rms error of a joint on held-out rows: what a sharper sign must take away to stay."""
+OWN_CHANCE = 0.05
+"""Probability by chance of a joint's own gain on held-out rows, at most, where that of all joints together is clear."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,27 +74,48 @@ def with_smaller_sign_velocities(
     """The problem with the sign velocities that the held-out rows justify, and all that were tried."""
     progress("sign of the friction")
     bare = solve(problem, method, progress)
-    wanted = sign_velocities_shown(bare)
+    wanted, sharper = sign_velocities_shown(bare, problem.arm), bare
+    tried = wanted
+    for _ in range(STEPS if wanted else 0):
+        tried, sharper = wanted, solve(with_sign_velocities(problem, wanted), method, progress)
+        wanted = sign_velocities_shown(sharper, problem.arm)
+        if not wanted or _settled(tried, wanted):
+            break
     if not wanted:
         return problem, []
-    tried = _judged(wanted, bare, solve(with_sign_velocities(problem, wanted), method, progress))
-    stay = {one.joint - 1: one.found for one in tried if one.stays}
-    return (with_sign_velocities(problem, stay) if stay else problem), tried
+    judged = _judged(tried, bare, sharper)
+    stay = {one.joint - 1: one.found for one in judged if one.stays}
+    problem, levels = with_sign_velocities(problem, stay) if stay else problem, _levels(bare)
+    for one in judged:
+        if not one.stays:  # neither is taken for the truth
+            j = one.joint - 1
+            problem = problem.doubting(levels[j] * _more(problem.arm, problem.motions, j, one.found))
+    return problem, judged
 
 
-def sign_velocities_shown(found: Solution) -> dict[int, float]:
-    """Joint (from 0) -> sign velocity, rad/s (m/s), where the fitted rows show a sharper sign than the model has."""
+def sign_velocities_shown(found: Solution, given: Arm) -> dict[int, float]:
+    """Joint (from 0) -> sign velocity, rad/s (m/s), where the fitted rows show a sharper sign than ``given`` has.
+
+    found: a fit with the sign velocities of ``given``, or with smaller ones at some joints, from which these go on.
+    """
     problem, levels = found.problem, _levels(found)
     if not levels:
         return {}
     lacking = [level * _more(problem.arm, problem.motions, j, 0.0) for j, level in levels.items()]
     share, std = added_coefficients(found, np.column_stack(lacking))
-    # of the tail w^2 / (2 v^2) a share s is missing: w^2 (1 - s) is left
-    return {
-        j: problem.arm.joints[j].sign_velocity * float(np.sqrt(max(1.0 - one, SHARPEST**2)))
-        for j, one, of_one in zip(levels, share, std, strict=True)
-        if one > max(LEAST, CLEARLY * of_one) and of_one > 0.0
-    }
+    shown = {}
+    for j, one, of_one in zip(levels, share, std, strict=True):
+        now, most = problem.arm.joints[j].sign_velocity, given.joints[j].sign_velocity
+        if now < most or (one > max(LEAST, CLEARLY * of_one) and of_one > 0.0):
+            # of the tail w^2 / (2 v^2) a share s is missing: w^2 (1 - s) is left
+            velocity = float(np.clip(now * np.sqrt(max(1.0 - one, 0.0)), SHARPEST * most, most))
+            shown |= {j: velocity} if velocity < most else {}
+    return shown
+
+
+def _settled(before: Mapping[int, float], after: Mapping[int, float]) -> bool:
+    """Whether the same joints have nearly the same velocities."""
+    return before.keys() == after.keys() and all(abs(after[j] - w) <= SETTLED * w for j, w in before.items())
 
 
 def with_sign_velocities(problem: Problem, wanted: Mapping[int, float]) -> Problem:
@@ -152,18 +178,26 @@ def _levels(found: Solution) -> dict[int, float]:
 
 
 def _judged(wanted: Mapping[int, float], without: Solution, with_it: Solution) -> list[SignVelocity]:
-    """Both fits on the held-out rows on which a joint slides."""
-    residuals, tried = held_out_residuals(without, with_it), []
-    for j, velocity in wanted.items():
-        one = residuals.on(residuals.rows.joint == j) or Comparison(before=0.0, after=0.0, p=1.0)
-        tried.append(
-            SignVelocity(
-                joint=j + 1,
-                model=without.problem.arm.joints[j].sign_velocity,
-                found=velocity,
-                before=one.before,
-                after=one.after,
-                stays=one.p * len(wanted) < BY_CHANCE and one.after < (1.0 - REDUCED) * one.before,
-            )
+    """Both fits on the held-out rows on which a joint slides.
+
+    That the model's sign is too blunt is one hypothesis about all joints: their gains together must not be by chance.
+    """
+    residuals = held_out_residuals(without, with_it)
+    joint = residuals.rows.joint
+    each = {j: residuals.on(joint == j) or Comparison(before=0.0, after=0.0, p=1.0) for j in wanted}
+    scale = np.ones(len(without.problem.arm))
+    scale[list(each)] = [one.after or 1.0 for one in each.values()]
+    relative = HeldOutResiduals(residuals.rows, residuals.without / scale[joint], residuals.with_it / scale[joint])
+    together = relative.on(np.isin(joint, list(wanted)))
+    clear = together is not None and together.p < BY_CHANCE
+    return [
+        SignVelocity(
+            joint=j + 1,
+            model=without.problem.arm.joints[j].sign_velocity,
+            found=velocity,
+            before=each[j].before,
+            after=each[j].after,
+            stays=clear and each[j].p < OWN_CHANCE and each[j].after < (1.0 - REDUCED) * each[j].before,
         )
-    return tried
+        for j, velocity in wanted.items()
+    ]

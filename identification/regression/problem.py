@@ -79,6 +79,12 @@ class Problem:
         torque = rows.columns[:, self.base.kept[silent]] @ values
         return np.asarray(torque if rows.rest is None else torque + rows.rest)
 
+    def doubting(self, error: Array) -> Problem:
+        """The problem with one more error (rows,) N m (N) that its torques may have all along: one deviation of it."""
+        rows = self.rows
+        known = np.zeros((len(rows), 0)) if rows.systematic is None else rows.systematic
+        return replace(self, rows=replace(rows, systematic=np.column_stack([known, error])))
+
     def around(self, arm: Arm) -> Problem:
         """The same equations with effects taken at the values of ``arm``.
 

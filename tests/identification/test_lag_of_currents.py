@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,9 @@ import pytest
 import armscope
 from arm_model import read_model, write_model
 from identification.methods import lag_of_currents
+from identification.methods.solution import solve
 from identification.regression.equations import Equations
+from identification.regression.problem import prepare
 from tests.diagnosis.numpy_arm import RATE, NumpyArm, model, straight
 
 FRICTION = ((straight(9.0, 8.0),) * 2, (straight(6.0, 5.0),) * 2)
@@ -48,6 +51,33 @@ def test_a_lag_of_all_currents_is_found_and_written(tmp_path: Path) -> None:
     said = "were chosen by their error on the held-out recordings: lag of the currents."
     assert said in str(result) and said in (tmp_path / "out/report.html").read_text()
     assert "motions that were not fitted" not in str(result)
+
+
+def test_a_lag_that_held_out_rows_do_not_confirm_is_in_the_deviations(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(lag_of_currents, "BY_CHANCE", 0.0)
+    result = identified(tmp_path, NumpyArm(FRICTION, current=a_row_late))
+    assert "after the angles: only in the deviations" in str(result) and result.arm.effects == ()
+    values = {value.name: value for value in result.parameters}
+    for name, truth in (("joint1.viscous", 8.0), ("joint2.viscous", 5.0), ("joint1.coulomb", 9.0)):
+        value, std = values[name].value, values[name].std
+        assert std is not None and abs(value - truth) < 2 * std
+
+
+def test_a_doubt_adds_what_the_error_would_change(tmp_path: Path) -> None:
+    """The covariance grows by d d^T, d the change of the fit where the torques are off by the error."""
+    run = NumpyArm(FRICTION).record(tmp_path / "1.mcap", 1, seconds=10.0)
+    problem = prepare([run], model([(8.0, 8.0), (5.0, 5.0)], [7.0, 4.0]))
+    error = 0.3 * np.sin(problem.rows.t)
+    doubted = solve(problem.doubting(error), "ols", lambda _: None)
+    plain = solve(problem, "ols", lambda _: None)
+    off = replace(problem, rows=replace(problem.rows, torque=problem.rows.torque + error))
+    d = solve(off, "ols", lambda _: None).best.values - plain.best.values
+    np.testing.assert_array_equal(doubted.best.values, plain.best.values)
+    np.testing.assert_allclose(doubted.spread.covariance - plain.spread.covariance, np.outer(d, d), atol=1e-9)
+    inverse = np.linalg.inv(np.linalg.inv(plain.spread.information) + np.outer(d, d))
+    np.testing.assert_allclose(doubted.spread.information, inverse, rtol=1e-5, atol=1e-3 * np.abs(inverse).max())
 
 
 @pytest.mark.parametrize("current", [lambda current: current, first_joint_late])
