@@ -103,7 +103,7 @@ def sign_velocities_shown(found: Solution, given: Arm) -> dict[int, float]:
         return {}
     lacking = [level * _more(problem.arm, problem.motions, j, 0.0) for j, level in levels.items()]
     share, std = added_coefficients(found, np.column_stack(lacking))
-    shown = {}
+    shown: dict[int, float] = {}
     for j, one, of_one in zip(levels, share, std, strict=True):
         now, most = problem.arm.joints[j].sign_velocity, given.joints[j].sign_velocity
         if now < most or (one > max(LEAST, CLEARLY * of_one) and of_one > 0.0):
