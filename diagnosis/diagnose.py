@@ -21,7 +21,7 @@ from arm_io.types import Array, Progress
 from arm_model import Arm
 from arm_model.effects import dissipative
 from daq.recording import Recording
-from diagnosis.cause import Cause, extend, merge
+from diagnosis.cause import Cause, Structure, extend, merge
 from diagnosis.closed_loop.comparison import with_smoothing_velocities
 from diagnosis.confidence import with_confidence
 from diagnosis.current_diagnosis import CurrentDiagnosis, Recordings
@@ -59,44 +59,43 @@ def diagnose(
     progress: Progress = lambda sentence: None,
 ) -> Diagnosis:
     """Diagnoses recordings of an arm against its model. InputError where a recording does not belong to the arm."""
-    given, arm = arm, with_reference(arm, fit)
+    model, arm = arm, with_reference(arm, fit)
     recordings: Recordings = Split(fit, held_out, bool({r.path for r in fit} & {r.path for r in held_out}))
     cleaned = screen(arm, recordings, progress)
     # with the angles that single counters lost
     recordings = Split(cleaned.recordings[: len(fit)], cleaned.recordings[len(fit) :], recordings.two_fold)
-    measured = measure(arm, recordings, cleaned, progress)
-    recordings, cleaned = evenly(recordings, cleaned)
-    measured = isolated_by_currents(arm, measured, cleaned, progress)
-    currents = find_causes(arm, measured.known, recordings, cleaned, progress)
-    causes, as_found = extend_by(arm, measured, currents, recordings)
+    instruments = measure(arm, recordings, cleaned, progress)
+    recordings, cleaned = on_uniform_grid(recordings, cleaned)
+    instruments = isolated_by_currents(arm, instruments, cleaned, progress)
+    currents = find_causes(arm, instruments.known, recordings, cleaned, progress)
+    causes, as_found = extended_model(arm, instruments, currents, recordings)
     extended = dissipative(as_found, top_speeds(currents))
-    verified = verify(arm, extended, causes, recordings, currents, judged=measured.judged)
+    verified = verify(arm, extended, causes, recordings, currents, judged=instruments.judged)
     extended = verified.extended
-    unexplained = unexplained_structure(cleaned, measured, currents, verified, recordings)
+    unexplained = unexplained_structure(cleaned, instruments, currents, verified, recordings)
     state = currents.state
-    noise_ratios = {one.joint: one.ratio for one in ratios(state.data.held_out.runs, state.fitted.held_out)}
     return Diagnosis(
-        arm=given,
-        extended=with_needed_reference(extended, given),
+        arm=model,
+        extended=with_needed_reference(extended, model),
         fit=tuple(with_own(run, ()) for run in state.data.fit.runs),
         held_out=tuple(with_own(run, ()) for run in state.data.held_out.runs),
         residual=Split(state.fitted.fit, state.fitted.held_out),
-        causes=with_confidence(verified.causes, noise_ratios if measured.judged else {}, len(unexplained)),
-        undetectable=undetectable(measured, currents),
+        causes=_with_confidence(verified.causes, instruments, currents, unexplained),
+        undetectable=undetectable(instruments, currents),
         unexplained=unexplained,
         compared=verified.compared,
         along=verified.along,
         encoder_noise=angle_noise(without_blanks(fit[0]).q),
-        link=measured.link,
-        tracked=measured.tracked,
+        link=instruments.link,
+        tracked=instruments.tracked,
         axis=currents.axis,
-        judged=measured.judged,
-        shortage=currents.shortage if measured.judged else None,
+        judged=instruments.judged,
+        shortage=currents.shortage if instruments.judged else None,
         known_to=known_to(state).held_out if state.model.uncertain else None,
-        remainders=remainders(state, unexplained) if measured.judged else [],
+        remainders=remainders(state, unexplained) if instruments.judged else [],
         warnings=(
             *cleaned.remarks,
-            *_warnings(given, measured, currents),
+            *_warnings(model, instruments, currents),
             *_replaced(as_found, extended),
         ),
     )
@@ -121,7 +120,7 @@ def _check_motions(arm: Arm, fit: Sequence[Recording], held_out: Sequence[Record
         check_motion(arm, held_out, "held-out")
 
 
-def evenly(recordings: Recordings, cleaned: Screened) -> tuple[Recordings, Screened]:
+def on_uniform_grid(recordings: Recordings, cleaned: Screened) -> tuple[Recordings, Screened]:
     """Both with equally spaced rows, as filters and differences take them."""
     fit, held_out = even(recordings.fit), even(recordings.held_out)
     samples = [even_samples(one) for one in cleaned.samples]
@@ -130,38 +129,47 @@ def evenly(recordings: Recordings, cleaned: Screened) -> tuple[Recordings, Scree
     return Split(fit, held_out, recordings.two_fold), on_grids
 
 
-def extend_by(
-    arm: Arm, measured: OtherInstruments, currents: CurrentDiagnosis, recordings: Recordings
+def extended_model(
+    arm: Arm, instruments: OtherInstruments, currents: CurrentDiagnosis, recordings: Recordings
 ) -> tuple[list[Cause], Arm]:
     """All causes, each named once, and the model extended by them; without limits at which no current ever is."""
-    events = [*currents.residuals.events, *measured.events]
-    causes, extended = _with_events(events, arm, measured, currents, recordings)
+    events = [*currents.residuals.events, *instruments.events]
+    causes, extended = _extended_with(events, arm, instruments, currents, recordings)
     idle = idle_limits(causes, extended, recordings, currents.state.data)
     if not idle:
         return causes, extended
     kept = [event for event in events if (event.effect, event.joint) not in idle]
-    return _with_events(kept, arm, measured, currents, recordings)
+    return _extended_with(kept, arm, instruments, currents, recordings)
 
 
-def _with_events(
-    raw: Sequence[Event], arm: Arm, measured: OtherInstruments, currents: CurrentDiagnosis, recordings: Recordings
+def _extended_with(
+    raw: Sequence[Event], arm: Arm, instruments: OtherInstruments, currents: CurrentDiagnosis, recordings: Recordings
 ) -> tuple[list[Cause], Arm]:
     """``extend_by`` with these events of raw rows and setpoints."""
-    known = [*measured.known, *currents.outside_selection]
+    known = [*instruments.known, *currents.outside_selection]
     events = [from_event(event, currents.arm, currents.state.data) for event in raw]
     causes = [*events, *currents.causes, *currents.per_recording]
-    unknown = [cause for cause in measured.tracked.causes if cause not in known]
-    together = merge(causes if measured.judged else [*causes, *measured.of_links], unknown)
+    unknown = [cause for cause in instruments.tracked.causes if cause not in known]
+    together = merge(causes if instruments.judged else [*causes, *instruments.of_links], unknown)
     extended = extend(currents.base, together) if together else currents.arm
     if extended is not arm and not currents.per_recording:
         extended = with_smoothing_velocities(extended, recordings.fit)
-    return merge([*currents.outside_selection, *causes, *measured.of_links], measured.tracked.causes), extended
+    return merge([*currents.outside_selection, *causes, *instruments.of_links], instruments.tracked.causes), extended
 
 
 def top_speeds(currents: CurrentDiagnosis) -> Array:
     """(n,) rad/s (m/s): the highest speed of each joint in any of the recordings."""
     speeds = [np.abs(run.brisk_v).max(axis=0) for part in currents.state.data for run in part.runs]
     return np.asarray(np.max(speeds, axis=0))
+
+
+def _with_confidence(
+    causes: Sequence[Cause], instruments: OtherInstruments, currents: CurrentDiagnosis, unexplained: Sequence[Structure]
+) -> list[Cause]:
+    """The causes with their confidence, by what remains at their joints over the noise."""
+    held_out, residual = currents.state.data.held_out, currents.state.fitted.held_out
+    found = ratios(held_out.runs, residual) if instruments.judged else []
+    return with_confidence(causes, {one.joint: one.ratio for one in found}, len(unexplained))
 
 
 def _replaced(as_found: Arm, extended: Arm) -> Iterator[str]:
@@ -171,10 +179,10 @@ def _replaced(as_found: Arm, extended: Arm) -> Iterator[str]:
     yield from not_simulated(extended)
 
 
-def _warnings(arm: Arm, measured: OtherInstruments, currents: CurrentDiagnosis) -> Iterator[str]:
+def _warnings(arm: Arm, instruments: OtherInstruments, currents: CurrentDiagnosis) -> Iterator[str]:
     """What a reader of the result should know about the recordings and the model."""
-    state, of_currents = currents.state, unexplained_of_currents(measured, currents)
-    if measured.judged:
+    state, of_currents = currents.state, unexplained_of_currents(instruments, currents)
+    if instruments.judged:
         yield from mixed_up([*state.data.fit.runs, *state.data.held_out.runs])
         yield from folding_warnings([*state.data.fit.runs, *state.data.held_out.runs])
         yield from not_held_out(state.fitted.fit, state.data.fit, of_currents, known_to(state).fit)
@@ -183,7 +191,7 @@ def _warnings(arm: Arm, measured: OtherInstruments, currents: CurrentDiagnosis) 
     for known, what in ((arm.uncertainty, "parameters are"), (arm.kinematic_uncertainty, "geometry is")):
         if known is not None and not known.parameters:
             yield f"the model names {known.file}, which is not beside it: its {what} taken for exact"
-    if measured.judged and arm.uncertainty is not None and not arm.uncertainty.near_rest:
+    if instruments.judged and arm.uncertainty is not None and not arm.uncertainty.near_rest:
         yield (
             f"friction near rest was not judged: {arm.uncertainty.file} does not say what the model left there; "
             "a model that 'armscope identify' writes now does"
@@ -191,4 +199,4 @@ def _warnings(arm: Arm, measured: OtherInstruments, currents: CurrentDiagnosis) 
     yield from reference_taken(arm, [cause.key for cause in currents.causes], state.data.fit.runs)
     yield from smoothing_replaced(arm, currents.base)
     yield from remarks(currents.axis, arm.joints[0]) if currents.axis else ()
-    yield from measured.link.remarks if measured.link else ()
+    yield from instruments.link.remarks if instruments.link else ()

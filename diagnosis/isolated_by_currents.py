@@ -35,24 +35,24 @@ STEP = 0.05
 
 
 def isolated_by_currents(
-    arm: Arm, measured: OtherInstruments, screened: Screened, progress: Progress
+    arm: Arm, instruments: OtherInstruments, screened: Screened, progress: Progress
 ) -> OtherInstruments:
     """The same, each wave of a gear named as one of the motor's encoder where the currents are those of that."""
-    if measured.link is None or not measured.judged:
-        return measured
-    causes = list(measured.link.causes)
+    if instruments.link is None or not instruments.judged:
+        return instruments
+    causes = list(instruments.link.causes)
     for place, cause in enumerate(causes):
-        motor = _motor_angles(measured.link.held_out, cause)
+        motor = _motor_angles(instruments.link.held_out, cause)
         rivals = [other for name, joint in cause.group if joint == cause.joint for other in _as(cause, name, motor)]
         if not rivals:
             continue
         progress("comparing currents with the waves of both encoders")
-        runs = residuals_of(extend(arm, [one for one in measured.known if one is not cause]), screened).runs
+        runs = residuals_of(extend(arm, [one for one in instruments.known if one is not cause]), screened).runs
         own, *of_rivals = (_squared_residual(runs, one.terms) for one in (cause, *rivals))
         best = int(np.argmin([one.sum() for one in of_rivals]))
         if p_value(own - of_rivals[best]) < SIGNIFICANT:
             causes[place] = _estimated_by_both(rivals[best], runs)
-    return replace(measured, link=replace(measured.link, causes=causes))
+    return replace(instruments, link=replace(instruments.link, causes=causes))
 
 
 def _motor_angles(rows: Rows, cause: Cause) -> Array:

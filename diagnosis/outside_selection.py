@@ -55,8 +55,8 @@ def _in_loop(currents: CurrentDiagnosis, recordings: Recordings, taken: Sequence
         for r, (_, q, i) in zip((*recordings.fit, *recordings.held_out), currents.residuals.samples)
     ]
     again = {cause.key: cause for cause in currents.causes if cause.joint in joints and has_state(cause.effect)}
-    beside = [cause for cause in currents.causes if cause.key not in again]
-    found = friction_in_loop(extend(currents.base, beside), every, joints, set(taken) - set(again))
+    others = [cause for cause in currents.causes if cause.key not in again]
+    found = friction_in_loop(extend(currents.base, others), every, joints, set(taken) - set(again))
     return [with_estimates_of(cause, again[cause.key]) if cause.key in again else cause for cause in found]
 
 

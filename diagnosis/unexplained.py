@@ -25,18 +25,18 @@ from identification.selection import Split
 
 def unexplained_structure(
     cleaned: Screened,
-    measured: OtherInstruments,
+    instruments: OtherInstruments,
     currents: CurrentDiagnosis,
     verified: Verified,
     recordings: Recordings,
 ) -> list[Structure]:
     """Everything above the noise that no cause explains, of any instrument and in closed loop."""
-    state, of_currents = currents.state, unexplained_of_currents(measured, currents)
+    state, of_currents = currents.state, unexplained_of_currents(instruments, currents)
     found = [
         *(one for one in of_currents if currents.shortage is None or one.joint not in currents.shortage.joints),
-        *(in_fit_alone(state, of_currents, known_to(state).fit) if measured.judged else []),
-        *(measured.link.unexplained if measured.link else []),
-        *measured.tracked.unexplained,
+        *(in_fit_alone(state, of_currents, known_to(state).fit) if instruments.judged else []),
+        *(instruments.link.unexplained if instruments.link else []),
+        *instruments.tracked.unexplained,
         *(
             oscillation.structure(currents.arm.joints[oscillation.joint - 1].command_unit)
             for oscillation in cleaned.oscillating
@@ -46,11 +46,11 @@ def unexplained_structure(
     return [*found, *_in_loop(verified, recordings, state.data, reported)]
 
 
-def unexplained_of_currents(measured: OtherInstruments, currents: CurrentDiagnosis) -> list[Structure]:
+def unexplained_of_currents(instruments: OtherInstruments, currents: CurrentDiagnosis) -> list[Structure]:
     """Unexplained structure of the currents, also where the recordings are too short to judge it."""
     if currents.axis and currents.axis.wave:
         return [Structure(Signal.CURRENT, 1, "position", currents.axis.wave.share)]
-    if not measured.judged:
+    if not instruments.judged:
         return []
     found = currents.selection.unexplained.structures
     return [*found, *(one for one in currents.undetermined if one.joint not in {other.joint for other in found})]
@@ -75,14 +75,14 @@ def _in_loop(
     return with_oscillations(found, (after for several in verified.compared.values() for _, after in several), extended)
 
 
-def undetectable(measured: OtherInstruments, currents: CurrentDiagnosis) -> list[Undetectable]:
+def undetectable(instruments: OtherInstruments, currents: CurrentDiagnosis) -> list[Undetectable]:
     """Effects that these recordings could not show."""
-    told = [*currents.causes, *currents.per_recording, *measured.known, *currents.outside_selection]
-    shown = {cause.key for cause in told} | measured.tracked.shown
+    told = [*currents.causes, *currents.per_recording, *instruments.known, *currents.outside_selection]
+    shown = {cause.key for cause in told} | instruments.tracked.shown
     of_currents = undetectable_by_currents(
         currents.library, currents.ripples, currents.state.data.held_out, shown, currents.arm
     )
-    link = measured.link.held_out.joints.tolist() if measured.link else []
-    unjudged = [] if measured.judged else undetectable_without_dynamics(currents.arm, link)
-    of_currents += undetectable_without_warming(currents.arm, currents.state.data, shown) if measured.judged else []
-    return of_currents + unjudged + measured.tracked.undetectable
+    link = instruments.link.held_out.joints.tolist() if instruments.link else []
+    unjudged = [] if instruments.judged else undetectable_without_dynamics(currents.arm, link)
+    of_currents += undetectable_without_warming(currents.arm, currents.state.data, shown) if instruments.judged else []
+    return of_currents + unjudged + instruments.tracked.undetectable

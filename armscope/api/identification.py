@@ -75,7 +75,7 @@ def _check_choices(**chosen: str | None) -> None:
 
 
 def _against_noise(
-    result: Identification, recordings: Sequence[Recording], beside: Sequence[Recording]
+    result: Identification, recordings: Sequence[Recording], others: Sequence[Recording]
 ) -> Identification:
     """The result with its errors over the noise floor, as ``diagnose`` has them; with the reason where it has none.
 
@@ -84,7 +84,7 @@ def _against_noise(
     from diagnosis import against_noise, left_over
 
     try:
-        noise, more = against_noise(result.arm, recordings, beside), left_over(result.arm, recordings, beside)
+        noise, more = against_noise(result.arm, recordings, others), left_over(result.arm, recordings, others)
     except InputError as error:
         return replace(result, notes=[*result.notes, f"not compared with the noise of the instruments: {error}"])
     arm, known = result.arm, result.arm.uncertainty

@@ -178,20 +178,9 @@ def simulate(
     progress    is called with each stage in words
     Raises InputError where the joints differ in number, demands are missing, or the simulation diverges.
     """
-    if (experiment is None) == (like is None):
-        raise InputError("simulate", "needs either an experiment or a recording whose demands are followed")
-    arm = read_model(model)
-    if arm.controller is None:
-        raise InputError(_name(model), "has no [controller]; following demanded positions needs one")
-    if experiment is not None:
-        task = _of_experiment(arm, experiment, rate)
-    else:
-        assert like is not None
-        task = _of_recording(arm, open_recording(like), rate)
+    task = _task(model, experiment, like, rate)
     if temperature is not None:
-        if not COLDEST <= temperature <= HOTTEST:
-            raise InputError("--temperature", f"must be between {COLDEST:g} and {HOTTEST:g} degC (is {temperature:g})")
-        task = replace(task, arm=replace(task.arm, temperatures=constant_temperatures(temperature, len(arm))))
+        task = _at_temperature(task, temperature)
     progress(f"simulating {task.times[-1]:.4g} s")
     began = time.perf_counter()
     motion = _run(task)
@@ -212,6 +201,26 @@ def simulate(
             chain=chain_of(task.arm),
         ),
     )
+
+
+def _task(model: File | Arm, experiment: File | Experiment | None, like: Source | None, rate: float | None) -> _Task:
+    """What the arm of a model is asked to do; InputError where it cannot."""
+    if (experiment is None) == (like is None):
+        raise InputError("simulate", "needs either an experiment or a recording whose demands are followed")
+    arm = read_model(model)
+    if arm.controller is None:
+        raise InputError(_name(model), "has no [controller]; following demanded positions needs one")
+    if experiment is not None:
+        return _of_experiment(arm, experiment, rate)
+    assert like is not None
+    return _of_recording(arm, open_recording(like), rate)
+
+
+def _at_temperature(task: _Task, temperature: float) -> _Task:
+    """The task with all motors at a temperature, degC."""
+    if not COLDEST <= temperature <= HOTTEST:
+        raise InputError("--temperature", f"must be between {COLDEST:g} and {HOTTEST:g} degC (is {temperature:g})")
+    return replace(task, arm=replace(task.arm, temperatures=constant_temperatures(temperature, len(task.arm))))
 
 
 def _of_experiment(arm: Arm, source: File | Experiment, rate: float | None) -> _Task:

@@ -12,13 +12,13 @@ from mcap.opcode import Opcode
 
 from arm_io import DeviceFault, InputError, check_file
 from daq.acquisition.ledger import LedgerSummary
-from daq.recording.contents import Columns, read_contents
+from daq.recording.contents import Columns, Contents, read_contents
 from daq.recording.losses import Account, opened
 from daq.recording.mcap_file import walk as mcap_walk
 from daq.recording.mcap_file.checksums import NAME as CHECKSUMS
 from daq.recording.mcap_file.checksums import verify
 from daq.recording.mcap_file.pages import ACTIVE
-from daq.recording.mcap_file.writer import as_json, being_written
+from daq.recording.mcap_file.writer import McapFile, as_json, being_written
 from daq.recording.messages.row_format import format_of
 from daq.recording.parts import finish_file, open_file, write_content, write_pictures
 from daq.recording.provenance import check_replaceable
@@ -54,16 +54,7 @@ def recover(path: str | Path, out: str | Path | None = None, *, replace: bool = 
     Raises InputError where nothing can be read, or ``out`` exists; DeviceFault where the disk refuses.
     """
     path = Path(path)
-    if out is None:
-        if path.suffix != ACTIVE:
-            raise InputError(path, "is not called '.active'; use --out with the name of the new file")
-        out = path.with_suffix("")
-    check_file(out)
-    out = Path(out)
-    if out.exists() and os.path.exists(path) and out.samefile(path):
-        raise InputError(out, "is the damaged file itself; use another name")
-    if replace:
-        check_replaceable(out, measured=True)
+    out = _place(path, out, replace)
     contents, _ = read_contents(path, lambda layout: _NoRows())
     if being_written(path):
         raise InputError(path, "is being recorded right now; wait until it is finished")
@@ -72,14 +63,7 @@ def recover(path: str | Path, out: str | Path | None = None, *, replace: bool = 
     notes = (*contents.notes(sure), *(damage.sentence for damage in damages))
     file = open_file(out, format_of(contents.layout.to_json()), {}, replace=replace, viewers=contents.pictures)
     try:
-        for part in mcap_walk.walk(contents.data):
-            match part:
-                case mcap_walk.File() if part.name not in ("ledger.json", "recovery.json", CHECKSUMS):
-                    file.attach(part.name, part.media_type, part.data)
-                case mcap_walk.Pictures():
-                    write_pictures(file, part.content)
-                case mcap_walk.Rows() if part.form.layout == contents.layout:
-                    write_content(file, part.form, part.content, part.rows["times1"][:, 0].astype(np.int64))
+        _copy(contents, file)
         report = {"from": path.name, "at": datetime.now(UTC).isoformat(timespec="seconds"), "notes": notes}
         file.attach("recovery.json", "application/json", as_json(report))
         if contents.progress is not None:
@@ -94,6 +78,33 @@ def recover(path: str | Path, out: str | Path | None = None, *, replace: bool = 
     opened(Account(path, ledger, notes))
     lost = sum(damage.opcode == Opcode.ATTACHMENT and CHECKSUMS not in damage.name for damage in damages)
     return Recovery(out, ledger, sure, notes, lost)
+
+
+def _place(path: Path, out: str | Path | None, replace: bool) -> Path:
+    """Where the new recording goes; InputError where it may not."""
+    if out is None:
+        if path.suffix != ACTIVE:
+            raise InputError(path, "is not called '.active'; use --out with the name of the new file")
+        out = path.with_suffix("")
+    check_file(out)
+    out = Path(out)
+    if out.exists() and os.path.exists(path) and out.samefile(path):
+        raise InputError(out, "is the damaged file itself; use another name")
+    if replace:
+        check_replaceable(out, measured=True)
+    return out
+
+
+def _copy(contents: Contents, file: McapFile) -> None:
+    """Intact attachments, pictures and rows, but for what is made anew."""
+    for part in mcap_walk.walk(contents.data):
+        match part:
+            case mcap_walk.File() if part.name not in ("ledger.json", "recovery.json", CHECKSUMS):
+                file.attach(part.name, part.media_type, part.data)
+            case mcap_walk.Pictures():
+                write_pictures(file, part.content)
+            case mcap_walk.Rows() if part.form.layout == contents.layout:
+                write_content(file, part.form, part.content, part.rows["times1"][:, 0].astype(np.int64))
 
 
 class _NoRows:

@@ -55,8 +55,8 @@ def per_recording(currents: S, runs: Sequence[Run], search: Search[S]) -> tuple[
     worst = contradicted(state)
     if worst is None and not currents.selection.unexplained.structures:
         return None
-    beside = promising(state, others=state.terms) if state.terms else []
-    starts = [*([worst] if worst is not None else []), *beside, *promising(state)]
+    given = promising(state, others=state.terms) if state.terms else []
+    starts = [*([worst] if worst is not None else []), *given, *promising(state)]
     for first in list(dict.fromkeys(starts))[:STARTS]:
         if (grown := _grown(first, state, runs, search)) and (settled := _settled(*grown, state, runs, search)):
             return settled

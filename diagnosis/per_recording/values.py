@@ -89,7 +89,7 @@ def contradicted(state: State) -> Candidate | None:
 
 
 def promising(
-    state: State, most: int = 2, beside: Sequence[Candidate] = (), others: Sequence[EffectTerm] = ()
+    state: State, most: int = 2, given: Sequence[Candidate] = (), others: Sequence[EffectTerm] = ()
 ) -> list[Candidate]:
     """Settable effects that explain most by values of their own, where one value for all explains much less.
 
@@ -100,12 +100,12 @@ def promising(
     if state.model.data.two_fold:
         return []
     rows, missed = sum(part.rows for part in state.model.data), _missed(state, others)
-    taken = {*state.model.excluded, *(c.key for c in beside)}
+    taken = {*state.model.excluded, *(c.key for c in given)}
     tried = [c for c in state.model.library if c.definition.settable and c.key not in taken]
 
     def judged(c: Candidate) -> OwnValues | None:
-        own = _values([*beside, c], state, others, missed)[-1]
-        more = own.gains.sum() - (0.0 if beside else _common_gain(state.model.columns(c), state, missed))
+        own = _values([*given, c], state, others, missed)[-1]
+        more = own.gains.sum() - (0.0 if given else _common_gain(state.model.columns(c), state, missed))
         return own if more > MATTERS * rows and exists_in_all(own, state) else None
 
     found = [own for own in in_parallel(judged, tried) if own is not None]

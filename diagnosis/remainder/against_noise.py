@@ -23,22 +23,22 @@ from diagnosis.screening.plausibility import check
 from identification import JointNoise
 
 
-def against_noise(arm: Arm, recordings: Sequence[Recording], beside: Sequence[Recording] = ()) -> list[JointNoise]:
+def against_noise(arm: Arm, recordings: Sequence[Recording], others: Sequence[Recording] = ()) -> list[JointNoise]:
     """The residual currents of recordings under an arm, over the noise floor, per joint whose noise floor is known.
 
-    beside: others of the same rig, whose standstills show its noise as well.
+    others: of the same rig, whose standstills show its noise as well.
     InputError where a recording is not one that ``diagnose`` takes.
     """
-    runs = runs_of(arm, recordings, beside)
+    runs = runs_of(arm, recordings, others)
     return ratios(runs, dataset_of(runs).y)
 
 
-def runs_of(arm: Arm, recordings: Sequence[Recording], beside: Sequence[Recording]) -> list[Run]:
+def runs_of(arm: Arm, recordings: Sequence[Recording], others: Sequence[Recording]) -> list[Run]:
     """Residuals of recordings under an arm, with the noise that they and ``beside`` show at standstill."""
     check(arm, recordings)
     blanks = [blanks_of(r) for r in recordings]
-    recordings, beside = ([without_blanks(r) for r in of_side] for of_side in (recordings, beside))
-    still = still_noise([r for r in (*beside, *recordings) if not setup_of(r).drives_off])
+    recordings, others = ([without_blanks(r) for r in of_side] for of_side in (recordings, others))
+    still = still_noise([r for r in (*others, *recordings) if not setup_of(r).drives_off])
     runs = []
     for recording, none in zip(recordings, blanks):
         holes = holes_of(recording.t)

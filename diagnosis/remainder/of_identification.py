@@ -43,14 +43,14 @@ class LeftOver:
     near_rest: tuple[float | None, ...]
 
 
-def left_over(arm: Arm, recordings: Sequence[Recording], beside: Sequence[Recording] = ()) -> LeftOver:
+def left_over(arm: Arm, recordings: Sequence[Recording], others: Sequence[Recording] = ()) -> LeftOver:
     """What ``arm`` leaves on ``recordings``; rows in which a joint moves, away from its reversals.
 
-    beside: others of the same rig, whose standstills show its noise as well, and from which variables are learned.
+    others: of the same rig, whose standstills show its noise as well, and from which variables are learned.
     InputError where a recording is not one that ``diagnose`` takes.
     """
-    data = dataset_of(runs_of(arm, recordings, beside))
-    learned = dataset_of(runs_of(arm, beside, recordings)) if beside else None
+    data = dataset_of(runs_of(arm, recordings, others))
+    learned = dataset_of(runs_of(arm, others, recordings)) if others else None
     every = [*data.runs, *(learned.runs if learned else ())]
     exact = [replace(run, arm=replace(run.arm, uncertainty=None)) for run in every]
     return LeftOver(

@@ -70,11 +70,10 @@ def residual_run(
         + (_friction_std(arm, motion[1], rate) * powered) ** 2
         + _teeth_variance(arm, (t, q), motion, expected, thin, powered)
     )
+    folded, rippled = np.zeros_like(slow_v), np.zeros((*slow_v.shape, DIRECTIONS))
     if powered and instruments.setpoints.period:
         samples, of_rig = (t, angle, i), (instruments.noise, keep, instruments.setpoints)
         folded, rippled = folded_onto(arm, samples, brisk[2], *of_rig), ripple_beside(arm, samples, *of_rig)
-    else:
-        folded, rippled = np.zeros_like(slow_v), np.zeros((*slow_v.shape, DIRECTIONS))
     rows = t[keep]
     return Run(
         name=name,

@@ -47,14 +47,14 @@ class Evidence:
     alike: float = 1.0
 
     @cached_property
-    def _beside(self) -> Array:
+    def _others(self) -> Array:
         """(N, b + r)."""
         return np.hstack([self.free, self.directions])
 
     @cached_property
     def _inverse(self) -> Array:
         """(b + r, b + r) inverse of the normal matrix of all others, with the prior of the errors."""
-        gram = self._beside.T @ self._beside
+        gram = self._others.T @ self._others
         gram[np.diag_indices(len(gram))] += np.arange(len(gram)) >= self.free.shape[1]
         scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
         return np.asarray(linalg.pinvh(gram / np.outer(scale, scale), rtol=1e-9) / np.outer(scale, scale))
@@ -62,7 +62,7 @@ class Evidence:
     @cached_property
     def residual(self) -> Array:
         """(N,) what is left with all others fitted."""
-        return np.asarray(self.y - self._beside @ (self._inverse @ (self._beside.T @ self.y)))
+        return np.asarray(self.y - self._others @ (self._inverse @ (self._others.T @ self.y)))
 
     def chance(self, x: Array, further: Callable[[Array], Array] | None = None) -> float:
         """Probability that columns x (N, k) look as they do without the effect that they are of.
@@ -70,8 +70,8 @@ class Evidence:
         further: of columns (N, k) perpendicular to all others, what else is in the covariance (k, k) of their
         coefficients.
         """
-        along = self._inverse @ (self._beside.T @ x)
-        own = x - self._beside @ along
+        along = self._inverse @ (self._others.T @ x)
+        own = x - self._others @ along
         gram, size = own.T @ x, np.sqrt(np.maximum(np.sum(x**2, axis=0), 1e-300))
         values, vectors = np.linalg.eigh((gram + gram.T) / 2 / np.outer(size, size))
         seen = values > INDEPENDENT**2

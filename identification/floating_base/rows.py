@@ -84,18 +84,8 @@ class BaseRun:
 def base_run(recording: Recording, arm: Arm) -> BaseRun:
     """The run of a recording; InputError where columns are missing or it is too short or has holes."""
     thrusters = floating(arm).thruster
-    names = [*POSE_COLUMNS, *(thruster_column(k) for k in range(len(thrusters)))]
-    for name in names:
-        if name not in recording.extra:
-            raise InputError(
-                recording.path,
-                f"has no column '{name}'; a recording of a floating base has {POSE_COLUMNS[0]} .. "
-                f"{POSE_COLUMNS[-1]} and thruster1 .. thruster{len(thrusters)} (armscope import --keep-extra)",
-            )
-    check_joints(recording, arm)
-    measured = all(name in recording.extra for name in VELOCITY_COLUMNS)
-    names += VELOCITY_COLUMNS if measured else ()
-    columns = np.column_stack([recording.q, *(recording.extra[name] for name in names), recording.i])
+    columns = _columns_of(recording, arm)
+    measured = columns.shape[1] > 2 * len(arm) + 7 + len(thrusters)
     t, dt, columns = _gridded(recording, columns)
     columns, torque = columns[:, : -len(arm)], columns[:, -len(arm) :] * arm.joint_array("drive_constant")
     n, m = len(arm), len(thrusters)
@@ -132,6 +122,23 @@ def base_run(recording: Recording, arm: Arm) -> BaseRun:
         kept,
         block,
     )
+
+
+def _columns_of(recording: Recording, arm: Arm) -> Array:
+    """(rows, c): joints, pose, demands of the thrusters, velocity of the base where it was measured, currents."""
+    count = len(floating(arm).thruster)
+    names = [*POSE_COLUMNS, *(thruster_column(k) for k in range(count))]
+    for name in names:
+        if name not in recording.extra:
+            raise InputError(
+                recording.path,
+                f"has no column '{name}'; a recording of a floating base has {POSE_COLUMNS[0]} .. "
+                f"{POSE_COLUMNS[-1]} and thruster1 .. thruster{count} (armscope import --keep-extra)",
+            )
+    check_joints(recording, arm)
+    if all(name in recording.extra for name in VELOCITY_COLUMNS):
+        names += VELOCITY_COLUMNS
+    return np.column_stack([recording.q, *(recording.extra[name] for name in names), recording.i])
 
 
 def _gridded(recording: Recording, columns: Array) -> tuple[Array, float, Array]:

@@ -102,7 +102,7 @@ def _linear(rows: WideRows, joint: int, waves: Sequence[Wave], middle: float) ->
         torques = [np.stack([f(w.order * q) for w in waves for f in (np.cos, np.sin)], axis=1) for q in angles]
         return side.seen(rows.arm, joint, torques)
 
-    return rows.beside(columns(rows.fit), columns(rows.held_out))
+    return rows.without_other_columns(columns(rows.fit), columns(rows.held_out))
 
 
 def _bent(
@@ -120,7 +120,7 @@ def _bent(
         ]
         torques.append(np.stack(slopes, axis=1))
     columns = rows.fit.seen(rows.arm, joint, torques)
-    return rows.beside(columns, np.zeros((len(rows.residual[1]), columns.shape[1])))[0]
+    return rows.without_other_columns(columns, np.zeros((len(rows.residual[1]), columns.shape[1])))[0]
 
 
 def _covariance(columns: Array, residual: Array, side: Side, free: Sequence[int], waves: int) -> Array:

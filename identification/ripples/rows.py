@@ -77,7 +77,7 @@ class WideRows:
         x = self.fit.columns / scale
         return np.asarray(np.linalg.pinv(x.T @ x, rcond=DETERMINED, hermitian=True)), scale
 
-    def beside(self, fitted: Array, held_out: Array) -> tuple[Array, Array]:
+    def without_other_columns(self, fitted: Array, held_out: Array) -> tuple[Array, Array]:
         """Columns (k, c) of both sides without what the arm's own explain of the fitted ones."""
         inverse, scale = self._triangle
         values = (inverse @ ((self.fit.columns / scale).T @ fitted)) / scale[:, None]
@@ -86,7 +86,7 @@ class WideRows:
     @cached_property
     def residual(self) -> tuple[Array, Array]:
         """(k,) each: what the arm's own columns leave of the torques of both sides, over the noise."""
-        one, other = self.beside(self.fit.y[:, None], self.held_out.y[:, None])
+        one, other = self.without_other_columns(self.fit.y[:, None], self.held_out.y[:, None])
         return one[:, 0], other[:, 0]
 
 

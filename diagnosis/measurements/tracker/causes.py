@@ -94,7 +94,7 @@ def tracked_causes(
     moves = sizes(model.every, model.start(), points)
     before = sides.map(lambda side: side.xyz - position(start, side.q))
     after = sides.map(lambda side: point_residual(state, side))
-    beside = sides.map(lambda side: residual_without_zeros(state, side, steps, level))
+    without_zeros = sides.map(lambda side: residual_without_zeros(state, side, steps, level))
     errors = {"fit": (before.fit, after.fit), "held_out": (before.held_out, after.held_out)}
     return Tracked(
         causes=causes + ([strays] if strays else []),
@@ -102,7 +102,7 @@ def tracked_causes(
         shown=visible(moves, level),
         noise=noise,
         rms={side: (_rms(b), _rms(a)) for side, (b, a) in errors.items()},
-        unexplained=structure(points, list(after), list(beside), level),
+        unexplained=structure(points, list(after), list(without_zeros), level),
         distances={side: (np.linalg.norm(b, axis=1), np.linalg.norm(a, axis=1)) for side, (b, a) in errors.items()},
     )
 

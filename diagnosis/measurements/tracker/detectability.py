@@ -105,14 +105,14 @@ def _typical(candidate: TrackedCandidate) -> tuple[list[float], str]:
 
 
 def structure(
-    sides: Sequence[Side], residuals: Sequence[Array], beside: Sequence[Array], level: float
+    sides: Sequence[Side], residuals: Sequence[Array], without_zeros: Sequence[Array], level: float
 ) -> list[Structure]:
     """What is left of the tracked points: waves, drifts, and the variable that predicts most of the held-out residual.
 
     Of a residual far above the noise that no variable predicts, the size. Empty where the residual is noise.
     ``beside``: the residuals beside the encoders' zeros, of which waves and drifts are.
     """
-    of_time = (over_time(side, left, level) for side, left in zip(reversed(sides), reversed(beside)))
+    of_time = (over_time(side, left, level) for side, left in zip(reversed(sides), reversed(without_zeros)))
     times = next(filter(None, of_time), [])
     return times or _against(sides, residuals, level)
 

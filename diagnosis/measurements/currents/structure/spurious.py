@@ -58,8 +58,8 @@ def _superfluous(state: State, unexplained: Unexplained, kept: Container[Candida
             continue
         if (likely := unexplained.likely.get(c.joint)) is not None:
             if not of_own_variable(c, [likely.variable]):
-                beside = [*others.free, *(model.columns(one) for one in others.chosen)]
-                shares[c] = share_kept(likely, own, beside, state.data)
+                others_columns = [*others.free, *(model.columns(one) for one in others.chosen)]
+                shares[c] = share_kept(likely, own, others_columns, state.data)
             elif not family_dominates(c, likely.variable, state):
                 shares[c] = model.limits.superfluous * explained_alone([c], state)
         elif c.joint in unknown:

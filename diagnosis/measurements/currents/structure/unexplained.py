@@ -82,8 +82,8 @@ def structures_at(
         pairs.append(shape.pair)
         known &= shape.known
         shapes = [one for one in shapes if one.name != shape.name]
-    beside = with_columns(fitted, pairs).held_out
-    ratio = noise_ratio(beside, held_out, joint)
+    conditional = with_columns(fitted, pairs).held_out
+    ratio = noise_ratio(conditional, held_out, joint)
     of_fit, of_held_out = (LIMITS.above_noise * times[joint - 1] for times in significance.allowed)
     quiet = ratio <= of_held_out
     if quiet and (pairs or noise_ratio(fitted.fit, fit, joint) <= of_fit):
@@ -93,7 +93,7 @@ def structures_at(
         return [], [], likely
     if likely is not None:
         rows = held_out.of(joint)
-        left = float(np.sum(beside[rows] ** 2)) / float(np.sum(fitted.held_out[rows] ** 2))
+        left = float(np.sum(conditional[rows] ** 2)) / float(np.sum(fitted.held_out[rows] ** 2))
         if not pairs or 1.0 - likely.share < LIMITS.swapped * left:
             return [Structure(Signal.CURRENT, joint, likely.variable, likely.share)], [], likely
     if not pairs:
