@@ -145,7 +145,7 @@ def extended_model(
 def _extended_with(
     raw: Sequence[Event], arm: Arm, instruments: OtherInstruments, currents: CurrentDiagnosis, recordings: Recordings
 ) -> tuple[list[Cause], Arm]:
-    """``extend_by`` with these events of raw rows and setpoints."""
+    """``extended_model`` with these events of raw rows and setpoints."""
     known = [*instruments.known, *currents.outside_selection]
     events = [from_event(event, currents.arm, currents.state.data) for event in raw]
     causes = [*events, *currents.causes, *currents.per_recording]

@@ -162,7 +162,7 @@ def _foreign(path: Path, data: memoryview) -> str:
 
 
 def read_contents(path: Path, sink: Callable[[Layout], K]) -> tuple[Contents, K]:
-    """Walks the file, and hands its rows to what ``keeper`` makes.
+    """Walks the file, and hands its rows to what ``sink`` makes.
 
     InputError where the file is absent, or no row and no layout of ours can be found in it.
     """

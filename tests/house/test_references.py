@@ -1,0 +1,76 @@
+"""What docstrings and documents refer to is there."""
+
+import io
+import re
+import tokenize
+from functools import cache
+from pathlib import Path
+
+from tests.house.test_arrows import MAY_IMPORT
+
+ROOT = Path(__file__).parents[2]
+SOURCES = [*sorted(MAY_IMPORT), "tests", "benchmarks", "examples", "website"]
+DATA = ("config", "diagnosis", "docs", "tests", "website")
+OF_OTHERS = {"ljm_constants", "OUT"}
+"""Of a maker's own library, and what a sentence stands for."""
+EXAMPLES = {"arm_model/effects/lubrication.py", "drivers/NAME/protocol.py"}
+"""Files that a reader is to write."""
+
+
+@cache
+def sources() -> tuple[Path, ...]:
+    return tuple(path for folder in SOURCES for path in sorted((ROOT / folder).rglob("*.py")))
+
+
+@cache
+def words() -> frozenset[str]:
+    """Every identifier, every word of a string that is no docstring, every module, and every word of the data files."""
+    found = set()
+    for path in sources():
+        found.update(path.relative_to(ROOT).with_suffix("").parts)
+        for token in tokenize.generate_tokens(io.StringIO(path.read_text(encoding="utf-8")).readline):
+            if token.type == tokenize.NAME:
+                found.add(token.string)
+            elif token.type == tokenize.STRING and not token.string.endswith('"""'):
+                found.update(re.findall(r"\w+", token.string))
+    for folder in DATA:
+        for path in (ROOT / folder).rglob("*"):
+            if path.suffix in {".toml", ".json"}:
+                found.update(re.findall(r"\w+", path.read_text(encoding="utf-8", errors="ignore")))
+    return frozenset(found)
+
+
+def missing(text: str) -> list[str]:
+    """Names in double backticks of which a part is nowhere; a number behind a name (``stamp1``) counts it."""
+    found = []
+    for name in re.findall(r"``([A-Za-z_][\w.]*)(?:\([^`]*\))?``", text):
+        parts = {part for part in name.split(".") if part}
+        if not all(part in words() or part.rstrip("0123456789") in words() for part in parts) and not parts & OF_OTHERS:
+            found.append(name)
+    return found
+
+
+def test_names_in_docstrings() -> None:
+    wrong = [
+        f"{path.relative_to(ROOT)}: ``{name}``"
+        for path in sources()
+        if path.relative_to(ROOT).parts[0] != "tests"
+        for name in missing(path.read_text(encoding="utf-8"))
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+def test_files_in_documents() -> None:
+    there = {path.relative_to(ROOT).as_posix() for path in sources()}
+    wrong = [
+        f"{document.relative_to(ROOT)}: {name}"
+        for document in [*sorted((ROOT / "docs").rglob("*.md")), ROOT / "README.md", ROOT / "CONTRIBUTING.md"]
+        for name in re.findall(r"`([\w/]+\.py)", document.read_text(encoding="utf-8"))
+        if name not in EXAMPLES and not any(f"/{path}".endswith(f"/{name}") for path in there)
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+def test_a_name_that_is_nowhere_is_found() -> None:
+    nowhere = "_".join(["nowhere", "at", "all"])
+    assert missing(f"As ``words`` of ``words.{nowhere}``, ``sources()``.") == [f"words.{nowhere}"]
