@@ -206,7 +206,7 @@ def _by_recording(search: Search, currents: CurrentDiagnosis) -> CurrentDiagnosi
         return None
     trial, values = result
     state, others = currents.state, trial.state.terms
-    return replace(trial, per_recording=tuple(cause_of(own, values, state, others) for own in values))
+    return replace(trial, per_recording=tuple(cause_of(one, values, state, others) for one in values))
 
 
 def _datasets(runs: Sequence[Run], first: int, two_fold: bool) -> Split[Dataset]:

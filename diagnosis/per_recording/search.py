@@ -21,7 +21,13 @@ from diagnosis.measurements.currents.columns import columns
 from diagnosis.measurements.currents.possible import exists
 from diagnosis.measurements.currents.search import Selection
 from diagnosis.measurements.currents.state import State
-from diagnosis.per_recording.values import OwnValues, contradicted, own_values, promising, quiet
+from diagnosis.per_recording.values import (
+    ValuesPerRecording,
+    contradicted,
+    noise_alone,
+    promising,
+    values_per_recording,
+)
 from diagnosis.residual.other_effects import with_own
 from diagnosis.residual.run import Run, with_free
 from diagnosis.selection.candidate import Candidate
@@ -46,7 +52,7 @@ Search = Callable[[Sequence[Run], Set[EffectKey]], S]
 """A search in the residuals of runs, of none of some effects."""
 
 
-def per_recording(currents: S, runs: Sequence[Run], search: Search[S]) -> tuple[S, list[OwnValues]] | None:
+def per_recording(currents: S, runs: Sequence[Run], search: Search[S]) -> tuple[S, list[ValuesPerRecording]] | None:
     """What is named with values per recording of some causes, and these; None where they do not explain everything.
 
     currents: what one value for all recordings shows; runs: its recordings, the fitted ones first.
@@ -72,8 +78,8 @@ def _grown(
     """
     several, before = [first], sum(state.energy)
     while True:
-        values = own_values(several, state)
-        if not _exist(values, state):
+        values = values_per_recording(several, state)
+        if not _all_exist(values, state):
             return None
         free = [
             with_free(with_own(run, [own.terms[k] for own in values]), _columns(several, run))
@@ -82,7 +88,7 @@ def _grown(
         selection = search(free, _taken(several)).selection
         energy = sum(selection.state.energy)
         further = contradicted(selection.state)
-        if further is None and quiet(selection.state) and not selection.unexplained.structures:
+        if further is None and noise_alone(selection.state) and not selection.unexplained.structures:
             return several, selection.state.terms
         if len(several) == MOST or energy > SETTLED * before:
             return None
@@ -94,24 +100,28 @@ def _grown(
 
 def _settled(
     several: Sequence[Candidate], others: Sequence[EffectTerm], state: State, runs: Sequence[Run], search: Search[S]
-) -> tuple[S, list[OwnValues]] | None:
+) -> tuple[S, list[ValuesPerRecording]] | None:
     """The search with the values of every recording, beside ``others``, in the exact model; None where more is left."""
-    values = own_values(several, state, others)
+    values = values_per_recording(several, state, others)
     for _ in range(ROUNDS):
-        if not _exist(values, state):
+        if not _all_exist(values, state):
             return None
         trial = search([with_own(run, [own.terms[k] for own in values]) for k, run in enumerate(runs)], _taken(several))
         selection = trial.selection
         # what the others explain is not the recordings' own
-        values = own_values(several, state, selection.state.terms)
+        values = values_per_recording(several, state, selection.state.terms)
         if len(kept := [own.candidate for own in values if own.contradict]) < len(several):
             return _settled(kept, selection.state.terms, state, runs, search) if kept else None
-        if quiet(selection.state) and not selection.unexplained.structures and contradicted(selection.state) is None:
+        if (
+            noise_alone(selection.state)
+            and not selection.unexplained.structures
+            and contradicted(selection.state) is None
+        ):
             return trial, values
     return None
 
 
-def _exist(values: Sequence[OwnValues], state: State) -> bool:
+def _all_exist(values: Sequence[ValuesPerRecording], state: State) -> bool:
     """Whether in every recording there can be an arm with all of the values."""
     return all(exists(state.model.arm, terms) for terms in zip(*(own.terms for own in values)))
 

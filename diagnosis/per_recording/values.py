@@ -28,7 +28,7 @@ from diagnosis.residual.comparable_rows import comparable_rows
 from diagnosis.residual.other_effects import with_own
 from diagnosis.residual.run import Run, with_free
 from diagnosis.selection.candidate import Candidate
-from diagnosis.selection.contradiction import CHANCE, SAME, Alone, chance_of
+from diagnosis.selection.contradiction import CHANCE, SAME, SingleEstimate, chance_of
 from diagnosis.selection.design import Pair
 from diagnosis.selection.estimates import estimates
 from diagnosis.selection.regression import INDEPENDENT
@@ -51,7 +51,7 @@ MOVED = 0.02
 
 
 @dataclass(frozen=True, kw_only=True)
-class OwnValues:
+class ValuesPerRecording:
     """One cause with values per recording, fitted recordings first.
 
     terms     as effects of a model; alone: coefficients of its columns, with covariance
@@ -61,7 +61,7 @@ class OwnValues:
 
     candidate: Candidate
     terms: tuple[EffectTerm, ...]
-    alone: tuple[Alone, ...]
+    alone: tuple[SingleEstimate, ...]
     parameters: tuple[list[Estimate], ...]
     gains: Array
 
@@ -93,7 +93,7 @@ def promising(
 ) -> list[Candidate]:
     """Settable effects that explain most by values of their own, where one value for all explains much less.
 
-    Conditional on values per recording of those ``beside``, with ``others`` in the arm, and on nothing else: another
+    Conditional on values per recording of those ``given``, with ``others`` in the arm, and on nothing else: another
     cause may have been chosen for what the recordings differ in. Whether the values contradict each other shows when
     nothing else is missing.
     """
@@ -103,7 +103,7 @@ def promising(
     taken = {*state.model.excluded, *(c.key for c in given)}
     tried = [c for c in state.model.library if c.definition.settable and c.key not in taken]
 
-    def judged(c: Candidate) -> OwnValues | None:
+    def judged(c: Candidate) -> ValuesPerRecording | None:
         own = _values([*given, c], state, others, missed)[-1]
         more = own.gains.sum() - (0.0 if given else _common_gain(state.model.columns(c), state, missed))
         return own if more > MATTERS * rows and exists_in_all(own, state) else None
@@ -111,27 +111,29 @@ def promising(
     found = [own for own in in_parallel(judged, tried) if own is not None]
     best = max((float(own.gains.sum()) for own in found), default=0.0)
 
-    def rank(own: OwnValues) -> tuple[int, float]:
+    def rank(own: ValuesPerRecording) -> tuple[int, float]:
         gain = float(own.gains.sum())
         return (0, len(own.alone[0].values)) if gain > (1 - EQUAL) * best else (1, -gain)
 
     return [own.candidate for own in sorted(found, key=rank)[:most]]
 
 
-def quiet(state: State) -> bool:
+def noise_alone(state: State) -> bool:
     """Whether no joint has more than ``QUIET`` times the noise left, in fitted and in held-out recordings."""
     sides = ((state.data.fit, state.fitted.fit), (state.data.held_out, state.fitted.held_out))
     return all(one.ratio <= QUIET for side, left in sides for one in ratios(side.runs, left))
 
 
-def exists_in_all(own: OwnValues, state: State) -> bool:
+def exists_in_all(own: ValuesPerRecording, state: State) -> bool:
     """Whether an arm can be described with the values of every recording, and no load is negative."""
     masses = [p for values in own.parameters for p in values if p.name == "mass"]
     possible = all(p.value > -IMPOSSIBLE * p.std for p in masses)
     return possible and all(exists(state.model.arm, [term]) for term in own.terms)
 
 
-def own_values(several: Sequence[Candidate], state: State, others: Sequence[EffectTerm] = ()) -> list[OwnValues]:
+def values_per_recording(
+    several: Sequence[Candidate], state: State, others: Sequence[EffectTerm] = ()
+) -> list[ValuesPerRecording]:
     """Candidates with a value per recording each, fitted together, with ``others`` in the arm."""
     return _values(several, state, others, _missed(state, others))
 
@@ -143,8 +145,8 @@ def _missed(state: State, others: Sequence[EffectTerm]) -> list[Array]:
 
 def _values(
     several: Sequence[Candidate], state: State, others: Sequence[EffectTerm], missed: Sequence[Array]
-) -> list[OwnValues]:
-    """``own_values``; missed: as ``_missed`` gives it."""
+) -> list[ValuesPerRecording]:
+    """``values_per_recording``; missed: as ``_missed`` gives it."""
     pairs = [state.model.columns(c) for c in several]
     widths = [pair.fit.x.shape[1] for pair in pairs]
     edges = np.cumsum([0, *widths])
@@ -166,7 +168,7 @@ def _values(
             rest = np.delete(x, np.arange(x.shape[1])[place], axis=1)
             # of what was there to explain: the corrections of values that nothing has are large
             without = first - rest @ scaled_lstsq(rest, first, INDEPENDENT)
-            alone = Alone(run.name, whole.values[place], whole.covariance[place, place])
+            alone = SingleEstimate(run.name, whole.values[place], whole.covariance[place, place])
             covariance = alone.covariance
             if bend:
                 slopes = np.column_stack([by[k] @ alone.values for _, by in bend])
@@ -174,14 +176,14 @@ def _values(
                 those = [*range(x.shape[1])[place], *range(x.shape[1], x.shape[1] + len(bend))]
                 covariance = wider.covariance[np.ix_(those, those)]
             own.append(_OfRecording(alone, covariance, _predicted_gains(x, y, without, block)))
-    return [_own(c, own, state) for c, own in zip(several, found)]
+    return [_values_of(c, own, state) for c, own in zip(several, found)]
 
 
 @dataclass(frozen=True)
 class _OfRecording:
     """covariance: of the coefficients, then of the nonlinear parameters, whose one value serves all recordings."""
 
-    alone: Alone
+    alone: SingleEstimate
     covariance: Array
     gains: Array
 
@@ -201,10 +203,10 @@ def _bends(c: Candidate, pair: Pair, state: State) -> list[tuple[float, list[Arr
     return found
 
 
-def _own(c: Candidate, of_recordings: Sequence[_OfRecording], state: State) -> OwnValues:
+def _values_of(c: Candidate, of_recordings: Sequence[_OfRecording], state: State) -> ValuesPerRecording:
     joint = state.model.arm.joints[c.joint - 1] if c.joint else None
     alone = tuple(one.alone for one in of_recordings)
-    return OwnValues(
+    return ValuesPerRecording(
         candidate=c,
         terms=tuple(_term(c, one.values) for one in alone),
         alone=alone,
@@ -213,7 +215,9 @@ def _own(c: Candidate, of_recordings: Sequence[_OfRecording], state: State) -> O
     )
 
 
-def cause_of(own: OwnValues, every: Sequence[OwnValues], state: State, others: Sequence[EffectTerm]) -> Cause:
+def cause_of(
+    own: ValuesPerRecording, every: Sequence[ValuesPerRecording], state: State, others: Sequence[EffectTerm]
+) -> Cause:
     """The cause with its values per recording; it is of the recordings, not of the arm.
 
     Its parameters are the mean of the recordings, with their scatter as std, or with that of the recording that
@@ -295,7 +299,7 @@ def _residuals(state: State) -> list[Array]:
     return found
 
 
-def _alone(run: Run, x: Array, y: Array, unknown: Array) -> Alone:
+def _alone(run: Run, x: Array, y: Array, unknown: Array) -> SingleEstimate:
     """Coefficients by one recording; ``unknown`` (k,): std of those that it says nothing of.
 
     Where a joint stands, what friction does is one unknown for as long as it stands: its rows are no evidence each.
@@ -305,7 +309,7 @@ def _alone(run: Run, x: Array, y: Array, unknown: Array) -> Alone:
     values = scaled_lstsq(x, y, INDEPENDENT)
     block = np.tile(run.block, run.q.shape[1])
     covariance = cluster_covariance(x, [y - x @ values], block, independent=INDEPENDENT, unknown=unknown)
-    return Alone(run.name, values, covariance + np.diag((SAME * values) ** 2))
+    return SingleEstimate(run.name, values, covariance + np.diag((SAME * values) ** 2))
 
 
 def _predicted_gains(x: Array, y: Array, without: Array, block: NDArray[np.intp]) -> Array:

@@ -21,7 +21,7 @@ SAME = 0.05
 
 
 @dataclass(frozen=True)
-class Alone:
+class SingleEstimate:
     """Coefficients (c,) by one recording alone, and their covariance (c, c)."""
 
     name: str
@@ -29,7 +29,7 @@ class Alone:
     covariance: Array
 
 
-def chance_of(seen: Sequence[Alone], place: slice) -> float:
+def chance_of(seen: Sequence[SingleEstimate], place: slice) -> float:
     """Probability that coefficients at ``place`` differ as they do between recordings, were they the same in all."""
     precise = [np.linalg.pinv(one.covariance[place, place]) for one in seen]
     mean = np.linalg.pinv(np.sum(precise, axis=0)) @ sum(p @ one.values[place] for p, one in zip(precise, seen))

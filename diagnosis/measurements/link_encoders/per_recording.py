@@ -11,12 +11,12 @@ import numpy as np
 
 from diagnosis.measurements.link_encoders.columns import LinkCandidate
 from diagnosis.measurements.link_encoders.model import Chosen, LinkEncoders
-from diagnosis.selection.contradiction import CHANCE, SAME, Alone, chance_of
+from diagnosis.selection.contradiction import CHANCE, SAME, SingleEstimate, chance_of
 from identification.selection import BLOCK_SECONDS
 from identification.selection.cluster_covariance import cluster_covariance
 
 
-def alone(chosen: Chosen, model: LinkEncoders) -> list[Alone]:
+def single_estimates(chosen: Chosen, model: LinkEncoders) -> list[SingleEstimate]:
     """Every recording fitted alone: a constant per joint, then the causes.
 
     One entry where there is one recording, split by time.
@@ -27,13 +27,13 @@ def alone(chosen: Chosen, model: LinkEncoders) -> list[Alone]:
         residual = model.response(rows) - x @ values
         block = np.tile(rows.blocks(BLOCK_SECONDS), len(rows.joints))
         covariance = cluster_covariance(x, [residual], block) + np.diag((SAME * values) ** 2)
-        found.append(Alone(rows.names[0], values, covariance))
+        found.append(SingleEstimate(rows.names[0], values, covariance))
     return found
 
 
 def contradicted(chosen: Chosen, model: LinkEncoders) -> LinkCandidate | None:
     """The cause of which the recordings contradict each other most; None where all agree."""
-    seen = alone(chosen, model)
+    seen = single_estimates(chosen, model)
     if len(seen) < 2:
         return None
     chances = {candidate: chance_of(seen, _place(candidate, chosen, model)) for candidate in chosen}

@@ -12,13 +12,13 @@ from arm_model.effects.description_errors import JOINT_ZERO_OFFSET
 from diagnosis.cause import MAX_CONFIDENCE, Cause, Estimate, Signal
 from diagnosis.measurements.link_encoders.estimates import coefficients
 from diagnosis.measurements.link_encoders.model import LIMITS, Chosen, LinkEncoders
-from diagnosis.measurements.link_encoders.per_recording import alone
+from diagnosis.measurements.link_encoders.per_recording import single_estimates
 from diagnosis.selection.contradiction import CHANCE, chance_of
 
 
 def zero_offsets(chosen: Chosen, model: LinkEncoders, arm: Arm) -> list[Cause]:
     """Constants between two encoders that are large and significant; each recording's own, where they differ."""
-    recordings, causes = alone(chosen, model), []
+    recordings, causes = single_estimates(chosen, model), []
     values, covariance = coefficients(chosen, model)
     for k, joint in enumerate(int(j) for j in model.rows.fit.joints):
         unit = arm.joints[joint - 1].unit("rad")
