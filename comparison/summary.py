@@ -27,13 +27,13 @@ from comparison.joint_fit.fewest_changes import AcceptedChange
 from comparison.joint_fit.joint_regression import Tested
 from comparison.regression import Fitted, Structure
 
-CERTAIN = 1e-4
+SIGNIFICANT = 1e-4
 """Probability by chance, of all candidates together, below which the changes of a cause are there."""
-LEFT = 2.5
+EXPLAINED = 2.5
 """Mean square of what a cause leaves of the changes that it can make, in deviations, up to which it explains them."""
-CLEARLY = 4.0
+SIGNIFICANT_STDS = 4.0
 """Deviations from zero that mass, or scale, must have."""
-BETTER = 9.0
+MARGIN = 9.0
 """Squares of deviations by which a scale must explain more than constant friction, which has as many parameters."""
 DEPENDENT = 1e-6
 """Of the largest singular value: combinations of a body's parameters that no compared value shows."""
@@ -167,7 +167,7 @@ def _explained(before: float, after: float, rows: int, rank: int, candidates: in
     """Whether changes are there, and what is left of them is not."""
     fall = before * rows - after * max(rows - rank, 1)
     chance = float(stats.chi2.sf(fall / max(after, 1.0), rank))
-    return candidates * chance < CERTAIN and after < LEFT and rows > rank
+    return candidates * chance < SIGNIFICANT and after < EXPLAINED and rows > rank
 
 
 def _payload(structure: Structure, seen: _Changes, significant: Sequence[Change], candidates: int) -> Summary | None:
@@ -185,7 +185,7 @@ def _payload(structure: Structure, seen: _Changes, significant: Sequence[Change]
         return None
     c, covariance, before, after, rank = _fitted(made[of_body], own)
     std = float(np.sqrt(covariance[0, 0]))
-    if abs(c[0]) < CLEARLY * std or not _explained(before, after, len(own.change), rank, candidates):
+    if abs(c[0]) < SIGNIFICANT_STDS * std or not _explained(before, after, len(own.change), rank, candidates):
         return None
     parameters = {"mass": (float(c[0]), std, "kg")}
     for axis, moment, k in zip("xyz", c[1:4], range(1, 4)):
@@ -229,7 +229,7 @@ def _current_scale(
         for quantity in seen.quantities
     ]
     *_, by_friction, _ = _fitted(np.array(curve)[:, None], seen)
-    if (by_friction - after) * (len(seen.change) - 1) < BETTER:
+    if (by_friction - after) * (len(seen.change) - 1) < MARGIN:
         return None
     names = [one.quantity.name for one in significant]
     if exact is not None:
@@ -296,7 +296,7 @@ def _scale_found(joint: int, tested: Tested, explains: Sequence[str], others: in
 
 def _scale(joint: int, scale: float, std: float, explains: Sequence[str], others: int) -> Summary | None:
     """Another scale of the currents of a joint (from 1), relative to those before."""
-    if abs(scale) < CLEARLY * std:
+    if abs(scale) < SIGNIFICANT_STDS * std:
         return None
     constant = 1.0 / (1.0 + scale) - 1.0
     digits = max(0, 1 - int(np.floor(np.log10(max(200 * std, 1e-3)))))

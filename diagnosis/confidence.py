@@ -33,7 +33,7 @@ LARGEST = 1e3
 DETERMINED = 3.0, 50.0
 """Standard deviations between which a parameter says how sure a name is: below, it may be 0; beyond, it is known to
 2 %, and what a law misses is as large."""
-LEFT = 1.0, 5.0
+NOISE_RATIOS = 1.0, 5.0
 """Times the noise between which what is left at a joint does: no case of the bank leaves more."""
 UNCOUNTED = 0.5
 """The most that is stated where more is left than in any case of the bank."""
@@ -46,7 +46,7 @@ def features(support: Support) -> tuple[float, ...]:
     no feature: arms of the bank with one hidden effect would say that every second name is wrong.
     """
     gain, largest = _between(support.gain, (1.0, LARGEST)), _between(support.largest, (1.0, LARGEST))
-    return gain, largest - gain, _between(support.determined, DETERMINED), _between(support.left, LEFT)
+    return gain, largest - gain, _between(support.determined, DETERMINED), _between(support.left, NOISE_RATIOS)
 
 
 def _between(ratio: float, limits: tuple[float, float]) -> float:
@@ -116,7 +116,7 @@ def calibrated_confidence(support: Support) -> float:
 def success_rate(table: Mapping[str, Any], support: Support) -> float:
     """Of a table: the logistic curve of the score, and no more than names of other cases confirmed."""
     score = table["constant"] + float(np.dot(table["weights"], features(support)))
-    most = float(table["most"]) if support.left <= LEFT[1] else UNCOUNTED
+    most = float(table["most"]) if support.left <= NOISE_RATIOS[1] else UNCOUNTED
     return round(min(1.0 / (1.0 + math.exp(-score)), most), 3)
 
 

@@ -18,7 +18,7 @@ from comparison.regression import Structure
 
 KNOWN = 4.0
 """Deviations from zero that the amplitudes of both sides must have for their phases to be compared."""
-CLEARLY = 2.0
+SIGNIFICANT_STDS = 2.0
 """Deviations by which amplitude, or phase, must differ to be what changed."""
 
 
@@ -83,7 +83,7 @@ def _of_place(arm: Arm, added: Added, by: Array, spread: Array, judged: tuple[fl
     That which changed clearly carries the chance of both.
     """
     stds = np.sqrt(np.maximum(np.diag(spread), 0.0))
-    clear = np.abs(by) > CLEARLY * stds
+    clear = np.abs(by) > SIGNIFICANT_STDS * stds
     clear[int(np.argmax(np.abs(by) / np.maximum(stds, 1e-300)))] = True
     unit = "rad" if added.joint is None or arm.joints[added.joint - 1].revolute else "m"
     for k, parameter in enumerate(added.definition.parameters):
@@ -129,8 +129,8 @@ def _of_wave(
     phases = [solved(added.definition, added.held, one.tolist(), added.amplitude)["phase"] for one in (then, now)]
     turned = float(np.angle(np.exp(1j * (phases[1] - phases[0]))))
     phase_std = math.hypot(*(std / max(size, 1e-300) for std, size in zip(stds, sizes)))
-    by_phase = known and abs(turned) > CLEARLY * phase_std
-    by_size = not by_phase or abs(sizes[1] - sizes[0]) > CLEARLY * change_std
+    by_phase = known and abs(turned) > SIGNIFICANT_STDS * phase_std
+    by_size = not by_phase or abs(sizes[1] - sizes[0]) > SIGNIFICANT_STDS * change_std
     entry = f"{name}({cycles:.4g})"
     yield _change(
         _quantity(added, f"{entry}.amplitude", words, unit),

@@ -28,7 +28,7 @@ from comparison.joint_fit.hypotheses import Hypothesis
 from comparison.regression import Fitted, Rows, Structure
 from comparison.significance import moderate
 
-SHOWN = 1e-6
+RANK_TOLERANCE = 1e-6
 """Of a column's own size: combinations of a hypothesis that the two sides show."""
 LEAST_BLOCK = 0.1
 """s: shorter blocks of time cost more and say no more."""
@@ -175,7 +175,7 @@ def _without_own(rows: Rows, columns: Array, noise: Array) -> Array:
     x = np.asarray(columns * weight)
     if rows.own.shape[1]:
         u, size, _ = np.linalg.svd(rows.own * weight, full_matrices=False)
-        u = u[:, size > SHOWN * max(size[0], 1e-300)]
+        u = u[:, size > RANK_TOLERANCE * max(size[0], 1e-300)]
         x = x - u @ (u.T @ x)
     return x
 
@@ -185,7 +185,8 @@ def _values_of(parts: Sequence[tuple[Array, Array]], model: Array) -> Array:
     square, moment = sum(x.T @ x for x, _ in parts), sum(x.T @ y for x, y in parts)
     size = _sizes(np.diag(square))
     return np.asarray(
-        model + np.linalg.pinv(square / np.outer(size, size), rcond=SHOWN, hermitian=True) @ (moment / size) / size
+        model
+        + np.linalg.pinv(square / np.outer(size, size), rcond=RANK_TOLERANCE, hermitian=True) @ (moment / size) / size
     )
 
 
@@ -226,7 +227,11 @@ def tested(fit: JointRegression, every: Sequence[Hypothesis], chosen: Sequence[H
     """What each of ``every`` explains, conditional on those ``chosen``."""
     inverse, share, m = fit.information()
     known = np.concatenate([np.empty((len(m), 0)), *(one.directions for one in chosen)], axis=1) / fit.scale[:, None]
-    apart = np.linalg.pinv(known.T @ m @ known, hermitian=True, rcond=SHOWN) @ known.T if known.shape[1] else known.T
+    apart = (
+        np.linalg.pinv(known.T @ m @ known, hermitian=True, rcond=RANK_TOLERANCE) @ known.T
+        if known.shape[1]
+        else known.T
+    )
     after = fit.rows_after
     scores = fit.x[after].T @ fit.y[after]
     found = known @ (apart @ (scores - share @ (fit.x.T @ fit.y)))
@@ -246,7 +251,7 @@ def _shape(scores: Array, directions: Array, m: Array) -> tuple[Array, Array, Ar
     scores: (c,) of the side after, at the shared fit.
     """
     size, axes = np.linalg.eigh(directions.T @ m @ directions)
-    kept = size > SHOWN * max(float(np.sum(directions**2)), 1e-300) / len(size)
+    kept = size > RANK_TOLERANCE * max(float(np.sum(directions**2)), 1e-300) / len(size)
     along, size = directions @ axes[:, kept], size[kept]
     return along, size, along.T @ scores / size
 

@@ -13,7 +13,7 @@ import numpy as np
 from comparison.joint_fit.hypotheses import Hypothesis, chance
 from comparison.joint_fit.joint_regression import JointRegression, Tested, residuals_of, shared_values, tested
 
-CERTAIN = 1e-3
+SIGNIFICANT = 1e-3
 """Probability by chance, times the number of hypotheses, of a certain change; of one that explains more, its own."""
 SLACK, NEARLY = 3.0, 0.2
 """Deviations, and share of its change, by which a value that cannot be negative may seem so."""
@@ -36,14 +36,18 @@ def selected(fit: JointRegression, every: Sequence[Hypothesis], first: Sequence[
     surest: dict[int, float] = {}
     for _ in range(2 * MOST):
         rest = [one for one in every if all(one is not other for other in chosen)]
-        likely = [one for one in tested(fit, rest, chosen) if one.log_p < np.log(CERTAIN) and _is_possible(fit, one)]
-        certain = [one for one in likely if _is_certain(one, every)]
+        likely = [
+            one for one in tested(fit, rest, chosen) if one.log_p < np.log(SIGNIFICANT) and _is_possible(fit, one)
+        ]
+        certain = [one for one in likely if _is_significant(one, every)]
         if len(chosen) == MOST or not certain:
             break
         shown = max(certain, key=_akaike_gain)
         best = _explaining(fit, every, chosen, shown, likely).hypothesis
         surest[id(best)] = shown.log_p
-        chosen = [one.hypothesis for one in _conditional(fit, every, [*chosen, best]) if one.log_p < np.log(CERTAIN)]
+        chosen = [
+            one.hypothesis for one in _conditional(fit, every, [*chosen, best]) if one.log_p < np.log(SIGNIFICANT)
+        ]
     entered = _conditional(fit, every, chosen)
     return [replace(one, log_p=min(one.log_p, surest.get(id(one.hypothesis), 0.0))) for one in entered]
 
@@ -59,7 +63,7 @@ def with_one_mass(
     if len(found) < 2:
         return list(found)
     alone = [one for one in tested(fit, [*every, *points], []) if any(one.hypothesis is point for point in points)]
-    likely = [one for one in alone if chance(one.log_p, points) < np.log(CERTAIN)]
+    likely = [one for one in alone if chance(one.log_p, points) < np.log(SIGNIFICANT)]
     if not likely:
         return list(found)
     point = max(likely, key=_akaike_gain).hypothesis
@@ -113,7 +117,7 @@ def _explaining(
     for rival in sorted(rivals, key=_akaike_gain, reverse=True):
         given = [*chosen, rival.hypothesis]
         again = tested(fit, [one for one in every if all(one is not other for other in given)], given)
-        if not any(_is_certain(one, every) for one in again if one.hypothesis is shown.hypothesis):
+        if not any(_is_significant(one, every) for one in again if one.hypothesis is shown.hypothesis):
             return rival
     return shown
 
@@ -123,8 +127,8 @@ def _akaike_gain(one: Tested) -> float:
     return one.gain - 2 * one.hypothesis.directions.shape[1]
 
 
-def _is_certain(one: Tested, every: Sequence[Hypothesis]) -> bool:
-    return bool(chance(one.log_p, every) < np.log(CERTAIN))
+def _is_significant(one: Tested, every: Sequence[Hypothesis]) -> bool:
+    return bool(chance(one.log_p, every) < np.log(SIGNIFICANT))
 
 
 def _conditional(fit: JointRegression, every: Sequence[Hypothesis], chosen: Sequence[Hypothesis]) -> list[Tested]:

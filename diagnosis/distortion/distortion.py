@@ -32,7 +32,7 @@ from identification.selection import p_value
 
 ROUNDS = 3
 """In which a walk, free columns and what sampling hides are estimated in turns."""
-CERTAIN = 0.01
+SIGNIFICANT = 0.01
 """p-value of the gain of a walk, or of a share, below which it is significant.
 
 Like a cause, it must also explain more than ``LIMITS.min_gain``.
@@ -141,8 +141,8 @@ def distort(arm: Arm, name: str, runs: Sequence[Run], recordings: Sequence[Recor
 
     paths = paths_of(ratio, scale)
     shares = shares_of(paths, memory(steps, ratio))
-    significant = gains.sum() > enough and p_value(gains) < CERTAIN
-    if not significant and not any(one.p < CERTAIN and one.gain > enough for one in shares):
+    significant = gains.sum() > enough and p_value(gains) < SIGNIFICANT
+    if not significant and not any(one.p < SIGNIFICANT and one.gain > enough for one in shares):
         ratio, scale, shares = 0.0, likelihood(steps, 0.0)[1], ()
         paths = paths_of(ratio, scale)
     drive = arm.joints[joint - 1]
@@ -280,7 +280,7 @@ def sentence(result: Distortion) -> str:
         f"{result.parameter} would have to vary between {low:.4g} and {high:.4g}{unit} (the model has "
         f"{result.model:.4g})"
     )
-    real = [one for one in result.shares if one.p < CERTAIN and one.share > 0.1]
+    real = [one for one in result.shares if one.p < SIGNIFICANT and one.share > 0.1]
     if not real:
         return f"{first}; it correlates with none of {', '.join(one.against for one in result.shares)}."
     others = "".join(f", {one.against} {one.share:.0%}" for one in real[1:])

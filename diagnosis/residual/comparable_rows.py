@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from arm_io.types import Array
 from diagnosis.residual.run import Run
 
-CERTAIN = 3.0
+LARGEST_STD = 3.0
 """Std of a residual without any error, over the noise of the instruments, up to which a row is compared.
 
 It is larger near standstill, where stiction makes the current indeterminate.
@@ -17,7 +17,7 @@ It is larger near standstill, where stiction makes the current indeterminate.
 
 def comparable_rows(run: Run) -> NDArray[np.bool_]:
     """(m, n): rows of a run that are compared, per joint."""
-    rows: NDArray[np.bool_] = run.deviation < CERTAIN * run.instruments
+    rows: NDArray[np.bool_] = run.deviation < LARGEST_STD * run.instruments
     return rows
 
 

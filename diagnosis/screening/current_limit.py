@@ -51,7 +51,7 @@ MEMORY = 0.1
 """s after which the noise of a current says something new."""
 TOP, LEVELS = 0.9995, 25
 """Share of the rows below which levels are tried, and how many."""
-SMOOTHED, CERTAIN = 0.02, 0.15
+SMOOTHED, MOVING_SHARE = 0.02, 0.15
 """s over which an angle is smoothed before its speed, and share of the fastest below which friction is another:
 its hump is known least of all."""
 STANDS, STEPS = 0.1, 8.0
@@ -237,7 +237,7 @@ def _over_friction(
     y: list[Array] = []
     for r, value in zip(recordings, values):
         speed = np.gradient(ndimage.gaussian_filter1d(r.q[:, j], max(1.0, SMOOTHED / r.dt)), r.dt)
-        certain = np.abs(speed) > CERTAIN * np.quantile(np.abs(speed), 0.95)
+        certain = np.abs(speed) > MOVING_SHARE * np.quantile(np.abs(speed), 0.95)
         rows = pile.holds(value) & certain
         up, down = (of[rows] for of in total_at(arm.joints[j], np.abs(speed)))
         friction = np.where(speed[rows] > 0.0, up, -down) / arm.joints[j].drive_constant

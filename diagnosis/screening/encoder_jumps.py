@@ -188,7 +188,7 @@ def _steep(q: Array, t: Array) -> list[tuple[int, float]]:
     for row in steep[np.argsort(-np.abs(beyond[steep]), kind="stable")].tolist():
         if near < row < len(q) - 2 * near and all(abs(row - other) > near for other, _ in found):
             size = float(beyond[row])
-            if _beside(q, t, row, steep) > max(BESIDE * abs(size), USUAL_BESIDE * usual, 1.5 * step):
+            if _neighbouring(q, t, row, steep) > max(BESIDE * abs(size), USUAL_BESIDE * usual, 1.5 * step):
                 fastest = max(fastest, abs(size))
             else:
                 found.append((row, size))
@@ -196,7 +196,7 @@ def _steep(q: Array, t: Array) -> list[tuple[int, float]]:
     return [(row, size) for row, size in found if abs(size) >= JUMP_OVER_OTHERS * fastest]
 
 
-def _beside(q: Array, t: Array, row: int, steep: Rows) -> float:
+def _neighbouring(q: Array, t: Array, row: int, steep: Rows) -> float:
     """rad: by how much an angle (m,) turns more or less in the row before or after a row than its trend there says.
 
     The trend is a straight line through the speeds on either side from the third row on, without ``steep`` rows.

@@ -30,7 +30,7 @@ STANDS, SURE = 0.5, 5.0
 """Share of the amplitude of a line that it has while the arm stands, and std that it is then above the noise."""
 HANN_AMPLITUDE, HANN_PULSATION = 35 / 18, 28.1
 """Of a Hann window w over a duration of 1: int w^4 / (int w^2)^2, and int w^2 t^2 / (int w t^2)^2 about its middle."""
-BESIDE = (5.0, 7.0)
+NEIGHBOURHOOD = (5.0, 7.0)
 """Hz from the line, on either side, where the noise of its amplitude is taken."""
 
 
@@ -187,7 +187,7 @@ def _modulation(values: Array, t: Array, frequency: float) -> tuple[float, float
         turned = (values * np.exp(-2j * np.pi * at * t))[: count * rows].reshape(count, rows)
         return np.asarray(np.abs(np.mean(window * turned, axis=1)) ** 2)
 
-    noise = float(np.mean([powers(frequency + side * off) for off in BESIDE for side in (-1.0, 1.0)]))
+    noise = float(np.mean([powers(frequency + side * off) for off in NEIGHBOURHOOD for side in (-1.0, 1.0)]))
     seen = powers(frequency)
     mean = float(seen.mean()) - noise
     if mean <= 0.0:

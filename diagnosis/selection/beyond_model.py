@@ -25,7 +25,7 @@ from diagnosis.selection.regression import INDEPENDENT
 
 BEYOND_MODEL = 1e-3
 """Probability that an effect looks as it does while only the model is wrong, within what is known of it, at most."""
-SUREST = 1e-300
+SMALLEST_PROBABILITY = 1e-300
 """Probability below which numbers end."""
 
 
@@ -104,4 +104,4 @@ class Evidence:
 
 def in_deviations(chance: float) -> float:
     """Standard deviations of a normal quantity that is as far from zero with this probability."""
-    return float(stats.norm.isf(max(chance, SUREST) / 2))
+    return float(stats.norm.isf(max(chance, SMALLEST_PROBABILITY) / 2))

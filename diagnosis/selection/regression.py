@@ -19,7 +19,7 @@ from identification.selection import Score, Split, p_value, shift_p_value
 
 INDEPENDENT = 1e-3
 """Relative singular value of columns of unit length below which they are dependent: rounding and model errors."""
-CERTAIN = 1e-4
+SPARSE_P = 1e-4
 """p-value from blocks above which the instants of a sparse effect, or of a large one, are tested as well."""
 LARGE, LARGEST = 0.25, 1.0
 """Gain over the noise energy of a joint, for every coefficient and at most, from which an effect is large, in however
@@ -106,7 +106,7 @@ def chance(pair: Pair, c: Array, fall: Array, fitted: Fitted, held_out: Dataset,
     blocks = held_out.by_block(fall)
     p, gain = p_value(blocks), float(blocks.sum())
     large = min(LARGE * np.count_nonzero(c), LARGEST) * held_out.rows
-    if p > CERTAIN and gain > 0.0 and (sparse or gain > large):
+    if p > SPARSE_P and gain > 0.0 and (sparse or gain > large):
         predicted = pair.held_out.spread(c, len(held_out.y))
         p = min(p, shift_p_value(by_recording(predicted, held_out), by_recording(fitted.held_out, held_out)))
     return p

@@ -33,7 +33,7 @@ EFFECT = next(one.name for one in CATALOGUE.values() if one.delay is not None an
 """The one whose delay is all that it has."""
 LEAST = CATALOGUE[EFFECT].parameters[0].typical[0]
 """s: a shorter lag is not looked for."""
-CLEARLY = 4.0
+SIGNIFICANT_STDS = 4.0
 """Standard deviations from zero of a lag that stays, and without the joint that shows it most."""
 ALIKE, ALIKE_STD = 0.5, 2.5
 """Difference of the joint that shows the lag most from the others together, at most: a share of the lag, or standard
@@ -105,7 +105,7 @@ def _alike(lags: Array, std: Array) -> tuple[float, float] | None:
         return None
     most = int(np.argmax(np.abs(lags) / std))
     (mean, of_mean), (others, of_others) = _mean(lags, std), _mean(np.delete(lags, most), np.delete(std, most))
-    clear = abs(mean) > max(CLEARLY * of_mean, LEAST) and abs(others) > CLEARLY * of_others
+    clear = abs(mean) > max(SIGNIFICANT_STDS * of_mean, LEAST) and abs(others) > SIGNIFICANT_STDS * of_others
     alike = abs(lags[most] - others) < max(ALIKE * abs(mean), ALIKE_STD * np.hypot(std[most], of_others))
     return (mean, of_mean) if clear and alike else None
 

@@ -31,11 +31,11 @@ from identification.regression.conditional_friction import (
 from identification.regression.effect_columns import name_of
 from identification.regression.least_squares import Method
 
-CLEARLY = 3.0
+SIGNIFICANT_STDS = 3.0
 """Deviations from zero of a coefficient that stays."""
 TYPICAL_SHARE = 0.05
 """Of the transmitted torque: load friction that a motion must be able to show."""
-SHOWN = 0.01
+DETECTABLE = 0.01
 """Of a joint's friction: rms change by TYPICAL_SHARE that shows."""
 WARMING = 3.0
 """K between the coldest and the warmest of the fitted rows, at least."""
@@ -117,7 +117,7 @@ def _tried(found: Solution, arm: Arm) -> _Tried:
         seen, names = conditions_of(arm, problem.motions, j, reference), list[str]()
         load = np.concatenate([np.abs(one.load[mine]) for one, mine in zip(seen, certain)])
         if not any((j + 1, name) in present for name in LOAD):
-            if TYPICAL_SHARE * load.std() < SHOWN * sizes[j]:
+            if TYPICAL_SHARE * load.std() < DETECTABLE * sizes[j]:
                 unit = "N m" if arm.joints[j].revolute else "N"
                 why = f"its load varies by {load.std():.2g} {unit} (std) while it slides, which shows no dependence"
                 tried.refused.append(Dependence(joint=j + 1, on="load", stays=False, why=why))
@@ -180,7 +180,7 @@ def _justified(found: Solution, wider: Solution, tried: _Tried) -> tuple[list[Ef
 def _is_clear(term: EffectTerm, name: str, known: Mapping[str, tuple[float, float]]) -> bool:
     """Whether a coefficient was identified, is clearly not zero, and can have its sign."""
     value, std = known.get(name_of(term, name), (0.0, 1.0))
-    return abs(value) > CLEARLY * std and CATALOGUE[term.name].admits(name, value)
+    return abs(value) > SIGNIFICANT_STDS * std and CATALOGUE[term.name].admits(name, value)
 
 
 def _estimates(fit: Solution) -> dict[str, tuple[float, float]]:

@@ -29,7 +29,7 @@ from identification.regression.problem import Problem, prepare
 from identification.regression.uncertainty import uncertainty
 from identification.result import Identification
 
-SHOWN = 1e-2  # of a step's largest singular value, columns scaled: fainter directions are left to a later step
+RANK_TOLERANCE = 1e-2  # of a step's largest singular value, columns scaled: fainter directions are left to a later step
 
 
 def identify_in_sequence(
@@ -89,7 +89,7 @@ def next_step(known: Known, columns: Array, rows: Equations) -> tuple[Known, flo
     of columns W and directions S that it shows its estimate moves by -(W S)^+ W e, and e becomes (1 - S (W S)^+ W) e.
     """
     left, right = np.linalg.svd(np.linalg.qr(columns @ known.open, mode="r"))[1:]
-    count = int(np.sum(left > SHOWN * left.max(initial=0.0)))
+    count = int(np.sum(left > RANK_TOLERANCE * left.max(initial=0.0)))
     if not count:
         return known, float("nan")
     shown = known.open @ right[:count].T

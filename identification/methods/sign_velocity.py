@@ -35,7 +35,7 @@ from identification.regression.least_squares import Method
 from identification.regression.problem import Problem
 from identification.ripples.search import BY_CHANCE
 
-CLEARLY = 4.0
+SIGNIFICANT_STDS = 4.0
 """Standard deviations from zero of what a sharp sign has more, for it to be tried."""
 SHARPEST = 0.2
 """Of the model's velocity: a smaller one changes nothing at speeds at which a joint is known to slide."""
@@ -106,7 +106,7 @@ def sign_velocities_shown(found: Solution, given: Arm) -> dict[int, float]:
     shown: dict[int, float] = {}
     for j, one, of_one in zip(levels, share, std, strict=True):
         now, most = problem.arm.joints[j].sign_velocity, given.joints[j].sign_velocity
-        if now < most or (one > max(LEAST, CLEARLY * of_one) and of_one > 0.0):
+        if now < most or (one > max(LEAST, SIGNIFICANT_STDS * of_one) and of_one > 0.0):
             # of the tail w^2 / (2 v^2) a share s is missing: w^2 (1 - s) is left
             velocity = float(np.clip(now * np.sqrt(max(1.0 - one, 0.0)), SHARPEST * most, most))
             shown |= {j: velocity} if velocity < most else {}

@@ -19,7 +19,7 @@ from identification.preprocessing.signals import Motion
 MISSING = 0.5  # share of a channel's samples: more missing is no recording of that channel
 EXPLAINED = 0.7  # of the variation of a joint's torque: a model of the wrong joint explains less
 DEAD = 0.05  # of it: not even friction is seen
-SHOWN = 1e-6  # of the largest: combinations of a joint's columns that its rows show
+RANK_TOLERANCE = 1e-6  # of the largest: combinations of a joint's columns that its rows show
 MOVED = 20.0  # noise levels: less is no motion
 
 
@@ -147,7 +147,7 @@ def _explained_alone(columns: Array, torque: Array) -> float:
     """
     size = np.linalg.norm(columns, axis=0)
     scaled = columns[:, size > 0.0] / size[size > 0.0]
-    values, _, rank, _ = np.linalg.lstsq(scaled, torque, rcond=SHOWN)
+    values, _, rank, _ = np.linalg.lstsq(scaled, torque, rcond=RANK_TOLERANCE)
     if len(torque) < 2 * int(rank):
         return 0.0  # nothing can be said
     left = float(np.sum((torque - scaled @ values) ** 2)) / (len(torque) - int(rank))

@@ -15,7 +15,7 @@ from scipy import signal
 from arm_io.types import Array
 from arm_model.symbolic import Expr, Steps, Tape, steps_of
 
-BESIDE = 8
+SERIES_TOGETHER = 8
 """Series that are filtered side by side."""
 
 
@@ -42,7 +42,7 @@ def _both_ways(sections: Array, rows: Array) -> Array:
     """Series (n, m), filtered forwards and back; the states begin as if the first value had always been."""
     numbers, at_rest = np.delete(sections, 3, axis=1).ravel(), _states(sections.tobytes()).ravel()
     smooth = []
-    for beside in np.split(rows, range(BESIDE, len(rows), BESIDE)):
+    for beside in np.split(rows, range(SERIES_TOGETHER, len(rows), SERIES_TOGETHER)):
         cascade = _cascade(len(sections), len(beside))
         forwards = cascade(numbers, beside[:, :1] * at_rest, beside)
         smooth.append(cascade(numbers, forwards[:, -1:] * at_rest, forwards, backwards=True))

@@ -17,7 +17,7 @@ MOST = 10
 """Rows per setpoint; of more, the line that folds is far below those that are seen."""
 SECONDS = 5.0
 """s of a stretch, over which the clocks of rows and setpoints stay in phase."""
-BESIDE = (4.0, 14.0)
+NEIGHBOURHOOD = (4.0, 14.0)
 """Hz from a line: where the product has no line of the setpoints; the modulation by the acceleration is narrower."""
 CHANCE = 1e-8
 """Probability, per joint and number of rows, that noise has such a line."""
@@ -35,7 +35,7 @@ def rows_between_setpoints(ripple: Array, acceleration: Array, rate: float) -> i
     stretches = [np.nan_to_num(ripple[own] * _changing(acceleration[own])) for own in rows_of]
     length = EXACT * -(-max(map(len, stretches)) // EXACT)
     power = np.sum([np.abs(np.fft.rfft(stretch, length, axis=0)) ** 2 for stretch in stretches], axis=0)
-    near, far = (round(hertz * length / rate) for hertz in BESIDE)
+    near, far = (round(hertz * length / rate) for hertz in NEIGHBOURHOOD)
     for rows in range(MOST, 1, -1):
         line = length // rows
         beside = np.concatenate([power[max(line - far, 1) : max(line - near, 1)], power[line + near : line + far]])

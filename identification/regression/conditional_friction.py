@@ -72,7 +72,9 @@ def terms_for(
     found: list[EffectTerm] = []
     known: list[Array] = []
     for name in names:
-        best = min(_choices(name, speeds), key=lambda held: _left(problem, seen, name, held, known, basis, left))
+        best = min(
+            _choices(name, speeds), key=lambda held: _squared_residual(problem, seen, name, held, known, basis, left)
+        )
         known.append(_columns(problem, seen, name, best))
         coefficients = {p.name: 0.0 for p in CATALOGUE[name].linear}
         found.append(EffectTerm(name, j + 1, {**coefficients, **best}))
@@ -101,7 +103,7 @@ def _columns(problem: Problem, seen: Sequence[Conditions], name: str, held: Mapp
     return np.concatenate(parts)
 
 
-def _left(
+def _squared_residual(
     problem: Problem,
     seen: Sequence[Conditions],
     name: str,

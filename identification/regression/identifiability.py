@@ -21,9 +21,9 @@ from identification.regression.problem import Problem
 from identification.regression.uncertainty import Uncertainty
 from identification.result import Value, unit_of
 
-CERTAIN = 0.3
+IDENTIFIABLE = 0.3
 """Of the value, or of the size that such a parameter has: a larger standard deviation is not identifiable."""
-FELT = 0.02
+TRACE = 0.02
 """Of a joint's rms torque: more uncertainty than this is more than a trace."""
 LEAST = 0.1
 """Of the largest of its unit: the size of a parameter that the model has as nothing."""
@@ -56,8 +56,8 @@ def _estimated(problem: Problem, best: Fit, spread: Uncertainty) -> dict[int, Va
     found: dict[int, Value] = {}
     for k, row in enumerate(problem.excited):
         column, std = int(base.kept[row]), float(spread.std[k])
-        small = std <= CERTAIN * sizes[k] and not _matters(problem, column, std)
-        certain = std <= CERTAIN * abs(best.values[k]) or small
+        small = std <= IDENTIFIABLE * sizes[k] and not _matters(problem, column, std)
+        certain = std <= IDENTIFIABLE * abs(best.values[k]) or small
         why = "" if certain else f"known to {std:.2g} only: these runs excite it too little"
         found[int(row)] = Value(
             base.expression(int(row)),
@@ -78,7 +78,7 @@ def _matters(problem: Problem, column: int, std: float) -> bool:
     for j in np.unique(rows.joint):
         mine = rows.joint == j
         felt = std * float(np.sqrt(np.mean(rows.columns[mine, column] ** 2)))
-        if felt > FELT * float(np.sqrt(np.mean(rows.torque[mine] ** 2))):
+        if felt > TRACE * float(np.sqrt(np.mean(rows.torque[mine] ** 2))):
             return True
     return False
 

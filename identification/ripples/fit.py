@@ -19,9 +19,9 @@ from identification.selection.cluster_covariance import cluster_covariance
 
 STEPS = 4
 """Gauss-Newton steps of the orders."""
-CERTAIN = 2.0
+WHOLE_WITHIN = 2.0
 """Deviations of an order within which whole turns of a shaft are taken for it."""
-APART = 6.0
+UNAMBIGUOUS = 6.0
 """Deviations of an order that whole turns of a shaft must be apart, at least, for one of them to be meant."""
 
 
@@ -148,6 +148,6 @@ def named(fitted: Fitted, k: int, ratio: float, revolute: bool) -> Wave:
     shafts = [("motor", ratio), ("joint", 1.0)] if revolute else [("motor", ratio)]
     for name, turn in shafts:
         whole = float(np.rint(wave.order / turn)) * turn
-        if whole > 0.0 and abs(whole - wave.order) < CERTAIN * std and turn > APART * std:
+        if whole > 0.0 and abs(whole - wave.order) < WHOLE_WITHIN * std and turn > UNAMBIGUOUS * std:
             return Wave(whole, name)
     return wave

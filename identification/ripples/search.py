@@ -34,7 +34,7 @@ MOST = 8
 """Waves that are judged at a joint."""
 BY_CHANCE = 0.01
 """Probability, over all that was judged, that blocks of noise gain as much on held-out rows as a law that stays."""
-CLEARLY = 4.0
+SIGNIFICANT_STDS = 4.0
 """Deviations from zero of the torque of a ripple that stays."""
 MATTERS = 0.005
 """Of a joint's Coulomb friction: rms of what a ripple that stays explains, or another friction law, at least."""
@@ -133,7 +133,7 @@ class _Joint:
             if errors[1] >= errors[0]:
                 return said, False
             return f"{said}, as noise alone would gain in {100 * min(1.0, p * tests):.2g} % of cases", False
-        if torque < CLEARLY * np.sqrt(covariance[0, 0]):
+        if torque < SIGNIFICANT_STDS * np.sqrt(covariance[0, 0]):
             return f"its torque is not clearly above zero; {said}", False
         if torque / np.sqrt(2.0) < MATTERS * self.friction:
             return f"less than {MATTERS:.1%} of the joint's friction; {said}", False

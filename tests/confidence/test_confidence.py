@@ -13,7 +13,15 @@ from scipy.optimize import minimize
 from scipy.stats import binom
 
 from diagnosis.cause import MAX_CONFIDENCE, Cause, Estimate, Signal, Support
-from diagnosis.confidence import DETERMINED, LEFT, TABLE, UNCOUNTED, calibrated_confidence, support_of, with_confidence
+from diagnosis.confidence import (
+    DETERMINED,
+    NOISE_RATIOS,
+    TABLE,
+    UNCOUNTED,
+    calibrated_confidence,
+    support_of,
+    with_confidence,
+)
 from tests.confidence.bank import Key, Name, matched, puma_chosen, read, replaced, write
 from tests.confidence.cross_validation import (
     LEAST,
@@ -92,8 +100,8 @@ def test_every_feature_matters() -> None:
 
 def test_beyond_the_bank_nothing_is_counted() -> None:
     """EMPS leaves 47 times the noise; no case of the bank leaves more than five times."""
-    assert max(name.support.left for name in read()) < LEFT[1]
-    most = _support(gain=100.0, largest=100.0, determined=DETERMINED[1], left=LEFT[1])
+    assert max(name.support.left for name in read()) < NOISE_RATIOS[1]
+    most = _support(gain=100.0, largest=100.0, determined=DETERMINED[1], left=NOISE_RATIOS[1])
     assert calibrated_confidence(replace(most, left=47.0)) == UNCOUNTED < calibrated_confidence(most)
     assert calibrated_confidence(most) == calibrated_confidence(replace(most, determined=1e6))
 

@@ -70,8 +70,8 @@ def _joints_apart(side: Dataset) -> bool:
 
 SHARPEST, IMPOSSIBLE = 0.5, 2.0
 """Coefficients of ``free_columns``: 0.5 makes friction a step at rest, to first order; what is above 2 by more than
-SURE standard deviations is no smoothing, but a hump of friction, or another effect."""
-SURE = 5.0
+SMOOTHING_STDS standard deviations is no smoothing, but a hump of friction, or another effect."""
+SMOOTHING_STDS = 5.0
 
 
 def bounded(data: Split[Dataset], free: Sequence[Split[Columns]]) -> tuple[Split[Dataset], list[Split[Columns]]]:
@@ -83,7 +83,7 @@ def bounded(data: Split[Dataset], free: Sequence[Split[Columns]]) -> tuple[Split
     for pair in free:
         x, y = pair.fit.x[:, 0], data.fit.y[pair.fit.where]
         size = float(x @ x)
-        if size == 0.0 or (x @ y) / size - SURE / np.sqrt(size) < IMPOSSIBLE:
+        if size == 0.0 or (x @ y) / size - SMOOTHING_STDS / np.sqrt(size) < IMPOSSIBLE:
             kept.append(pair)
             continue
         fit, held_out = (

@@ -4,7 +4,7 @@ A model that was identified is known to a covariance (``arm_model.tables.uncerta
 with a Gaussian prior (``diagnosis.selection.beyond_model``): one direction per independent error, (currents per unit of
 the parameters) (root of their covariance). The covariance of an effect's coefficients has three parts: the noise,
 clustered by block (Liang & Zeger, 1986); the prior; and what the model left over on the recordings that it was
-identified from, of which any one effect may explain ``LOOKS_ALIKE``.
+identified from, of which any one effect may explain ``ALIASED_SHARE``.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from diagnosis.selection.beyond_model import Evidence
 from diagnosis.selection.design import Dataset, Pair
 from identification.selection import Split
 
-LOOKS_ALIKE = 0.1
+ALIASED_SHARE = 0.1
 """Share of what a model left over that any one effect may explain, though nothing changed."""
 
 
@@ -159,5 +159,5 @@ class Significance:
         parts, rows = np.split(own, [len(fit.y)]), fit.rows + held_out.rows
         for joint, left in enumerate(self._known.left_over.tolist(), 1):
             at = [part[side.of(joint)] for part, side in zip(parts, self._data)]
-            total += LOOKS_ALIKE * rows * left / (1.0 + left) * sum(one.T @ one for one in at)
+            total += ALIASED_SHARE * rows * left / (1.0 + left) * sum(one.T @ one for one in at)
         return total

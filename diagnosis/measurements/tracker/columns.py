@@ -31,7 +31,7 @@ ANYWHERE = 10.0
 """Prior std of the frame of a tracker whose pose, or of a target whose position, no rig file gives."""
 BY_CHANCE = 0.01
 """Probability by which, with nothing wrong, the points deny what a model says of its geometry in any direction."""
-SEEN = 0.5
+INFORMATIVE = 0.5
 """Of the prior variance: what points must leave of it at most to say something of a direction."""
 BOUND = 2.5
 """Prior std beyond which frame and target are kept at their values: the error has another cause."""
@@ -255,7 +255,7 @@ def _beyond_known(parameters: Parameters, estimate: Fit) -> Array:
     inverse = np.linalg.inv(parameters.prior_root()) / parameters.scale[parameters.free]
     unit = inverse @ (estimate.values - parameters.chain.values)[parameters.free]
     left, axes = np.linalg.eigh(inverse @ estimate.covariance[:count, :count] @ inverse.T)
-    seen = left < SEEN
+    seen = left < INFORMATIVE
     off = np.abs(axes[:, seen].T @ unit) / np.sqrt(1.0 - left[seen])
     return np.asarray(axes[:, seen][:, off > stats.norm.isf(BY_CHANCE / 2 / max(count, 1))])
 

@@ -46,7 +46,7 @@ LEAST_STD = 0.1
 """Rows: least standard deviation of the number that a jump shows."""
 SKEW = 0.01
 """s by which the currents may be early or late throughout."""
-BESIDE = 30
+NEIGHBOURS = 30
 """Rows beside a gap that a parabola is fitted to."""
 BETTER = 0.9
 """Squared residual with lost rows over that with missed counts, above which nothing decides for lost rows."""
@@ -233,7 +233,7 @@ def _restored(q: Array, gaps: Sequence[tuple[int, int]]) -> Array:
     filled[known] = q
     for (row, count), shift in zip(gaps, shifts):
         start = row + int(shift)
-        slopes = [_slope(q[max(row - BESIDE, 0) : row])[-1], _slope(q[row : row + BESIDE])[0]]
+        slopes = [_slope(q[max(row - NEIGHBOURS, 0) : row])[-1], _slope(q[row : row + NEIGHBOURS])[0]]
         ends = (start - 1, start + count)
         filled[start : start + count] = CubicHermiteSpline(ends, (q[row - 1], q[row]), slopes)(
             np.arange(start, start + count)

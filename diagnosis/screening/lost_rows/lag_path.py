@@ -38,13 +38,13 @@ WORSE = 0.05
 """Of that part, how much worse one joint may become."""
 EMERGED = 4.0
 """Ratio of the squared errors after and before, as lags in s2, both at the lag before: other errors do not emerge."""
-LEFT = 0.6
+REMAINING = 0.6
 """Share of its squared error that may be left of a part after the change: other errors follow a lag a little, too."""
 MOST = 0.6
 """Share of a piece's rows that must lie within the recording at a lag."""
 QUIET = 0.05
 """Mean square rate of a current in a piece, in that of the recording, below which the piece tells no lag."""
-SEEN = 3.0
+SMALLEST_RESIDUAL = 3.0
 """Whitened residual, rms of the worst piece, below which no change of lag is looked for."""
 
 
@@ -119,7 +119,7 @@ def _agreed(without: Array, with_it: Array) -> bool:
     """
     fall = without - with_it
     others = _of_others(fall)
-    explained = float(np.sum(with_it)) < LEFT * float(np.sum(without))
+    explained = float(np.sum(with_it)) < REMAINING * float(np.sum(without))
     return others > OTHERS and float(fall.min()) > -WORSE * others and explained
 
 
@@ -144,7 +144,7 @@ def _moving(run: Run, pieces: Index) -> NDArray[np.bool_]:
 
 def _worth_looking(run: Run, pieces: Index) -> bool:
     whitened = np.add.reduceat(run.whitened[: pieces[-1] + PIECE] ** 2, pieces, axis=0) / PIECE
-    return bool(np.sqrt(whitened.max()) > SEEN)
+    return bool(np.sqrt(whitened.max()) > SMALLEST_RESIDUAL)
 
 
 def _errors(run: Run, pieces: Index, longest: int) -> Array:

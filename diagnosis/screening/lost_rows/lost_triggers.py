@@ -24,9 +24,9 @@ from diagnosis.screening.lost_rows.lag_path import Step, instant, lag_steps, put
 from diagnosis.screening.lost_rows.unmeasured_rows import SMEARED, without_weight
 from diagnosis.units import recorded_signals
 
-SURE = 7.0
+SIGNIFICANT_STDS = 7.0
 """Std of a short change that it must exceed: it is the largest of all instants, in data with other errors."""
-LIKELY = 3.0
+CANDIDATE_STDS = 3.0
 """Std of it before the currents are put back: of more than some 10 ms, the first-order effect shows every joint another
 part, by how abruptly its current changes, and the joints agree only once they are put back."""
 REFINEMENTS, SETTLED = 8, 0.1
@@ -105,7 +105,7 @@ def _refined(run: Run, change: Change) -> Change:
 
 def _short(index: int, run: Run, change: Change, period: float) -> list[DroppedTriggers]:
     """A change of a few rows; nothing where it is not a whole number of them."""
-    if abs(change.step) < SURE * change.std or change.std > WHOLE * period:
+    if abs(change.step) < SIGNIFICANT_STDS * change.std or change.std > WHOLE * period:
         return []
     rows = -change.step / period
     count = round(rows)
@@ -164,7 +164,7 @@ def _aligned(run: Run, steps: Sequence[Step]) -> tuple[Run, list[float]]:
 def _splits(run: Run) -> list[float]:
     """Times of the changes of lag, s: the most certain one, and those of the parts before and after it."""
     change = change_of_lag(run) if len(run.t) else None
-    if change is None or abs(change.step) < LIKELY * change.std or not _sure(run, change):
+    if change is None or abs(change.step) < CANDIDATE_STDS * change.std or not _sure(run, change):
         return []
     before, after = part_of(run, -np.inf, change.time), part_of(run, change.time, np.inf)
     return [*_splits(before), change.time, *_splits(after)]
@@ -172,8 +172,8 @@ def _splits(run: Run) -> list[float]:
 
 def _sure(run: Run, change: Change) -> bool:
     """Whether a change is certain, at first sight or with the currents put back."""
-    refined = change if abs(change.step) > SURE * change.std else _refined(run, change)
-    return abs(refined.step) > SURE * refined.std
+    refined = change if abs(change.step) > SIGNIFICANT_STDS * change.std else _refined(run, change)
+    return abs(refined.step) > SIGNIFICANT_STDS * refined.std
 
 
 def event_of(losses: Sequence[DroppedTriggers], runs: Sequence[Run]) -> Event:

@@ -30,7 +30,7 @@ _SCALE = 0.5
 """Prior standard deviation of an entry about its starting value."""
 _SMALLER = 0.9
 """Error after one more entry over that before, for the entry to stay in the search."""
-_AS_WELL = 1.1
+_COMPARABLE = 1.1
 """Error of a simpler matrix over that of the best, for the simpler one to be taken."""
 _LEAST = 0.02
 """Smallest entry that is a coupling; less is an error of one (effects ``transmission_coupling``, ``encoder_scale``)."""
@@ -165,7 +165,7 @@ def _without_superfluous(search: _Search, best: _Tried) -> _Tried:
         matrix[entry] = float(entry[0] == entry[1])
         simpler = search.fitted(matrix, rest, rest)
         small = abs(best.matrix[entry] - matrix[entry]) < _LEAST
-        if small or simpler.error <= _AS_WELL * best.error:
+        if small or simpler.error <= _COMPARABLE * best.error:
             best = simpler
     return best
 
@@ -181,7 +181,7 @@ def _with_integers(search: _Search, best: _Tried) -> Coupled:
         matrix[entry] = nearest
         whole = search.fitted(matrix, best.entries, rest)
         left_to_effects = distance < _LEAST and whole.error < _EFFECTS
-        if left_to_effects or whole.error <= _AS_WELL * best.error:
+        if left_to_effects or whole.error <= _COMPARABLE * best.error:
             best, free = whole, rest
     return Coupled(best.matrix, best.entries, tuple(free))
 

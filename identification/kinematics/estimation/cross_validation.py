@@ -40,7 +40,7 @@ LIMITS = ExtensionLimits(
 
 _EQUAL = 1e-5
 """Relative difference of errors within which the candidate that the catalogue has first is taken."""
-_ALIKE = 0.95
+_ALIASED = 0.95
 """Share of the best candidate's gain that makes another one indistinguishable."""
 
 
@@ -132,7 +132,7 @@ class LeftOutPoints(MeasurementModel[Extension, Chosen]):
         least = min(trial.after for _, trial in scores)
         equal = [one for one in scores if one[1].after <= least * (1.0 + _EQUAL)]
         best, trial = equal[0]
-        alike = [t.extension for s, t in scores if s is not best and s.gain >= _ALIKE * best.gain]
+        alike = [t.extension for s, t in scores if s is not best and s.gain >= _ALIASED * best.gain]
         trial = replace(trial, alike=tuple(alike))
         self.trials.append(trial)
         self.report(f"{trial.extension}: {1e3 * trial.before:.4f} -> {1e3 * trial.after:.4f} mm on unseen points")
