@@ -13,7 +13,7 @@ import pytest
 
 import armscope
 from arm_model import Arm, EffectTerm
-from diagnosis.per_recording.search import _exist
+from diagnosis.per_recording.search import _all_exist
 from diagnosis.remainder.against_noise import runs_of
 from diagnosis.residual.run import with_free
 from tests.diagnosis import two_link
@@ -185,4 +185,4 @@ def test_values_of_one_recording_that_no_arm_has_end_the_search(arm: Arm, second
     """The random arm 30357 was refused: "payload makes the arm impossible"."""
     several = [EffectTerm("payload", None, {"mass": m, "x": 0.1, "y": 0.0, "z": 0.0}) for m in (1.0, second)]
     state, own = SimpleNamespace(model=SimpleNamespace(arm=arm)), SimpleNamespace(terms=several)
-    assert _exist([own], state) == exists  # type: ignore[list-item, arg-type]
+    assert _all_exist([own], state) == exists  # type: ignore[list-item, arg-type]

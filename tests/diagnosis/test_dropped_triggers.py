@@ -20,7 +20,7 @@ from diagnosis.residual.run import Run
 from diagnosis.screening.lost_rows.lag_change import _change, change_of_lag
 from diagnosis.screening.lost_rows.lag_path import Step, _changes, in_order
 from diagnosis.screening.lost_rows.lost_triggers import (
-    SURE,
+    SIGNIFICANT_STDS,
     DroppedTriggers,
     dropped_triggers,
     event_of,
@@ -203,7 +203,7 @@ def test_joints_that_show_another_part_of_a_lag_agree_once_it_is_put_back(root: 
     """Friction turns abruptly: of 12 ms, the first-order effect shows 11 ms at one joint and 6 at the other."""
     run = _of_two_links(root, 3, coulomb=4.0)
     first = change_of_lag(run)
-    assert first is not None and abs(first.step) < SURE * first.std
+    assert first is not None and abs(first.step) < SIGNIFICANT_STDS * first.std
     (loss,) = dropped_triggers([run], [0.004])
     assert loss.count == 3
     assert abs(loss.row - 1468) < 3 * loss.row_std
