@@ -67,14 +67,13 @@ def terms_for(
     """
     j = seen[0].joint
     mine = problem.rows.joint == j
-    columns, left = problem.rows.columns[np.ix_(mine, problem.columns)], residual[mine]
+    columns, own = problem.rows.columns[np.ix_(mine, problem.columns)], residual[mine]
     basis = np.linalg.qr(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300))[0]
     found: list[EffectTerm] = []
     known: list[Array] = []
     for name in names:
-        best = min(
-            _choices(name, speeds), key=lambda held: _squared_residual(problem, seen, name, held, known, basis, left)
-        )
+        tried = [(held, [*known, _columns(problem, seen, name, held)]) for held in _choices(name, speeds)]
+        best = min(tried, key=lambda one: _squared_residual(np.concatenate(one[1], axis=1), basis, own))[0]
         known.append(_columns(problem, seen, name, best))
         coefficients = {p.name: 0.0 for p in CATALOGUE[name].linear}
         found.append(EffectTerm(name, j + 1, {**coefficients, **best}))
@@ -103,20 +102,10 @@ def _columns(problem: Problem, seen: Sequence[Conditions], name: str, held: Mapp
     return np.concatenate(parts)
 
 
-def _squared_residual(
-    problem: Problem,
-    seen: Sequence[Conditions],
-    name: str,
-    held: Mapping[str, float],
-    known: Sequence[Array],
-    basis: Array,
-    residual: Array,
-) -> float:
-    """Sum of squares that an effect leaves of a joint's residual, beside the arm's own columns and ``known`` ones."""
-    columns = np.concatenate([*known, _columns(problem, seen, name, held)], axis=1)
-    own = columns - basis @ (basis.T @ columns)
-    left = residual - basis @ (basis.T @ residual)
-    return float(np.sum((left - own @ np.linalg.lstsq(own, left, rcond=1e-10)[0]) ** 2))
+def _squared_residual(columns: Array, basis: Array, residual: Array) -> float:
+    """Sum of squares that ``columns`` (rows, k) leave of a residual, conditional on the arm's own (``basis``)."""
+    x, y = columns - basis @ (basis.T @ columns), residual - basis @ (basis.T @ residual)
+    return float(np.sum((y - x @ np.linalg.lstsq(x, y, rcond=1e-10)[0]) ** 2))
 
 
 def with_terms(problem: Problem, near: Arm, terms: Sequence[EffectTerm], references: Mapping[int, float]) -> Problem:

@@ -32,7 +32,7 @@ def effect_parameters(arm: Arm) -> list[str]:
     """Names (``arm_model.parameters``) of the linear effect parameters of the model that torques can show."""
     names: list[str] = []
     for term in arm.effects:
-        if felt(CATALOGUE[term.name]):
+        if is_instantaneous(CATALOGUE[term.name]):
             linear = {p.name for p in CATALOGUE[term.name].linear}
             names += [name_of(term, given) for given in term.parameters if given in linear]
     return list(dict.fromkeys(names))
@@ -44,7 +44,7 @@ def name_of(term: EffectTerm, entry: str) -> str:
     return f"{head}{term.name}.{entry}"
 
 
-def felt(effect: Effect) -> bool:
+def is_instantaneous(effect: Effect) -> bool:
     """Whether the recorded current follows the effect row by row.
 
     No springs, no bristles, nothing of the tracker alone.

@@ -77,8 +77,8 @@ def _matters(problem: Problem, column: int, std: float) -> bool:
     rows = problem.rows
     for j in np.unique(rows.joint):
         mine = rows.joint == j
-        felt = std * float(np.sqrt(np.mean(rows.columns[mine, column] ** 2)))
-        if felt > TRACE * float(np.sqrt(np.mean(rows.torque[mine] ** 2))):
+        torque_std = std * float(np.sqrt(np.mean(rows.columns[mine, column] ** 2)))
+        if torque_std > TRACE * float(np.sqrt(np.mean(rows.torque[mine] ** 2))):
             return True
     return False
 

@@ -124,13 +124,13 @@ def joint_triangles(columns: Array, y: Array, joint: Joints) -> Triangles:
         # Together, as they are in one run, they need no copy.
         here = slice(index[0], index[-1] + 1) if index[-1] - index[0] < len(index) else index
         mine = columns[here]
-        felt = np.flatnonzero(mine.any(axis=0))
-        both = np.empty((len(mine), len(felt) + 1), order="F")  # as LAPACK needs it
-        both[:, :-1], both[:, -1] = mine[:, felt], y[here]
-        if len(both) > len(felt):
+        shown = np.flatnonzero(mine.any(axis=0))
+        both = np.empty((len(mine), len(shown) + 1), order="F")  # as LAPACK needs it
+        both[:, :-1], both[:, -1] = mine[:, shown], y[here]
+        if len(both) > len(shown):
             both = triangle_of(both, overwrite=True)
         part = np.zeros((len(both), columns.shape[1] + 1))
-        part[:, felt], part[:, -1] = both[:, :-1], both[:, -1]
+        part[:, shown], part[:, -1] = both[:, :-1], both[:, -1]
         parts.append(part)
     return Triangles(present, count[present], parts)
 
