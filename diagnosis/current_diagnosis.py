@@ -31,6 +31,8 @@ class CurrentDiagnosis:
                   the gaps of the selection. ``arm`` has both
     undetermined  joints that show friction near rest whose size the recordings do not determine
     shortage      what the held-out recordings are too short for
+    held          delays of the currents that are how rows show what servos hold: part of the selection, and no causes
+                  (``diagnosis.verification.held_currents``)
     per_recording causes whose values differ between recordings; the runs have them, ``base`` has not
     """
 
@@ -46,6 +48,7 @@ class CurrentDiagnosis:
     near_rest: tuple[Cause, ...] = ()
     transmissions: tuple[Cause, ...] = ()
     undetermined: tuple[Structure, ...] = ()
+    held: tuple[Cause, ...] = ()
     per_recording: tuple[Cause, ...] = ()
 
     @property

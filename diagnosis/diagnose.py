@@ -39,12 +39,13 @@ from diagnosis.residual.other_effects import with_own
 from diagnosis.residual.warmth import reference_taken, with_needed_reference, with_reference
 from diagnosis.result import Diagnosis
 from diagnosis.screening.cleaned import Screened, screened
-from diagnosis.screening.even_rows import even, even_samples, grid_of, known_noise
+from diagnosis.screening.even_rows import even, even_samples, known_noise
 from diagnosis.screening.event import Event
 from diagnosis.screening.lost_rows.blank_samples import without_blanks
 from diagnosis.screening.plausibility import check, check_motion, mixed_up
 from diagnosis.unexplained import undetectable, unexplained_of_currents, unexplained_structure
 from diagnosis.units import recorded_signals
+from diagnosis.verification.held_currents import remarks_on
 from diagnosis.verification.idle_limits import idle_limits
 from diagnosis.verification.not_simulated import not_simulated
 from diagnosis.verification.replaced_values import friction_replaced, smoothing_replaced
@@ -97,6 +98,7 @@ def diagnose(
             *cleaned.remarks,
             *_warnings(model, instruments, currents),
             *_replaced(as_found, extended),
+            *remarks_on(currents.held, arm),
         ),
     )
 
@@ -124,7 +126,7 @@ def on_uniform_grid(recordings: Recordings, cleaned: Screened) -> tuple[Recordin
     """Both with equally spaced rows, as filters and differences take them."""
     fit, held_out = even(recordings.fit), even(recordings.held_out)
     samples = [even_samples(one) for one in cleaned.samples]
-    known = [known_noise(q, grid_of(t), one) for (t, q, _), one in zip(cleaned.samples, cleaned.known)]
+    known = [known_noise(t, q, one) for (t, q, _), one in zip(cleaned.samples, cleaned.known)]
     on_grids = replace(cleaned, recordings=(*fit, *held_out), samples=samples, known=known)
     return Split(fit, held_out, recordings.two_fold), on_grids
 

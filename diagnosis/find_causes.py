@@ -22,7 +22,7 @@ from diagnosis.measurements.currents.model import Currents
 from diagnosis.measurements.currents.model_errors import model_uncertainty
 from diagnosis.measurements.currents.shortage import shortage
 from diagnosis.measurements.near_rest.time_at_rest import with_rise_at_rest
-from diagnosis.measurements.single_axis.causes import axis_side
+from diagnosis.measurements.single_axis.causes import AxisSide, axis_side, load_changes
 from diagnosis.outside_selection import friction_near_rest, gaps, resonance_in_loop, rows_lost_in_loop
 from diagnosis.per_recording.search import per_recording
 from diagnosis.per_recording.values import cause_of
@@ -36,6 +36,7 @@ from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Dataset
 from diagnosis.selection.harmonics import with_harmonics
 from diagnosis.selection.ripple_orders import of_shafts, order_of
+from diagnosis.verification.held_currents import as_held
 from diagnosis.verification.smoothing_velocity import other_smoothing
 from diagnosis.verification.tenable import tenable_causes
 from identification.selection import Split
@@ -83,6 +84,8 @@ def find_causes(
         progress=progress,
     )
     currents = _repeated_search(search)
+    held = as_held(currents.causes, [run for part in currents.state.data for run in part.runs])
+    currents = replace(currents, held=tuple(held), causes=[cause for cause in currents.causes if cause not in held])
     if currents.axis or currents.arm.uncertainty is not None:
         return currents
     state = currents.state
@@ -149,6 +152,23 @@ def _with_confirmed_triggers(search: Search) -> CurrentDiagnosis:
 
 def _searched(search: Search, residuals: Residuals) -> CurrentDiagnosis:
     """Names causes in the residuals of the recordings, those held out last."""
+    arm, first, parts = search.arm, len(search.recordings.fit), search.recordings.two_fold
+    warm = [run.arm.temperatures for run in residuals.runs]
+    axis = axis_side(arm, (residuals.samples[:first], residuals.samples[first:]), two_fold=parts, temperatures=warm)
+    by_axis = None if axis is None else _beside(search, residuals, axis)
+    # the effects of an axis at its full rate know neither of bodies nor of what sampling folds
+    wider = any(load_changes(run) or run.folded.any() for run in residuals.runs)
+    if by_axis is not None and not (wider or by_axis.selection.unexplained.structures):
+        return by_axis
+    by_arm = _beside(search, residuals, None)
+    if by_axis is None or (wider and not by_arm.selection.unexplained.structures):
+        return by_arm
+    left = [one.state.energy.held_out for one in (by_axis, by_arm)]
+    return by_axis if left[0] <= left[1] else by_arm
+
+
+def _beside(search: Search, residuals: Residuals, axis: AxisSide | None) -> CurrentDiagnosis:
+    """What the search names beside the causes of a single axis; None: it is searched as arms are."""
     arm, recordings, excluded, progress = search.arm, search.recordings, search.excluded, search.progress
     first, parts = len(recordings.fit), recordings.two_fold
     progress("computing the columns of every effect")
@@ -156,8 +176,6 @@ def _searched(search: Search, residuals: Residuals) -> CurrentDiagnosis:
     ripples = tuple(c for c in every if order_of(c) is not None)
     runs, data = residuals.runs, _datasets(residuals.runs, first, parts)
     library = Library((c for c in every if order_of(c) is None), data)
-    warm = [run.arm.temperatures for run in residuals.runs]
-    axis = axis_side(arm, (residuals.samples[:first], residuals.samples[first:]), two_fold=parts, temperatures=warm)
     of_axis, base = [from_axis(cause, arm) for cause in axis.causes] if axis else [], arm
     if axis and of_axis:
         # the search continues in their residual

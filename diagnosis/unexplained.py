@@ -77,7 +77,13 @@ def _in_loop(
 
 def undetectable(instruments: OtherInstruments, currents: CurrentDiagnosis) -> list[Undetectable]:
     """Effects that these recordings could not show."""
-    told = [*currents.causes, *currents.per_recording, *instruments.known, *currents.outside_selection]
+    told = [
+        *currents.causes,
+        *currents.held,
+        *currents.per_recording,
+        *instruments.known,
+        *currents.outside_selection,
+    ]
     shown = {cause.key for cause in told} | instruments.tracked.shown
     of_currents = undetectable_by_currents(
         currents.library, currents.ripples, currents.state.data.held_out, shown, currents.arm

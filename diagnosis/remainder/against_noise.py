@@ -16,7 +16,7 @@ from diagnosis.residual.generation import residual_run
 from diagnosis.residual.noise.channels import KnownNoise, still_noise
 from diagnosis.residual.run import Run
 from diagnosis.residual.run_setup import known_setpoints, set_up, setup_of
-from diagnosis.screening.even_rows import even_samples, grid_of, known_noise
+from diagnosis.screening.even_rows import even_samples, known_noise
 from diagnosis.screening.lost_rows.blank_samples import blanks_of, unweighted, without_blanks
 from diagnosis.screening.lost_rows.skipped_rows import filled, holes_of, without_skipped
 from diagnosis.screening.plausibility import check
@@ -44,8 +44,11 @@ def runs_of(arm: Arm, recordings: Sequence[Recording], others: Sequence[Recordin
         holes = holes_of(recording.t)
         r = filled(recording, holes)
         setup, samples = setup_of(r), even_samples((r.t, r.q, r.i))
-        powered, noise = not setup.drives_off, KnownNoise(still=still, setpoints=known_setpoints(arm, r))
-        known = known_noise(r.q, grid_of(r.t), noise)
+        powered, noise = (
+            not setup.drives_off,
+            KnownNoise(still=still, setpoints=known_setpoints(arm, r), demands=r.qref),
+        )
+        known = known_noise(r.t, r.q, noise)
         run = residual_run(r.path.name, set_up(arm, r), *samples, powered=powered, known=known)
         runs.append(unweighted(without_skipped(run, holes), none))
     return runs

@@ -72,7 +72,7 @@ def residual_run(
     )
     folded, rippled = np.zeros_like(slow_v), np.zeros((*slow_v.shape, DIRECTIONS))
     if powered and instruments.setpoints.period:
-        samples, of_rig = (t, angle, i), (instruments.noise, keep, instruments.setpoints)
+        samples, of_rig = (t, angle, i), (instruments.noise, keep, instruments.setpoints, known.demands)
         folded, rippled = folded_onto(arm, samples, brisk[2], *of_rig), ripple_beside(arm, samples, *of_rig)
     rows = t[keep]
     return Run(

@@ -31,18 +31,20 @@ DIRECTIONS = 6
 """Of lines beside 0 Hz: a cosine and a sine of each of three."""
 
 
-def folded_onto(arm: Arm, samples: Samples, a: Array, noise: Array, kept: slice, setpoints: Setpoints) -> Array:
+def folded_onto(
+    arm: Arm, samples: Samples, a: Array, noise: Array, kept: slice, setpoints: Setpoints, demands: Array | None = None
+) -> Array:
     """(m, n) A: one std of what sampling may have put into currents unseen, of joints where that matters.
 
     samples: t (k,) s, q (k, n) rad, i (k, n) A; a: (m, n) the acceleration in the band of comparison; kept: the rows m
-    of the k. Of one row or two per known setpoint, it is all of the acceleration times 1 kg m2 (kg). A high line is far
-    below what those that are seen allow.
+    of the k; demands (k, n) rad, as far ahead of the motion as what folds; None: not known. Of one row or two per known
+    setpoint, it is all of the acceleration times 1 kg m2 (kg). A high line is far below what those that are seen allow.
     """
     (t, q, i), constant = samples, arm.joint_array("drive_constant")
     rate = rate_of(t)
     if unbounded(setpoints, rate):
         return a / constant
-    torque = folded_along(t, q, i * constant, setpoints)
+    torque = folded_along(t, q, i * constant, setpoints, demands)
     if torque is None:
         return np.zeros_like(a)
     folded = torque[kept] / constant
@@ -50,7 +52,9 @@ def folded_onto(arm: Arm, samples: Samples, a: Array, noise: Array, kept: slice,
     return np.asarray(folded * (low | (np.sqrt(np.mean(folded**2, axis=0)) > FOLDED * noise)))
 
 
-def ripple_beside(arm: Arm, samples: Samples, noise: Array, kept: slice, setpoints: Setpoints) -> Array:
+def ripple_beside(
+    arm: Arm, samples: Samples, noise: Array, kept: slice, setpoints: Setpoints, demands: Array | None = None
+) -> Array:
     """(m, n, DIRECTIONS) A: one std of lines of the setpoints that are seen beside 0 Hz.
 
     Arguments as of ``folded_onto``.
@@ -58,7 +62,7 @@ def ripple_beside(arm: Arm, samples: Samples, noise: Array, kept: slice, setpoin
     (t, q, i), constant = samples, arm.joint_array("drive_constant")
     rate = rate_of(t)
     columns = np.zeros((len(t[kept]), len(arm), DIRECTIONS))
-    for k, (hz, torque) in enumerate(lines_beside_zero(t, q, i * constant, setpoints)):
+    for k, (hz, torque) in enumerate(lines_beside_zero(t, q, i * constant, setpoints, demands)):
         angle = 2 * np.pi * hz * (t - t[0])[:, None]
         for part, wave in enumerate((np.cos(angle), np.sin(angle))):
             one = low_pass(wave * torque / constant, COMPARE_BAND, rate)[kept]

@@ -70,7 +70,7 @@ def screened(arm: Arm, recordings: Sequence[Recording], progress: Progress = lam
     still, oscillating = still_noise(powered), oscillations(powered)
     for one in oscillating:
         still[one.joint - 1] = 0.0  # not known: what oscillates is no noise
-    known = [KnownNoise(still=still, setpoints=known_setpoints(arm, r)) for r in recordings]
+    known = [KnownNoise(still=still, setpoints=known_setpoints(arm, r), demands=r.qref) for r in recordings]
     missing = missing_rows(recordings)
     of_all = [event_of_missing(missing, recordings)] if any(missing) else []
     by_all = [gaps_of(instants, r.joints, r.dt) for r, instants in zip(recordings, missing)]

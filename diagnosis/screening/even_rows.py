@@ -50,12 +50,17 @@ def even_samples(samples: Samples) -> Samples:
     return grid, on_grid(t, q, grid, dt)[0], on_grid(t, i, grid, dt)[0]
 
 
-def known_noise(q: Array, grid: Array | None, known: KnownNoise) -> KnownNoise:
-    """What is known of noise, with the steps of the angles q (n, J) as recorded if they are put onto a grid.
+def known_noise(t: Array, q: Array, known: KnownNoise) -> KnownNoise:
+    """What is known of noise, with the steps of the angles q (n, J) as recorded at t (n,) s if a grid takes them.
 
     There they show no more; an encoder whose angles lie on no lattice has steps of 0.
     """
-    return known if grid is None else replace(known, steps=np.array([encoder_step(column) for column in q.T]))
+    grid, demands = grid_of(t), known.demands
+    if grid is None:
+        return known
+    if demands is not None:
+        demands = np.stack([np.interp(grid, t, column) for column in demands.T], axis=1)
+    return replace(known, steps=np.array([encoder_step(column) for column in q.T]), demands=demands)
 
 
 def even(recordings: Sequence[Recording]) -> list[Recording]:

@@ -38,6 +38,10 @@ AWAY = 0.4
 """Of the setpoints' rate: the distance of a good sampling rate from its multiples."""
 STANDS = 0.1
 """Of a joint's rms acceleration: a stretch with less shows no ripple that it causes."""
+FOLLOWS = np.log(2.0)
+"""Of the ratio of both accelerations, as a logarithm: a joint that moves otherwise than its demands say has others."""
+LEADS = tuple(np.arange(0.0, 0.042, 0.004).tolist())
+"""s by which setpoints may be ahead of the motion: delays of servos with bandwidths down to 4 Hz."""
 STRETCH = 5.0
 """s in which two clocks stay in phase to a fraction of a line's period."""
 
@@ -97,20 +101,23 @@ def drifting(folded: Array, t: Array) -> Array:
     return np.stack([folded, folded * along], axis=1)
 
 
-def folded_torque(motion: Motion, t: Array, torque: Array, setpoints: Setpoints) -> Array | None:
+def folded_torque(
+    motion: Motion, t: Array, torque: Array, setpoints: Setpoints, demands: Array | None = None
+) -> Array | None:
     """(m, J) N m (N) on the motion's grid: one std of c q'' above, of torques (n, J) at t (n,) s from its start.
 
-    None where nothing folds, or nothing bounds what does (``unbounded``). Two std bound c at any phase.
+    demands: as of ``_pushing``. None where nothing folds, or nothing bounds what does (``unbounded``). Two std bound c
+    at any phase.
     """
     rate = 1 / motion.dt
     line = folding_line(setpoints, rate)
     if line == 0 or not len(_bounding(line, setpoints, rate)):
         return None
-    pushed = _slow(motion.qdd, motion, setpoints.period)
-    return np.asarray(pushed * _bounds([line], motion, pushed, t, torque, setpoints))
+    pushing = _pushing([line], motion, t, torque, setpoints, demands)
+    return np.asarray(pushing * _bounds([line], motion, pushing, t, torque, setpoints))
 
 
-def folded_along(t: Array, q: Array, torque: Array, setpoints: Setpoints) -> Array | None:
+def folded_along(t: Array, q: Array, torque: Array, setpoints: Setpoints, demands: Array | None = None) -> Array | None:
     """(n, J) N m (N): ``folded_torque`` of recorded angles q (n, J) rad (m) and torques (n, J), at their times (n,) s.
 
     InputError as of ``smooth_motion``.
@@ -119,11 +126,57 @@ def folded_along(t: Array, q: Array, torque: Array, setpoints: Setpoints) -> Arr
     if folding_line(setpoints, rate) == 0 or unbounded(setpoints, rate):
         return None
     motion = smooth_motion(t, q, torque)
-    folded = folded_torque(motion, t - t[0], torque, setpoints)
+    folded = folded_torque(motion, t - t[0], torque, setpoints, demands)
     return None if folded is None else _at(t, motion, folded)
 
 
-def lines_beside_zero(t: Array, q: Array, torque: Array, setpoints: Setpoints) -> list[tuple[float, Array]]:
+def _pushing(
+    lines: list[int], motion: Motion, t: Array, torque: Array, setpoints: Setpoints, demands: Array | None
+) -> Array:
+    """(m, J) rad/s2 (m/s2): the acceleration that causes the transients, without the transients themselves.
+
+    The motion is later than setpoints by the delay of its servo, and an inertia of 2 % that is 20 ms ahead of the
+    motion looks like a time skew of 0.4 ms. So it is that of the ``demands`` (n, J) rad (m) at t (n,) s of a joint that
+    follows them, and elsewhere that of the motion, as far ahead as the lines that are seen follow it best.
+    """
+    own = _slow(motion.qdd, motion, setpoints.period)
+    asked = np.zeros_like(own)
+    if demands is not None and demands.shape[1:] == own.shape[1:] and np.isfinite(demands).all():
+        on_grid = np.column_stack([np.interp(motion.t, t, column) for column in demands.T])
+        bends = np.diff(on_grid, 2, axis=0, prepend=on_grid[:1], append=on_grid[-1:])
+        asked = _slow(bends / motion.dt**2, motion, setpoints.period)
+    followed = np.abs(np.log(np.maximum(asked.std(axis=0), 1e-12) / np.maximum(own.std(axis=0), 1e-12))) < FOLLOWS
+    if followed.all():
+        return asked
+    seen = np.unique(np.concatenate([_bounding(line, setpoints, 1 / motion.dt) for line in lines]))
+    ripple = torque - _at(t, motion, _slow(motion.torque, motion, setpoints.period))
+    columns = [
+        asked[:, j] if followed[j] else _ahead(own[:, j], motion.t, t, ripple[:, j], seen / setpoints.period)
+        for j in range(own.shape[1])
+    ]
+    return np.column_stack(columns)
+
+
+def _ahead(own: Array, grid: Array, t: Array, ripple: Array, frequency: Array) -> Array:
+    """(m,): ``own`` (m,) on the ``grid`` (m,) s, moved ahead by that of LEADS at which it explains most of the ripple.
+
+    ripple (n,) N m (N) at t (n,) s; frequency (k,) Hz of the lines that are seen.
+    """
+    here = np.isfinite(ripple)
+    angle = 2 * np.pi * t[here, None] * frequency
+    transients = np.concatenate([np.cos(angle), np.sin(angle)], axis=1)
+
+    def explained(lead: float) -> float:
+        columns = np.interp(t[here] + lead, grid, own)[:, None] * transients
+        found = columns @ np.linalg.lstsq(columns, ripple[here], rcond=None)[0]
+        return float(found @ found)
+
+    return np.interp(grid + max(LEADS, key=explained), grid, own)
+
+
+def lines_beside_zero(
+    t: Array, q: Array, torque: Array, setpoints: Setpoints, demands: Array | None = None
+) -> list[tuple[float, Array]]:
     """Hz, and (n, J) N m (N) one std of the amplitude, of lines that sampling puts near 0 Hz, but not onto it.
 
     The largest MOST_BESIDE, largest first; arguments as of ``folded_along``.
@@ -133,10 +186,11 @@ def lines_beside_zero(t: Array, q: Array, torque: Array, setpoints: Setpoints) -
     if not of_frequency:
         return []
     motion = smooth_motion(t, q, torque)
-    pushed = _slow(motion.qdd, motion, setpoints.period)
+    lines = [line for several in of_frequency.values() for line in several]
+    pushing = _pushing(lines, motion, t - t[0], torque, setpoints, demands)
     amplitudes = [
-        (hz, 2 * pushed * _bounds(lines, motion, pushed, t - t[0], torque, setpoints))
-        for hz, lines in of_frequency.items()
+        (hz, 2 * pushing * _bounds(of_one, motion, pushing, t - t[0], torque, setpoints))
+        for hz, of_one in of_frequency.items()
     ]
     largest = sorted(amplitudes, key=lambda line: -float(np.sum(line[1] ** 2)))[:MOST_BESIDE]
     return [(hz, _at(t, motion, amplitude)) for hz, amplitude in largest]
@@ -194,9 +248,9 @@ def _slow(values: Array, motion: Motion, period: float) -> Array:
     return zero_phase(low_pass, values)
 
 
-def _bounds(lines: list[int], motion: Motion, pushed: Array, t: Array, torque: Array, setpoints: Setpoints) -> Array:
-    """(J,) kg m2 (kg): std of the sum of ``lines`` per acceleration ``pushed`` (m, J), by the lines that are seen."""
-    variance, slow = np.zeros(pushed.shape[1]), _slow(motion.torque, motion, setpoints.period)
+def _bounds(lines: list[int], motion: Motion, pushing: Array, t: Array, torque: Array, setpoints: Setpoints) -> Array:
+    """(J,) kg m2 (kg): std of the sum of ``lines`` per acceleration ``pushing`` (m, J), by the lines that are seen."""
+    variance, slow = np.zeros(pushing.shape[1]), _slow(motion.torque, motion, setpoints.period)
     for line in lines:
         seen = _bounding(line, setpoints, 1 / motion.dt)
         angle = 2 * np.pi * t[:, None] * seen / setpoints.period
@@ -206,7 +260,7 @@ def _bounds(lines: list[int], motion: Motion, pushed: Array, t: Array, torque: A
             transients = np.cos(angle) / 2
         for j in np.flatnonzero(motion.usable.any(axis=0)):
             ripple = torque[:, j] - np.interp(t, motion.t, slow[:, j])
-            own = np.interp(t, motion.t, pushed[:, j])[:, None] * transients
+            own = np.interp(t, motion.t, pushing[:, j])[:, None] * transients
             variance[j] += _power(own, ripple, t, seen / line) / 4
     return np.sqrt(variance)
 

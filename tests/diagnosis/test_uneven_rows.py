@@ -73,7 +73,7 @@ def _floor(arm: Arm, rate: float, step: float, *, beat: bool = False, jitter: fl
         q, qd, qdd = ((value[:, None] * np.ones(2)) for value in (speed * t, np.full(count, speed), np.zeros(count)))
     i = inverse_dynamics(arm, q, qd, qdd) / arm.joint_array("drive_constant") + 1e-3 * rng.standard_normal(q.shape)
     recorded = (t - t[0], np.round(q / step) * step, i)
-    known = known_noise(recorded[1], grid_of(recorded[0]), KnownNoise())
+    known = known_noise(recorded[0], recorded[1], KnownNoise())
     run = residual_run("jitter", arm, *even_samples(recorded), known=known)
     sure = comparable_rows(run) & (run.t > 1.0)[:, None]
     assert sure.any(axis=0).all()

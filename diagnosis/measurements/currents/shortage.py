@@ -20,6 +20,9 @@ from identification.selection import Score
 
 NEARLY_ALL = 0.9
 """Share of a joint's residual energy that an effect must explain to be what is left there."""
+LASTING = 0.1
+"""Share of the largest gain from which the blocks of other effects agree for its reason; below it they do by chance,
+and will not in further blocks."""
 
 
 @dataclass(frozen=True)
@@ -67,13 +70,15 @@ def shortage(selection: Selection) -> Shortage | None:
     short = [one for one in short if len(one[2]) == most]
     best = max(score.gain for score, _, _ in short)
     # the simplest of those that explain what is left at as many joints, and nearly as much
-    score, chance, joints = min(
+    score, _, joints = min(
         (one for one in short if one[0].gain > model.limits.ambiguity * best),
         key=lambda one: (len(one[0].coefficients), -one[0].gain),
     )
+    # the false-discovery rate as it will be once those that agree by chance no longer do
+    chance = score.p * len(scores) / sum(one.gain > LASTING * best for one in scores)
     # of a recording that is split, only a part is held out
     share = 1.0 - FITTED if state.data.two_fold else 1.0
-    blocks = int(np.floor(np.log2(chance / (model.fdr(score) or 1.0)))) + 1
+    blocks = max(1, int(np.floor(np.log2(chance / (model.fdr(score) or 1.0)))) + 1)
     seconds = float(np.ceil(blocks * model.limits.block_seconds / share))
     return Shortage(score.candidate.key, joints, seconds, split=state.data.two_fold)
 

@@ -12,12 +12,15 @@ import numpy as np
 
 from arm_io.types import Array
 from arm_model import Arm
+from arm_model.effects import described
+from arm_model.rigid_body.regressor import link_regressor
 from arm_model.tables import Temperatures
 from diagnosis.cause import Estimate
 from diagnosis.measurements.single_axis.columns import AxisSamples, Rows, columns, encoder_noise, rows_of, waves
 from diagnosis.measurements.single_axis.model import LIMITS, Chosen, SingleAxis, of_true_current
 from diagnosis.measurements.single_axis.model_errors import model_errors
 from diagnosis.residual.filters import low_pass, rate_of
+from diagnosis.residual.run import Run
 from diagnosis.selection.beyond_model import in_deviations
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.estimates import estimates
@@ -28,6 +31,8 @@ Samples = tuple[Array, Array, Array]
 
 SMALL = 1e-4
 """Relative step of a nonlinear parameter by which columns are differentiated."""
+LOAD = 1e-6
+"""Relative change of a load that is none but rounding."""
 TURN = 2e-3
 """Largest Coulomb smoothing velocity, as a share of the speed of the axis."""
 
@@ -115,6 +120,13 @@ def axis_side(
     # beside sharp friction, friction of the smoothing velocity that the model has is less of it near rest
     own = _side(arm, recordings, two_fold, temperatures)
     return own if own is not None and np.sum(own.residual**2) <= np.sum(side.residual**2) else side
+
+
+def load_changes(run: Run) -> bool:
+    """Whether the load that gravity makes of a body on the last link changes while the arm moves."""
+    still = np.zeros_like(run.q)
+    loads = link_regressor(described(run.arm), run.q, still, still)[..., -10:]
+    return bool(np.ptp(loads, axis=0).max() > LOAD * np.abs(loads).max(initial=1e-300))
 
 
 def _side(

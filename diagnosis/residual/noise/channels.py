@@ -99,6 +99,7 @@ class KnownNoise:
     still   (n,) A: std of the currents at standstill; 0 where it is not known
     steps   (n,) rad: of the encoders, for angles that were interpolated and show them no more; None: as the angles show
     setpoints  of the servos, as model or demands say; UNKNOWN: as the model or the currents say
+    demands  (k, n) rad of the k rows: what the servos were asked; None: not recorded
     residual  (n,) A: std that the residual will have from the instruments, of samples that are simulated: neither it
               nor what sampling folds can be seen in these; None: as the samples show
     """
@@ -106,6 +107,7 @@ class KnownNoise:
     still: Array | float = 0.0
     steps: Array | None = None
     setpoints: Setpoints = UNKNOWN
+    demands: Array | None = None
     residual: Array | None = None
 
 

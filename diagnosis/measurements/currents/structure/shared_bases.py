@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ from scipy.interpolate import CubicSpline
 from arm_io.types import Array
 from arm_model import Arm
 from diagnosis.selection.design import Dataset
+from diagnosis.selection.unseen_inertia import unseen_inertia
 
 KNOTS = 16
 """Knots of a function of one variable: enough for three cycles over the range of a joint."""
@@ -61,6 +63,11 @@ class Bases:
         self.fit, self.held_out = fit, held_out
         self._splines: dict[str, Splines | None] = {}
         self._harmonics: dict[int, Array] = {}
+
+    @cached_property
+    def unseen(self) -> Array:
+        """(n rows,) of the held-out residual: what sampling may have put onto the acceleration unseen."""
+        return unseen_inertia(self.held_out.runs)
 
     def compute(self, arm: Arm) -> None:
         """Everything that several joints of an arm ask for, before they do so in processes of their own."""

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from arm_io.parallel import in_parallel
+from arm_io.types import Array
 from arm_model import Arm
 from diagnosis.cause import NO_VARIABLE, Signal, Structure
 from diagnosis.measurements.currents.limits import LIMITS
@@ -27,6 +28,7 @@ from diagnosis.measurements.currents.structure.noise_ratio import noise_ratio
 from diagnosis.measurements.currents.structure.shared_bases import Bases
 from diagnosis.selection.design import Dataset, Pair
 from diagnosis.selection.regression import Fitted, fit_gain, residual_with, with_columns
+from diagnosis.selection.unseen_inertia import explained
 from diagnosis.selection.waves import wave_of
 from identification.selection import Split, p_value
 
@@ -74,7 +76,7 @@ def structures_at(
     known = np.ones(held_out.rows, bool)
     shapes = list(shapes_of(bases, fitted.fit, arm, joint))
     for _ in range(LIMITS.structures):
-        best = _strongest(shapes, with_columns(fitted, pairs), data, joint, significance, known)
+        best = _strongest(shapes, with_columns(fitted, pairs), data, joint, significance, known, bases.unseen)
         if best is None:
             break
         shape, share = best
@@ -135,11 +137,13 @@ def _strongest(
     joint: int,
     significance: Significance,
     known: NDArray[np.bool_],
+    unseen: Array,
 ) -> tuple[Shape, float] | None:
     """The function that explains most of a joint's held-out residual, and the share of its variance.
 
     Judged where the variable is in the range that was fitted: beyond it, a function says nothing, and neither do
     coefficients of causes that were fitted beside it. known (rows,): where functions that are fitted already do.
+    unseen: as of ``Bases``; what a function would explain of it does not count.
     """
     held_out = data.held_out
     rows = held_out.of(joint)
@@ -157,9 +161,12 @@ def _strongest(
         gains.append(held_out.by_block(fall))
     q = stats.false_discovery_control(np.array([p_value(gain) for gain in gains]))
     before = float(np.sum(fitted.held_out[rows] ** 2 * known))
-    explained = float(np.sum(held_out.y[rows] ** 2 * known)) - before
-    enough = max(LIMITS.structure_gain * held_out.rows, LIMITS.structure_share * explained)
+    of_causes = float(np.sum(held_out.y[rows] ** 2 * known)) - before
+    enough = max(LIMITS.structure_gain * held_out.rows, LIMITS.structure_share * of_causes)
     significant = [k for k, gain in enumerate(gains) if q[k] < LIMITS.structure_p and gain.sum() > enough]
+    if unseen[rows].any():
+        of_unseen = {k: explained(unseen, shapes[k].pair.held_out, held_out)[joint - 1] for k in significant}
+        significant = [k for k in significant if gains[k].sum() - of_unseen[k] > enough]
     significant = [k for k in significant if significance.beyond_model(shapes[k].pair, LIMITS.beyond_model)]
     if not significant:
         return None
