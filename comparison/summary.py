@@ -24,7 +24,7 @@ from scipy import linalg, stats
 from arm_io.types import Array
 from comparison.change import Change
 from comparison.joint_fit.fewest_changes import AcceptedChange
-from comparison.joint_fit.joint_regression import Tested
+from comparison.joint_fit.tested import Tested
 from comparison.regression import Fitted, Structure
 
 SIGNIFICANT = 1e-4

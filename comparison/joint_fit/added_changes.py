@@ -13,7 +13,7 @@ from arm_model.effects import solved
 from comparison.change import Change, Quantity
 from comparison.joint_fit.effects import Added
 from comparison.joint_fit.hypotheses import Hypothesis, chance
-from comparison.joint_fit.joint_regression import Tested
+from comparison.joint_fit.tested import Tested
 from comparison.regression import Structure
 
 KNOWN = 4.0

@@ -16,16 +16,10 @@ from comparison.change import Change
 from comparison.joint_fit.added_changes import added_changes
 from comparison.joint_fit.effects import Added, added_rows, always, with_columns
 from comparison.joint_fit.hypotheses import Hypothesis, chance, hypotheses, point_masses, single_values, size_with
-from comparison.joint_fit.joint_regression import (
-    JointRegression,
-    Tested,
-    joint_regression,
-    residuals_of,
-    shared_values,
-    tested,
-)
+from comparison.joint_fit.joint_regression import JointRegression, joint_regression
 from comparison.joint_fit.ripples import ripples
 from comparison.joint_fit.selection import rivals_of, selected, with_one_mass
+from comparison.joint_fit.tested import Tested, residuals_of, shared_values, tested
 from comparison.quantities import friction_maps
 from comparison.regression import Fitted, Rows, Structure
 from identification.preprocessing.signals import Motion
@@ -236,8 +230,10 @@ def _most_significant(one: Tested, changes: Sequence[Change], sizes: Array, erro
     first = len(sizes) - values
     clear = np.abs(sizes[first:]) / np.maximum(errors[first:], 1e-300)
     if one.hypothesis.what == "scale":
-        # one coefficient: all values change by as many deviations, those of its joint by most
-        clear *= [each.quantity.joint == one.hypothesis.joint for each in changes[first : len(sizes)]]
+        # one coefficient: all values change by as many deviations; of its joint, that which a recording shows best
+        of = changes[first : len(sizes)]
+        clear = np.array([abs(size) / each.std if each.std else 0.0 for size, each in zip(sizes[first:], of)])
+        clear *= [each.quantity.joint == one.hypothesis.joint for each in of]
     return first + int(np.argmax(clear))
 
 

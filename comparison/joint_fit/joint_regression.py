@@ -1,4 +1,4 @@
-"""The recordings of two sides in one regression: what one hypothesis explains, if nothing else changed.
+"""The recordings of two sides in one regression, of which one hypothesis at a time may explain how they differ.
 
 A regression per recording asks for every value at once, and a change of one is lost in what all others may have done
 meanwhile. Here all recordings share one set of values, and one hypothesis at a time may differ between the sides. With
@@ -6,9 +6,7 @@ G the normal matrices of the sides and e the residual of the shared fit, its coe
 
     D^T M D c = D^T s,    M = G_after - G_after (G_before + G_after)^-1 G_after,    s = sum of x e over the rows after
 
-(the parallel sum of both sides' information). Their covariance is that of sums over blocks of time, times what the sums
-over whole recordings scatter beyond it; and what friction differs by between the sides of any arm (``friction_drift``)
-moves them, as the change d of the values does: c = (D^T M D)^-1 D^T M d.
+(the parallel sum of both sides' information), if nothing differed but the noise of the rows (``tested``).
 
 Another scale of a joint's currents is no change of the values: a mass beyond the joint loads other joints, too. It has
 a column of its own, the torque of that joint by the values before, which the shared fit has not.
@@ -21,12 +19,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse, stats
 
 from arm_io.types import Array
-from comparison.joint_fit.hypotheses import Hypothesis
 from comparison.regression import Fitted, Rows, Structure
-from comparison.significance import moderate
 
 RANK_TOLERANCE = 1e-6
 """Of a column's own size: combinations of a hypothesis that the two sides show."""
@@ -76,52 +71,6 @@ class JointRegression:
         inverse[:common, :common] = np.linalg.pinv(own + NONE * np.eye(common), hermitian=True)
         share = self.total_after @ inverse
         return inverse, share, np.asarray(self.total_after - share @ self.total_after)
-
-
-@dataclass(frozen=True)
-class Tested:
-    """What a hypothesis explains.
-
-    directions, coefficients, covariance  (c, k), (k,) and (k, k): the combinations of it that both sides show, the last
-             with what the drift does to them
-    gain     squared residual, in units of the noise of white rows, that it removes
-    log_p    of its chance
-    """
-
-    hypothesis: Hypothesis
-    directions: Array
-    coefficients: Array
-    covariance: Array
-    gain: float
-    log_p: float
-
-    @property
-    def changes(self) -> Array:
-        """(c,) of the compared values."""
-        return np.asarray(self.directions @ self.coefficients)
-
-    def seen_by(self, maps: Array) -> tuple[Array, Array]:
-        """Change and std (r,) of quantities that follow from the values by ``maps`` (r, c)."""
-        along = maps @ self.directions
-        variance = np.sum(along @ self.covariance * along, axis=1)
-        return along @ self.coefficients, np.sqrt(np.maximum(variance, 0.0))
-
-
-@dataclass(frozen=True)
-class _Estimate:
-    """Coefficients (k,) of independent directions (c, k), scaled; covariance (k, k) by blocks; scatter over it.
-
-    drift    (k, d) change of the coefficients by one standard deviation each of what differs where nothing changed
-    freedom  degrees of freedom by the blocks of both sides that show the coefficients
-    """
-
-    directions: Array
-    coefficients: Array
-    covariance: Array
-    drift: Array
-    scatter: float
-    gain: float
-    freedom: float
 
 
 def joint_regression(
@@ -196,144 +145,6 @@ def _sizes(square: Array) -> Array:
 
 
 def _scales(rows: Rows, values: Array, noise: Array) -> Array:
-    """(k, J) torque of each joint alone by the values (c,), as ``_apart``."""
+    """(k, J) torque of each joint alone by the values (c,), as ``_without_own``."""
     own = rows.equations.joint[:, None] == np.arange(len(noise))
     return _without_own(rows, (rows.columns @ values)[:, None] * own, noise)
-
-
-def residuals_of(fit: JointRegression, found: Sequence[Tested]) -> list[Array]:
-    """(k,) per recording: residual of its rows in the joint fit with the changes ``found``, over their noise."""
-    values, changes = _shared(fit, found)
-    residual = fit.y - fit.x @ values - np.where(fit.rows_after, fit.x @ changes, 0.0)
-    return [residual[fit.recording[fit.block] == k] for k in range(fit.recordings)]
-
-
-def _shared(fit: JointRegression, found: Sequence[Tested]) -> tuple[Array, Array]:
-    """(c,) scaled: the values of the side before, less the model's, and the changes ``found``."""
-    changes = sum((one.changes for one in found), np.zeros(len(fit.scale))) / fit.scale
-    return fit.information()[0] @ (fit.x.T @ fit.y - fit.total_after @ changes), changes
-
-
-def shared_values(fit: JointRegression, model: Array, found: Sequence[Tested]) -> tuple[Array, Array]:
-    """(c,) values of the side before, with the changes ``found``, and their covariance (c, c), of white rows.
-
-    model: (c,) values of the model.
-    """
-    values, _ = _shared(fit, found)
-    return model + fit.scale * values, fit.information()[0] * fit.scale[:, None] * fit.scale
-
-
-def tested(fit: JointRegression, every: Sequence[Hypothesis], chosen: Sequence[Hypothesis]) -> list[Tested]:
-    """What each of ``every`` explains, conditional on those ``chosen``."""
-    inverse, share, m = fit.information()
-    known = np.concatenate([np.empty((len(m), 0)), *(one.directions for one in chosen)], axis=1) / fit.scale[:, None]
-    apart = (
-        np.linalg.pinv(known.T @ m @ known, hermitian=True, rcond=RANK_TOLERANCE) @ known.T
-        if known.shape[1]
-        else known.T
-    )
-    after = fit.rows_after
-    scores = fit.x[after].T @ fit.y[after]
-    found = known @ (apart @ (scores - share @ (fit.x.T @ fit.y)))
-    residual = fit.y - np.where(after, fit.x @ found, 0.0)
-    residual = residual - fit.x @ (inverse @ (fit.x.T @ residual))
-    scores = fit.x[after].T @ residual[after]
-    shapes = []
-    for one in every:
-        directions = one.directions / fit.scale[:, None]
-        shapes.append(_shape(scores, directions - known @ (apart @ (m @ directions)), m))
-    return _with_scatter(fit, every, _estimates(fit, residual, shapes, inverse, share, m @ fit.drift))
-
-
-def _shape(scores: Array, directions: Array, m: Array) -> tuple[Array, Array, Array]:
-    """Independent directions (c, k) that the sides show, with size (k,) and coefficients (k,); k may be 0.
-
-    scores: (c,) of the side after, at the shared fit.
-    """
-    size, axes = np.linalg.eigh(directions.T @ m @ directions)
-    kept = size > RANK_TOLERANCE * max(float(np.sum(directions**2)), 1e-300) / len(size)
-    along, size = directions @ axes[:, kept], size[kept]
-    return along, size, along.T @ scores / size
-
-
-def _estimates(
-    fit: JointRegression,
-    residual: Array,
-    shapes: Sequence[tuple[Array, Array, Array]],
-    inverse: Array,
-    share: Array,
-    drifting: Array,
-) -> list[_Estimate | None]:
-    """Of each hypothesis, from what the shared fit leaves (n,); None where the sides do not show it.
-
-    drifting: (c, d) M times the drift.
-    """
-    after, blocks = fit.rows_after, len(fit.recording)
-    along = np.concatenate([one for one, _, _ in shapes], axis=1)
-    changed = np.stack([one @ coefficients for one, _, coefficients in shapes], axis=1)
-    shown, shared = fit.x @ along, fit.x @ (share.T @ along)
-    # the residual of the fit in which it has changed
-    remaining = residual[:, None] - np.where(after[:, None], fit.x @ changed, 0.0)
-    remaining += fit.x @ (inverse @ (fit.total_after @ changed))
-    into = sparse.csr_array((np.ones(len(after)), (fit.block, np.arange(len(after)))), (blocks, len(after)))
-    found: list[_Estimate | None] = []
-    end = 0
-    for k, (one, size, coefficients) in enumerate(shapes):
-        own = slice(end, end := end + len(size))
-        moves = np.where(after[:, None], shown[:, own], 0.0) - shared[:, own]
-        parts = into @ (remaining[:, k, None] * moves), into @ (shown[:, own] ** 2)
-        drift = one.T @ drifting / size[:, None]
-        found.append(_estimate(fit, (one, size, coefficients), *parts, drift) if len(size) else None)
-    return found
-
-
-def _estimate(
-    fit: JointRegression, shape: tuple[Array, Array, Array], sums: Array, shown: Array, drift: Array
-) -> _Estimate:
-    """``sums`` (b, k) of blocks at the fit with the change, and the information (b, k) of each."""
-    along, size, coefficients = shape
-    blocks = len(sums)
-    covariance = sums.T @ sums * blocks / max(blocks - 1 - len(size), 1) / np.outer(size, size)
-    # no surer than white rows
-    covariance += np.diag(np.maximum(1.0 / size - np.diag(covariance), 0.0))
-    whole = np.zeros((fit.recordings, len(size)))
-    np.add.at(whole, fit.recording, sums / size)
-    spare = max(fit.recordings - 2, 1)
-    scatter = float(np.mean(np.sum(whole**2, axis=0) * fit.recordings / spare / np.diag(covariance)))
-    gains = coefficients**2 * size
-    freedom = _effective(shown, fit.after, gains)
-    return _Estimate(along, coefficients, covariance, drift, scatter, float(gains.sum()), freedom)
-
-
-def _effective(shown: Array, after: NDArray[np.bool_], gains: Array) -> float:
-    """Degrees of freedom of Welch and Satterthwaite by the information (b, k) of blocks, a mean by ``gains`` (k,).
-
-    Of a side, n = (sum u)^2 / sum u^2 blocks count, and its variance is 1 / sum u.
-    """
-    sides = [shown[after], shown[~after]]
-    variance = [1.0 / np.maximum(u.sum(axis=0), 1e-300) for u in sides]
-    count = [np.sum(u, axis=0) ** 2 / np.maximum(np.sum(u**2, axis=0), 1e-300) for u in sides]
-    largest = np.maximum(*variance)
-    shares = [one / largest for one in variance]
-    freedom = (shares[0] + shares[1]) ** 2 / sum(one**2 / np.maximum(n, 1.0) for one, n in zip(shares, count))
-    return float(freedom @ gains / max(float(gains.sum()), 1e-300))
-
-
-def _with_scatter(fit: JointRegression, every: Sequence[Hypothesis], raw: Sequence[_Estimate | None]) -> list[Tested]:
-    pairs = [(one, of) for one, of in zip(every, raw) if of is not None]
-    # of one recording on each side, nothing says how far the next would differ
-    scatter = np.array([of.scatter if fit.recordings > 2 else 0.0 for _, of in pairs])
-    freedom = np.full(len(pairs), float(max(fit.recordings - 2, 1)))
-    for what in {one.what for one, _ in pairs}:
-        mine = np.array([one.what == what for one, _ in pairs])
-        scatter[mine], freedom[mine] = moderate(scatter[mine], freedom[mine])
-    found = []
-    for (one, of), more, degrees in zip(pairs, scatter, freedom):
-        covariance, count = of.covariance * max(more, 1.0) + of.drift @ of.drift.T, len(of.coefficients)
-        square = float(of.coefficients @ np.linalg.pinv(covariance, hermitian=True) @ of.coefficients)
-        denominator = min(of.freedom, degrees) if more > 1.0 else of.freedom
-        denominator = max(denominator - count + 1, 1.0)
-        log_p = float(stats.f.logsf(square / count, count, denominator))
-        along = of.directions * fit.scale[:, None]
-        found.append(Tested(one, along, of.coefficients, covariance, of.gain, log_p))
-    return found

@@ -11,7 +11,8 @@ from dataclasses import replace
 import numpy as np
 
 from comparison.joint_fit.hypotheses import Hypothesis, chance
-from comparison.joint_fit.joint_regression import JointRegression, Tested, residuals_of, shared_values, tested
+from comparison.joint_fit.joint_regression import JointRegression
+from comparison.joint_fit.tested import Tested, residuals_of, shared_values, tested
 
 SIGNIFICANT = 1e-3
 """Probability by chance, times the number of hypotheses, of a certain change; of one that explains more, its own."""
@@ -19,6 +20,9 @@ SLACK, NEARLY = 3.0, 0.2
 """Deviations, and share of its change, by which a value that cannot be negative may seem so."""
 STIFFER = 4.0
 """Deviations by which the stiffness of a spring must change, beside the constant torque that it may have."""
+LAW = 0.25
+"""Relative error to which an effect's law is trusted: stiffnesses and gaps stand at a few values, tilts and ripples are
+small, and what they do is taken where the encoders say that the arm is."""
 MOST = 6
 """Changes at most: an arm that differs in more is another arm."""
 RIVAL_MARGIN = 6.0
@@ -30,24 +34,27 @@ def selected(fit: JointRegression, every: Sequence[Hypothesis], first: Sequence[
 
     Of those that are certain, the one that explains most shows that something changed. What did is the hypothesis
     beside which it is not certain any more, if one explains still more and is not by chance: what a cause explains may
-    be known less surely than a part of it. Its chance is that of the certain one.
+    be known less surely than a part of it. Its chance is that of the certain one. What may be the error of the law of
+    an effect that entered is no change.
     """
     chosen = list(first)
+    entered: list[Tested] = []
     surest: dict[int, float] = {}
     for _ in range(2 * MOST):
         rest = [one for one in every if all(one is not other for other in chosen)]
         likely = [
             one for one in tested(fit, rest, chosen) if one.log_p < np.log(SIGNIFICANT) and _is_possible(fit, one)
         ]
+        likely = [one for one in likely if not _is_error_of(one, entered)]
         certain = [one for one in likely if _is_significant(one, every)]
         if len(chosen) == MOST or not certain:
             break
         shown = max(certain, key=_akaike_gain)
         best = _explaining(fit, every, chosen, shown, likely).hypothesis
         surest[id(best)] = shown.log_p
-        chosen = [
-            one.hypothesis for one in _conditional(fit, every, [*chosen, best]) if one.log_p < np.log(SIGNIFICANT)
-        ]
+        entered = _conditional(fit, every, [*chosen, best])
+        entered = [one for one in entered if one.log_p < np.log(SIGNIFICANT) and not _is_error_of(one, entered)]
+        chosen = [one.hypothesis for one in entered]
     entered = _conditional(fit, every, chosen)
     return [replace(one, log_p=min(one.log_p, surest.get(id(one.hypothesis), 0.0))) for one in entered]
 
@@ -129,6 +136,17 @@ def _akaike_gain(one: Tested) -> float:
 
 def _is_significant(one: Tested, every: Sequence[Hypothesis]) -> bool:
     return bool(chance(one.log_p, every) < np.log(SIGNIFICANT))
+
+
+def _is_error_of(one: Tested, entered: Sequence[Tested]) -> bool:
+    """Whether a change explains no more than what the laws of effects at its joint that entered may be wrong by."""
+    return any(
+        other.hypothesis.added is not None
+        and other.hypothesis is not one.hypothesis
+        and other.hypothesis.joint in (None, one.hypothesis.joint)
+        and one.gain < LAW**2 * other.gain
+        for other in entered
+    )
 
 
 def _conditional(fit: JointRegression, every: Sequence[Hypothesis], chosen: Sequence[Hypothesis]) -> list[Tested]:

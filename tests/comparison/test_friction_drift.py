@@ -13,7 +13,7 @@ from comparison import friction_drift
 from comparison.friction_curves import Curve
 from comparison.friction_drift import UNTOLD
 from comparison.from_recordings import compare_recordings
-from comparison.joint_fit import joint_regression
+from comparison.joint_fit import tested
 from comparison.joint_fit.hypotheses import Hypothesis
 from comparison.joint_fit.joint_regression import JointRegression
 from comparison.regression import Structure
@@ -94,7 +94,20 @@ def test_deviations_hold_what_differs_between_the_sides() -> None:
         drift = by * np.eye(3)[:, :1]
         fit = JointRegression(x, y, block, recording, recording == 1, np.ones(3), x.T @ x, x[after].T @ x[after], drift)
         every = [Hypothesis("friction", 1, one[:, None], str(k)) for k, one in enumerate(np.eye(3))]
-        z.append(
-            [one.coefficients[0] / np.sqrt(one.covariance[0, 0]) for one in joint_regression.tested(fit, every, [])]
-        )
+        z.append([one.coefficients[0] / np.sqrt(one.covariance[0, 0]) for one in tested.tested(fit, every, [])])
     assert np.std(z, axis=0) == pytest.approx(1.0, abs=0.15)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_cause_is_judged_by_what_the_drift_leaves_of_it(seed: int) -> None:
+    """Another scale changes friction, which drifts, by ten times as much as a mass, which does not."""
+    rng = np.random.default_rng(seed)
+    block, recording = np.repeat(np.arange(80), 30), np.repeat([0, 1], 40)
+    x, after = rng.normal(size=(len(block), 2)), recording[block] == 1
+    made = np.array([10.0, 1.0])
+    y = rng.normal(size=len(block)) + after * (x @ (0.5 * made) + x[:, 0] * 10.0 * rng.normal())
+    drift = 10.0 * np.eye(2)[:, :1]
+    fit = JointRegression(x, y, block, recording, recording == 1, np.ones(2), x.T @ x, x[after].T @ x[after], drift)
+    (one,) = tested.tested(fit, [Hypothesis("scale", 1, made[:, None], "scale")], [])
+    std = float(np.sqrt(one.covariance[0, 0]))
+    assert one.coefficients[0] == pytest.approx(0.5, abs=3 * std) and std < 0.06

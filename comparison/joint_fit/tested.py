@@ -1,0 +1,259 @@
+"""What hypotheses explain of how two sides differ, each given changes that are known.
+
+With D the directions of a hypothesis, F those by which friction differs between the sides of any arm, each by one
+standard deviation (``friction_drift``), M the information of both sides and s the scores of the side after
+(``joint_regression``), its coefficients c are estimated by generalised least squares, F u being noise of variance 1:
+
+    E^T M D c = E^T s,    E = D - F (K + F^T M F)^-1 F^T M D
+
+so that a hypothesis is judged by what the drift of friction leaves of it: another scale of currents by masses more than
+by friction. K is how many times the noise of the rows, which is coloured, exceeds that of white rows, in each F. The
+covariance of c is that of sums over blocks of time, times what the sums over whole recordings scatter beyond it, and
+what F does to c.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse, stats
+
+from arm_io.types import Array
+from comparison.joint_fit.hypotheses import Hypothesis
+from comparison.joint_fit.joint_regression import RANK_TOLERANCE, JointRegression
+from comparison.significance import moderate
+
+
+@dataclass(frozen=True)
+class Tested:
+    """What a hypothesis explains.
+
+    directions, coefficients, covariance  (c, k), (k,) and (k, k): the combinations of it that both sides show, the last
+             with what the drift does to them
+    gain     squared residual, in units of the noise of white rows, that it removes
+    log_p    of its chance
+    """
+
+    hypothesis: Hypothesis
+    directions: Array
+    coefficients: Array
+    covariance: Array
+    gain: float
+    log_p: float
+
+    @property
+    def changes(self) -> Array:
+        """(c,) of the compared values."""
+        return np.asarray(self.directions @ self.coefficients)
+
+    def seen_by(self, maps: Array) -> tuple[Array, Array]:
+        """Change and std (r,) of quantities that follow from the values by ``maps`` (r, c)."""
+        along = maps @ self.directions
+        variance = np.sum(along @ self.covariance * along, axis=1)
+        return along @ self.coefficients, np.sqrt(np.maximum(variance, 0.0))
+
+
+@dataclass(frozen=True)
+class _Conditional:
+    """The shared fit given the changes that are known, which it has.
+
+    residual  (n,) of the rows
+    scores    (c,) of the side after
+    inverse, share, m  (c, c) as of ``JointRegression.information``
+    known, apart  (c, k) their directions, and (k, c) the coefficients that they have in what M makes of a direction
+    """
+
+    fit: JointRegression
+    residual: Array
+    scores: Array
+    inverse: Array
+    share: Array
+    m: Array
+    known: Array
+    apart: Array
+
+    def of(self, directions: Array) -> Array:
+        """Directions (c, k) with what the known changes do meanwhile."""
+        return np.asarray(directions - self.known @ (self.apart @ (self.m @ directions)))
+
+
+@dataclass(frozen=True)
+class _Shape:
+    """Independent combinations of a hypothesis that the sides show, scaled; there may be none.
+
+    directions, changed, along  (c, k): D; with what the known changes do meanwhile; E
+    size, coefficients  (k,) of E^T M D, which is diagonal, and c
+    """
+
+    directions: Array
+    changed: Array
+    along: Array
+    size: Array
+    coefficients: Array
+
+
+@dataclass(frozen=True)
+class _Estimate:
+    """What the blocks of time say of a shape: covariance (k, k) of its coefficients; scatter of recordings over it.
+
+    drift    (k, d) change of the coefficients by one standard deviation each of what differs where nothing changed
+    freedom  degrees of freedom by the blocks of both sides that show the coefficients
+    """
+
+    shape: _Shape
+    covariance: Array
+    drift: Array
+    scatter: float
+    gain: float
+    freedom: float
+
+
+def residuals_of(fit: JointRegression, found: Sequence[Tested]) -> list[Array]:
+    """(k,) per recording: what the shared fit with the changes ``found`` leaves of its rows, over their noise."""
+    values, changes = _shared(fit, found)
+    residual = fit.y - fit.x @ values - np.where(fit.rows_after, fit.x @ changes, 0.0)
+    return [residual[fit.recording[fit.block] == k] for k in range(fit.recordings)]
+
+
+def _shared(fit: JointRegression, found: Sequence[Tested]) -> tuple[Array, Array]:
+    """(c,) scaled: the values of the side before, less the model's, and the changes ``found``."""
+    changes = sum((one.changes for one in found), np.zeros(len(fit.scale))) / fit.scale
+    return fit.information()[0] @ (fit.x.T @ fit.y - fit.total_after @ changes), changes
+
+
+def shared_values(fit: JointRegression, model: Array, found: Sequence[Tested]) -> tuple[Array, Array]:
+    """(c,) values of the side before, with the changes ``found``, and their covariance (c, c), of white rows.
+
+    model: (c,) values of the model.
+    """
+    values, _ = _shared(fit, found)
+    return model + fit.scale * values, fit.information()[0] * fit.scale[:, None] * fit.scale
+
+
+def tested(fit: JointRegression, every: Sequence[Hypothesis], chosen: Sequence[Hypothesis]) -> list[Tested]:
+    """What each of ``every`` explains given those that are ``chosen``."""
+    given = _conditional(fit, chosen)
+    drift = _drift(given)
+    shapes = [_shape(given, one.directions / fit.scale[:, None], drift) for one in every]
+    return _with_scatter(fit, every, _estimates(given, shapes, drift))
+
+
+def _conditional(fit: JointRegression, chosen: Sequence[Hypothesis]) -> _Conditional:
+    inverse, share, m = fit.information()
+    known = np.concatenate([np.empty((len(m), 0)), *(one.directions for one in chosen)], axis=1) / fit.scale[:, None]
+    apart = (
+        np.linalg.pinv(known.T @ m @ known, hermitian=True, rcond=RANK_TOLERANCE) @ known.T
+        if known.shape[1]
+        else known.T
+    )
+    after = fit.rows_after
+    scores = fit.x[after].T @ fit.y[after]
+    found = known @ (apart @ (scores - share @ (fit.x.T @ fit.y)))
+    residual = fit.y - np.where(after, fit.x @ found, 0.0)
+    residual = residual - fit.x @ (inverse @ (fit.x.T @ residual))
+    return _Conditional(fit, residual, fit.x[after].T @ residual[after], inverse, share, m, known, apart)
+
+
+def _drift(given: _Conditional) -> Array:
+    """(c, c) F (K + F^T M F)^-1 F^T: the drift of friction that scores (c,) show, as changes of the values."""
+    fit, m = given.fit, given.m
+    nothing = np.zeros((len(m), len(m)))
+    columns = [_shape(given, one[:, None], nothing) for one in fit.drift.T]
+    noise = [
+        float(one.shape.size[0] * one.covariance[0, 0] * max(one.scatter if fit.recordings > 2 else 1.0, 1.0))
+        for one in _estimates(given, columns, nothing)
+        if one is not None
+    ]
+    if not noise:
+        return nothing
+    drift = given.of(fit.drift[:, [len(one.size) > 0 for one in columns]])
+    return np.asarray(drift @ np.linalg.solve(np.diag(noise) + drift.T @ m @ drift, drift.T))
+
+
+def _shape(given: _Conditional, directions: Array, drift: Array) -> _Shape:
+    """Of directions (c, k), scaled; ``drift`` as of ``_drift``."""
+    changed = given.of(directions)
+    size, axes = np.linalg.eigh(changed.T @ given.m @ changed)
+    axes = axes[:, size > RANK_TOLERANCE * max(float(np.sum(changed**2)), 1e-300) / len(size)]
+    along = changed @ axes - drift @ (given.m @ (changed @ axes))
+    size, turn = np.linalg.eigh(axes.T @ changed.T @ given.m @ along)
+    axes, along = axes @ turn, along @ turn
+    return _Shape(directions @ axes, changed @ axes, along, size, along.T @ given.scores / size)
+
+
+def _estimates(given: _Conditional, shapes: Sequence[_Shape], drift: Array) -> list[_Estimate | None]:
+    """Of each shape, by what the shared fit leaves; None where the sides do not show it. ``drift`` as of ``_drift``."""
+    fit = given.fit
+    after, blocks = fit.rows_after, len(fit.recording)
+    along = np.concatenate([one.along for one in shapes], axis=1) if shapes else np.empty((len(fit.scale), 0))
+    changed = np.stack([one.changed @ one.coefficients for one in shapes], axis=1) if shapes else along
+    # with the drift that is seen beside the change, which is no noise of the rows
+    changed = changed + drift @ (given.scores[:, None] - given.m @ changed)
+    shown, shared = fit.x @ along, fit.x @ (given.share.T @ along)
+    # the residual of the fit in which it has changed
+    remaining = given.residual[:, None] - np.where(after[:, None], fit.x @ changed, 0.0)
+    remaining += fit.x @ (given.inverse @ (fit.total_after @ changed))
+    into = sparse.csr_array((np.ones(len(after)), (fit.block, np.arange(len(after)))), (blocks, len(after)))
+    drifting = given.m @ fit.drift
+    found: list[_Estimate | None] = []
+    end = 0
+    for k, one in enumerate(shapes):
+        own = slice(end, end := end + len(one.size))
+        moves = np.where(after[:, None], shown[:, own], 0.0) - shared[:, own]
+        parts = np.asarray(into @ (remaining[:, k, None] * moves)), np.asarray(into @ (shown[:, own] ** 2))
+        white = np.sum(one.along * (given.m @ one.along), axis=0) / one.size**2
+        moved = one.along.T @ drifting / one.size[:, None]
+        found.append(_estimate(fit, one, *parts, white, moved) if len(one.size) else None)
+    return found
+
+
+def _estimate(fit: JointRegression, one: _Shape, sums: Array, shown: Array, white: Array, drift: Array) -> _Estimate:
+    """``sums`` (b, k) of blocks at the fit with the change, information (b, k) of each, variance (k,) of white rows."""
+    size, blocks = one.size, len(sums)
+    covariance = sums.T @ sums * blocks / max(blocks - 1 - len(size), 1) / np.outer(size, size)
+    # no surer than white rows
+    covariance += np.diag(np.maximum(white - np.diag(covariance), 0.0))
+    whole = np.zeros((fit.recordings, len(size)))
+    np.add.at(whole, fit.recording, sums / size)
+    spare = max(fit.recordings - 2, 1)
+    scatter = float(np.mean(np.sum(whole**2, axis=0) * fit.recordings / spare / np.diag(covariance)))
+    gains = one.coefficients**2 * size
+    freedom = _effective(shown, fit.after, gains)
+    return _Estimate(one, covariance, drift, scatter, float(gains.sum()), freedom)
+
+
+def _effective(shown: Array, after: NDArray[np.bool_], gains: Array) -> float:
+    """Degrees of freedom of Welch and Satterthwaite by the information (b, k) of blocks, a mean by ``gains`` (k,).
+
+    Of a side, n = (sum u)^2 / sum u^2 blocks count, and its variance is 1 / sum u.
+    """
+    sides = [shown[after], shown[~after]]
+    variance = [1.0 / np.maximum(u.sum(axis=0), 1e-300) for u in sides]
+    count = [np.sum(u, axis=0) ** 2 / np.maximum(np.sum(u**2, axis=0), 1e-300) for u in sides]
+    largest = np.maximum(*variance)
+    shares = [one / largest for one in variance]
+    freedom = (shares[0] + shares[1]) ** 2 / sum(one**2 / np.maximum(n, 1.0) for one, n in zip(shares, count))
+    return float(freedom @ gains / max(float(gains.sum()), 1e-300))
+
+
+def _with_scatter(fit: JointRegression, every: Sequence[Hypothesis], raw: Sequence[_Estimate | None]) -> list[Tested]:
+    pairs = [(one, of) for one, of in zip(every, raw) if of is not None]
+    # of one recording on each side, nothing says how far the next would differ
+    scatter = np.array([of.scatter if fit.recordings > 2 else 0.0 for _, of in pairs])
+    freedom = np.full(len(pairs), float(max(fit.recordings - 2, 1)))
+    for what in {one.what for one, _ in pairs}:
+        mine = np.array([one.what == what for one, _ in pairs])
+        scatter[mine], freedom[mine] = moderate(scatter[mine], freedom[mine])
+    found = []
+    for (one, of), more, degrees in zip(pairs, scatter, freedom):
+        covariance, count = of.covariance * max(more, 1.0) + of.drift @ of.drift.T, len(of.shape.coefficients)
+        square = float(of.shape.coefficients @ np.linalg.pinv(covariance, hermitian=True) @ of.shape.coefficients)
+        denominator = min(of.freedom, degrees) if more > 1.0 else of.freedom
+        denominator = max(denominator - count + 1, 1.0)
+        log_p = float(stats.f.logsf(square / count, count, denominator))
+        directions = of.shape.directions * fit.scale[:, None]
+        found.append(Tested(one, directions, of.shape.coefficients, covariance, of.gain, log_p))
+    return found
