@@ -28,6 +28,8 @@ def test_demo(root: Path, tmp_path: Path) -> None:
     )
     assert ended.returncode == 0, ended.stderr
     assert Path(ended.stderr.splitlines()[-1]).stat().st_size > 10_000
+    shown = re.findall(r"^    (Explained:.*(?:\n    .+)*)", (root / "README.md").read_text(), re.M)
+    assert [" ".join(block.split()) in [*map(str.strip, ended.stderr.splitlines())] for block in shown] == [True]
     answer = json.loads(ended.stdout)
     assert (tmp_path / "demo/currents.png").read_bytes().startswith(b"\x89PNG")
     diagnosis = json.loads((tmp_path / "demo/diagnosis/diagnosis.json").read_text())
