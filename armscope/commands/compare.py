@@ -94,6 +94,9 @@ def _listed(text: str) -> list[str]:
 def _status(above: list[Change], limit: str) -> int:
     if not above:
         return DONE
-    names = ", ".join(one.quantity.name for one in above[:5]) + (" ..." if len(above) > 5 else "")
-    print(f"changed beyond --fail-above {limit}: {len(above)} quantities: {names}", file=sys.stderr)
+    points = sum(one.quantity.kind == "curve" for one in above)
+    named = [one.quantity.name for one in above if one.quantity.kind != "curve"]
+    said = [", ".join(named[:5]) + (" ..." if len(named) > 5 else "")] if named else []
+    said += [f"{points} point{'s' * (points > 1)} of friction curves"] if points else []
+    print(f"changed beyond --fail-above {limit}: {'; '.join(said)}", file=sys.stderr)
     return CHANGED

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import floor, log10
 from typing import TYPE_CHECKING
 
 from arm_report import cut, line_width, text_table
@@ -59,12 +60,17 @@ def _row(change: Change) -> tuple[str, ...]:
     mark = "*" if change.significant else "\N{DEGREE SIGN}" if change.overruled else ""
     return (
         cut(change.quantity.words, min(WIDEST, line_width() - 30)),
-        size(change.before),
-        size(change.after),
-        size(change.change),
+        *(_to_its_std(value, change.std) for value in (change.before, change.after, change.change)),
         "" if change.std is None else f"{2 * change.std:.2g}",
         percent(change),
         "" if change.z is None else f"{change.z:+.1f}{mark}",
         "" if change.corrected is None else f"{change.corrected:.2g}",
         change.quantity.unit,
     )
+
+
+def _to_its_std(value: float | None, std: float | None) -> str:
+    """A value to one digit beyond the two that are stated of two std of the change: more say nothing."""
+    if value is None or not std or not 1e-6 < std < 1e3:
+        return size(value)
+    return f"{value:.{max(0, 2 - floor(log10(2 * std)))}f}"

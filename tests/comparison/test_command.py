@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -48,7 +49,14 @@ def test_report_and_exit_status(folder: Path, tmp_path: Path, capfd: pytest.Capt
     captured = capfd.readouterr()
     line = "Coulomb friction of joint 2: "
     assert line in captured.out and "%" in captured.out.split(line)[1].splitlines()[0]
-    assert captured.err.startswith("changed beyond --fail-above 10%: ") and "joint2.coulomb" in captured.err
+    said = r"changed beyond --fail-above 10%: joint2\.coulomb(; \d+ points? of friction curves)?\n"
+    assert re.fullmatch(said, captured.err)
+    table_ahead = captured.out.partition("quantity ")[2].partition("\n*: significant")[0]
+    rows = [re.split(r"\s{2,}", row) for row in table_ahead.splitlines()[1:]]
+    assert len(rows) > 5
+    for _, before, after, change, two_std, *_ in rows:
+        steps = [10.0 ** -len(value.partition(".")[2]) for value in (before, after, change)]
+        assert all(float(two_std) / 1001 < step < float(two_std) for step in steps), (before, two_std)
     table = json.loads((tmp_path / "out/compare.json").read_text())
     assert table["schema"] == "armscope.comparison/1" and table["changed"]
     assert {c["name"] for c in table["changes"] if c["significant"] and c["kind"] != "curve"} == {"joint2.coulomb"}
