@@ -21,6 +21,7 @@ from diagnosis.measurements.currents.design_matrix import Library, bounded, data
 from diagnosis.measurements.currents.model import Currents
 from diagnosis.measurements.currents.model_errors import model_uncertainty
 from diagnosis.measurements.currents.shortage import shortage
+from diagnosis.measurements.currents.structure.noise_ratio import joints_above_noise
 from diagnosis.measurements.near_rest.time_at_rest import with_rise_at_rest
 from diagnosis.measurements.single_axis.causes import AxisSide, axis_side, load_changes
 from diagnosis.outside_selection import friction_near_rest, gaps, resonance_in_loop, rows_lost_in_loop
@@ -155,16 +156,25 @@ def _searched(search: Search, residuals: Residuals) -> CurrentDiagnosis:
     arm, first, parts = search.arm, len(search.recordings.fit), search.recordings.two_fold
     warm = [run.arm.temperatures for run in residuals.runs]
     axis = axis_side(arm, (residuals.samples[:first], residuals.samples[first:]), two_fold=parts, temperatures=warm)
-    by_axis = None if axis is None else _beside(search, residuals, axis)
+    if axis is None:
+        return _beside(search, residuals, None)
+    by_axis = _beside(search, residuals, axis)
     # the effects of an axis at its full rate know neither of bodies nor of what sampling folds
     wider = any(load_changes(run) or run.folded.any() for run in residuals.runs)
-    if by_axis is not None and not (wider or by_axis.selection.unexplained.structures):
+    if not (wider or by_axis.selection.unexplained.structures):
         return by_axis
     by_arm = _beside(search, residuals, None)
-    if by_axis is None or (wider and not by_arm.selection.unexplained.structures):
+    if wider and not (by_arm.selection.unexplained.structures or _above_noise(by_arm)):
         return by_arm
     left = [one.state.energy.held_out for one in (by_axis, by_arm)]
     return by_axis if left[0] <= left[1] else by_arm
+
+
+def _above_noise(currents: CurrentDiagnosis) -> bool:
+    """Whether any joint is left above the noise, in fitted or in held-out recordings."""
+    state = currents.state
+    sides = zip((state.fitted.fit, state.fitted.held_out), state.data)
+    return any(joints_above_noise(residual, side, currents.arm) for residual, side in sides)
 
 
 def _beside(search: Search, residuals: Residuals, axis: AxisSide | None) -> CurrentDiagnosis:
