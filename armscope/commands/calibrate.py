@@ -171,7 +171,8 @@ def _say(out: Path, calibration: Calibration | None, written: dict[str, Any], po
         print(wrapped(summary(written)))
         for line in written["warnings"] + [str(shift) for shift in calibration.details.shifts]:
             print(f"note: {line}", file=sys.stderr)
-    names += [name for name, there in ((POSES, poses), ("iso_cube.toml", cube)) if there]
+    names += [POSES] if poses else []
+    names += sorted(path.name for path in out.glob("iso_cube*.toml")) if cube else []
     print("\n".join(str(out / name) for name in names))
 
 

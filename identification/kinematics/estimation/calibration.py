@@ -185,7 +185,7 @@ def _prepared(
         warnings.append("no held-out poses: each is predicted without the tenth of all poses that it belongs to")
     elif not rest:
         judged_by, (fitted, rest) = "split", split(fitted)
-        warnings.append("no held-out recording: every fifth block of rows was held out instead, which flatters")
+        warnings.append("no held-out recording: every fifth block of rows was held out instead, an optimistic test")
     return Work(arm, settings, list(targets), fitted, rest, judged_by, tell, matrix, warnings=warnings)
 
 

@@ -194,9 +194,20 @@ def _cube(cube: CubeReport) -> Markup:
     return _table(["point", "error of the nominal arm", "of the calibrated arm", "overshoot"], rows)
 
 
+INDICES = {
+    "o1": "the smallest volume of the uncertainty (D-optimal)",
+    "o2": "the best condition number",
+    "o3": "the smallest uncertainty in the worst direction (E-optimal)",
+    "o4": "the least amplification of noise",
+    "o5": "the smallest mean variance (A-optimal)",
+}
+"""Observability indices (Sun and Hollerbach, ICRA 2008), and what poses with the largest one have."""
+
+
 def _observability(table: dict[str, Any]) -> Markup:
     o = table["observability"]
-    return _table(["index", ""], [[name.upper(), f"{o[name]:.4g}"] for name in ("o1", "o2", "o3", "o4", "o5")])
+    rows = [[k.upper(), f"{o[k]:.4g}", INDICES[k]] for k in INDICES]
+    return arm_report.table(rows, ["index", "value", "is largest for"], (1,))
 
 
 def _table(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> Markup:

@@ -181,8 +181,14 @@ def _term(by: int, ratio: float, std: float) -> str:
     return f"{'-' if ratio < 0 else '+'} {factor}q{by}"
 
 
+NO_CHANGE = 0.005
+"""Relative change of an error that is called none: the third digit of the errors that are printed."""
+
+
 def change(improvement: float) -> str:
     """A relative improvement as "99.2 % better" or "25 % worse"; 100 % only where nothing is left."""
+    if abs(improvement) < NO_CHANGE:
+        return "unchanged"
     size = f"{100 * abs(improvement):.3g}"
     if size == "100" and 0 < improvement < 1:
         size = f"{100 - float(f'{100 * (1 - improvement):.1g}'):.8g}"

@@ -123,11 +123,12 @@ def test_a_coupling_and_an_improvement_are_said_as_they_are() -> None:
         "link angle 4 = - q4",
         "link angle 6 = q6 + (0.25 +- 0.0001) q5",
     ]
-    assert [change(x) for x in (0.99958, 0.9, -0.25, 1.0)] == [
+    assert [change(x) for x in (0.99958, 0.9, -0.25, 1.0, -0.0002)] == [
         "99.96 % better",
         "90 % better",
         "25 % worse",
         "100 % better",
+        "unchanged",
     ]
 
 
