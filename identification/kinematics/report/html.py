@@ -16,7 +16,7 @@ from arm_report.motion import Motion
 from identification.kinematics.data.recordings import Gravity
 from identification.kinematics.estimation.calibration import Calibration
 from identification.kinematics.report.plots import circle_chart, clips_of, error_chart
-from identification.kinematics.report.write import change, coupling_equations
+from identification.kinematics.report.write import NO_CHANGE, change, coupling_equations
 from identification.kinematics.use.iso_cube import CubeReport
 
 _LISTED = 50
@@ -61,8 +61,8 @@ def page(
 
 
 def headline(table: dict[str, Any]) -> tuple[str, bool]:
-    """The verdict, and whether it is that the calibration is no better."""
-    rms, better = table["position_rms"]["held_out"], 100 * table["improvement"]["held_out"]
+    """The verdict, and whether it is that the calibration is worse; a model that needs none is no failure."""
+    rms, better = table["position_rms"]["held_out"], table["improvement"]["held_out"]
     where = {"split": "held-out blocks of the same runs", "cross-validation": "poses that the fit had not seen"}.get(
         str(table["held_out"]), "held-out runs"
     )
@@ -74,9 +74,9 @@ def headline(table: dict[str, Any]) -> tuple[str, bool]:
         else (f"does not fall: {_mm(rms['before'])} before, {_mm(rms['after'])} after")
     )
     return (
-        f"On all points of {where} the position error {fall} rms per coordinate ({change(better / 100)})."
+        f"On all points of {where} the position error {fall} rms per coordinate ({change(better)})."
         f" The noise of the points is {_mm(table['noise'])}.{_orientation(table)}",
-        better <= 0,
+        better <= -NO_CHANGE,
     )
 
 
