@@ -46,10 +46,13 @@ def identify_in_sequence(
     """
     problem = prepare(fit, arm, held_out=held_out, friction=friction, progress=progress, sparse=True)
     problem = replace(problem, excited=np.arange(len(problem.base)))
-    values, covariance, steps = _steps(problem, progress)
+    size = _sizes(problem)
+    values, covariance, steps = _steps(problem, size, progress)
     columns = problem.rows.columns[:, problem.columns]
     fitted = Fit(values, np.ones(len(columns)), problem.rows.torque - columns @ values, np.empty((0, 0)))
-    spread = uncertainty(columns, problem.rows, fitted)
+    # what no row shows is known as the model has it
+    doubt = np.diag(float(np.sqrt(np.mean(fitted.residual**2))) / size)
+    spread = uncertainty(columns, problem.rows, fitted, prior=doubt)
     spread = replace(
         spread,
         covariance=covariance,
@@ -100,11 +103,16 @@ def next_step(known: Known, columns: Array, rows: Equations) -> tuple[Known, flo
     return Known(known.values + shown @ fit.values, covariance, known.open @ right[count:].T), fit.condition
 
 
-def _steps(problem: Problem, progress: Progress) -> tuple[Array, Array, list[str]]:
-    """Values (b,) and covariance (b, b) of the base parameters, and a sentence per step."""
+def _sizes(problem: Problem) -> Array:
+    """(b,) sizes of the base parameters in the model; of those that are zero there, a tenth of the median of others."""
+    start = np.abs(problem.base.grouping @ model_values(problem.arm, problem.friction))
+    return np.maximum(start, 0.1 * float(np.median(start[start != 0])) if start.any() else 1.0)
+
+
+def _steps(problem: Problem, size: Array, progress: Progress) -> tuple[Array, Array, list[str]]:
+    """Values (b,) and covariance (b, b) of the base parameters, and a sentence per step; ``size`` (b,) of each."""
     base, rows = problem.base, problem.rows
     start = base.grouping @ model_values(problem.arm, problem.friction)
-    size = np.maximum(np.abs(start), 0.1 * float(np.median(np.abs(start[start != 0]))) if start.any() else 1.0)
     # In units of ``size``. What no step shows is as uncertain as the model's own number is large.
     known = Known(start / size, np.eye(len(base)), np.eye(len(base)))
     sentences = []

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
+import armscope
+from arm_model import write_model
+from armscope import cli
 from identification.methods.sequential import Known, next_step
 from identification.regression.equations import Equations
+from tests.diagnosis.numpy_arm import RATE, model
 
 TRUTH = np.array([2.0, -1.0, 0.5, 3.0])
 ROWS, RUNS = 60, 60
@@ -46,3 +52,18 @@ def test_what_no_step_shows_stays_the_model_s_with_the_model_s_uncertainty() -> 
     assert np.all(np.sqrt(np.diag(known.covariance))[[1, 3]] < 0.05)
     again, condition = next_step(known, 0 * columns, step_of(0 * columns, 0.1, rng))
     assert again is known and np.isnan(condition)
+
+
+def test_friction_of_a_joint_that_never_moves_is_the_model_s(tmp_path: Path) -> None:
+    """Its columns are exactly zero in every row."""
+    t = np.arange(0.0, 12.0, 1 / RATE)
+    q1 = 0.8 * np.sin(2.1 * t) + 0.3 * np.sin(5.3 * t)
+    i1 = 2.0 * np.sign(np.gradient(q1)) + np.gradient(np.gradient(q1, t), t) + 3.0 * np.cos(q1)
+    noise = 0.01 * np.random.default_rng(22).normal(size=(2, len(t)))
+    table = np.column_stack([t, q1, np.full(len(t), 0.5), i1 + noise[0], np.cos(q1 + 0.5) + noise[1]])
+    np.savetxt(tmp_path / "a.csv", table, delimiter=",", header="t,q1,q2,i1,i2", comments="", fmt="%.9g")
+    assert cli.run(["import", str(tmp_path / "a.csv"), "--out", str(tmp_path / "a.mcap")]) == 0
+    write_model(tmp_path / "model.toml", model([(8.0, 8.0), (5.0, 5.0)], [7.0, 4.0]))
+    result = armscope.identify(tmp_path / "a.mcap", tmp_path / "model.toml", method="sequence")
+    found = {value.name: value for value in result.parameters}
+    assert np.isclose(found["joint2.viscous"].value, 4.0) and found["joint1.coulomb"].std is not None
