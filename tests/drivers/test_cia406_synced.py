@@ -83,7 +83,10 @@ def test_every_sync_of_the_node_is_a_row(encoders: tuple[Any, Any]) -> None:
     assert np.array_equal(block.number, np.arange(len(block)))
     assert np.median(np.diff(block.host)) == pytest.approx(1e9 / RATE, rel=0.1)
     assert_true(block)
-    assert len(device.read_edges()) == len(block)
+    # a SYNC may come before each of these reads
+    edges, rest = device.read_edges(), device.read()
+    rows = join([block, rest], 3) if len(rest) else block
+    assert len(edges) >= len(block) and np.array_equal(edges.number, rows.number[: len(edges)])
     device.disarm()
     time.sleep(0.05)
     device._frames.take()
