@@ -62,10 +62,10 @@ class Lag:
     def __str__(self) -> str:
         """For a person."""
         when = "after" if self.delay > 0 else "before"
+        kept = "in the model as time_skew" if self.stays else "not in the model, the standard deviations allow for it"
         return (
             f"currents are read {1e3 * abs(self.delay):.3g} +- {2e3 * self.std:.2g} ms {when} the angles: "
-            f"{'in the model as time_skew' if self.stays else 'only in the deviations'} (held-out error "
-            f"{self.before:.3g} -> {self.after:.3g} times the noise)"
+            f"{kept} (held-out error {self.before:.3g} -> {self.after:.3g} times the noise)"
         )
 
 

@@ -40,16 +40,16 @@ def in_short(result: Identification) -> list[str]:
 
 
 def _signs(result: Identification) -> list[str]:
-    """Joints whose friction changes its sign more sharply than the model said, and by what held-out errors."""
+    """Joints whose friction seems to change its sign more sharply than the model said, and by what held-out errors."""
     said = []
     for one in result.extra.get("sign_velocities", []):
-        if one["stays"]:
-            revolute, unit = result.arm.joints[one["joint"] - 1].revolute, result.torque_unit(one["joint"] - 1)
-            said.append(
-                f"friction of joint {one['joint']} changes its sign over {1e3 * one['found']:.2g} "
-                f"{'mrad/s' if revolute else 'mm/s'}, {1e3 * one['model']:.2g} in the model (held-out error while it "
-                f"slides {one['before']:.3g} -> {one['after']:.3g} {unit})"
-            )
+        revolute, unit = result.arm.joints[one["joint"] - 1].revolute, result.torque_unit(one["joint"] - 1)
+        said.append(
+            f"friction of joint {one['joint']} {'changes' if one['stays'] else 'may change'} its sign over "
+            f"{1e3 * one['found']:.2g} {'mrad/s' if revolute else 'mm/s'}, {1e3 * one['model']:.2g} in the model"
+            f"{'' if one['stays'] else '; not changed there, the standard deviations allow for it'} (held-out error "
+            f"while it slides {one['before']:.3g} -> {one['after']:.3g} {unit})"
+        )
     return said
 
 

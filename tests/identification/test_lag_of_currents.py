@@ -58,7 +58,10 @@ def test_a_lag_that_held_out_rows_do_not_confirm_is_in_the_deviations(
 ) -> None:
     monkeypatch.setattr(lag_of_currents, "BY_CHANCE", 0.0)
     result = identified(tmp_path, NumpyArm(FRICTION, current=a_row_late))
-    assert "after the angles: only in the deviations" in str(result) and result.arm.effects == ()
+    assert (
+        "after the angles: not in the model, the standard deviations allow for it" in str(result)
+        and result.arm.effects == ()
+    )
     values = {value.name: value for value in result.parameters}
     for name, truth in (("joint1.viscous", 8.0), ("joint2.viscous", 5.0), ("joint1.coulomb", 9.0)):
         value, std = values[name].value, values[name].std
