@@ -41,12 +41,12 @@ def relative_poses(chain: Chain, q: Array) -> tuple[Array, Array]:
     return shifts, turns
 
 
-def viewer_urdf(chain: Chain, name: str, joints: Sequence[str]) -> str:
+def viewer_urdf(chain: Chain, joints: Sequence[str]) -> str:
     """URDF with the frames of ``relative_poses`` at q = 0, the names of the joints, and each capsule as a visual.
 
     Masses and the coupling of joints are not in it: it is for looking at, beside the transforms.
     """
-    robot = ElementTree.Element("robot", name=name)
+    robot = ElementTree.Element("robot", name="arm")
     names, after = link_names(chain), [np.eye(4), *chain.after]
     for number, link in enumerate(names):
         element = ElementTree.SubElement(robot, "link", name=link)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from arm_clearance.approach import EXACT, Nearest, nearest
 from arm_clearance.chain import Chain
 from arm_clearance.pairs import Pairs, pairs_of
@@ -35,13 +33,13 @@ def left_out(pairs: Pairs) -> list[str]:
     said = []
     assumed = [(body.link, body.radius) for body in pairs.chain.bodies if body.assumed]
     if assumed:
-        links = _listed([str(link) for link, _ in assumed])
+        links = ", ".join(str(link) for link, _ in assumed)
         said.append(
             f"the model gives no capsules for links {links} (0 is the base): assumed with radius "
             f"{_mm(assumed[0][1])} between the joints"
         )
     if pairs.touching:
-        links = _listed([f"{one} and {other}" for one, other in pairs.touching])
+        links = ", ".join(f"{one} and {other}" for one, other in pairs.touching)
         said.append(f"links that touch by design are not checked against each other: {links}")
     return said
 
@@ -54,7 +52,3 @@ def lowest_point(demand: Demand, chain: Chain) -> float:
 
 def _mm(metres: float) -> str:
     return f"{1000 * metres:.0f} mm" if abs(metres) >= EXACT else f"{1000 * metres:.1f} mm"
-
-
-def _listed(words: Sequence[str]) -> str:
-    return ", ".join(words)

@@ -8,10 +8,10 @@ HEIGHT = 640
 """Pixels of the frame; a longer report scrolls in it."""
 
 
-def inline(page: str, *, height: int = HEIGHT) -> str:
+def inline(page: str) -> str:
     """A whole HTML page as a part of another: in a frame, so that neither changes the other's style.
 
     Its scripts run there as those of a stranger: they cannot reach the notebook.
     """
-    style = f"width:100%;height:{height}px;border:1px solid #d8dee6"
+    style = f"width:100%;height:{HEIGHT}px;border:1px solid #d8dee6"
     return f'<iframe sandbox="allow-scripts" style="{style}" srcdoc="{escape(page)}"></iframe>'

@@ -11,6 +11,7 @@ import struct
 from dataclasses import dataclass
 
 READ, WRITE, EXCEPTION = 3, 16, 0x80
+UNIT = 1  # of every request
 LONGEST = 260  # bytes of a frame: the standard's limit
 EXCEPTIONS = {
     1: "function not known",
@@ -43,14 +44,14 @@ def encode(frame: Frame) -> bytes:
     return struct.pack(">HHHBB", frame.transaction, 0, len(frame.body) + 2, frame.unit, frame.function) + frame.body
 
 
-def read_request(transaction: int, address: int, registers: int, unit: int = 1) -> bytes:
+def read_request(transaction: int, address: int, registers: int) -> bytes:
     """Asks for ``registers`` 16-bit registers from ``address`` on."""
-    return encode(Frame(transaction, unit, READ, struct.pack(">HH", address, registers)))
+    return encode(Frame(transaction, UNIT, READ, struct.pack(">HH", address, registers)))
 
 
-def write_request(transaction: int, address: int, data: bytes, unit: int = 1) -> bytes:
+def write_request(transaction: int, address: int, data: bytes) -> bytes:
     """Writes ``data`` (2 bytes a register) from ``address`` on."""
-    return encode(Frame(transaction, unit, WRITE, struct.pack(">HHB", address, len(data) // 2, len(data)) + data))
+    return encode(Frame(transaction, UNIT, WRITE, struct.pack(">HHB", address, len(data) // 2, len(data)) + data))
 
 
 def read_data(reply: Frame, registers: int) -> bytes:

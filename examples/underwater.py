@@ -27,7 +27,6 @@ from arm_model.control.torque_control import Run, TorqueController, controlled
 from arm_model.description import Arm, Joint
 from arm_model.model_file import read_model
 from arm_model.motion import Motion
-from arm_model.rigid_body.two_links import reversal
 from arm_model.simulation.simulation import simulate
 
 MODEL = Path(__file__).resolve().parent.parent / "config/models/underwater.toml"
@@ -110,7 +109,8 @@ def draw_free(runs: dict[str, Motion], path: Path) -> None:
         for j in range(2):
             axes[0, j].plot(run.t, np.degrees(run.q[:, j]), label=name)
             axes[1, j].plot(run.t, run.qd[:, j])
-        place = reversal(LENGTHS, run.q, run.qd)
+        with np.errstate(divide="ignore", invalid="ignore"):  # q1' l1 cos q2 + (q1' + q2') l = 0 there
+            place = -run.qd[:, 0] * LENGTHS[0] * np.cos(run.q[:, 1]) / (run.qd[:, 0] + run.qd[:, 1])
         axes[2, 1].plot(run.t, np.where((place > 0) & (place < LENGTHS[1]), place, np.nan))
     push_shown = next(iter(runs.values()))
     for j in range(2):

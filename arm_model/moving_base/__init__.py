@@ -7,11 +7,9 @@ from arm_io import lazy
 if TYPE_CHECKING:
     from arm_model.moving_base.numeric import (
         BaseRows,
-        accelerations_with_base,
         floating,
         forces_with_base,
         mass_matrix_with_base,
-        momentum,
         rotations,
     )
     from arm_model.moving_base.regressor import (
@@ -33,14 +31,12 @@ __all__ = [
     "PAYLOAD",
     "REACTION",
     "BaseRows",
-    "accelerations_with_base",
     "beyond",
     "floating",
     "forces_with_base",
     "hull_wrench",
     "loaded",
     "mass_matrix_with_base",
-    "momentum",
     "nominal_wrench_parameters",
     "rotations",
     "thrust_of",

@@ -1,4 +1,4 @@
-"""An arm on a floating base, vectorised over N samples with plain numpy: wrench, torques, mass matrix, momentum.
+"""An arm on a floating base, vectorised over N samples with plain numpy: wrench, torques, mass matrix.
 
 Shapes: attitude (N, 4) unit quaternions w, x, y, z, body to world; velocity (N, 6) of the base and its rate, body
 frame (``arm_model.tables.floating_base``); q, qd, qdd (N, n). Generalised forces are (N, 6 + n): wrench on the base in
@@ -8,7 +8,7 @@ the body frame, then joint torques; N, N m. Drives and effects are not in them, 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -84,26 +84,6 @@ def mass_matrix_with_base(arm: Arm, q: Array, *, rotors: bool = False) -> Array:
         own = arm.joint_array("ratio") ** 2 * arm.joint_array("rotor_inertia")
         matrix[:, DOF:, DOF:] += np.diag(own)
     return matrix
-
-
-def accelerations_with_base(arm: Arm, base: BaseRows, q: Array, qd: Array, forces: Array) -> Array:
-    """(N, 6 + n) rates of (velocity, qd) under ``forces`` (N, 6 + n), with rotors, without friction of the drives."""
-    bias = forces_with_base(arm, replace(base, rate=None), q, qd, np.zeros_like(qd))
-    matrix = mass_matrix_with_base(arm, q, rotors=True)
-    return np.asarray(np.linalg.solve(matrix, (np.asarray(forces, float) - bias)[..., None])[..., 0], float)
-
-
-def momentum(arm: Arm, position: Array, base: BaseRows, q: Array, qd: Array) -> Array:
-    """(N, 6) linear (N s) and angular momentum (N m s) about the world's origin, world frame, with all added mass.
-
-    position (N, 3) m of the body frame's origin in the world.
-    """
-    q, qd = numeric.samples(arm, q, qd)
-    rates = np.concatenate([np.asarray(base.velocity, float), qd], axis=-1)
-    body = np.einsum("nij,nj->ni", mass_matrix_with_base(arm, q)[:, :DOF], rates)
-    turn = rotations(base.attitude)
-    linear, angular = (np.einsum("nij,nj->ni", turn, part) for part in (body[:, :3], body[:, 3:]))
-    return np.concatenate([linear, angular + np.cross(position, linear)], axis=-1)
 
 
 def rotations(attitude: Array) -> Array:

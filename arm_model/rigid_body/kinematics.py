@@ -145,24 +145,20 @@ def jacobian(arm: Arm, q: Array, point: Array | None = None) -> Array:
     return columns
 
 
-def inverse(
-    arm: Arm, pose: Array, start: Array, *, tolerance: float = 1e-9, iterations: int = 200, orientation: bool = True
-) -> Array:
+def inverse(arm: Arm, pose: Array, start: Array, *, tolerance: float = 1e-9, iterations: int = 200) -> Array:
     """(n,) q with forward(arm, q) = ``pose`` (4, 4), near ``start`` (n,): damped Gauss-Newton (Levenberg-Marquardt).
 
-    orientation False asks for the position only. Joint limits are not enforced. Raises InputError where nothing is
-    found.
+    Joint limits are not enforced. Raises InputError where nothing is found.
     """
     q = _check(arm, start).copy()
-    rows = 6 if orientation else 3
-    damping, error = 1e-6, _pose_error(forward(arm, q), pose)[:rows]
+    damping, error = 1e-6, _pose_error(forward(arm, q), pose)
     for _ in range(iterations):
         if np.linalg.norm(error) < tolerance:
             return q
-        slope = jacobian(arm, q)[:rows]
-        step = slope.T @ np.linalg.solve(slope @ slope.T + damping * np.eye(rows), error)
+        slope = jacobian(arm, q)
+        step = slope.T @ np.linalg.solve(slope @ slope.T + damping * np.eye(6), error)
         trial = q + np.clip(step, -0.5, 0.5)
-        trial_error = _pose_error(forward(arm, trial), pose)[:rows]
+        trial_error = _pose_error(forward(arm, trial), pose)
         if np.linalg.norm(trial_error) < np.linalg.norm(error):
             q, error, damping = trial, trial_error, max(damping / 10, 1e-15)
         else:

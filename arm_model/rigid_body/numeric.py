@@ -1,4 +1,4 @@
-"""The rigid links of an arm and their drives, vectorised over N samples with plain numpy: torques, mass matrix, energy.
+"""The rigid links of an arm and their drives, vectorised over N samples with plain numpy: torques, mass matrix.
 
 Shapes: q, qd, qdd, tau (N, n) rad, rad/s, rad/s2, N m (m and N for prismatic joints).
 """
@@ -17,7 +17,6 @@ from arm_model.description import Arm, Joint
 from arm_model.rigid_body import hydrodynamics, newton_euler, scalar
 from arm_model.rigid_body.friction_curve import curve_level
 from arm_model.rigid_body.inertia import barycentric, transform
-from arm_model.rigid_body.kinematics import link_frames
 from arm_model.rigid_body.link_friction import link_friction
 from arm_model.tables.fields import Pose
 
@@ -155,22 +154,3 @@ def drive_mass_matrix(arm: Arm, q: Array, *, rotors: bool = True) -> Array:
     (q,) = samples(arm, q)
     found = np.asarray(matrix.T @ mass_matrix(arm, arm.link_angles(q), rotors=False) @ matrix, float)
     return found + np.diag(arm.joint_array("ratio") ** 2 * arm.joint_array("rotor_inertia")) if rotors else found
-
-
-def energy(arm: Arm, q: Array, qd: Array) -> Array:
-    """(N,) J: kinetic (links, rotors, added mass) plus potential energy (weight and buoyancy).
-
-    The potential is zero at the origin of the base frame.
-    """
-    q, qd = samples(arm, q, qd)
-    kinetic = 0.5 * np.einsum("ni,nij,nj->n", qd, mass_matrix(arm, q), qd)
-    frames = link_frames(arm, q)[:, 1:]
-    parameters = link_parameters(arm)
-    first, mass = parameters[:, 1:4].copy(), parameters[:, :1].copy()
-    for j, joint in enumerate(arm.joints):
-        if joint.cylinder is not None:  # displaced water falls where the link rises
-            displaced = hydrodynamics.water_of(joint.cylinder).displaced
-            mass[j] -= displaced
-            first[j] -= displaced * np.add(joint.cylinder.start, joint.cylinder.end) / 2
-    moment = np.einsum("nkij,kj->nki", frames[..., :3, :3], first) + mass * frames[..., :3, 3]
-    return kinetic - moment.sum(axis=1) @ np.array(arm.gravity)

@@ -44,18 +44,16 @@ def links_torque(arm: Arm, bodies: Array, gravity: Array, motion: tuple[Array, A
     return numeric.in_blocks(lambda *rows: program(numbers, *rows), *motion)
 
 
-def mass_matrix_along(arm: Arm, q: Array, *, rotors: bool = True) -> Array:
-    """(N, n, n) kg m2: ``drive_mass_matrix`` over angles that the controller reports, q (N, n)."""
+def mass_matrix_along(arm: Arm, q: Array) -> Array:
+    """(N, n, n) kg m2: ``drive_mass_matrix`` without rotors, over angles that the controller reports, q (N, n)."""
     (q,) = numeric.samples(arm, q)
     if len(q) < FEW or wet(arm):
-        return numeric.drive_mass_matrix(arm, q, rotors=rotors)
+        return numeric.drive_mass_matrix(arm, q, rotors=False)
     structure, frames = _structure(arm)
     numbers = np.concatenate([frames, numeric.bodies(arm).ravel()])
     program = _mass(structure)
     matrix = numeric.in_blocks(lambda rows: program(numbers, rows), arm.link_angles(q)).reshape(-1, len(arm), len(arm))
-    if arm.coupling:
-        matrix = arm.coupling_matrix.T @ matrix @ arm.coupling_matrix
-    return matrix + np.diag(arm.joint_array("ratio") ** 2 * arm.joint_array("rotor_inertia")) if rotors else matrix
+    return arm.coupling_matrix.T @ matrix @ arm.coupling_matrix if arm.coupling else matrix
 
 
 def wet(arm: Arm) -> bool:

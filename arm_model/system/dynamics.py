@@ -1,4 +1,4 @@
-"""Torques and accelerations of an arm with its drives and effects, of N samples at once.
+"""Torques of an arm with its drives and effects, of N samples at once.
 
     M(q) q'' + h(q, q') + g(q) + Jr q'' + friction(q') = tau                       (joint side, N m; N)
 
@@ -13,7 +13,7 @@ import numpy as np
 
 from arm_io.types import Array
 from arm_model.description import Arm
-from arm_model.rigid_body.numeric import drive_mass_matrix, drive_torque, samples
+from arm_model.rigid_body.numeric import drive_torque, samples
 from arm_model.system.along_motion import rigid_torque_along
 from arm_model.system.inverse import torque_with_effects
 
@@ -30,10 +30,3 @@ def inverse_dynamics(arm: Arm, q: Array, qd: Array, qdd: Array, *, time: Array |
         return torque_with_effects(arm, q, qd, qdd, np.broadcast_to(np.asarray(time, float), q.shape[:1]))
     drives = [drive_torque(joint, qd[:, j], qdd[:, j]) for j, joint in enumerate(arm.joints)]
     return rigid_torque_along(arm, q, qd, qdd) + np.stack(drives, axis=-1)
-
-
-def forward_dynamics(arm: Arm, q: Array, qd: Array, tau: Array) -> Array:
-    """(N, n) accelerations under joint torques ``tau``."""
-    q, qd, tau = samples(arm, q, qd, tau)
-    bias = inverse_dynamics(arm, q, qd, np.zeros_like(q))
-    return np.asarray(np.linalg.solve(drive_mass_matrix(arm, q), (tau - bias)[..., None])[..., 0], float)

@@ -100,10 +100,10 @@ def movements(recording: LongRecording, t: Array, name: str) -> tuple[Movement, 
     return Movement(name, q, None if np.isnan(point).all() else point), demanded if there else None
 
 
-def chain_in(recording: LongRecording, *, moving: bool = False) -> Chain | None:
+def chain_in(recording: LongRecording) -> Chain | None:
     """The arm of the model in a recording; None where it has none, or one of another number of joints.
 
-    ``moving``: also one whose base floats, where the recording has its pose. InputError where the model is wrong.
+    A base that floats must have its pose in the recording. InputError where the model is wrong.
     """
     from arm_model import carried_arm, on_fixed_base
     from arm_model.collision import chain_of
@@ -112,7 +112,7 @@ def chain_in(recording: LongRecording, *, moving: bool = False) -> Chain | None:
         return None
     where = f"{recording.path}: model.toml"
     arm = carried_arm(recording.model, where)
-    chain = chain_of(arm if moving and recording.layout.pose else on_fixed_base(arm, where, "an animation"))
+    chain = chain_of(arm if recording.layout.pose else on_fixed_base(arm, where, "an animation"))
     return chain if len(chain) == recording.joints else None
 
 

@@ -43,7 +43,7 @@ def command(
     else:
         recording = open_long(source, damaged=True)
         blocks = (block for _, block in paced(blocks_of(recording), speed))
-        view = LiveView(str(source), recording.layout.joints, port=port, chain=chain_in(recording, moving=True))
+        view = LiveView(str(source), recording.layout.joints, port=port, chain=chain_in(recording))
         _show(str(source), view, blocks, as_json)
 
 

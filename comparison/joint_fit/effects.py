@@ -112,7 +112,7 @@ def added_rows(every: Sequence[Added], arm: Arm, motion: Motion) -> Array:
     joint, row = np.nonzero(equation_rows(motion)[1].T)
     weight = equation_weight(motion)[..., None]
     load = _smooth(rigid_torque_along(arm, *_above_noise(motion)), motion)
-    inertia = mass_matrix_along(arm, motion.q, rotors=False).diagonal(axis1=1, axis2=2)
+    inertia = mass_matrix_along(arm, motion.q).diagonal(axis1=1, axis2=2)
     parts = [parallel_filter(motion, torque_of(one, arm, motion, load, inertia) * weight)[row, joint] for one in every]
     return np.concatenate([np.empty((len(row), 0)), *parts], axis=1)
 

@@ -111,7 +111,7 @@ class _Frames:
         self._chain = chain
         self._tf = _channel(context, TF_TOPIC, ros2_messages.TF)
         self._description = _channel(context, DESCRIPTION_TOPIC, ros2_messages.STRING)
-        self._urdf = ros2_messages.text(viewer_urdf(chain, "arm", joints))
+        self._urdf = ros2_messages.text(viewer_urdf(chain, joints))
         self._messages = {
             moving: fillable(ros2_messages.transforms(frame_names(chain, moving))) for moving in (False, True)
         }

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     import zenoh
 
+TOPIC = "joint_states"
 JOINT_STATE_TYPE = "sensor_msgs::msg::dds_::JointState_"
 JOINT_STATE_HASH = "RIHS01_a13ee3a330e346c9d87b5aa18d24e11690752bd33a0350f11c5882bc9179260e"
 ATTACHMENT = struct.Struct("<qqB16s")
@@ -47,16 +48,16 @@ def attachment(sequence: int, source_ns: int, gid: bytes) -> bytes:
 
 
 class RosPublisher:
-    """A JointState topic as rmw_zenoh would publish it; ``node`` is a ROS name (letters, digits, underscores)."""
+    """The topic /joint_states as rmw_zenoh would publish it; ``node`` is a ROS name (letters, digits, underscores)."""
 
-    def __init__(self, session: zenoh.Session, domain: int, node: str, topic: str = "joint_states") -> None:
+    def __init__(self, session: zenoh.Session, domain: int, node: str) -> None:
         import zenoh
 
         zid = str(session.zid())
         self._publisher = session.declare_publisher(
-            topic_key(domain, topic), congestion_control=zenoh.CongestionControl.DROP
+            topic_key(domain, TOPIC), congestion_control=zenoh.CongestionControl.DROP
         )
-        self._tokens = [session.liveliness().declare_token(key) for key in tokens(domain, zid, node, topic)]
+        self._tokens = [session.liveliness().declare_token(key) for key in tokens(domain, zid, node, TOPIC)]
         self._gid = bytes.fromhex(zid.zfill(32))
         self._sequence = 0
 

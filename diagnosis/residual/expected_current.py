@@ -79,7 +79,7 @@ class Links:
     @cached_property
     def inertia(self) -> Array:
         """(m, n) kg m2 of the links alone at the drives."""
-        return mass_matrix_along(self.arm, self.motion[0], rotors=False).diagonal(axis1=1, axis2=2).copy()
+        return mass_matrix_along(self.arm, self.motion[0]).diagonal(axis1=1, axis2=2).copy()
 
     @cached_property
     def flights(self) -> tuple[Array, Array]:
@@ -88,7 +88,7 @@ class Links:
         A load that is smeared over the meeting of teeth would part them before and after it.
         """
         motion = motion_of(self.angle, MOTION_BAND, self.rate)
-        inertia = mass_matrix_along(self.arm, motion[0], rotors=False).diagonal(axis1=1, axis2=2)
+        inertia = mass_matrix_along(self.arm, motion[0]).diagonal(axis1=1, axis2=2)
         return rigid_torque_along(self.arm, *motion), inertia.copy()
 
 

@@ -88,7 +88,7 @@ def residual_run(
         rigid=np.asfortranarray(rigid_torque_along(bent, low, slow_v, slow_a)),
         brisk_v=brisk[1],
         brisk_rigid=np.asfortranarray(rigid_torque_along(bent, *brisk)),
-        inertia=np.asfortranarray(mass_matrix_along(bent, low, rotors=False).diagonal(axis1=1, axis2=2)),
+        inertia=np.asfortranarray(mass_matrix_along(bent, low).diagonal(axis1=1, axis2=2)),
         deviation=np.asfortranarray(np.sqrt(variance)),
         noise=instruments.noise,
         loop_noise=instruments.loop_noise,

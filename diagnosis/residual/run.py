@@ -121,7 +121,7 @@ class Run:
     @cached_property
     def by_acceleration(self) -> Array:
         """(m, n, n) A s2/rad: derivative of the expected current of joint j by the acceleration of link k."""
-        links = np.ascontiguousarray(mass_matrix_along(described(self.arm), self.q, rotors=False).transpose(2, 1, 0))
+        links = np.ascontiguousarray(mass_matrix_along(described(self.arm), self.q).transpose(2, 1, 0))
         links /= self.arm.joint_array("drive_constant")[:, None]
         return links.transpose(2, 1, 0)
 

@@ -30,10 +30,6 @@ class Alignment:
     certain: bool
     why: str
 
-    @property
-    def spikes(self) -> int:
-        return int(np.count_nonzero(self.frame < 0))
-
 
 def align(edges: NDArray[np.float64], number: NDArray[np.int64], seconds: NDArray[np.float64]) -> Alignment:
     """Frames for edges.

@@ -36,8 +36,7 @@ def same(found: np.ndarray, expected: np.ndarray) -> None:
 def test_torque_and_mass_matrix_are_those_of_numpy(arm: Arm) -> None:
     q, qd, qdd = motion(arm)
     same(rigid_torque_along(arm, q, qd, qdd), drive_rigid_torque(arm, q, qd, qdd))
-    for rotors in (True, False):
-        same(mass_matrix_along(arm, q, rotors=rotors), drive_mass_matrix(arm, q, rotors=rotors))
+    same(mass_matrix_along(arm, q), drive_mass_matrix(arm, q, rotors=False))
 
 
 def test_another_arm_of_the_same_structure_takes_its_own_numbers(root: Path) -> None:

@@ -16,7 +16,7 @@ from arm_model.control.torque_control import controlled
 from arm_model.description import Arm
 from arm_model.model_file import read_model
 from arm_model.rigid_body.hydrodynamics import dry
-from arm_model.rigid_body.two_links import TwoLinks
+from tests.arm_model.two_links import TwoLinks
 
 POINT = np.array([0.5, -0.4])
 

@@ -16,6 +16,7 @@ from arm_model.rigid_body import kinematics, numeric
 from arm_model.rigid_body.regressor import parameter_vector, regressor
 from arm_model.system import dynamics
 from tests.arm_model.mujoco_arms import mujoco_model
+from tests.arm_model.oracles import energy_of, forward_dynamics
 from tests.arm_model.random_arms import in_water, random_arm, random_states
 
 SEEDS = range(12)
@@ -43,7 +44,7 @@ def test_forward_undoes_inverse_and_mass_matrix_is_positive(seed: int, wet: bool
     arm = an_arm(seed, wet)
     q, qd, qdd = random_states(seed, len(arm))
     tau = dynamics.inverse_dynamics(arm, q, qd, qdd)
-    np.testing.assert_allclose(dynamics.forward_dynamics(arm, q, qd, tau), qdd, atol=1e-8)
+    np.testing.assert_allclose(forward_dynamics(arm, q, qd, tau), qdd, atol=1e-8)
     matrix = numeric.mass_matrix(arm, q)
     np.testing.assert_allclose(matrix, np.swapaxes(matrix, 1, 2), atol=1e-12)
     assert (np.linalg.eigvalsh(matrix) > 0).all()
@@ -65,8 +66,8 @@ def test_power_balance(seed: int) -> None:
     arm = random_arm(seed, friction=False)
     q, qd, qdd = random_states(seed, len(arm))
     step = 1e-5
-    ahead = numeric.energy(arm, q + step * qd + step**2 / 2 * qdd, qd + step * qdd)
-    behind = numeric.energy(arm, q - step * qd + step**2 / 2 * qdd, qd - step * qdd)
+    ahead = energy_of(arm, q + step * qd + step**2 / 2 * qdd, qd + step * qdd)
+    behind = energy_of(arm, q - step * qd + step**2 / 2 * qdd, qd - step * qdd)
     power = np.sum(dynamics.inverse_dynamics(arm, q, qd, qdd) * qd, axis=1)
     np.testing.assert_allclose((ahead - behind) / (2 * step), power, rtol=1e-5, atol=1e-4)
 

@@ -10,10 +10,8 @@ import pytest
 from arm_model.description import Arm, Joint
 from arm_model.moving_base.numeric import (
     BaseRows,
-    accelerations_with_base,
     forces_with_base,
     mass_matrix_with_base,
-    momentum,
     rotations,
 )
 from arm_model.rigid_body import kinematics
@@ -27,6 +25,7 @@ from arm_model.tables import FloatingBase, StationKeeping, Thruster
 from arm_model.tables.controller import Controller
 from tests.arm_model.floating_arms import floating_arm, random_rows
 from tests.arm_model.mujoco_arms import mujoco_model, tensor_of
+from tests.arm_model.oracles import accelerations_with_base, momentum_of
 from tests.arm_model.random_arms import random_states
 
 SEEDS = range(6)
@@ -156,7 +155,7 @@ def test_momentum_is_kept_without_forces_whatever_the_motors_do() -> None:
         arm, lambda t: push * np.sin(3 * t)[:, None], duration=2.0, rate=20.0, times=times, start=begin, substeps=2
     )
     rows = BaseRows(done.base.attitude, done.base.velocity)
-    kept = momentum(arm, done.base.position, rows, done.q, done.qd)
+    kept = momentum_of(arm, done.base.position, rows, done.q, done.qd)
     assert np.abs(done.q[-1] - done.q[0]).max() > 0.1
     np.testing.assert_allclose(kept, kept[:1].repeat(len(kept), axis=0), atol=1e-9)
     np.testing.assert_allclose(np.linalg.norm(done.base.attitude, axis=1), 1.0, atol=1e-9)

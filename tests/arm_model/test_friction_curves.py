@@ -23,6 +23,7 @@ from arm_model.system import dynamics
 from arm_model.system.inverse import torque_with_effects
 from arm_model.urdf import read_urdf
 from armscope.cli import run
+from tests.arm_model.oracles import forward_dynamics
 from tests.arm_model.random_arms import random_arm, random_states
 
 PANDA = (
@@ -53,7 +54,7 @@ def test_regressor_tape_and_numbers_agree(seed: int) -> None:
     np.testing.assert_allclose(columns @ parameter_vector(arm), torque, atol=1e-9)
     np.testing.assert_allclose(parameter_vector(arm), [parameter(arm, name) for name in names], atol=1e-12)
     np.testing.assert_allclose(torque_with_effects(arm, q, qd, qdd, np.zeros(len(q))), torque, atol=1e-9)
-    np.testing.assert_allclose(dynamics.forward_dynamics(arm, q, qd, torque), qdd, atol=1e-8)
+    np.testing.assert_allclose(forward_dynamics(arm, q, qd, torque), qdd, atol=1e-8)
 
 
 def test_symmetric_columns_are_those_of_both_directions() -> None:

@@ -16,14 +16,15 @@ from arm_model.description import Arm, EffectTerm
 from arm_model.model_file import read_model
 from arm_model.rigid_body import kinematics
 from arm_model.rigid_body.hydrodynamics import COEFFICIENTS, dry, own_drag, water_of
-from arm_model.rigid_body.numeric import energy, rigid_torque
+from arm_model.rigid_body.numeric import rigid_torque
 from arm_model.rigid_body.regressor import regressor
-from arm_model.rigid_body.two_links import TwoLinks, reversal
 from arm_model.simulation.servo_references import row_times
 from arm_model.simulation.simulation import simulate, simulate_batch
-from arm_model.system.dynamics import forward_dynamics, inverse_dynamics
+from arm_model.system.dynamics import inverse_dynamics
 from arm_model.tables.link_shapes import Cylinder
+from tests.arm_model.oracles import energy_of, forward_dynamics
 from tests.arm_model.random_arms import in_water, random_arm, random_states
+from tests.arm_model.two_links import TwoLinks, reversal
 
 RESISTANCE = 1025.0 * 0.025  # rho C_d R, kg/m2
 ADDED = 1025.0 * 2.0 * np.pi * 0.025**2  # rho C_a pi R^2, kg/m
@@ -133,8 +134,8 @@ def test_drag_takes_energy_away_and_added_mass_none(seed: int) -> None:
     free = with_coefficients(arm, drag_coefficient=0.0)
     free = replace(free, joints=tuple(replace(joint, drag=None) for joint in free.joints))
     step = 1e-5
-    ahead = energy(free, q + step * qd + step**2 / 2 * qdd, qd + step * qdd)
-    behind = energy(free, q - step * qd + step**2 / 2 * qdd, qd - step * qdd)
+    ahead = energy_of(free, q + step * qd + step**2 / 2 * qdd, qd + step * qdd)
+    behind = energy_of(free, q - step * qd + step**2 / 2 * qdd, qd - step * qdd)
     # Morison's forces come from strips across the axis only: their work is what the kinetic energy of those strips
     # gains, and
     # what turning the axis within the flow moves between across and along

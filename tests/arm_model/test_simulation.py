@@ -20,6 +20,7 @@ from arm_model.simulation.simulation import prepared, simulate, simulate_batch
 from arm_model.simulation.stepper import Stepper
 from arm_model.system import dynamics
 from arm_model.tables.controller import Controller
+from tests.arm_model.oracles import energy_of, forward_dynamics
 from tests.arm_model.pumas import swing, three_links
 from tests.arm_model.random_arms import in_water, random_arm
 
@@ -34,7 +35,7 @@ def test_free_motion_is_scipys(seed: int, wet: bool) -> None:
     torque = np.array([0.5, -0.4, 0.3])
 
     def rates(t: float, x: np.ndarray) -> np.ndarray:
-        return np.concatenate([x[3:], dynamics.forward_dynamics(arm, x[:3], x[3:], torque)[0]])
+        return np.concatenate([x[3:], forward_dynamics(arm, x[:3], x[3:], torque)[0]])
 
     exact = solve_ivp(rates, (0, 0.5), np.zeros(6), t_eval=[0.1, 0.25, 0.5], rtol=1e-11, atol=1e-12, method="DOP853")
     times = np.array([0.1, 0.25, 0.5])
@@ -49,8 +50,8 @@ def test_energy_of_an_undriven_frictionless_arm_stays(puma: Arm) -> None:
     arm = replace(arm, joints=joints, controller=None)
     motion = simulate(arm, lambda t: np.zeros((len(t), 3)), duration=10.0, rate=100, start=np.array([0.0, 0.4, -0.2]))
     # Its motors hold it at the start, so let the currents go: the demand is zero from the first instant.
-    energy = numeric.energy(arm, motion.q, motion.qd)
-    swing_energy = np.ptp(numeric.energy(arm, motion.q, 0 * motion.qd))
+    energy = energy_of(arm, motion.q, motion.qd)
+    swing_energy = np.ptp(energy_of(arm, motion.q, 0 * motion.qd))
     assert swing_energy > 10.0
     assert np.ptp(energy) < 1e-6 * swing_energy
 
@@ -61,7 +62,7 @@ def test_power_balance_under_servo(puma: Arm) -> None:
     motion = simulate(arm, swing(3), duration=1.5, rate=10000)
     friction = sum_of_friction(arm, motion.qd)
     power = np.sum((motion.torque - friction) * motion.qd, axis=1)
-    gained = numeric.energy(arm, motion.q, motion.qd)
+    gained = energy_of(arm, motion.q, motion.qd)
     work = np.concatenate([[0.0], np.cumsum((power[1:] + power[:-1]) / 2 * np.diff(motion.t))])
     assert np.ptp(gained) > 5.0
     np.testing.assert_allclose(gained - gained[0], work, atol=2e-4 * np.ptp(gained))
@@ -98,7 +99,7 @@ def test_servo_is_what_the_controller_says(puma: Arm) -> None:
 
         def rates(t: float, x: np.ndarray, i: np.ndarray = current, u: np.ndarray = command) -> np.ndarray:
             flowing = u + (i - u) * np.exp(-t / 0.0004)
-            return np.concatenate([x[3:], dynamics.forward_dynamics(arm, x[:3], x[3:], flowing * drive)[0]])
+            return np.concatenate([x[3:], forward_dynamics(arm, x[:3], x[3:], flowing * drive)[0]])
 
         x = solve_ivp(rates, (0, period), x, rtol=1e-9, atol=1e-12, method="DOP853").y[:, -1]
         current = command + (current - command) * np.exp(-period / 0.0004)

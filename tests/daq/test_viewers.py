@@ -77,7 +77,7 @@ def test_transforms_lead_to_the_tool(name: str, tmp_path: Path, root: Path) -> N
 def test_the_description_has_the_same_frames(name: str, tmp_path: Path, root: Path) -> None:
     arm = read_model(root / f"config/models/{name}.toml")
     names = [joint.name or f"joint{number}" for number, joint in enumerate(arm.joints, 1)]
-    (tmp_path / "viewer.urdf").write_text(viewer_urdf(chain_of(arm), arm.name, names))
+    (tmp_path / "viewer.urdf").write_text(viewer_urdf(chain_of(arm), names))
     again = read_model(tmp_path / "viewer.urdf")
     for q in np.random.default_rng(0).uniform(-1, 1, (5, len(arm))):
         np.testing.assert_allclose(forward(again, q)[:3, 3], forward(arm, q)[:3, 3], atol=1e-9)

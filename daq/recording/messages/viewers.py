@@ -146,7 +146,7 @@ class Viewers:
         made = [self._transforms(poses, wall_ns[first])]
         if not self._described:
             self._described = True
-            data = ros2_messages.text(viewer_urdf(self._chain, "arm", self._joints))
+            data = ros2_messages.text(viewer_urdf(self._chain, self._joints))
             made.insert(0, self._prologue + _head(self._description, len(data), 0, int(wall_ns[first[0]])) + data)
         return made
 

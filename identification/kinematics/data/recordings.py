@@ -14,7 +14,7 @@ from arm_io import InputError
 from arm_io.types import Array
 from arm_model import Arm
 from arm_model.rigid_body import gravity_levels, rigid_torque
-from daq.recording import Recording, open_recording
+from daq.recording import Recording
 from identification.kinematics.data.encoder_counts import between_counts, counts_of
 from identification.kinematics.data.runs import Run
 from identification.kinematics.data.tracker_file import Merge, merge, read_tracker
@@ -63,11 +63,6 @@ class Tracked:
     def target(self) -> Place | None:
         """Place of the first target, where it is known."""
         return self.targets[0].place
-
-
-def read_tracked(path: Path, tracker: Path | None = None) -> Tracked:
-    """``tracked`` of the recording at ``path``."""
-    return tracked(open_recording(path), tracker)
 
 
 def tracked(recording: Recording, tracker: Path | None = None) -> Tracked:

@@ -39,15 +39,12 @@ class Merge:
     """Which sample belongs to which row.
 
     sample    (rows,) int: index of the tracker's sample, -1 where there is none
-    unused    samples that no row took; unmatched: rows without a sample
     drift     tracker's seconds per run's second, less 1
     residual  s, robust deviation of the paired times after the clocks were fitted
     sure      False: the intervals do not single out one start (no jitter, no pause); the counts then decided
     """
 
     sample: Array
-    unused: int
-    unmatched: int
     drift: float
     residual: float
     sure: bool
@@ -114,7 +111,7 @@ def merge(rows_t: Array, tracker: TrackerFile, *, most: int = 2000) -> Merge:
             tracker.name, f"only {matched} of {len(b)} samples fit to the run's {len(a)} triggers: not of this run"
         )
     sure = bool(second > 2.0 * best.cost + 1e-7)
-    return Merge(pairs, len(b) - matched, len(a) - matched, best.drift, best.residual, sure)
+    return Merge(pairs, best.drift, best.residual, sure)
 
 
 def _starts(a: Array, b: Array, period: float, most: int) -> tuple[_Clocks, float]:

@@ -62,7 +62,6 @@ class Fit:
     noise: float
     inlier: Mask
     effective: float
-    iterations: int
 
 
 def residuals(parameters: Parameters, values: Array, extension: Array, points: Points) -> Array:
@@ -103,10 +102,10 @@ def fit(
     start_x = x = problem.admitted(x) if parameters.held is not None else x
     if not reject:
         return _with_every_point(problem, _Problem(parameters, coarse, prior, scale), x, iterations)
-    x, used = _descend(_Problem(parameters, coarse, prior, scale), x, _soft_weight, iterations, enough=0.1)
+    x = _descend(_Problem(parameters, coarse, prior, scale), x, _soft_weight, iterations, enough=0.1)
     length = np.linalg.norm(problem.residual(x), axis=1)
-    x, inlier, more = _rejected(problem, x, length <= REJECT * _scale_of(length))
-    robust = _result(problem, x, inlier, used + more)
+    x, inlier = _rejected(problem, x, length <= REJECT * _scale_of(length))
+    robust = _result(problem, x, inlier)
     if inlier.all():
         return robust
     whole = _with_every_point(problem, _Problem(parameters, coarse, prior, scale), start_x, iterations)
@@ -119,24 +118,21 @@ def fit(
 
 def _with_every_point(problem: _Problem, coarse: _Problem, x: Array, limit: int) -> Fit:
     """Ordinary least squares, from x (unknowns,), by way of fewer points."""
-    x, iterations = _descend(coarse, x, _every_point, limit)
-    more = 0
+    x = _descend(coarse, x, _every_point, limit)
     if len(coarse.points) < len(problem.points):
-        x, more = _descend(problem, x, _every_point, 20)
-    return _result(problem, x, np.ones(len(problem.points), bool), iterations + more)
+        x = _descend(problem, x, _every_point, 20)
+    return _result(problem, x, np.ones(len(problem.points), bool))
 
 
-def _rejected(problem: _Problem, x: Array, inlier: Mask) -> tuple[Array, Mask, int]:
-    """Estimate (unknowns,), points (N,) kept, and iterations: reject and refit until the same points are kept."""
-    iterations = 0
+def _rejected(problem: _Problem, x: Array, inlier: Mask) -> tuple[Array, Mask]:
+    """Estimate (unknowns,) and points (N,) kept: reject and refit until the same points are kept."""
     for _ in range(10):
-        x, more = _descend(problem, x, _only(inlier), 20)
-        iterations += more
+        x = _descend(problem, x, _only(inlier), 20)
         kept = _distances(problem, x, inlier) <= REJECT
         if np.array_equal(kept, inlier):
             break
         inlier = kept
-    return x, inlier, iterations
+    return x, inlier
 
 
 def _distances(problem: _Problem, x: Array, inlier: Mask) -> Array:
@@ -224,20 +220,14 @@ def _scale_of(length: Array) -> float:
     return max(float(np.median(length)) / MEDIAN_OF_NORM, _FLOOR)
 
 
-def _descend(
-    problem: _Problem,
-    x: Array,
-    weight_of: Weight,
-    limit: int,
-    *,
-    enough: float = 1e-6,
-) -> tuple[Array, int]:
-    """Levenberg-Marquardt until Newton's decrement.
+def _descend(problem: _Problem, x: Array, weight_of: Weight, limit: int, *, enough: float = 1e-6) -> Array:
+    """Levenberg-Marquardt from x (unknowns,), in at most ``limit`` iterations.
 
-    It is (twice the fall of the cost still to be had, in squared deviations) is ``enough``.
+    It ends where Newton's decrement, twice the fall of the cost still to be had, in squared deviations, is below
+    ``enough``.
     """
     damping = 1e-6
-    for iteration in range(1, limit + 1):
+    for _ in range(limit):
         residual, jacobian = problem.linear(x)
         length = np.linalg.norm(residual, axis=1)
         noise = _scale_of(length)
@@ -257,15 +247,16 @@ def _descend(
                 break
             damping = max(damping * 10.0, 1e-6)
         else:
-            return x, iteration
+            return x
         damping = max(damping / 10.0, 1e-12)
         x = trial
         if gradient @ step < enough:
-            return x, iteration
-    return x, limit
+            return x
+    return x
 
 
-def _result(problem: _Problem, x: Array, inlier: Mask, iterations: int) -> Fit:
+def _result(problem: _Problem, x: Array, inlier: Mask) -> Fit:
+    """The estimate at x (unknowns,), from the points that ``inlier`` (N,) keeps."""
     residual, jacobian = problem.linear(x)
     good = stacked(jacobian[inlier])
     information = good.T @ good
@@ -281,4 +272,4 @@ def _result(problem: _Problem, x: Array, inlier: Mask, iterations: int) -> Fit:
     unit = (directions * (noise**2 / (strength + noise**2))) @ directions.T
     covariance = problem.root @ unit @ problem.root.T
     n = problem.n_free
-    return Fit(problem.values(x), x[n:], covariance, noise, inlier, effective, iterations)
+    return Fit(problem.values(x), x[n:], covariance, noise, inlier, effective)

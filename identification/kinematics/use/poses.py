@@ -151,7 +151,7 @@ def _greedy(information: Array, count: int) -> list[int]:
         gain = _gains(information, inverse)
         gain[chosen] = -np.inf
         chosen.append(int(gain.argmax()))
-        inverse = _updated(inverse, information[chosen[-1]], 1.0)
+        inverse = _updated(inverse, information[chosen[-1]])
     return chosen
 
 
@@ -179,10 +179,10 @@ def _gains(information: Array, inverse: Array) -> Array:
     return np.linalg.slogdet(small)[1]
 
 
-def _updated(inverse: Array, rows: Array, sign: float) -> Array:
-    """(A + sign J'J)^-1 from A^-1 (Woodbury)."""
+def _updated(inverse: Array, rows: Array) -> Array:
+    """(A + J'J)^-1 from A^-1 (Woodbury)."""
     gained = inverse @ rows.T
-    return inverse - sign * gained @ np.linalg.solve(np.eye(len(rows)) + sign * rows @ gained, gained.T)
+    return inverse - gained @ np.linalg.solve(np.eye(len(rows)) + rows @ gained, gained.T)
 
 
 def _model_error(information: Array, check: Array) -> float:

@@ -47,8 +47,6 @@ def test_every_row_gets_its_own_sample(seed: int, drift: float, lost_edges: int,
     np.testing.assert_array_equal(points[matched], edges[matched])
     both = np.isin(edges, samples).sum()
     assert matched.sum() == both
-    assert found.unmatched == len(edges) - both
-    assert found.unused == len(samples) - both
     assert found.sure
 
 

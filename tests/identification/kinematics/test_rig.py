@@ -12,12 +12,13 @@ import pytest
 
 from arm_model.model_file import write_model
 from armscope.cli import run
+from daq.recording import open_recording
 from experiment import read_experiment
 
 sys.path.insert(0, str(Path(__file__).parent))
 from arms import TARGET, puma, seen, with_errors
 
-from identification.kinematics.data.recordings import read_tracked
+from identification.kinematics.data.recordings import tracked
 from identification.kinematics.use.iso_cube import standstills
 from tests.ports import free_endpoint
 
@@ -74,7 +75,7 @@ def miss(recording: Path, commanded: np.ndarray, planned: np.ndarray, nominal) -
 
     They stop a milliradian or two short in friction.
     """
-    run = read_tracked(recording).run
+    run = tracked(open_recording(recording)).run
     halves = [slice((a + b) // 2, b) for a, b in standstills(run)][:5]
     at = np.array([np.nanmedian(run.xyz[h], axis=0) for h in halves])
     reached = np.array([np.median(run.q[h], axis=0) for h in halves])

@@ -1,8 +1,8 @@
 """Water round two links in a plane, in closed form by cases (Abderrahim, thesis, Glasgow, section 7.3).
 
-The strips of ``arm_model.rigid_body.hydrodynamics`` do this for any arm; here stands what they are the limit of, and
-where the flow turns round. Shapes: q, qd, qdd (N, 2) rad and per second; torques, N m, are what the drives must give in
-addition.
+An oracle for the strips of ``arm_model.rigid_body.hydrodynamics``, which do this for any arm: what they are the limit
+of, and where the flow turns round. Shapes: q, qd, qdd (N, 2) rad and per second; torques, N m, are what the drives must
+give in addition.
 """
 
 from __future__ import annotations
