@@ -53,7 +53,7 @@ from identification.regression.base_parameters import base_parameters, structura
 from identification.regression.equations import Equations, equations
 from identification.regression.least_squares import joint_triangles, least_squares, relative_error, weighted_by_joint
 from identification.regression.model_parameters import model_values
-from identification.regression.uncertainty import uncertainty
+from identification.regression.uncertainty import fit_uncertainty
 
 ROOT = Path(__file__).resolve().parent.parent
 SHARED = Path(os.environ.get("ARMSCOPE_SHARED", ROOT.parent / "shared"))
@@ -196,18 +196,18 @@ def coverage(arm: Arm, experiment: Experiment, count: int, *, rate: float = RATE
         rows = equations(arm, [recorded(arm, sampled(arm, experiment, seed, rate), seed)], "asymmetric")
         columns = rows.columns[:, base.kept]
         fit = least_squares(columns, rows.torque, rows.joint, "wls")
-        spread = uncertainty(columns, rows, fit)
+        uncertainty = fit_uncertainty(columns, rows, fit)
         off = np.abs(fit.values - truth)
-        off_by.append((fit.values - truth) / spread.std)
-        inside.append(off < 2 * spread.std)
-        formula.append(off < 2 * spread.std_formula)
+        off_by.append((fit.values - truth) / uncertainty.std)
+        inside.append(off < 2 * uncertainty.std)
+        formula.append(off < 2 * uncertainty.std_formula)
         felt = np.array(
             [
                 s * np.sqrt(np.mean(c[c != 0] ** 2)) / np.sqrt(np.mean(rows.torque[c != 0] ** 2))
-                for s, c in zip(spread.std, columns.T)
+                for s, c in zip(uncertainty.std, columns.T)
             ]
         )
-        known.append((spread.std < 0.3 * np.abs(fit.values)) | (felt < 0.02))
+        known.append((uncertainty.std < 0.3 * np.abs(fit.values)) | (felt < 0.02))
         if sys.stderr.isatty():
             print(f"\rrun {seed + 1} of {count}", end="", file=sys.stderr)
     identifiable = np.mean(known, axis=0) > 0.5

@@ -25,7 +25,7 @@ from identification.regression.effect_columns import is_effect
 from identification.regression.equations import Equations, equations
 from identification.regression.least_squares import least_squares
 from identification.regression.model_parameters import model_values
-from identification.regression.uncertainty import uncertainty
+from identification.regression.uncertainty import fit_uncertainty
 
 EXCITED = 1e-3
 """Share of a column that no other explains; below it, a recording says nothing about the parameter."""
@@ -213,15 +213,15 @@ def fit(rows: Rows, shown: NDArray[np.bool_], model: Array, joints: int) -> Fitt
     own = rows.own[:, _independent(rows, shown)]
     columns = np.concatenate([rows.columns[:, shown], own], axis=1)
     found = least_squares(columns, y, rows.equations.joint, "wls")
-    spread = uncertainty(columns, rows.equations, found)
+    uncertainty = fit_uncertainty(columns, rows.equations, found)
     count, size = int(shown.sum()), len(shown)
-    widened = float(stats.t.ppf(0.975, max(spread.blocks - 1, 1)) / stats.norm.ppf(0.975))
+    widened = float(stats.t.ppf(0.975, max(uncertainty.blocks - 1, 1)) / stats.norm.ppf(0.975))
     values, covariance, leakage = np.full(size, np.nan), np.zeros((size, size)), np.zeros((size, size))
     values[shown] = found.values[:count]
-    covariance[np.ix_(shown, shown)] = spread.covariance[:count, :count] / widened**2
+    covariance[np.ix_(shown, shown)] = uncertainty.covariance[:count, :count] / widened**2
     weight = found.weight[:, None]
     plain = np.zeros((size, size))
-    plain[np.ix_(shown, shown)] = np.linalg.pinv(spread.information, hermitian=True)[:count, :count]
+    plain[np.ix_(shown, shown)] = np.linalg.pinv(uncertainty.information, hermitian=True)[:count, :count]
     of_joint = y[:, None] * (rows.equations.joint[:, None] == np.arange(joints))
     by_scale = np.zeros((size, joints))
     by_scale[shown] = np.linalg.lstsq(columns * weight, of_joint * weight, rcond=None)[0][:count]
@@ -233,11 +233,11 @@ def fit(rows: Rows, shown: NDArray[np.bool_], model: Array, joints: int) -> Fitt
         covariance=covariance,
         plain=plain,
         by_scale=by_scale,
-        freedom=max(spread.blocks - 1, 1),
+        freedom=max(uncertainty.blocks - 1, 1),
         widened=widened,
         leakage=leakage,
         residual=found.residual,
-        block=spread.block,
+        block=uncertainty.block,
     )
 
 

@@ -101,7 +101,7 @@ def tuned(
     """Friction tuned in the closed loop; errors are those of the simulated against the measured torque."""
     motions, held_motions, runs = motions_of(fit, held_out, arm, progress)
     tuning = tune_friction(fit, motions, arm, progress=progress)
-    spread = tuning.uncertainty
+    uncertainty = tuning.uncertainty
     values = [
         Value(
             name,
@@ -113,7 +113,7 @@ def tuned(
             std_bootstrap=float(drawn),
         )
         for name, value, std, formula, drawn in zip(
-            tuning.names, tuning.values, spread.std, spread.std_formula, spread.std_bootstrap
+            tuning.names, tuning.values, uncertainty.std, uncertainty.std_formula, uncertainty.std_bootstrap
         )
     ]
     warnings = [warning for run in runs for warning in run.warnings if "never moves" not in warning]

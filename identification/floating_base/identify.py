@@ -52,7 +52,7 @@ def identify_base(
     values = fitted(rows.fit, start, free, scale)
     scale = noise_scale(rows.fit, values)
     values = fitted(rows.fit, start, free, scale)
-    spread = np.sqrt(np.diag(covariance(rows.fit, values, free, scale)))
+    stds = np.sqrt(np.diag(covariance(rows.fit, values, free, scale)))
     seen = excited(rows.fit, free, scale)
     found = [
         BaseValue(
@@ -63,7 +63,7 @@ def identify_base(
             unit=unit_of(names[k]),
             identifiable=bool(known and std < RELATIVE * abs(values[k])),
         )
-        for k, std, known in zip(free, spread, seen)
+        for k, std, known in zip(free, stds, seen)
     ]
     better = with_base_parameters(base, {value.name: value.value for value in found if value.std is not None})
     return BaseIdentification(
@@ -97,7 +97,7 @@ def identify_joints(fit: Sequence[Recording], arm: Arm, held_out: Sequence[Recor
     start, free = np.array(list(nominal.values())), list(range(len(nominal)))
     scale = noise_scale(rows, fitted(rows, start, free, np.ones(len(arm))))
     values = fitted(rows, start, free, scale)
-    spread, seen = np.sqrt(np.diag(covariance(rows, values, free, scale))), excited(rows, free, scale)
+    stds, seen = np.sqrt(np.diag(covariance(rows, values, free, scale))), excited(rows, free, scale)
     found = [
         BaseValue(
             name=name,
@@ -107,7 +107,7 @@ def identify_joints(fit: Sequence[Recording], arm: Arm, held_out: Sequence[Recor
             unit=unit_of_arm(arm, name),
             identifiable=bool(known and std < RELATIVE * abs(value)),
         )
-        for name, value, std, model, known in zip(rows.names, values, spread, start, seen)
+        for name, value, std, model, known in zip(rows.names, values, stds, start, seen)
     ]
     return JointFit(
         parameters=found,

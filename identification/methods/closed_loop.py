@@ -31,7 +31,7 @@ from identification.regression.conclusion import conclude, physical_values, with
 from identification.regression.equations import Equations, described_rows, with_effects
 from identification.regression.least_squares import Fit, joint_noise, least_squares, weighted
 from identification.regression.problem import Problem
-from identification.regression.uncertainty import uncertainty
+from identification.regression.uncertainty import fit_uncertainty
 from identification.regression.weak_directions import held_note, regularised_to_model
 from identification.result import Identification
 
@@ -52,12 +52,12 @@ def identify_closed_loop(
     columns, torque = _regression(problem, problem.rows)
     fit = least_squares(columns, torque, problem.rows.joint, "wls")
     weight = 1.0 / joint_noise(fit.residual, problem.rows.joint)[problem.rows.joint]
-    spread = uncertainty(columns, problem.rows, fit)
+    uncertainty = fit_uncertainty(columns, problem.rows, fit)
     taken = 0
     for number in range(ITERATIONS):
         taken = number + 1
         progress(Step(method, number, detail=f"simulation {taken}"))
-        arm = with_values(problem, physical_values(problem, fit, spread.information))
+        arm = with_values(problem, physical_values(problem, fit, uncertainty.information))
         if arm.effects:
             problem = problem.around(arm)
             columns, torque = _regression(problem, problem.rows)
@@ -65,20 +65,20 @@ def identify_closed_loop(
         before = fit.values
         if method == "iv":
             fit = _instrumental(simulated, columns, torque, weight)
-            spread = uncertainty(columns, problem.rows, fit, instruments=simulated)
+            uncertainty = fit_uncertainty(columns, problem.rows, fit, instruments=simulated)
         else:
             fit = weighted(simulated, of_simulated, weight)
-            spread = uncertainty(simulated, problem.rows, fit)
-        if settled(before, fit, spread):
+            uncertainty = fit_uncertainty(simulated, problem.rows, fit)
+        if settled(before, fit, uncertainty):
             break
     # What is reported is the same measure for every method: the inverse dynamics on the measured motion.
     solved = Fit(fit.values, fit.weight, torque - columns @ fit.values, fit.scaled)
-    solved, held = regularised_to_model(problem, solved, spread.information)
+    solved, held = regularised_to_model(problem, solved, uncertainty.information)
     result = conclude(
         problem,
         method,
         solved,
-        spread,
+        uncertainty,
         lambda rows: least_squares(
             rows.columns[:, problem.columns], rows.torque - problem.given(rows), rows.joint, "wls"
         ),

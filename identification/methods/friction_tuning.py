@@ -25,7 +25,7 @@ from identification.preprocessing.setpoint_ripple import drifting
 from identification.preprocessing.signals import Motion, parallel_filter, parallel_rows
 from identification.regression.equations import Equations
 from identification.regression.least_squares import Fit
-from identification.regression.uncertainty import Uncertainty, uncertainty
+from identification.regression.uncertainty import FitUncertainty, fit_uncertainty
 from identification.result import Prediction
 
 STEP = 0.05  # of a parameter, for its column of the Jacobian
@@ -41,7 +41,7 @@ class Tuning:
 
     names: tuple[str, ...]
     values: Array
-    uncertainty: Uncertainty
+    uncertainty: FitUncertainty
     arm: Arm
     before: float
     after: float
@@ -78,7 +78,7 @@ def tune_friction(
     return Tuning(
         names=names,
         values=values,
-        uncertainty=uncertainty(
+        uncertainty=fit_uncertainty(
             jacobian,
             _rows(motions, jacobian, error, names),
             Fit(values, np.ones(len(error)), error, jacobian * values),
@@ -224,7 +224,7 @@ def _floors(names: Sequence[str], motions: Sequence[Motion]) -> Array:
 
 
 def _scales(motions: Sequence[Motion]) -> Array:
-    """(n,) what a torque error of each joint is measured in: its torque's own spread."""
+    """(n,) what a torque error of each joint is measured in: the standard deviation of its torque."""
     return np.maximum(np.sqrt(np.mean([np.var(motion.torque, axis=0) for motion in motions], axis=0)), 1e-9)
 
 

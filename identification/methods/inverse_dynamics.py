@@ -66,16 +66,16 @@ def identify(
         if stay := [ripple for ripple in ripples if ripple.stays]:
             again = _fitted(without_ripples(first.problem, stay), method, shape, progress)
             found, trials, depends = again.found, again.trials, again.depends
-    result = conclude(found.problem, method, found.best, found.spread, found.solve)
+    result = conclude(found.problem, method, found.best, found.uncertainty, found.solve)
     result.notes.extend(held_note(found.held, len(found.problem.excited)))
-    result.extra.update(held_directions=found.held, blocks=found.spread.blocks)
+    result.extra.update(held_directions=found.held, blocks=found.uncertainty.blocks)
     result.extra["friction_trials"] = [asdict(trial) for trial in trials]
     result.extra["friction_dependence"] = [one.to_json() for one in depends]
     result.extra["sign_velocities"] = [one.to_json() for one in first.sign_velocities]
     if lag is not None:
         result.notes.append(str(lag))
         result.extra["lag_of_currents"] = lag.to_json()
-    bands = bands_of(found.problem, result.arm, found.spread)
+    bands = bands_of(found.problem, result.arm, found.uncertainty)
     # curves of shape free are there whatever the held-out rows say
     chosen = chosen_terms(lag, first.sign_velocities, [] if shape == "free" else trials, depends, ripples or [])
     result = replace(result, friction_bands=bands, smoothness=found.scale, chosen_on_held_out=chosen)

@@ -186,7 +186,7 @@ def _is_clear(term: EffectTerm, name: str, known: Mapping[str, tuple[float, floa
 def _estimates(fit: Solution) -> dict[str, tuple[float, float]]:
     """Value and std of the fitted base parameters by name."""
     names = [fit.problem.base.names[k] for k in fit.problem.columns]
-    std: Array = fit.spread.std
+    std: Array = fit.uncertainty.std
     return {name: (float(v), float(s)) for name, v, s in zip(names, fit.best.values, std)}
 
 

@@ -32,7 +32,7 @@ from identification.preprocessing.setpoint_ripple import drifting
 from identification.preprocessing.signals import Motion, smooth_motion
 from identification.regression.equations import Equations
 from identification.regression.least_squares import Fit, least_squares
-from identification.regression.uncertainty import Uncertainty, uncertainty
+from identification.regression.uncertainty import FitUncertainty, fit_uncertainty
 
 Way = Literal["filter", "integral"]
 
@@ -52,7 +52,7 @@ class MotorLink:
     names: tuple[str, ...]
     rows: Equations
     fit: Fit
-    uncertainty: Uncertainty
+    uncertainty: FitUncertainty
 
     def value(self, name: str) -> float:
         return float(self.fit.values[self.names.index(name)])
@@ -110,7 +110,7 @@ def fitted(rows: Equations, way: Way) -> MotorLink:
         fit = least_squares(rows.columns, rows.torque, rows.joint, "ols")
     else:
         fit = _pseudo_inverse(rows)
-    return MotorLink(rows.names, rows, fit, uncertainty(rows.columns, rows, fit))
+    return MotorLink(rows.names, rows, fit, fit_uncertainty(rows.columns, rows, fit))
 
 
 def motor_link_rows(

@@ -26,7 +26,7 @@ from identification.regression.equations import Equations
 from identification.regression.least_squares import Fit, least_squares
 from identification.regression.model_parameters import Friction, model_values
 from identification.regression.problem import Problem, prepare
-from identification.regression.uncertainty import uncertainty
+from identification.regression.uncertainty import fit_uncertainty
 from identification.result import Identification
 
 RANK_TOLERANCE = 1e-2  # of a step's largest singular value, columns scaled: fainter directions are left to a later step
@@ -52,9 +52,9 @@ def identify_in_sequence(
     fitted = Fit(values, np.ones(len(columns)), problem.rows.torque - columns @ values, np.empty((0, 0)))
     # what no row shows is known as the model has it
     doubt = np.diag(float(np.sqrt(np.mean(fitted.residual**2))) / size)
-    spread = uncertainty(columns, problem.rows, fitted, prior=doubt)
-    spread = replace(
-        spread,
+    uncertainty = fit_uncertainty(columns, problem.rows, fitted, prior=doubt)
+    uncertainty = replace(
+        uncertainty,
         covariance=covariance,
         std=np.sqrt(np.diag(covariance)),
         information=np.asarray(np.linalg.pinv(covariance, rcond=1e-12, hermitian=True), float),
@@ -64,7 +64,7 @@ def identify_in_sequence(
     def solve(rows: object) -> Fit:
         return fitted
 
-    result = conclude(problem, "sequence", fitted, spread, solve)
+    result = conclude(problem, "sequence", fitted, uncertainty, solve)
     if problem.held is None:
         result.warnings.append("the later part of a sequence's runs is not held out: its steps used all of the time")
     result.notes.extend(steps)
@@ -97,9 +97,9 @@ def next_step(known: Known, columns: Array, rows: Equations) -> tuple[Known, flo
         return known, float("nan")
     shown = known.open @ right[:count].T
     fit = least_squares(columns @ shown, rows.torque - columns @ known.values, np.zeros(len(rows), np.intp), "ols")
-    own = uncertainty(columns @ shown, rows, fit).covariance
+    of_step = fit_uncertainty(columns @ shown, rows, fit).covariance
     inherits = np.eye(len(known.values)) - shown @ np.linalg.lstsq(columns @ shown, columns)[0]
-    covariance = inherits @ known.covariance @ inherits.T + shown @ own @ shown.T
+    covariance = inherits @ known.covariance @ inherits.T + shown @ of_step @ shown.T
     return Known(known.values + shown @ fit.values, covariance, known.open @ right[count:].T), fit.condition
 
 

@@ -16,7 +16,7 @@ from identification.regression.friction_shape import cross_validated_scale, smoo
 from identification.regression.least_squares import Fit, Joints, Method, joint_noise, least_squares, regularised
 from identification.regression.model_parameters import model_values
 from identification.regression.problem import Problem
-from identification.regression.uncertainty import Uncertainty, uncertainty
+from identification.regression.uncertainty import FitUncertainty, fit_uncertainty
 from identification.regression.weak_directions import regularised_to_model
 
 # Gauss-Newton steps of an arm with effects, at most; a step of fewer standard deviations is the last.
@@ -35,7 +35,7 @@ class Solution:
 
     problem: Problem
     best: Fit
-    spread: Uncertainty
+    uncertainty: FitUncertainty
     held: int
     solve: Callable[[Equations], Fit]
     scale: float | None = None
@@ -61,36 +61,34 @@ def solve(problem: Problem, method: Method, progress: Progress) -> Solution:
         progress(Step("least squares", number, None if arm.effects else 1))
         best, weighed = fitted(problem.rows)
         progress("uncertainty")
-        spread = uncertainty(problem.rows.columns[:, problem.columns], problem.rows, best, prior=weighed)
+        uncertainty = fit_uncertainty(problem.rows.columns[:, problem.columns], problem.rows, best, prior=weighed)
         if method != "ols":  # which is the textbook's
-            best, held = regularised_to_model(problem, best, spread.information)
-        if not arm.effects or settled(before, best, spread):
+            best, held = regularised_to_model(problem, best, uncertainty.information)
+        if not arm.effects or settled(before, best, uncertainty):
             break
         if number + 1 == STEPS:  # rows around the values would be others than those of the fit
             problem.warnings.append(
                 f"the effects did not settle in {STEPS} steps; is one of them far from what the model says?"
             )
             break
-        before, values = (
-            best.values,
-            _towards(problem, values, physical_values(problem, best, spread.information), best),
-        )
+        before = best.values
+        values = _towards(problem, values, physical_values(problem, best, uncertainty.information), best)
         problem, known = problem.around(with_values(problem, values)), len(problem.excited)
         if len(problem.excited) > known:
             prior, scale = _prior(problem, method)
-    return Solution(problem, best, spread, held, lambda rows: fitted(rows)[0], scale)
+    return Solution(problem, best, uncertainty, held, lambda rows: fitted(rows)[0], scale)
 
 
 def fitted_arm(fit: Solution) -> Arm:
     """The physically consistent arm nearest to a fit."""
-    return with_values(fit.problem, physical_values(fit.problem, fit.best, fit.spread.information))
+    return with_values(fit.problem, physical_values(fit.problem, fit.best, fit.uncertainty.information))
 
 
-def settled(before: Array | None, fit: Fit, spread: Uncertainty) -> bool:
+def settled(before: Array | None, fit: Fit, uncertainty: FitUncertainty) -> bool:
     """Whether no value has moved by more than a trace of its deviation; never where others were fitted ``before``."""
     if before is None or len(before) != len(fit.values):
         return False
-    return bool(np.all(np.abs(fit.values - before) < SETTLED * spread.std))
+    return bool(np.all(np.abs(fit.values - before) < SETTLED * uncertainty.std))
 
 
 def _prior(problem: Problem, method: Method) -> tuple[tuple[Array, Joints, Array] | None, float | None]:
@@ -105,7 +103,7 @@ def _prior(problem: Problem, method: Method) -> tuple[tuple[Array, Joints, Array
         return None, None
     noise = joint_noise(free.residual, rows.joint, joints=len(problem.arm))
     best, weighed = regularised(columns, torque, rows.joint, method, (smooth.rows, smooth.joint, noise))
-    scale = cross_validated_scale(uncertainty(columns, rows, best, prior=weighed), best, smooth)
+    scale = cross_validated_scale(fit_uncertainty(columns, rows, best, prior=weighed), best, smooth)
     return (smooth.rows / scale, smooth.joint, noise), scale
 
 

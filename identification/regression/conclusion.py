@@ -29,7 +29,7 @@ from identification.regression.model_parameters import freed_rotors, lifted_mass
 from identification.regression.parameter_covariance import known_to
 from identification.regression.physical_consistency import consistent_parameters, friction_rows
 from identification.regression.problem import Problem
-from identification.regression.uncertainty import Uncertainty, uncertainty
+from identification.regression.uncertainty import FitUncertainty, fit_uncertainty
 from identification.result import Identification, Prediction
 
 MOST_NAMED = 6  # weak parameters in a warning
@@ -111,7 +111,7 @@ def warnings_of_fit(problem: Problem) -> list[str]:
     rows = problem.rows
     columns, torque = rows.columns[:, problem.columns], rows.torque - problem.given(rows)
     best = least_squares(columns, torque, rows.joint)
-    _check_friction(problem, best, uncertainty(columns, rows, best))
+    _check_friction(problem, best, fit_uncertainty(columns, rows, best))
     return _unexplained_channels(problem, best)
 
 
@@ -130,23 +130,23 @@ def _unexplained_channels(problem: Problem, best: Fit) -> list[str]:
 
 
 def conclude(
-    problem: Problem, method: str, best: Fit, spread: Uncertainty, solve: Callable[[Equations], Fit]
+    problem: Problem, method: str, best: Fit, uncertainty: FitUncertainty, solve: Callable[[Equations], Fit]
 ) -> Identification:
     """The result of a fit: predictions, named parameters, a consistent arm.
 
     ``solve`` refits part of the rows for the split.
     """
-    _check_friction(problem, best, spread)
+    _check_friction(problem, best, uncertainty)
     warnings = list(problem.warnings)
     if method not in UNBIASED:
         warnings += attenuation_warnings(problem.motions)
-    physical = physical_values(problem, best, spread.information)
+    physical = physical_values(problem, best, uncertainty.information)
     identified = with_values(problem, physical)
-    predictions, compared, held_names = _predictions(problem, best, identified, spread, solve, warnings)
+    predictions, compared, held_names = _predictions(problem, best, identified, uncertainty, solve, warnings)
     warnings += _unexplained_channels(problem, best)
-    predictions = _accounted_for(problem, predictions, identified, spread)
-    identified = replace(identified, uncertainty=known_to(problem, spread))
-    base, parameters = named(problem, best, spread, physical)
+    predictions = _accounted_for(problem, predictions, identified, uncertainty)
+    identified = replace(identified, uncertainty=known_to(problem, uncertainty))
+    base, parameters = named(problem, best, uncertainty, physical)
     if weak := [value.name for value in base if not value.identifiable]:
         warnings.append(
             f"{len(weak)} of {len(base)} base parameters cannot be identified from these runs: {_weak_in_words(weak)}"
@@ -162,15 +162,15 @@ def conclude(
         condition=best.condition,
         predictions=predictions,
         warnings=warnings,
-        notes=list(_notes(problem, spread)),
+        notes=list(_notes(problem, uncertainty)),
         bands=[motion.band for motion in problem.motions],
-        covariance=spread.covariance,
+        covariance=uncertainty.covariance,
         compared={UNCONSTRAINED: compared},
         runs=problem.runs,
     )
 
 
-def _notes(problem: Problem, spread: Uncertainty) -> Iterator[str]:
+def _notes(problem: Problem, uncertainty: FitUncertainty) -> Iterator[str]:
     """Bands and blocks that the fit was made with."""
     for recording, motion in zip(problem.fit, problem.motions):
         yield (
@@ -178,7 +178,7 @@ def _notes(problem: Problem, spread: Uncertainty) -> Iterator[str]:
             f"regression, from the spectrum of {recording.path.name}"
         )
     yield (
-        f"standard deviations from {spread.blocks} blocks of {spread.block:.3g} s; those of the formula take "
+        f"standard deviations from {uncertainty.blocks} blocks of {uncertainty.block:.3g} s; those of the formula take "
         "residuals for white"
     )
 
@@ -192,7 +192,7 @@ def _weak_in_words(names: Sequence[str]) -> str:
     return ", ".join([*listed, *curves])
 
 
-def _check_friction(problem: Problem, best: Fit, spread: Uncertainty) -> None:
+def _check_friction(problem: Problem, best: Fit, uncertainty: FitUncertainty) -> None:
     """Friction that drives its joint is a current of the wrong sign."""
     joints = len(problem.arm)
     power, std = np.zeros(joints), np.ones(joints)
@@ -207,7 +207,7 @@ def _check_friction(problem: Problem, best: Fit, spread: Uncertainty) -> None:
             if head == f"joint{j + 1}" and not is_effect(problem.base.names[column]):
                 weight[k] = mean.get(rest.partition("_")[0], 0.0) * (0.5 if rest.endswith("tive") else 1.0)
         power[j] = weight @ best.values
-        std[j] = float(weight @ spread.covariance @ weight) ** 0.5
+        std[j] = float(weight @ uncertainty.covariance @ weight) ** 0.5
     checks.check_signs([recording.path for recording in problem.fit], power, std)
 
 
@@ -215,7 +215,7 @@ def _predictions(
     problem: Problem,
     best: Fit,
     identified: Arm,
-    spread: Uncertainty,
+    uncertainty: FitUncertainty,
     solve: Callable[[Equations], Fit],
     warnings: list[str],
 ) -> tuple[list[Prediction], tuple[float, float], list[str] | str]:
@@ -244,7 +244,7 @@ def _predictions(
         return found, (fitted, float("nan")), "split"
     # Trained on part of the time, a direction may be unexcited that all of it excites: then least norm.
     first = solve(problem.rows.of(early))
-    earlier = with_values(problem, physical_values(problem, first, spread.information))
+    earlier = with_values(problem, physical_values(problem, first, uncertainty.information))
     rows = problem.judged.of(late)
     found += predictions_of(rows, shown_rows(earlier, problem.arm, judged)[late], problem.fit, True)
     return found, (fitted, _error(problem, rows, first)), "split"
@@ -264,12 +264,14 @@ def predictions_of(
     return found
 
 
-def _accounted_for(problem: Problem, predictions: list[Prediction], arm: Arm, spread: Uncertainty) -> list[Prediction]:
+def _accounted_for(
+    problem: Problem, predictions: list[Prediction], arm: Arm, uncertainty: FitUncertainty
+) -> list[Prediction]:
     """The predictions, those of held-out runs with the errors expected from noise and from the parameters."""
     if problem.held is None:
         return predictions
     columns = problem.held.columns[:, problem.columns]
-    std = np.sqrt(np.sum(columns @ spread.covariance * columns, axis=1))
+    std = np.sqrt(np.sum(columns @ uncertainty.covariance * columns, axis=1))
     fitted, held = predictions[: len(problem.fit)], predictions[len(problem.fit) :]
     return fitted + [
         replace(each, prediction_std=std[problem.held.run == run], noise=_noise(problem, arm, motion.band)[each.joint])

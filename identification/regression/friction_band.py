@@ -12,7 +12,7 @@ from arm_model import Arm
 from arm_model.effects import total_friction
 from identification.regression.physical_consistency import friction_at
 from identification.regression.problem import Problem
-from identification.regression.uncertainty import Uncertainty
+from identification.regression.uncertainty import FitUncertainty
 
 SMEARED = 1.5
 """Times the lowest speed: below, a joint has just reversed, and filters smear what friction did there."""
@@ -56,7 +56,7 @@ def _between(speed: Array, torque: Array) -> Array:
     return off
 
 
-def bands_of(problem: Problem, arm: Arm, spread: Uncertainty) -> list[FrictionBand]:
+def bands_of(problem: Problem, arm: Arm, uncertainty: FitUncertainty) -> list[FrictionBand]:
     """Of every joint that slides in the fitted runs; ``arm``: the one that is written."""
     names = [problem.base.names[k] for k in problem.columns]
     found = []
@@ -71,7 +71,7 @@ def bands_of(problem: Problem, arm: Arm, spread: Uncertainty) -> list[FrictionBa
         for direction in (1,) if same else (1, -1):
             rows = friction_at(problem.arm, names, j, speed, direction)
             torque = total_friction(arm, j, speed, direction)
-            std = np.sqrt(np.maximum(np.einsum("ka,ab,kb->k", rows, spread.covariance, rows), 0.0))
+            std = np.sqrt(np.maximum(np.einsum("ka,ab,kb->k", rows, uncertainty.covariance, rows), 0.0))
             # a curve of the model may begin at standstill
             reversing = torque * np.exp(-((speed / (SMEARED * (speed[0] or low))) ** 2))
             std = np.sqrt(std**2 + _between(speed, torque) ** 2 + reversing**2)

@@ -32,7 +32,7 @@ from identification.regression.equations import Equations
 from identification.regression.least_squares import Fit
 from identification.regression.model_parameters import column_names, curve_names
 from identification.regression.problem import Problem, excited_of
-from identification.regression.uncertainty import Uncertainty
+from identification.regression.uncertainty import FitUncertainty
 
 POINTS = 18
 """Speeds of a curve, at most."""
@@ -154,12 +154,12 @@ def _second_differences(x: Array) -> Array:
     return np.asarray(np.diff(slope, axis=0) / np.sqrt((x[2:] - x[:-2]) / 2)[:, None])
 
 
-def cross_validated_scale(spread: Uncertainty, fit: Fit, smooth: Smoothness) -> float:
+def cross_validated_scale(uncertainty: FitUncertainty, fit: Fit, smooth: Smoothness) -> float:
     """The scale of SCALES with which each of FOLDS parts of the time is best predicted from the others.
 
-    spread, fit: of a fit with ``smooth`` at any scale.
+    uncertainty, fit: of a fit with ``smooth`` at any scale.
     """
-    grams, scores = spread.normal
+    grams, scores = uncertainty.normal
     right = scores + grams @ fit.values
     fold = np.arange(len(grams)) * FOLDS // len(grams)
     parts = [(grams[fold == f].sum(axis=0), right[fold == f].sum(axis=0)) for f in range(FOLDS) if (fold == f).any()]

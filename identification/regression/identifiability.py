@@ -18,7 +18,7 @@ from identification.regression.effect_columns import definition, is_effect
 from identification.regression.least_squares import Fit
 from identification.regression.model_parameters import model_values
 from identification.regression.problem import Problem
-from identification.regression.uncertainty import Uncertainty
+from identification.regression.uncertainty import FitUncertainty
 from identification.result import Value, unit_of
 
 IDENTIFIABLE = 0.3
@@ -29,13 +29,13 @@ LEAST = 0.1
 """Of the largest of its unit: the size of a parameter that the model has as nothing."""
 
 
-def named(problem: Problem, best: Fit, spread: Uncertainty, physical: Array) -> tuple[list[Value], list[Value]]:
+def named(problem: Problem, best: Fit, uncertainty: FitUncertainty, physical: Array) -> tuple[list[Value], list[Value]]:
     """Excited base parameters with their uncertainty, and all standard parameters.
 
     Of the latter those that stand alone in a base parameter have its value, the others that of the physically
     consistent arm ``physical`` (p,), and the reason why.
     """
-    estimated = _estimated(problem, best, spread)
+    estimated = _estimated(problem, best, uncertainty)
     base = problem.base
     standing = {int(base.kept[row]): int(row) for row in range(len(base))}
     parameters = []
@@ -50,12 +50,12 @@ def named(problem: Problem, best: Fit, spread: Uncertainty, physical: Array) -> 
     return [estimated[int(row)] for row in problem.excited], parameters
 
 
-def _estimated(problem: Problem, best: Fit, spread: Uncertainty) -> dict[int, Value]:
+def _estimated(problem: Problem, best: Fit, uncertainty: FitUncertainty) -> dict[int, Value]:
     """Excited base parameters by their row among all."""
     base, sizes = problem.base, _sizes(problem, best)
     found: dict[int, Value] = {}
     for k, row in enumerate(problem.excited):
-        column, std = int(base.kept[row]), float(spread.std[k])
+        column, std = int(base.kept[row]), float(uncertainty.std[k])
         small = std <= IDENTIFIABLE * sizes[k] and not _matters(problem, column, std)
         certain = std <= IDENTIFIABLE * abs(best.values[k]) or small
         why = "" if certain else f"known to {std:.2g} only: these runs excite it too little"
@@ -63,11 +63,11 @@ def _estimated(problem: Problem, best: Fit, spread: Uncertainty) -> dict[int, Va
             base.expression(int(row)),
             float(best.values[k]),
             std,
-            float(spread.std_formula[k]),
+            float(uncertainty.std_formula[k]),
             unit_of(base.names[column], problem.arm),
             bool(certain),
             why,
-            float(spread.std_bootstrap[k]),
+            float(uncertainty.std_bootstrap[k]),
         )
     return found
 

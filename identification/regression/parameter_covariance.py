@@ -18,16 +18,16 @@ from arm_model.friction_split import departures
 from arm_model.tables import Uncertainty, uncertainty_of
 from identification.regression.model_parameters import curve_names
 from identification.regression.problem import Problem
-from identification.regression.uncertainty import Uncertainty as Spread
+from identification.regression.uncertainty import FitUncertainty
 
 FILE = "model_uncertainty.json"
 SMALLEST = 1e-13
 """Least eigenvalue of an information matrix over its largest; below it are rounding errors."""
 
 
-def known_to(problem: Problem, spread: Spread) -> Uncertainty:
+def known_to(problem: Problem, uncertainty: FitUncertainty) -> Uncertainty:
     """The uncertainty of the arm that a fit of ``problem`` makes; what these runs do not excite has none."""
-    covariance = _shrunk(spread)
+    covariance = _shrunk(uncertainty)
     names = [problem.base.names[column] for column in problem.columns]
     parts = [_in_model(problem.arm, name) for name in names]
     every = list(dict.fromkeys(name for part in parts for name in part))
@@ -48,12 +48,12 @@ def writable(covariance: Array) -> Array:
     return np.asarray(covariance * np.outer(share, share))
 
 
-def _shrunk(spread: Spread) -> Array:
+def _shrunk(uncertainty: FitUncertainty) -> Array:
     """(b, b) covariance of the fitted base parameters, of full rank."""
-    count = len(spread.std)
-    blocks, formula = _correlations(spread.covariance), _correlations_by(spread.information)
-    share = count / (count + max(spread.blocks - 1, 1))
-    return np.asarray(np.outer(spread.std, spread.std) * (share * formula + (1.0 - share) * blocks))
+    count = len(uncertainty.std)
+    blocks, formula = _correlations(uncertainty.covariance), _correlations_by(uncertainty.information)
+    share = count / (count + max(uncertainty.blocks - 1, 1))
+    return np.asarray(np.outer(uncertainty.std, uncertainty.std) * (share * formula + (1.0 - share) * blocks))
 
 
 def _correlations_by(information: Array) -> Array:

@@ -22,13 +22,13 @@ from identification.regression.least_squares import Fit
 from identification.regression.qr import triangle_of
 
 REPLICATES = 400
-LEAST_BLOCKS = 12  # fewer say nothing about their own spread
+LEAST_BLOCKS = 12  # fewer say nothing about their own scatter
 MOST_BLOCKS = 2500  # each has normal equations of its own
 MEMORIES = 4.0  # block length in correlation times of the residual
 
 
 @dataclass(frozen=True)
-class Uncertainty:
+class FitUncertainty:
     """covariance (b, b) from blocks of ``block`` s (``blocks`` of them).
 
     Std (b,) its root, never below std_formula (b,), which takes residuals for white.
@@ -72,9 +72,9 @@ class Uncertainty:
         return np.array([_solve(np.tensordot(c, grams, 1) + held, c @ scores - pull, scale) for c in drawn])
 
 
-def uncertainty(
+def fit_uncertainty(
     columns: Array, rows: Equations, fit: Fit, *, instruments: Array | None = None, prior: Array | None = None
-) -> Uncertainty:
+) -> FitUncertainty:
     """Of ``fit`` = least squares of ``rows.torque`` by ``columns`` (rows, b), or by ``instruments`` (rows, b) of these.
 
     prior (r, b): further rows, of weight 1 and value 0, that regularised the fit. The formula's covariance is then that
@@ -96,14 +96,7 @@ def uncertainty(
     grams, scores = _normal_equations(columns, fit, block, count, by)
     total = grams.sum(axis=0) if held is None else grams.sum(axis=0) + held
     pull = 0.0 if held is None else scores.sum(axis=0)
-    # Leaving out one block at a time: unlike plain resampling, not deceived where a block alone determines a parameter.
-    scale = 1 / np.sqrt(np.maximum(np.diag(total), 1e-300))
-    away = np.empty((count, len(fit.values)))
-    for b in range(count):
-        away[b] = _solve(total - grams[b], scores.sum(axis=0) - pull - scores[b], scale)
-    spread = away - away.mean(axis=0)
-    factor = stats.t.ppf(0.975, max(count - 1, 1)) / stats.norm.ppf(0.975)
-    covariance = factor**2 * (count - 1) / count * spread.T @ spread
+    covariance = _jackknife(total, grams, scores, pull)
     # Few blocks may agree by luck; no claim is finer than what white residuals would allow.
     blockwise = np.sqrt(np.diag(covariance))
     std = np.maximum(blockwise, formula)
@@ -112,14 +105,38 @@ def uncertainty(
     too_sure = float(np.exp(np.mean(np.log(np.maximum(std, 1e-300) / np.maximum(formula, 1e-300)))))
     information = root.T @ root / (variance * max(too_sure, 1.0) ** 2)
     if rows.systematic is not None:
-        # What the torques may be off by all along, and no block differs in.
-        score = by.T @ (weight**2 * rows.systematic)
-        shift = np.stack([_solve(total, column, scale) for column in score.T], axis=1)
+        shift = _systematic(total, by.T @ (weight**2 * rows.systematic))
         covariance = covariance + shift @ shift.T
         std = np.sqrt(np.diag(covariance))
         seen = information @ shift  # Woodbury: the inverse of the inverse plus shift shift^T
         information = information - seen @ np.linalg.solve(np.eye(shift.shape[1]) + shift.T @ seen, seen.T)
-    return Uncertainty(covariance, std, formula, information, length, count, (grams, scores), held)
+    return FitUncertainty(covariance, std, formula, information, length, count, (grams, scores), held)
+
+
+def _jackknife(total: Array, grams: Array, scores: Array, pull: Array | float) -> Array:
+    """(b, b) covariance of the fit from refits without one block each (delete-one jackknife).
+
+    total (b, b): normal matrix of all blocks and the prior; pull (b,): gradient that the prior takes up.
+    Unlike plain resampling it is not deceived where a block alone determines a parameter.
+    """
+    count, scale = len(grams), _unit_scale(total)
+    shifts = np.empty((count, len(total)))
+    for b in range(count):
+        shifts[b] = _solve(total - grams[b], scores.sum(axis=0) - pull - scores[b], scale)
+    shifts = shifts - shifts.mean(axis=0)
+    factor = stats.t.ppf(0.975, max(count - 1, 1)) / stats.norm.ppf(0.975)
+    return np.asarray(factor**2 * (count - 1) / count * shifts.T @ shifts)
+
+
+def _systematic(total: Array, score: Array) -> Array:
+    """(b, k) shifts of the fit by k torque errors that last all along, which no block differs in; score (b, k)."""
+    scale = _unit_scale(total)
+    return np.stack([_solve(total, column, scale) for column in score.T], axis=1)
+
+
+def _unit_scale(gram: Array) -> Array:
+    """(b,) scales that bring the diagonal of a normal matrix (b, b) to 1."""
+    return np.asarray(1 / np.sqrt(np.maximum(np.diag(gram), 1e-300)))
 
 
 def block_length(rows: Equations, residual: Array) -> float:
@@ -132,9 +149,9 @@ def block_length(rows: Equations, residual: Array) -> float:
         here = rows.run == run
         duration += float(np.ptp(rows.t[here]))
         for j in np.unique(rows.joint[here]):
-            mine = here & (rows.joint == j)
-            if mine.sum() > 10:
-                longest = max(longest, correlation_time(rows.t[mine], residual[mine]))
+            of_joint = here & (rows.joint == j)
+            if of_joint.sum() > 10:
+                longest = max(longest, correlation_time(rows.t[of_joint], residual[of_joint]))
     return float(np.clip(MEMORIES * longest, duration / MOST_BLOCKS, duration / LEAST_BLOCKS))
 
 
@@ -194,8 +211,8 @@ def _normal_equations(columns: Array, fit: Fit, block: NDArray[np.intp], count: 
     order = np.argsort(block, kind="stable")
     edges = np.searchsorted(block[order], np.arange(count + 1))
     for b in range(count):
-        mine = order[edges[b] : edges[b + 1]]
-        grams[b], scores[b] = by[mine].T @ weighted[mine], by[mine].T @ residual[mine]
+        of_block = order[edges[b] : edges[b + 1]]
+        grams[b], scores[b] = by[of_block].T @ weighted[of_block], by[of_block].T @ residual[of_block]
     return grams, scores
 
 

@@ -28,7 +28,7 @@ SURE = 3.0  # standard deviations, with the residual's colour in them
 def regularised_to_model(problem: Problem, fit: Fit, information: Array) -> tuple[Fit, int]:
     """The fit of the excited base parameters with its weak directions at the model's values, and how many these are.
 
-    information (b, b): inverse covariance of the fitted values, as ``Uncertainty`` has it.
+    information (b, b): inverse covariance of the fitted values, as ``FitUncertainty`` has it.
     """
     model = problem.base.grouping[problem.excited] @ model_values(problem.arm, problem.friction)
     size = _sizes(problem, information)

@@ -78,9 +78,9 @@ def test_a_doubt_adds_what_the_error_would_change(tmp_path: Path) -> None:
     off = replace(problem, rows=replace(problem.rows, torque=problem.rows.torque + error))
     d = solve(off, "ols", lambda _: None).best.values - plain.best.values
     np.testing.assert_array_equal(doubted.best.values, plain.best.values)
-    np.testing.assert_allclose(doubted.spread.covariance - plain.spread.covariance, np.outer(d, d), atol=1e-9)
-    inverse = np.linalg.inv(np.linalg.inv(plain.spread.information) + np.outer(d, d))
-    np.testing.assert_allclose(doubted.spread.information, inverse, rtol=1e-5, atol=1e-3 * np.abs(inverse).max())
+    np.testing.assert_allclose(doubted.uncertainty.covariance - plain.uncertainty.covariance, np.outer(d, d), atol=1e-9)
+    inverse = np.linalg.inv(np.linalg.inv(plain.uncertainty.information) + np.outer(d, d))
+    np.testing.assert_allclose(doubted.uncertainty.information, inverse, rtol=1e-5, atol=1e-3 * np.abs(inverse).max())
 
 
 @pytest.mark.parametrize("current", [lambda current: current, first_joint_late])

@@ -7,7 +7,7 @@ from scipy import signal
 
 from identification.regression.equations import Equations
 from identification.regression.least_squares import joint_triangles, least_squares, relative_error, weighted_by_joint
-from identification.regression.uncertainty import correlation_time, uncertainty
+from identification.regression.uncertainty import correlation_time, fit_uncertainty
 
 
 def rows(noise: np.ndarray, columns: np.ndarray, truth: np.ndarray) -> Equations:
@@ -60,12 +60,12 @@ def test_stated_deviations_are_the_spread_of_repeated_experiments() -> None:
     for k in range(120):
         equations = rows(coloured(random, n), columns, truth)
         fit = least_squares(columns, equations.torque, equations.joint, "ols")
-        spread = uncertainty(columns, equations, fit)
+        uncertainty = fit_uncertainty(columns, equations, fit)
         values.append(fit.values)
-        stated.append(spread.std)
-        formula.append(spread.std_formula)
+        stated.append(uncertainty.std)
+        formula.append(uncertainty.std_formula)
         if k < 20:
-            bootstrap.append(spread.std_bootstrap)
+            bootstrap.append(uncertainty.std_bootstrap)
     actual = np.std(values, axis=0)
     inside = np.abs(np.array(values) - truth) < 2 * np.array(stated)
     assert inside.mean() > 0.9

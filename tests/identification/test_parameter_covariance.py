@@ -15,7 +15,7 @@ from arm_model.rigid_body.regressor import regressor
 from identification.regression.friction_band import bands_of
 from identification.regression.model_parameters import Friction, column_names, described_columns
 from identification.regression.parameter_covariance import _in_model, _shrunk, writable
-from identification.regression.uncertainty import Uncertainty
+from identification.regression.uncertainty import FitUncertainty
 from tests.arm_model.random_arms import random_arm
 
 
@@ -54,8 +54,8 @@ def test_few_blocks_still_speak_of_every_direction() -> None:
     std = np.sqrt(np.diag(few))
     one = np.zeros(12)
     for blocks, least in ((4, 0.1), (10_000, 0.0)):
-        spread = Uncertainty(few, std, one, information, 1.0, blocks, (one, one))
-        covariance = _shrunk(spread)
+        uncertainty = FitUncertainty(few, std, one, information, 1.0, blocks, (one, one))
+        covariance = _shrunk(uncertainty)
         assert np.allclose(np.sqrt(np.diag(covariance)), std)
         over = covariance / np.outer(std, std)
         assert np.linalg.eigvalsh(over)[0] > least
@@ -81,7 +81,7 @@ def test_information_that_is_indefinite_by_rounding_has_a_covariance() -> None:
     information = columns.T @ columns
     information[4, 4] *= 1.0 - 1e-14
     std, one = 10.0 ** np.array([-9.0, -6.0, -3.0, 0.0, 1.0]), np.zeros(5)
-    covariance = _shrunk(Uncertainty(np.diag(std**2), std, one, information, 1.0, 2, (one, one)))
+    covariance = _shrunk(FitUncertainty(np.diag(std**2), std, one, information, 1.0, 2, (one, one)))
     assert np.allclose(np.sqrt(np.diag(covariance)), std)
     assert np.linalg.eigvalsh(covariance / np.outer(std, std))[0] > -1e-9
 

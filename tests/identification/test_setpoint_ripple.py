@@ -22,7 +22,7 @@ from identification.regression.base_parameters import structural_base
 from identification.regression.equations import equations
 from identification.regression.least_squares import least_squares
 from identification.regression.model_parameters import model_values
-from identification.regression.uncertainty import uncertainty
+from identification.regression.uncertainty import fit_uncertainty
 from tests.arm_model.pumas import three_links
 
 PHASES = (0.1, 0.35, 0.6, 0.85)  # of a row, of the samples against the setpoints
@@ -65,7 +65,7 @@ def inertias(arm: Arm, motion: Motion) -> tuple[np.ndarray, np.ndarray]:
     fit = least_squares(columns, rows.torque, rows.joint)
     off = fit.values - base.grouping @ model_values(arm, "asymmetric")
     own = [[base.names[k] for k in base.kept].index(f"joint{j}.rotor_inertia") for j in (1, 2, 3)]
-    return off[own], uncertainty(columns, rows, fit).std[own]
+    return off[own], fit_uncertainty(columns, rows, fit).std[own]
 
 
 def test_two_deviations_hold_at_any_phase_of_the_clocks(arm: Arm, recorded: dict) -> None:
@@ -108,8 +108,8 @@ def test_information_is_the_inverse_of_what_is_not_known(arm: Arm, recorded: dic
     rows = equations(arm, [motion], "asymmetric")
     columns = rows.columns[:, base.kept]
     fit = least_squares(columns, rows.torque, rows.joint)
-    plain = uncertainty(columns, replace(rows, systematic=None), fit)
-    whole = uncertainty(columns, rows, fit)
+    plain = fit_uncertainty(columns, replace(rows, systematic=None), fit)
+    whole = fit_uncertainty(columns, rows, fit)
     gain = np.linalg.lstsq(columns * fit.weight[:, None], rows.systematic * fit.weight[:, None], rcond=None)[0]
     wanted = np.linalg.inv(plain.information) + gain @ gain.T
     scale = np.sqrt(np.diag(wanted))
