@@ -59,13 +59,16 @@ def command(
         Path | None, typer.Option("--save-map", metavar="MAPPING.toml", help="also write the mapping, to edit")
     ] = None,
     topic: Annotated[str | None, typer.Option(help="of a ROS 2 bag: the topic of the joints")] = None,
+    recorded: Annotated[
+        bool, typer.Option("--recorded-times", help="of a ROS 2 bag: times of recording, not the stamps in the headers")
+    ] = False,
     as_json: Json = False,
 ) -> None:
     checked = _joints_of(rig, model)
     names = [] if checked is None else [joint.name or f"joint{number}" for number, joint in enumerate(checked.joint, 1)]
     chosen = read_mapping(mapping) if mapping is not None else _guessed(table, guess, names)
     with shown(as_json):
-        source = open_source(table, mapping=chosen, topic=topic, joints=names)
+        source = open_source(table, mapping=chosen, topic=topic, joints=names, recorded=recorded)
         chosen = chosen or source.mapping
         if chosen is not None and mapping is None:
             print(f"note: {table}: {chosen.in_words()}", file=sys.stderr)
@@ -79,6 +82,8 @@ def command(
             write_text(save_map, _text(table, chosen))
         attachments = _attachments(table, rig, checked, first, chosen, per_current)
         write_blocks(out, first, blocks, attachments, joints=names or getattr(source, "joints", ()))
+        for note in getattr(source, "notes", list)():
+            print(f"note: {table}: {note}", file=sys.stderr)
     rows, seconds = blocks.rows, blocks.last - float(first.t[0])
     if as_json:
         print(json.dumps({"file": str(out), "rows": rows, "joints": first.joints, "duration": seconds, "lost": 0}))

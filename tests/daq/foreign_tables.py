@@ -108,3 +108,20 @@ def write_franka_bag(path: Path, t: np.ndarray, q: np.ndarray, demanded: np.ndar
                 robot_mode=2,
             )
             writer.write(channel, stamp + 5_000_000, store.serialize_cdr(message, kind))
+
+
+def write_messages(path: Path, messages: list[tuple[int, int, dict[str, np.ndarray], tuple[str, ...]]]) -> None:
+    """A bag of JointState on /joint_states, message by message: recorded ns, stamp ns, {position, effort}, names."""
+    from rosbags.rosbag2 import StoragePlugin, Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store: Any = get_typestore(Stores.ROS2_HUMBLE)
+    kinds = ("sensor_msgs/msg/JointState", "std_msgs/msg/Header", "builtin_interfaces/msg/Time")
+    state, header, time = (store.types[name] for name in kinds)
+    with Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        connection = writer.add_connection("/joint_states", kinds[0], typestore=store)
+        for recorded, stamp, arrays, names in messages:
+            filled = {name: arrays.get(name, np.empty(0)) for name in ("position", "velocity", "effort")}
+            at = header(stamp=time(sec=stamp // 10**9, nanosec=stamp % 10**9), frame_id="")
+            message = state(header=at, name=list(names), **filled)
+            writer.write(connection, int(recorded), store.serialize_cdr(message, kinds[0]))

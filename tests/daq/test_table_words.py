@@ -82,6 +82,11 @@ def test_a_table_in_our_words_that_seems_to_be_in_degrees_is_noted(
     ("names", "with_model"),
     [
         ("stamp,elbow_pos,shoulder_pos,elbow_effort,shoulder_effort,elbow_cmd,shoulder_cmd", False),
+        (
+            "time [s],elbow_joint pos [rad],shoulder_joint pos [rad],elbow_joint torque [Nm],"
+            "shoulder_joint torque [Nm],elbow_joint target [rad],shoulder_joint target [rad]",
+            False,
+        ),
         ("time,position.elbow,position.shoulder,i/elbow [A],i/shoulder [A],command.elbow,command.shoulder", True),
     ],
 )

@@ -193,7 +193,8 @@ def _of_named_joints(names: Sequence[str], joints: Sequence[str]) -> dict[str, _
     if not {"q", "i"} <= set(found):
         return {}
     there = list(found["q"])
-    order = [joint for joint in joints if joint in there] if set(joints) >= set(there) else there
+    arm = [_bare(joint) for joint in joints]
+    order = [joint for joint in arm if joint in there] if set(arm) >= set(there) else there
     if not set(order) <= set(found["i"]) or ("" in order and len(order) > 1):
         return {}
     complete = {signal: columns for signal, columns in found.items() if set(order) <= set(columns)}
@@ -211,8 +212,13 @@ def _joint_of(name: str, word: str) -> tuple[str, str] | None:
         rf"{word}{_BETWEEN}(?P<joint>.+?){_UNIT}",
     ):
         if match := re.fullmatch(pattern, name.strip(), re.IGNORECASE):
-            return match.groupdict().get("joint") or "", (match["unit"] or "").strip(" _[]()")
+            return _bare(match.groupdict().get("joint") or ""), (match["unit"] or "").strip(" _[]()")
     return None
+
+
+def _bare(joint: str) -> str:
+    """The name of a joint without the word joint at its end, which may as well begin the word for the signal."""
+    return re.sub(rf"(?<=.){_BETWEEN}({_JOINT})$", "", joint, flags=re.IGNORECASE)
 
 
 def _number(cell: str) -> float:

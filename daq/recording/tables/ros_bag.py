@@ -16,14 +16,12 @@ import numpy as np
 from arm_io import InputError
 from arm_io.files import open_regular
 from arm_io.optional import optional
-from daq.recording.messages.bag_messages import columns_of, fields_of, parts, stamp_of
+from daq.recording.messages.bag_messages import ARRAYS, columns_of, fields_of, parts, stamp_of
 from daq.recording.messages.ros2_messages import JOINT_STATE
+from daq.recording.tables.bag_rows import BagRows, Row
 from daq.recording.tables.columns import Chunk, Exact
 from daq.recording.tables.mapping import Mapping
 
-ROWS = 4096
-WAITING = 256
-"""Rows that wait for messages of the same stamp on other topics."""
 LOOK = 50
 """Messages of a topic at its beginning among which those of the arm are found beside those of a gripper."""
 
@@ -36,20 +34,24 @@ def is_bag(path: Path) -> bool:
 class BagSource:
     """A bag as a source of columns (``daq.recording.tables.columns.Source``), named TOPIC.position.JOINT and the like.
 
-    A row is a message of ``topic``; messages of other topics with the same stamp stand in the same row. Of several
-    devices on one topic, that with the most joints is taken; messages without these are left out, as is one that
-    repeats a stamp.
+    A row is a message of ``topic``, or all of one stamp that have the joints in parts; messages of other topics with
+    the same stamp stand in the same row. Of several devices on one topic, that with the most joints is taken; messages
+    without these are left out. ``notes`` counts what else is left out (``BagRows``).
 
     topic   None: /joint_states, or the only JointState. A JointState that is a field of another message is
             TOPIC/FIELD; of TOPIC/measured_joint_state, as Franka's have it, TOPIC is enough
     joints  names in the order of the rig's joints; where the bag has none of them, its own in its own order
+    recorded  whether the times of recording are taken where there are stamps, too
     InputError where there is no such bag, no JointState with positions and efforts in it, or some of ``joints`` alone.
     """
 
     word, where = "row", ""
 
-    def __init__(self, path: Path, *, topic: str | None = None, joints: Sequence[str] = ()) -> None:
+    def __init__(
+        self, path: Path, *, topic: str | None = None, joints: Sequence[str] = (), recorded: bool = False
+    ) -> None:
         self.path = path
+        self._bag_rows: BagRows | None = None
         if not os.path.isdir(path):
             os.close(open_regular(path))
         self._highlevel = optional("rosbags.highlevel", "ros", path)
@@ -68,46 +70,44 @@ class BagSource:
         states = {name: message for name, message in first.items() if hasattr(message, "effort")}
         self.topic = self._choose(states, topic)
         self.rows: int | None = counts[self._of_message(self.topic)]
-        state = states[self.topic]
-        self.joints = self._in_order(joints, list(state.name))
-        self._stamped = self._stamps[self.topic]
-        self.names = [column for name, part in first.items() for column in columns_of(name, part)]
+        self.joints = self._in_order(joints, list(states[self.topic].name))
+        self._stamped = self._stamps[self.topic] and not recorded
+        self.names = list(self._columns)
+        with self._reader() as reader:
+            self._look_for_efforts(reader)
         self.mapping = self._mapping()
 
     def chunks(self, needed: Sequence[str], time: str) -> Iterator[Chunk]:
-        """All rows in the order of the bag; ``time`` is in ns."""
-        waiting: dict[int, dict[str, float]] = {}
-        row = 0
+        """All rows in the order of their stamps; ``time`` is in ns."""
+        rows = self._bag_rows = self._rows(needed)
+        places = 1
         with self._reader() as reader:
             try:
                 for stamp, name, part in self._parts(reader, needed):
-                    columns = waiting.setdefault(stamp, {})
-                    columns.update(columns_of(name, part))
-                    if name == self.topic and set(self.joints) <= set(part.name):
-                        columns["t"] = stamp
-                    if len(waiting) >= ROWS + WAITING:
-                        yield (chunk := self._chunk(waiting, ROWS, needed, time, row))
-                        row += len(chunk.places)
+                    rows.add(stamp, name, part)
+                    for stamps, columns in rows.full():
+                        yield _chunk(stamps, columns, needed, time, places)
+                        places += len(stamps)
             except InputError:
                 raise
             except Exception as error:
                 raise self._broken(error) from None
-        if waiting:
-            yield self._chunk(waiting, len(waiting), needed, time, row)
+        for stamps, columns in rows.rest():
+            yield _chunk(stamps, columns, needed, time, places)
+
+    def notes(self) -> list[str]:
+        """What the chunks read until now have left out, and why."""
+        return [] if self._bag_rows is None else self._bag_rows.notes()
 
     def last_time(self, time: str) -> str:
         """The last instant of the bag, ns."""
         with self._reader() as reader:
             return str(reader.end_time)
 
-    def _chunk(
-        self, waiting: dict[int, dict[str, float]], count: int, needed: Sequence[str], time: str, row: int
-    ) -> Chunk:
-        taken = [waiting.pop(stamp) for stamp in sorted(waiting)[:count]]
-        taken = [one for one in taken if "t" in one]
-        columns = {name: np.array([one.get(name, np.nan) for one in taken], float) for name in needed if name != time}
-        stamps = np.array([int(one["t"]) for one in taken], np.int64)
-        return Chunk(range(row + 1, row + 1 + len(taken)), columns | {time: stamps.astype(float)}, Exact(stamps))
+    def _rows(self, needed: Sequence[str]) -> BagRows:
+        positions, efforts = ([f"{self.topic}.{array}.{joint}" for joint in self.joints] for array in ARRAYS[::2])
+        asked = efforts if set(efforts) & set(needed) else []
+        return BagRows(self.path, self.topic, positions, asked, self._stamped)
 
     def _of_message(self, name: str) -> str:
         """The topic of the bag behind a name, which may be TOPIC/FIELD."""
@@ -125,10 +125,14 @@ class BagSource:
                 yield stamp, name, part
 
     def _first_messages(self, reader: Any) -> dict[str, Any]:
-        """Joint states and points of the first message of each topic with its most joints; whether it is stamped."""
+        """Joint states and points of the first message of each topic with its most numbers; whether it is stamped.
+
+        Columns of all the messages looked at are kept: some have no efforts, or other joints.
+        """
         first: dict[str, Any] = {}
         seen: set[str] = set()
         self._stamps: dict[str, bool] = {}
+        self._columns: dict[str, None] = {}
         for connection in sorted(reader.connections, key=lambda one: str(one.topic)):
             topic = connection.topic
             if topic in seen or topic not in self._fields:
@@ -139,17 +143,34 @@ class BagSource:
             ]
             if messages:
                 seen.add(topic)
-                message = max(messages, key=lambda one: len(getattr(one, "name", ())))
-                mine = dict(parts(topic, message, self._fields[topic]))
-                first |= mine
-                self._stamps |= dict.fromkeys(mine, bool(stamp_of(message)))
+                looked_at = [dict(parts(topic, message, self._fields[topic])) for message in messages]
+                for mine in looked_at:
+                    self._columns |= {column: None for name, part in mine.items() for column in columns_of(name, part)}
+                best = max(looked_at, key=_size)
+                first |= best
+                self._stamps |= dict.fromkeys(best, any(map(stamp_of, messages)))
         return first
 
-    def _in_order(self, wanted: Sequence[str], there: list[str]) -> list[str]:
+    def _look_for_efforts(self, reader: Any) -> None:
+        """Adds the columns of the first message of the topic with efforts, where those looked at have none."""
+        if any(name.startswith(f"{self.topic}.effort.") for name in self.names):
+            return
+        connections = [one for one in reader.connections if one.topic == self._of_message(self.topic)]
+        for connection, _, raw in reader.messages(connections):
+            message = reader.deserialize(raw, connection.msgtype)
+            part = dict(parts(connection.topic, message, self._fields[connection.topic])).get(self.topic)
+            if part is not None and len(part.effort):
+                self.names += [name for name in columns_of(self.topic, part) if name not in self._columns]
+                return
+
+    def _in_order(self, wanted: Sequence[str], most: list[str]) -> list[str]:
+        """The joints of the rows. most: those of the message with the most; others may have the rest of ``wanted``."""
+        before = f"{self.topic}.position."
+        there = [column.removeprefix(before) for column in self._columns if column.startswith(before)] or most
         missing = [name for name in wanted if name not in there]
         if missing and len(missing) < len(wanted):
             raise InputError(self.path, f"{self.topic} has no joint {missing[0]!r}; it has {', '.join(there)}")
-        return there if missing or not wanted else list(wanted)
+        return most if missing or not wanted else list(wanted)
 
     def _choose(self, states: dict[str, Any], topic: str | None) -> str:
         measured = [name for name in states if name.endswith("/measured_joint_state")]
@@ -212,6 +233,19 @@ class _Opened:
 
     def __exit__(self, *_: object) -> None:
         self._reader.close()
+
+
+def _size(parts_of_message: dict[str, Any]) -> tuple[int, int]:
+    """Joints, and numbers, of a message."""
+    described = parts_of_message.values()
+    return sum(len(getattr(part, "name", ())) for part in described), sum(len(columns_of("", one)) for one in described)
+
+
+def _chunk(stamps: list[int], rows: list[Row], needed: Sequence[str], time: str, place: int) -> Chunk:
+    """Rows at their stamps, ns, the first of them number ``place`` of the bag."""
+    columns = {name: np.array([one.get(name, np.nan) for one in rows], float) for name in needed if name != time}
+    exact = np.array(stamps, np.int64)
+    return Chunk(range(place, place + len(rows)), columns | {time: exact.astype(float)}, Exact(exact))
 
 
 def _listed(states: dict[str, Any]) -> str:

@@ -19,16 +19,25 @@ from daq.recording.tables.ros_bag import BagSource, is_bag
 
 
 def open_source(
-    path: Path, *, mapping: Mapping | None = None, topic: str | None = None, joints: Sequence[str] = ()
+    path: Path,
+    *,
+    mapping: Mapping | None = None,
+    topic: str | None = None,
+    joints: Sequence[str] = (),
+    recorded: bool = False,
 ) -> Source:
     """The columns of a file: ROS 2 bag (folder, .mcap, .db3), Parquet, .mat, HDF5, else CSV.
 
     mapping        its separator and decimal sign, of a CSV
-    topic, joints  of a bag, as ``BagSource`` has them
+    topic, joints, recorded  of a bag, as ``BagSource`` has them
     InputError where it cannot be read.
     """
     if is_bag(path):
-        return BagSource(path, topic=topic, joints=joints)
+        return BagSource(path, topic=topic, joints=joints, recorded=recorded)
+    if recorded:
+        raise InputError(
+            "--recorded-times", f"is for a ROS 2 bag; {path} is none (a folder with metadata.yaml, .mcap, .db3)"
+        )
     if topic is not None:
         raise InputError("--topic", f"is for a ROS 2 bag; {path} is none (a folder with metadata.yaml, .mcap, .db3)")
     if os.path.isdir(path):
