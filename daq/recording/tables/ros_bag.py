@@ -17,8 +17,8 @@ from arm_io import InputError
 from arm_io.files import open_regular
 from arm_io.optional import optional
 from daq.recording.messages.bag_messages import ARRAYS, columns_of, fields_of, parts, stamp_of
+from daq.recording.messages.bag_rows import BagRows, Row
 from daq.recording.messages.ros2_messages import JOINT_STATE
-from daq.recording.tables.bag_rows import BagRows, Row
 from daq.recording.tables.columns import Chunk, Exact
 from daq.recording.tables.mapping import Mapping
 

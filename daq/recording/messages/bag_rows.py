@@ -21,7 +21,7 @@ ALTERNATING = 3.0
 """How much larger the steps to the next row are than those to the row after it where two courses alternate. They are
 half as large in a motion, and as large in noise."""
 SMALLEST_STEP = 1e-3
-"""rad or m, the mean step from which two courses are told from noise."""
+"""rad or m, the mean step that is more than noise."""
 
 Row = dict[str, float]
 
