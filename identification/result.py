@@ -85,8 +85,8 @@ class Prediction:
 
     def of(self, joint: int, sliding: bool = False) -> NDArray[np.bool_]:
         """(k,) the rows of a joint (from 0), or its sliding ones."""
-        mine = self.joint == joint
-        return mine & self.sliding if sliding and self.sliding is not None else mine
+        of_joint = self.joint == joint
+        return of_joint & self.sliding if sliding and self.sliding is not None else of_joint
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -193,9 +193,9 @@ class Identification:
         """Norm of the residual over norm of the measured torque, of one joint (from 0) or all."""
         residual, measured = 0.0, 0.0
         for p in self.rows(held_out):
-            mine = np.ones(len(p.t), bool) if joint is None else p.joint == joint
-            residual += float(np.sum(p.residual[mine] ** 2))
-            measured += float(np.sum(p.measured[mine] ** 2))
+            of_joint = np.ones(len(p.t), bool) if joint is None else p.joint == joint
+            residual += float(np.sum(p.residual[of_joint] ** 2))
+            measured += float(np.sum(p.measured[of_joint] ** 2))
         return math.sqrt(residual / measured) if measured > 0 else math.nan
 
     def rms(self, held_out: bool, joint: int, *, sliding: bool = False) -> float:

@@ -56,26 +56,28 @@ class Rows:
         """(k, 6) wrench of all thrusters."""
         if self.table is not None:
             return np.asarray(self.thrusts(values) @ self.allocation.T)
-        mine = [k for k, name in enumerate(self.names) if name.startswith("thruster")]
-        return np.asarray(self.columns[:, :, mine] @ values[mine])
+        of_thrusters = [k for k, name in enumerate(self.names) if name.startswith("thruster")]
+        return np.asarray(self.columns[:, :, of_thrusters] @ values[of_thrusters])
 
     def thrusts(self, values: Array) -> Array:
         """(k, thrusters) N of each thruster."""
         if self.table is not None:
             found = [self.table.thrust(k, self._of_thruster(k, values)) for k in range(self.allocation.shape[1])]
             return np.stack(found, axis=1) if found else np.zeros((len(self.t), 0))
-        mine = [k for k, name in enumerate(self.names) if name.startswith("thruster")]
+        of_thrusters = [k for k, name in enumerate(self.names) if name.startswith("thruster")]
         lengths = (self.allocation**2).sum(axis=0)
-        return np.asarray(np.einsum("kim,im->km", self.columns[:, :, mine], self.allocation) / lengths * values[mine])
+        return np.asarray(
+            np.einsum("kim,im->km", self.columns[:, :, of_thrusters], self.allocation) / lengths * values[of_thrusters]
+        )
 
     def slopes(self, values: Array, free: Sequence[int]) -> Array:
         """(k, 6, f) wrench per unit of the parameters ``free`` (numbers of columns) at ``values``."""
         found = self.columns[:, :, list(free)]
-        mine = {_thruster_of(self.names[k]) for k in free if self.names[k].startswith("thruster")}
-        if self.table is None or not mine:
+        thrusters = {_thruster_of(self.names[k]) for k in free if self.names[k].startswith("thruster")}
+        if self.table is None or not thrusters:
             return found
         place = {self.names[k]: at for at, k in enumerate(free)}
-        for k in mine:
+        for k in thrusters:
             for name, slope in self.table.slopes(k, self._of_thruster(k, values)).items():
                 if (whole := f"thruster{k + 1}.{name}") in place:
                     found[:, :, place[whole]] = slope

@@ -50,6 +50,6 @@ def late_rows(rows: Rows) -> NDArray[np.bool_]:
     """(k,) the last rows of each run, which judge a fit of the others."""
     last = np.zeros(len(rows.t), bool)
     for number in np.unique(rows.run):
-        mine = np.flatnonzero(rows.run == number)
-        last[mine[int((1 - HELD_OUT) * len(mine)) :]] = True
+        of_run = np.flatnonzero(rows.run == number)
+        last[of_run[int((1 - HELD_OUT) * len(of_run)) :]] = True
     return last

@@ -53,30 +53,30 @@ def wrenches_of(sides: Sides, before: Array, after: Array, scale: Array) -> list
     """Of every recording that is judged by; parameters (p,) ``before`` and ``after``, noise (6,) of the degrees."""
     rows, found = sides.held_out, []
     for number, run in enumerate(sides.runs):
-        mine = rows.part(rows.run == number)
-        residual = mine.residual(after)
-        each, wrench = mine.thrusts(after), mine.thrust_wrench(after)
-        parts = {name: -_sum_of(mine, after, beginnings) for name, beginnings in PARTS.items()}
+        of_run = rows.part(rows.run == number)
+        residual = of_run.residual(after)
+        each, wrench = of_run.thrusts(after), of_run.thrust_wrench(after)
+        parts = {name: -_sum_of(of_run, after, beginnings) for name, beginnings in PARTS.items()}
         parts["hull: inertia, weight, buoyancy"] = residual + wrench - sum(parts.values())
         found.append(
             Wrenches(
                 run=run,
-                t=mine.t,
+                t=of_run.t,
                 thrust=wrench,
                 required=parts,
-                before=mine.residual(before),
+                before=of_run.residual(before),
                 after=residual,
-                demand=mine.demand,
+                demand=of_run.demand,
                 each=each,
-                seen=each + _shares(mine, residual, scale),
+                seen=each + _shares(of_run, residual, scale),
             )
         )
     return found
 
 
 def _sum_of(rows: Rows, values: Array, beginnings: tuple[str, ...]) -> Array:
-    mine = [k for k, name in enumerate(rows.names) if name.startswith(beginnings)]
-    return np.asarray(rows.columns[:, :, mine] @ values[mine])
+    numbers = [k for k, name in enumerate(rows.names) if name.startswith(beginnings)]
+    return np.asarray(rows.columns[:, :, numbers] @ values[numbers])
 
 
 def _shares(rows: Rows, residual: Array, scale: Array) -> Array:

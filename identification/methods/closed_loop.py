@@ -135,7 +135,7 @@ def simulated_rows(problem: Problem, arm: Arm) -> Equations:
 def _instrumental(instruments: Array, columns: Array, torque: Array, weight: Array) -> Fit:
     """(Z^T W) beta = Z^T y of the weighted rows, scaled."""
     z, w, y = instruments * weight[:, None], columns * weight[:, None], torque * weight
-    left = 1 / np.maximum(np.linalg.norm(z, axis=0), 1e-300)
-    right = 1 / np.maximum(np.linalg.norm(w, axis=0), 1e-300)
-    values = right * linalg.solve((z * left).T @ (w * right), (z * left).T @ y)
-    return Fit(values, weight, torque - columns @ values, w * right)
+    of_z = 1 / np.maximum(np.linalg.norm(z, axis=0), 1e-300)
+    of_w = 1 / np.maximum(np.linalg.norm(w, axis=0), 1e-300)
+    values = of_w * linalg.solve((z * of_z).T @ (w * of_w), (z * of_z).T @ y)
+    return Fit(values, weight, torque - columns @ values, w * of_w)

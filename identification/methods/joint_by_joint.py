@@ -50,34 +50,36 @@ def identify_joints(
     By a state-variable filter, and by the integrated equation for comparison. InputError where the runs are unusable.
     """
     motions, held_motions, seen = motions_of(fit, held_out, arm, progress)
-    own = _Results(warnings=[text for run in seen[: len(fit)] for text in run.warnings if "never moves" not in text])
-    _identify_all(arm, list(zip(fit, motions)), list(zip(held_out, held_motions)), own, progress)
-    if not own.parameters:
+    results = _Results(
+        warnings=[text for run in seen[: len(fit)] for text in run.warnings if "never moves" not in text]
+    )
+    _identify_all(arm, list(zip(fit, motions)), list(zip(held_out, held_motions)), results, progress)
+    if not results.parameters:
         names = ", ".join(str(recording.path) for recording in fit)
         raise InputError(names, "no joint moves on its own; nothing to identify")
     if not held_out:
-        own.warnings.append(
+        results.warnings.append(
             f"no recording is held out: the held-out error is that of the last {1 - SPLIT:.0%} of the same runs, "
             f"predicted from the first {SPLIT:.0%}; give --held-out recordings before calling these values validated"
         )
-    own.warnings.append(
+    results.warnings.append(
         "inertia and gravity of a motor-link pair include what the joint carries in this pose; model.toml takes the "
         "friction only"
     )
     return Identification(
         method="motor-link",
         friction="per direction",
-        arm=_with_friction(arm, own.friction),
+        arm=_with_friction(arm, results.friction),
         fit=[str(recording.path) for recording in fit],
         held_out=[str(recording.path) for recording in held_out] if held_out else "split",
-        parameters=own.parameters,
-        base=own.parameters,
-        condition=max(own.conditions),
-        predictions=own.predictions,
-        warnings=own.warnings,
+        parameters=results.parameters,
+        base=results.parameters,
+        condition=max(results.conditions),
+        predictions=results.predictions,
+        warnings=results.warnings,
         bands=[motion.band for motion in motions],
         runs=seen,
-        extra={"integrated_equation": own.integrated},
+        extra={"integrated_equation": results.integrated},
     )
 
 
@@ -101,30 +103,30 @@ def _with_friction(arm: Arm, friction: Mapping[str, float]) -> Arm:
     return with_parameters(arm, physical)
 
 
-def _identify_joint(arm: Arm, j: int, runs: Sequence[Run], held_out: Sequence[Run], own: _Results) -> None:
-    """Joint j (from 0) from its ``runs``: its parameters, predictions and warnings are added to ``own``."""
+def _identify_joint(arm: Arm, j: int, runs: Sequence[Run], held_out: Sequence[Run], results: _Results) -> None:
+    """Joint j (from 0) from its ``runs``: its parameters, predictions and warnings are added to ``results``."""
     recordings, motions = [run[0] for run in runs], [run[1] for run in runs]
     gravity = _feels_gravity(arm, j)
     bandwidth = min(motion.band.parallel for motion in motions)
-    found, other = (_pair(motions, j, gravity, bandwidth, way) for way in WAYS)
-    if len(found.rows) < 4 * len(found.names):
-        raise checks.too_short([recording.path for recording in recordings], len(found.rows), len(found.names))
-    own.integrated |= {f"joint{j + 1}.{name}": other.value(name) for name in other.names}
+    pair, integrated = (_pair(motions, j, gravity, bandwidth, way) for way in WAYS)
+    if len(pair.rows) < 4 * len(pair.names):
+        raise checks.too_short([recording.path for recording in recordings], len(pair.rows), len(pair.names))
+    results.integrated |= {f"joint{j + 1}.{name}": integrated.value(name) for name in integrated.names}
     for recording, motion in runs:
-        _warn_of_others(recording, motion, j, own.warnings)
-    for direction in {"coulomb_positive", "coulomb_negative"} - {*found.names}:
-        own.warnings.append(f"joint {j + 1} moves in one direction only; nothing is said about its {direction}")
-    own.parameters += _named(found, j, arm)
-    own.conditions.append(found.fit.condition)
+        _warn_of_others(recording, motion, j, results.warnings)
+    for direction in {"coulomb_positive", "coulomb_negative"} - {*pair.names}:
+        results.warnings.append(f"joint {j + 1} moves in one direction only; nothing is said about its {direction}")
+    results.parameters += _named(pair, j, arm)
+    results.conditions.append(pair.fit.condition)
     for number, recording in enumerate(recordings):
-        rows = found.rows.of(found.rows.run == number)
-        own.predictions.append(_prediction(recording, rows.t, rows.torque, rows.columns @ found.fit.values, j))
-    friction = {"viscous", "coulomb_positive", "coulomb_negative"} & {*found.names}
-    own.friction |= {f"joint{j + 1}.{name}": found.value(name) for name in sorted(friction)}
+        rows = pair.rows.of(pair.rows.run == number)
+        results.predictions.append(_prediction(recording, rows.t, rows.torque, rows.columns @ pair.fit.values, j))
+    friction = {"viscous", "coulomb_positive", "coulomb_negative"} & {*pair.names}
+    results.friction |= {f"joint{j + 1}.{name}": pair.value(name) for name in sorted(friction)}
     if held_out:
-        own.predictions += _held(found, held_out, j, gravity, bandwidth)
+        results.predictions += _held(pair, held_out, j, gravity, bandwidth)
     else:
-        own.predictions += _split(found, recordings, motions, j)
+        results.predictions += _split(pair, recordings, motions, j)
 
 
 def own_run(motions: Sequence[Motion], j: int) -> int | None:
@@ -215,8 +217,8 @@ def _split(found: MotorLink, fit: Sequence[Recording], motions: Sequence[Motion]
     values = np.linalg.lstsq(rows.columns[early], rows.torque[early], rcond=1e-9)[0]
     predictions = []
     for number, recording in enumerate(fit):
-        mine = rows.of(late & (rows.run == number))
-        predictions.append(_prediction(recording, mine.t, mine.torque, mine.columns @ values, j, True))
+        of_run = rows.of(late & (rows.run == number))
+        predictions.append(_prediction(recording, of_run.t, of_run.torque, of_run.columns @ values, j, True))
     return predictions
 
 

@@ -127,12 +127,13 @@ def _derivatives(motions: Sequence[Motion]) -> Array:
 
 def judged(shown: tuple[float, float], without: Solution, with_it: Solution) -> Lag:
     """The lag (value, std) with the errors of both fits on held-out rows; it stays where these justify it."""
-    (rows, one), (others, other) = held_out_residual(without), held_out_residual(with_it)
+    (rows, residual), (others, others_residual) = held_out_residual(without), held_out_residual(with_it)
     # a joint that hardly moves may have rows in one of both alone
-    mine, theirs = np.isin(rows.joint, others.joint), np.isin(others.joint, rows.joint)
-    rows, one, others, other = rows.of(mine), one[mine], others.of(theirs), other[theirs]
-    noise = joint_noise(other, others.joint)
-    before, after = _in_blocks(rows, one, noise), _in_blocks(others, other, noise)
+    common, others_common = np.isin(rows.joint, others.joint), np.isin(others.joint, rows.joint)
+    rows, residual = rows.of(common), residual[common]
+    others, others_residual = others.of(others_common), others_residual[others_common]
+    noise = joint_noise(others_residual, others.joint)
+    before, after = _in_blocks(rows, residual, noise), _in_blocks(others, others_residual, noise)
     both = sorted(before.keys() & after.keys())
     gains = np.array([before[block] - after[block] for block in both])
     size, remaining = (float(np.sqrt(np.mean([table[block] for block in both]))) for table in (before, after))

@@ -111,11 +111,11 @@ def _tried(found: Solution, arm: Arm) -> _Tried:
     present = {(term.joint, term.name) for term in problem.arm.effects}
     for j in range(len(arm)):
         certain = [motion.certain[:, j] for motion in problem.motions]
-        if not any(motion.moves(j) and mine.any() for motion, mine in zip(problem.motions, certain)):
+        if not any(motion.moves(j) and rows.any() for motion, rows in zip(problem.motions, certain)):
             continue
         reference = _reference(problem.motions, j)
         seen, names = conditions_of(arm, problem.motions, j, reference), list[str]()
-        load = np.concatenate([np.abs(one.load[mine]) for one, mine in zip(seen, certain)])
+        load = np.concatenate([np.abs(one.load[rows]) for one, rows in zip(seen, certain)])
         if not any((j + 1, name) in present for name in LOAD):
             if TYPICAL_SHARE * load.std() < DETECTABLE * sizes[j]:
                 unit = "N m" if arm.joints[j].revolute else "N"
@@ -130,7 +130,7 @@ def _tried(found: Solution, arm: Arm) -> _Tried:
             else:
                 names += TEMPERATURE
                 tried.references[j] = reference
-        v = np.concatenate([np.abs(motion.qd[mine, j]) for motion, mine in zip(problem.motions, certain)])
+        v = np.concatenate([np.abs(motion.qd[rows, j]) for motion, rows in zip(problem.motions, certain)])
         tried.slowest[j] = float(np.quantile(v, 0.01))
         if names:
             tried.terms += terms_for(problem, residual, seen, names, (tried.slowest[j], float(v.max())))
@@ -148,7 +148,7 @@ def _no_temperature(motions: Sequence[Motion], seen: Sequence[Conditions], certa
     """Why the temperature of joint j (from 0) shows nothing; "" where it does."""
     if any(motion.temperatures is None or not motion.temperatures.degc[j] for motion in motions):
         return "not every recording has its temperature"
-    warm = np.concatenate([one.warmer[mine] for one, mine in zip(seen, certain) if one.warmer is not None])
+    warm = np.concatenate([one.warmer[rows] for one, rows in zip(seen, certain) if one.warmer is not None])
     if np.ptp(warm) < WARMING:
         return f"its temperature varies by {np.ptp(warm):.1f} K, and less than {WARMING:g} K shows no dependence"
     return ""
@@ -191,15 +191,15 @@ def _estimates(fit: Solution) -> dict[str, tuple[float, float]]:
 
 
 def _dependence(fit: Solution, tried: _Tried, stay: Sequence[EffectTerm], j: int, on: str, why: str) -> Dependence:
-    own = [term for term in stay if term.joint == j + 1 and _on(term) == on]
+    terms = [term for term in stay if term.joint == j + 1 and _on(term) == on]
     known = _estimates(fit)
-    given = {name_of(term, name): value for term in own for name, value in term.parameters.items()}
+    stated = {name_of(term, name): value for term in terms for name, value in term.parameters.items()}
     return Dependence(
         joint=j + 1,
         on=on,
-        stays=bool(own),
+        stays=bool(terms),
         why=why,
-        parameters={name.split(".", 1)[1]: known[name] for name in given if name in known},
-        held={name.split(".", 1)[1]: value for name, value in given.items() if name not in known},
+        parameters={name.split(".", 1)[1]: known[name] for name in stated if name in known},
+        held={name.split(".", 1)[1]: value for name, value in stated.items() if name not in known},
         temperature=tried.references.get(j) if on == "temperature" else None,
     )

@@ -91,8 +91,8 @@ def next_step(known: Known, columns: Array, rows: Equations) -> tuple[Known, flo
     The step fits what the values so far leave of the torque, and so takes their errors e for parameters of its own:
     of columns W and directions S that it shows its estimate moves by -(W S)^+ W e, and e becomes (1 - S (W S)^+ W) e.
     """
-    left, right = np.linalg.svd(np.linalg.qr(columns @ known.open, mode="r"))[1:]
-    count = int(np.sum(left > RANK_TOLERANCE * left.max(initial=0.0)))
+    singular, right = np.linalg.svd(np.linalg.qr(columns @ known.open, mode="r"))[1:]
+    count = int(np.sum(singular > RANK_TOLERANCE * singular.max(initial=0.0)))
     if not count:
         return known, float("nan")
     shown = known.open @ right[:count].T
@@ -118,13 +118,13 @@ def _steps(problem: Problem, size: Array, progress: Progress) -> tuple[Array, Ar
     sentences = []
     for j in reversed(range(joints := len(problem.arm))):
         runs = [run for run, motion in enumerate(problem.motions) if own_run([motion], j) is not None]
-        mine = rows.of(np.isin(rows.run, runs) & (rows.joint == j))
-        if not len(mine):
+        of_joint = rows.of(np.isin(rows.run, runs) & (rows.joint == j))
+        if not len(of_joint):
             sentences.append(f"joint {j + 1} moves in no run; its step is left out")
             continue
         progress(Step("joints, tip first", joints - 1 - j, joints, detail=f"joint {j + 1}"))
         before = known.open.shape[1]
-        known, condition = next_step(known, mine.columns[:, base.kept] * size, mine)
+        known, condition = next_step(known, of_joint.columns[:, base.kept] * size, of_joint)
         count = before - known.open.shape[1]
         names = ", ".join(problem.fit[run].path.name for run in runs)
         sentences.append(f"joint {j + 1}: {count} combinations from {names}, condition {condition:.3g}")

@@ -170,10 +170,10 @@ def _levels(found: Solution) -> dict[int, float]:
     names = [problem.base.names[k] for k in problem.columns]
     levels = {}
     for j, joint in enumerate(problem.arm.joints):
-        mine = [v for name, v in zip(names, found.best.values) if name.startswith(f"joint{j + 1}.coulomb")]
+        coulomb = [v for name, v in zip(names, found.best.values) if name.startswith(f"joint{j + 1}.coulomb")]
         more = joint.friction_curve is not None or any(term.joint == j + 1 for term in problem.arm.effects)
-        if not more and mine and np.mean(mine) > 0.0:
-            levels[j] = float(np.mean(mine))
+        if not more and coulomb and np.mean(coulomb) > 0.0:
+            levels[j] = float(np.mean(coulomb))
     return levels
 
 

@@ -110,13 +110,13 @@ def _prior(problem: Problem, method: Method) -> tuple[tuple[Array, Joints, Array
 def friction_sizes(problem: Problem, fit: Fit) -> Array:
     """(n,) N m (N): the joints' Coulomb friction by a fit, at least LEAST_FRICTION of their torques."""
     names, rows = [problem.base.names[k] for k in problem.columns], problem.rows
-    found = []
+    sizes = []
     for j in range(len(problem.arm)):
-        mine = rows.torque[rows.joint == j]
-        least = LEAST_FRICTION * float(np.sqrt(np.mean(mine**2))) if len(mine) else 1.0
+        torque = rows.torque[rows.joint == j]
+        least = LEAST_FRICTION * float(np.sqrt(np.mean(torque**2))) if len(torque) else 1.0
         level = [abs(fit.values[k]) for k, name in enumerate(names) if name.startswith(f"joint{j + 1}.coulomb")]
-        found.append(max([least, 1e-12, *level]))
-    return np.array(found)
+        sizes.append(max([least, 1e-12, *level]))
+    return np.array(sizes)
 
 
 def _towards(problem: Problem, now: Array, wanted: Array, fit: Fit) -> Array:

@@ -113,30 +113,30 @@ def unexplained_channels(
     """
     found = []
     for j in np.unique(joint):
-        mine = joint == j
-        explained = 1 - float(np.var(residual[mine])) / max(float(np.var(torque[mine])), 1e-300)
+        of_joint = joint == j
+        explained = 1 - float(np.var(residual[of_joint])) / max(float(np.var(torque[of_joint])), 1e-300)
         if explained >= EXPLAINED:
             continue
-        alone, share = _explained_alone(columns[mine], torque[mine]), f"{max(explained, 0.0):.0%}"
+        alone, share = _explained_alone(columns[of_joint], torque[of_joint]), f"{max(explained, 0.0):.0%}"
         if alone >= EXPLAINED:
-            said = (
+            sentence = (
                 f"i{j + 1}: follows the motion of joint {j + 1} ({alone:.0%} of it explained alone), and the currents "
                 f"together fit no arm of this model ({share} of it explained); expected the current of its own joint, "
                 "all in one unit, and the model's gears and torque constants"
             )
         elif explained < DEAD:
-            said = (
+            sentence = (
                 f"i{j + 1}: knows nothing of the motion of joint {j + 1} ({share} of it explained): the channel is "
                 "dead, or of something else; expected a current that follows the drive"
             )
         else:
-            said = (
+            sentence = (
                 f"joint {j + 1}: the fit explains {share} of the variation of its current; is i{j + 1} dead, or of "
                 "another joint?"
             )
         if explained < DEAD:
-            raise InputError(str(where), said)
-        found.append(said)
+            raise InputError(str(where), sentence)
+        found.append(sentence)
     return found
 
 
@@ -150,8 +150,8 @@ def _explained_alone(columns: Array, torque: Array) -> float:
     values, _, rank, _ = np.linalg.lstsq(scaled, torque, rcond=RANK_TOLERANCE)
     if len(torque) < 2 * int(rank):
         return 0.0  # nothing can be said
-    left = float(np.sum((torque - scaled @ values) ** 2)) / (len(torque) - int(rank))
-    return 1 - left / max(float(np.var(torque)), 1e-300)
+    variance = float(np.sum((torque - scaled @ values) ** 2)) / (len(torque) - int(rank))
+    return 1 - variance / max(float(np.var(torque)), 1e-300)
 
 
 def too_short(where: Sequence[object], rows: int, parameters: int) -> InputError:

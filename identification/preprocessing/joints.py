@@ -13,14 +13,14 @@ def check_joints(recording: Recording, arm: Arm) -> None:
     The order is known where the recording has all names of the model's joints. ROS 2 drivers publish their joints in
     the order of the alphabet, beside those of a gripper.
     """
-    there, own = list(recording.layout.joints), [joint.name for joint in arm.joints]
-    named = len(set(own)) == len(own) and set(own) <= set(there)
-    if there == own or (len(there) == len(own) and not named):
+    recorded, names = list(recording.layout.joints), [joint.name for joint in arm.joints]
+    named = len(set(names)) == len(names) and set(names) <= set(recorded)
+    if recorded == names or (len(recorded) == len(names) and not named):
         return
     if not named:
         raise InputError(
             recording.path,
-            f"has {len(there)} joints, the model '{arm.name}' has {len(own)}; use a recording of that arm",
+            f"has {len(recorded)} joints, the model '{arm.name}' has {len(names)}; use a recording of that arm",
         )
     remedy = (
         "its rig must have these [[joint]] in this order"
@@ -29,5 +29,5 @@ def check_joints(recording: Recording, arm: Arm) -> None:
     )
     raise InputError(
         recording.path,
-        f"has the joints {', '.join(there)}; the model '{arm.name}' has {', '.join(own)}, in this order: {remedy}",
+        f"has the joints {', '.join(recorded)}; the model '{arm.name}' has {', '.join(names)}, in this order: {remedy}",
     )

@@ -24,41 +24,43 @@ def check_mechanism(recording: Recording, arm: Arm) -> None:
     Lengths may differ by what a calibration finds, and no more.
     """
     _check_units(recording, arm)
-    own = _carried(recording)
-    if isinstance(own, str):
+    carried = _carried(recording)
+    if isinstance(carried, str):
         return
-    where, said = recording.path, f"was recorded with '{own.name}'"
-    if own.floating is not None:
-        raise InputError(where, f"{said}, whose base floats; '{arm.name}' has a fixed one")
-    for number, (mine, other) in enumerate(zip(arm.joints, own.joints), 1):
-        if mine.type != other.type:
-            raise InputError(where, f"{said}, whose joint {number} is {other.type}; '{arm.name}' has a {mine.type} one")
-        for length in ("a", "d") if mine.convention == other.convention else ():
-            now, then = getattr(mine, length), getattr(other, length)
+    where, recorded = recording.path, f"was recorded with '{carried.name}'"
+    if carried.floating is not None:
+        raise InputError(where, f"{recorded}, whose base floats; '{arm.name}' has a fixed one")
+    for number, (joint, before) in enumerate(zip(arm.joints, carried.joints), 1):
+        if joint.type != before.type:
+            raise InputError(
+                where, f"{recorded}, whose joint {number} is {before.type}; '{arm.name}' has a {joint.type} one"
+            )
+        for length in ("a", "d") if joint.convention == before.convention else ():
+            now, then = getattr(joint, length), getattr(before, length)
             if abs(now - then) > LENGTH + 0.05 * abs(now):
                 raise InputError(
                     where,
-                    f"{said}, whose joint {number} has {length} = {then:.4g} m; '{arm.name}' has {now:.4g} m",
+                    f"{recorded}, whose joint {number} has {length} = {then:.4g} m; '{arm.name}' has {now:.4g} m",
                 )
-        if _has_motor(other) and _differ(mine, other) > OTHER:
+        if _has_motor(before) and _differ(joint, before) > OTHER:
             raise InputError(
                 where,
-                f"{said}: {other.drive_constant:.4g} {_per_ampere(other)} at joint {number}, '{arm.name}' has "
-                f"{mine.drive_constant:.4g}; if that model was wrong, export the recording as a table and import it "
+                f"{recorded}: {before.drive_constant:.4g} {_per_ampere(before)} at joint {number}, '{arm.name}' has "
+                f"{joint.drive_constant:.4g}; if that model was wrong, export the recording as a table and import it "
                 "again without",
             )
 
 
 def other_drives(recording: Recording, arm: Arm) -> list[str]:
     """A sentence per joint whose drive constant differs from that of the model which the recording carries."""
-    own = _carried(recording)
-    if isinstance(own, str):
-        return [own] if own else []
+    carried = _carried(recording)
+    if isinstance(carried, str):
+        return [carried] if carried else []
     return [
-        f"was recorded with a model of {other.drive_constant:.4g} {_per_ampere(other)} at joint "
-        f"{number}, '{arm.name}' has {mine.drive_constant:.4g}, which counts here"
-        for number, (mine, other) in enumerate(zip(arm.joints, own.joints), 1)
-        if _has_motor(other) and _differ(mine, other) > ROUNDED
+        f"was recorded with a model of {before.drive_constant:.4g} {_per_ampere(before)} at joint "
+        f"{number}, '{arm.name}' has {joint.drive_constant:.4g}, which counts here"
+        for number, (joint, before) in enumerate(zip(arm.joints, carried.joints), 1)
+        if _has_motor(before) and _differ(joint, before) > ROUNDED
     ]
 
 

@@ -139,26 +139,26 @@ def _pushing(
     motion looks like a time skew of 0.4 ms. So it is that of the ``demands`` (n, J) rad (m) at t (n,) s of a joint that
     follows them, and elsewhere that of the motion, as far ahead as the lines that are seen follow it best.
     """
-    own = _slow(motion.qdd, motion, setpoints.period)
-    asked = np.zeros_like(own)
-    if demands is not None and demands.shape[1:] == own.shape[1:] and np.isfinite(demands).all():
+    moved = _slow(motion.qdd, motion, setpoints.period)
+    asked = np.zeros_like(moved)
+    if demands is not None and demands.shape[1:] == moved.shape[1:] and np.isfinite(demands).all():
         on_grid = np.column_stack([np.interp(motion.t, t, column) for column in demands.T])
         bends = np.diff(on_grid, 2, axis=0, prepend=on_grid[:1], append=on_grid[-1:])
         asked = _slow(bends / motion.dt**2, motion, setpoints.period)
-    followed = np.abs(np.log(np.maximum(asked.std(axis=0), 1e-12) / np.maximum(own.std(axis=0), 1e-12))) < FOLLOWS
+    followed = np.abs(np.log(np.maximum(asked.std(axis=0), 1e-12) / np.maximum(moved.std(axis=0), 1e-12))) < FOLLOWS
     if followed.all():
         return asked
     seen = np.unique(np.concatenate([_bounding(line, setpoints, 1 / motion.dt) for line in lines]))
     ripple = torque - _at(t, motion, _slow(motion.torque, motion, setpoints.period))
     columns = [
-        asked[:, j] if followed[j] else _ahead(own[:, j], motion.t, t, ripple[:, j], seen / setpoints.period)
-        for j in range(own.shape[1])
+        asked[:, j] if followed[j] else _ahead(moved[:, j], motion.t, t, ripple[:, j], seen / setpoints.period)
+        for j in range(moved.shape[1])
     ]
     return np.column_stack(columns)
 
 
-def _ahead(own: Array, grid: Array, t: Array, ripple: Array, frequency: Array) -> Array:
-    """(m,): ``own`` (m,) on the ``grid`` (m,) s, moved ahead by that of LEADS at which it explains most of the ripple.
+def _ahead(acceleration: Array, grid: Array, t: Array, ripple: Array, frequency: Array) -> Array:
+    """(m,): ``acceleration`` (m,) on the ``grid`` (m,) s, moved ahead by the one of LEADS that explains most ripple.
 
     ripple (n,) N m (N) at t (n,) s; frequency (k,) Hz of the lines that are seen.
     """
@@ -167,11 +167,11 @@ def _ahead(own: Array, grid: Array, t: Array, ripple: Array, frequency: Array) -
     transients = np.concatenate([np.cos(angle), np.sin(angle)], axis=1)
 
     def explained(lead: float) -> float:
-        columns = np.interp(t[here] + lead, grid, own)[:, None] * transients
+        columns = np.interp(t[here] + lead, grid, acceleration)[:, None] * transients
         found = columns @ np.linalg.lstsq(columns, ripple[here], rcond=None)[0]
         return float(found @ found)
 
-    return np.interp(grid + max(LEADS, key=explained), grid, own)
+    return np.interp(grid + max(LEADS, key=explained), grid, acceleration)
 
 
 def lines_beside_zero(
@@ -186,7 +186,7 @@ def lines_beside_zero(
     if not of_frequency:
         return []
     motion = smooth_motion(t, q, torque)
-    lines = [line for several in of_frequency.values() for line in several]
+    lines = [line for at_hz in of_frequency.values() for line in at_hz]
     pushing = _pushing(lines, motion, t - t[0], torque, setpoints, demands)
     amplitudes = [
         (hz, 2 * pushing * _bounds(of_one, motion, pushing, t - t[0], torque, setpoints))
@@ -260,8 +260,8 @@ def _bounds(lines: list[int], motion: Motion, pushing: Array, t: Array, torque: 
             transients = np.cos(angle) / 2
         for j in np.flatnonzero(motion.usable.any(axis=0)):
             ripple = torque[:, j] - np.interp(t, motion.t, slow[:, j])
-            own = np.interp(t, motion.t, pushing[:, j])[:, None] * transients
-            variance[j] += _power(own, ripple, t, seen / line) / 4
+            columns = np.interp(t, motion.t, pushing[:, j])[:, None] * transients
+            variance[j] += _power(columns, ripple, t, seen / line) / 4
     return np.sqrt(variance)
 
 

@@ -31,8 +31,8 @@ def rows_between_setpoints(ripple: Array, acceleration: Array, rate: float) -> i
     ripple (m, J): currents or torques without what a low-pass leaves of them; acceleration (m, J): below that low-pass;
     NaN where a row is missing. Of several numbers the largest, because every n rows show the lines of a part of n.
     """
-    rows_of = np.array_split(np.arange(len(ripple)), max(1, int(len(ripple) / rate / SECONDS)))
-    stretches = [np.nan_to_num(ripple[own] * _changing(acceleration[own])) for own in rows_of]
+    parts = np.array_split(np.arange(len(ripple)), max(1, int(len(ripple) / rate / SECONDS)))
+    stretches = [np.nan_to_num(ripple[part] * _changing(acceleration[part])) for part in parts]
     length = EXACT * -(-max(map(len, stretches)) // EXACT)
     power = np.sum([np.abs(np.fft.rfft(stretch, length, axis=0)) ** 2 for stretch in stretches], axis=0)
     near, far = (round(hertz * length / rate) for hertz in NEIGHBOURHOOD)
@@ -43,10 +43,10 @@ def rows_between_setpoints(ripple: Array, acceleration: Array, rate: float) -> i
             continue
         level, there = beside.mean(axis=0), np.any(beside > 0.0, axis=0)
         # bins closer than a stretch is long repeat one another
-        others = 2 * len(stretches) * max(1, int(len(beside) * rate / length * SECONDS))
+        freedom_beside = 2 * len(stretches) * max(1, int(len(beside) * rate / length * SECONDS))
         # at the Nyquist frequency the transform is real: one degree of freedom in place of two
-        own = (1 if rows == 2 else 2) * len(stretches)
-        if np.any(stats.f.sf(power[line, there] / level[there], own, others) < CHANCE):
+        freedom = (1 if rows == 2 else 2) * len(stretches)
+        if np.any(stats.f.sf(power[line, there] / level[there], freedom, freedom_beside) < CHANCE):
             return rows
     return 0
 

@@ -29,9 +29,9 @@ def setpoint_period(demands: Array, dt: float) -> float:
     if bent.sum() < 20:
         return 0.0
     pulses = np.minimum(bends, LARGEST * float(np.median(bends[bent])))
-    several = 1 << int(np.ceil(np.log2(4 * len(pulses))))
-    line = np.abs(np.fft.rfft(pulses, several))
-    frequency = np.fft.rfftfreq(several, dt)
+    length = 1 << int(np.ceil(np.log2(4 * len(pulses))))
+    line = np.abs(np.fft.rfft(pulses, length))
+    frequency = np.fft.rfftfreq(length, dt)
     inside = (frequency > SLOWEST) & (frequency < 1.0 / (FEWEST * dt))
     sharp = np.flatnonzero(inside & (line > SHARP * pulses.sum()))
     if not len(sharp):

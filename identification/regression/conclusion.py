@@ -59,8 +59,8 @@ def physical_values(problem: Problem, fit: Fit, information: Array) -> Array:
         rotor = names.index(f"joint{number}.rotor_inertia")
         shares = grouping[:, rotor]
         if np.any(shares):
-            own = float(shares @ beyond / (shares @ shares))
-            near[rotor] = OF_WEIGHT * lifted[number - 1] if lifted[number - 1] else max(own, 0.0)
+            inertia = float(shares @ beyond / (shares @ shares))
+            near[rotor] = OF_WEIGHT * lifted[number - 1] if lifted[number - 1] else max(inertia, 0.0)
     for j, mass in enumerate(lifted):
         if mass and (offset := f"joint{j + 1}.offset") in names:
             scale[names.index(offset)] = OF_WEIGHT * mass * float(np.linalg.norm(problem.arm.gravity))
@@ -186,8 +186,8 @@ def _notes(problem: Problem, uncertainty: FitUncertainty) -> Iterator[str]:
 def _weak_in_words(names: Sequence[str]) -> str:
     """The first of the names; of friction curves only how many of a joint's speeds they are."""
     speeds = Counter(name.partition(".")[0].removeprefix("joint") for name in names if ".curve" in name)
-    said = [name for name in names if ".curve" not in name]
-    listed = [*said[:MOST_NAMED], *["..."] * (len(said) > MOST_NAMED)]
+    others = [name for name in names if ".curve" not in name]
+    listed = [*others[:MOST_NAMED], *["..."] * (len(others) > MOST_NAMED)]
     curves = [f"friction of joint {j} at {n} speed{'s' * (n > 1)} of its curve" for j, n in speeds.items()]
     return ", ".join([*listed, *curves])
 

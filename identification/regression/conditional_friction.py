@@ -66,18 +66,18 @@ def terms_for(
     (m/s).
     """
     j = seen[0].joint
-    mine = problem.rows.joint == j
-    columns, own = problem.rows.columns[np.ix_(mine, problem.columns)], residual[mine]
+    of_joint = problem.rows.joint == j
+    columns, residual = problem.rows.columns[np.ix_(of_joint, problem.columns)], residual[of_joint]
     basis = np.linalg.qr(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300))[0]
-    found: list[EffectTerm] = []
+    terms: list[EffectTerm] = []
     known: list[Array] = []
     for name in names:
         tried = [(held, [*known, _columns(problem, seen, name, held)]) for held in _choices(name, speeds)]
-        best = min(tried, key=lambda one: _squared_residual(np.concatenate(one[1], axis=1), basis, own))[0]
+        best = min(tried, key=lambda one: _squared_residual(np.concatenate(one[1], axis=1), basis, residual))[0]
         known.append(_columns(problem, seen, name, best))
         coefficients = {p.name: 0.0 for p in CATALOGUE[name].linear}
-        found.append(EffectTerm(name, j + 1, {**coefficients, **best}))
-    return found
+        terms.append(EffectTerm(name, j + 1, {**coefficients, **best}))
+    return terms
 
 
 def _choices(name: str, speeds: tuple[float, float]) -> list[dict[str, float]]:

@@ -88,8 +88,8 @@ def equations_of(
     """
     found = []
     parts = [_run_equations(arm, same, run, friction) for run, same in enumerate(zip(*views))]
-    for motions, own in zip(views, zip(*parts)):
-        columns, torque, joint, run, t = (np.concatenate(part) for part in zip(*own))
+    for motions, parts_of_view in zip(views, zip(*parts)):
+        columns, torque, joint, run, t = (np.concatenate(part) for part in zip(*parts_of_view))
         rows = Equations(columns, torque, joint, run, t, tuple(column_names(arm, friction)))
         sliding = np.concatenate([sliding_rows(motion).T[equation_rows(motion)[1].T] for motion in motions])
         rows = replace(rows, systematic=_systematic(rows, motions), sliding=sliding)

@@ -169,8 +169,8 @@ def cross_validated_scale(uncertainty: FitUncertainty, fit: Fit, smooth: Smoothn
     def error(scale: float) -> float:
         held, found = smooth.rows.T @ smooth.rows / scale**2, 0.0
         for gram, score in parts:
-            left = (total[0] - gram + held) * unit[:, None] * unit
-            values = unit * np.linalg.lstsq(left, unit * (total[1] - score), rcond=1e-12)[0]
+            normal = (total[0] - gram + held) * unit[:, None] * unit
+            values = unit * np.linalg.lstsq(normal, unit * (total[1] - score), rcond=1e-12)[0]
             found += float(values @ gram @ values - 2 * values @ score)
         return found
 

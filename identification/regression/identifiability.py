@@ -76,9 +76,9 @@ def _matters(problem: Problem, column: int, std: float) -> bool:
     """Whether the torque of any joint is more uncertain by a parameter than a trace."""
     rows = problem.rows
     for j in np.unique(rows.joint):
-        mine = rows.joint == j
-        torque_std = std * float(np.sqrt(np.mean(rows.columns[mine, column] ** 2)))
-        if torque_std > TRACE * float(np.sqrt(np.mean(rows.torque[mine] ** 2))):
+        of_joint = rows.joint == j
+        torque_std = std * float(np.sqrt(np.mean(rows.columns[of_joint, column] ** 2)))
+        if torque_std > TRACE * float(np.sqrt(np.mean(rows.torque[of_joint] ** 2))):
             return True
     return False
 
@@ -94,8 +94,8 @@ def _sizes(problem: Problem, best: Fit) -> Array:
     units = np.array([unit_of(name, problem.arm) for name in names])
     effects = np.array([is_effect(name) for name in names], bool)
     for unit in set(units):
-        mine = (units == unit) & ~effects
-        size[mine] = np.maximum(model[mine], LEAST * size[mine].max(initial=0.0))
+        of_unit = (units == unit) & ~effects
+        size[of_unit] = np.maximum(model[of_unit], LEAST * size[of_unit].max(initial=0.0))
     for k in np.flatnonzero(effects):
         low, high = definition(names[k]).typical
         size[k] = float(np.sqrt(max(low, LEAST**2 * high) * high))

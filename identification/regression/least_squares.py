@@ -122,11 +122,11 @@ def joint_triangles(columns: Array, y: Array, joint: Joints) -> Triangles:
     for j in present:
         index = np.flatnonzero(joint == j)
         # Together, as they are in one run, they need no copy.
-        here = slice(index[0], index[-1] + 1) if index[-1] - index[0] < len(index) else index
-        mine = columns[here]
-        shown = np.flatnonzero(mine.any(axis=0))
-        both = np.empty((len(mine), len(shown) + 1), order="F")  # as LAPACK needs it
-        both[:, :-1], both[:, -1] = mine[:, shown], y[here]
+        rows = slice(index[0], index[-1] + 1) if index[-1] - index[0] < len(index) else index
+        of_joint = columns[rows]
+        shown = np.flatnonzero(of_joint.any(axis=0))
+        both = np.empty((len(of_joint), len(shown) + 1), order="F")  # as LAPACK needs it
+        both[:, :-1], both[:, -1] = of_joint[:, shown], y[rows]
         if len(both) > len(shown):
             both = triangle_of(both, overwrite=True)
         part = np.zeros((len(both), columns.shape[1] + 1))
@@ -144,9 +144,9 @@ def weighted_by_joint(columns: Array, y: Array, joint: Joints, triangles: Triang
         triangles = triangles.of(kept)
     values, _ = _solved(triangle_of(np.concatenate(triangles.parts)))
     trial = np.append(values, -1.0)
-    left = np.array([np.linalg.norm(part @ trial) for part in triangles.parts])
+    residual = np.array([np.linalg.norm(part @ trial) for part in triangles.parts])
     noise = np.ones(int(triangles.joint.max(initial=-1)) + 1)
-    noise[triangles.joint] = left / np.sqrt(triangles.rows)
+    noise[triangles.joint] = residual / np.sqrt(triangles.rows)
     noise = _floored(noise)
     parts = [part / noise[j] for part, j in zip(triangles.parts, triangles.joint)]
     values, triangle = _solved(triangle_of(np.concatenate(parts)))

@@ -72,8 +72,8 @@ def described_columns(arm: Arm, q: Array, qd: Array, qdd: Array, friction: Frict
             basis, kept = departures(joint.friction_curve.speed)
             ends = ("_positive", "_negative") if friction == "asymmetric" else ("",)
             for points in (curve_names(j, len(basis), end) for end in ends):
-                own = np.array([names.index(point) for point in points])
-                full[:, j, own[kept]] = full[:, j, own] @ basis
+                at_points = np.array([names.index(point) for point in points])
+                full[:, j, at_points[kept]] = full[:, j, at_points] @ basis
     return full[:, :, [k for k, name in enumerate(names) if not _left_out(arm, name, friction)]]
 
 

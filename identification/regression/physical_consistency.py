@@ -238,7 +238,7 @@ def friction_rows(arm: Arm, names: Sequence[str], top: Sequence[float] | Array) 
 
 def friction_at(arm: Arm, names: Sequence[str], j: int, v: Array, direction: int) -> Array:
     """(k, p) N m (N) against the motion of joint j (from 0) at speeds v (k,) >= 0, per unit of each named parameter."""
-    own, side = {"viscous": 1, "coulomb": 0}, "positive" if direction > 0 else "negative"
+    powers, side = {"viscous": 1, "coulomb": 0}, "positive" if direction > 0 else "negative"
     held = {term.name: term.parameters for term in arm.effects if term.joint == j + 1}
     rows = np.zeros((len(v), len(names)))
     for k, name in enumerate(names):
@@ -246,8 +246,8 @@ def friction_at(arm: Arm, names: Sequence[str], j: int, v: Array, direction: int
         kind, _, way = rest.partition("_")
         if head != f"joint{j + 1}":
             continue
-        if kind in own and way in ("", side):
-            rows[:, k] = v ** own[kind]
+        if kind in powers and way in ("", side):
+            rows[:, k] = v ** powers[kind]
         elif way in ("", side) and (unit := unit_departure(arm.joints[j], kind, v)) is not None:
             rows[:, k] = unit
         elif is_effect(name) and (effect := CATALOGUE[rest.split(".")[0]]).friction:
@@ -260,8 +260,8 @@ def _fill_friction(parameters: Array, rows: Array, names: Sequence[str]) -> None
     """Gives every joint (in place) as much Coulomb friction as its total needs to oppose the motion at every speed."""
     for k, name in enumerate(names):
         if ".coulomb" in name and not is_effect(name):
-            mine = rows[rows[:, k] > 0]
-            short = 1e-3 - (mine @ parameters).min(initial=np.inf)
+            opposing = rows[rows[:, k] > 0]
+            short = 1e-3 - (opposing @ parameters).min(initial=np.inf)
             parameters[k] += max(float(short), 0.0)
 
 

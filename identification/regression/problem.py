@@ -102,8 +102,8 @@ class Problem:
         moved, excited = replace(self, rows=rows, judged=judged, held=held), excited_of(rows, self.base, self.arm)
         if len(excited) <= len(self.excited):
             return moved
-        told = [warning for warning in self.warnings if warning not in unexcited(self.base, self.excited)]
-        return replace(moved, excited=excited, warnings=told + unexcited(self.base, excited))
+        others = [warning for warning in self.warnings if warning not in unexcited(self.base, self.excited)]
+        return replace(moved, excited=excited, warnings=others + unexcited(self.base, excited))
 
 
 def motion_of(recording: Recording, arm: Arm) -> tuple[Motion, RunReadiness]:
@@ -237,8 +237,8 @@ def excited_of(rows: Equations, base: BaseParameters, arm: Arm) -> NDArray[np.in
 
 def _spread(rows: Equations, arm: Arm) -> Array:
     """(rows,) standard deviation of the torque of each row's joint."""
-    mine = [rows.torque[rows.joint == j] for j in range(len(arm))]
-    return np.array([max(float(np.std(torque)), 1e-12) if len(torque) else 1.0 for torque in mine])[rows.joint]
+    torques = [rows.torque[rows.joint == j] for j in range(len(arm))]
+    return np.array([max(float(np.std(torque)), 1e-12) if len(torque) else 1.0 for torque in torques])[rows.joint]
 
 
 def excitation_of(problem: Problem) -> Excitation:

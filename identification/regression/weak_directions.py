@@ -61,8 +61,8 @@ def _sizes(problem: Problem, information: Array) -> Array:
     size = np.abs(problem.base.grouping[problem.excited]) @ np.abs(model_values(problem.arm, problem.friction))
     units = np.array([unit_of(problem.base.names[column], problem.arm) for column in problem.columns])
     for unit in set(units):
-        mine = units == unit
-        size[mine] = np.maximum(size[mine], LEAST * size[mine].max())
+        of_unit = units == unit
+        size[of_unit] = np.maximum(size[of_unit], LEAST * size[of_unit].max())
     # friction curves are smoothed, which already says what these runs do not
     unknown = (size == 0) | np.array([".curve" in problem.base.names[column] for column in problem.columns])
     size[unknown] = 1e3 / np.sqrt(np.maximum(np.diag(information)[unknown], 1e-300))

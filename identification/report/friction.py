@@ -23,34 +23,38 @@ def sentences(result: Identification) -> list[str]:
 def in_short(result: Identification) -> list[str]:
     """``sentences``, but joints whose friction the held-out data leave as it is are named together."""
     of_joint, plain = _over_speed(result), _plain(result)
-    said = _signs(result)
-    said += [sentence for joint, sentence in of_joint.items() if joint not in plain or len(plain) == 1]
+    lines = _signs(result)
+    lines += [sentence for joint, sentence in of_joint.items() if joint not in plain or len(plain) == 1]
     if len(plain) > 1:
         joints = ", ".join(map(str, plain))
-        said.append(f"friction of joints {joints}: Coulomb and viscous (a curve is not justified by the held-out rows)")
-    said += [_depends(result, one) for one in _dependences(result) if one["stays"]]
+        lines.append(
+            f"friction of joints {joints}: Coulomb and viscous (a curve is not justified by the held-out rows)"
+        )
+    lines += [_depends(result, one) for one in _dependences(result) if one["stays"]]
     for on in dict.fromkeys(one["on"] for one in _dependences(result)):
         absent = [one for one in _dependences(result) if one["on"] == on and not one["stays"]]
         if len(absent) == 1:
-            said.append(_depends(result, absent[0]))
+            lines.append(_depends(result, absent[0]))
         elif absent:
             joints = ", ".join(str(one["joint"]) for one in absent)
-            said.append(f"friction of joints {joints} over {on}: not in the model (not justified by the held-out rows)")
-    return said
+            lines.append(
+                f"friction of joints {joints} over {on}: not in the model (not justified by the held-out rows)"
+            )
+    return lines
 
 
 def _signs(result: Identification) -> list[str]:
     """Joints whose friction seems to change its sign more sharply than the model said, and by what held-out errors."""
-    said = []
+    lines = []
     for one in result.extra.get("sign_velocities", []):
         revolute, unit = result.arm.joints[one["joint"] - 1].revolute, result.torque_unit(one["joint"] - 1)
-        said.append(
+        lines.append(
             f"friction of joint {one['joint']} {'changes' if one['stays'] else 'may change'} its sign over "
             f"{1e3 * one['found']:.2g} {'mrad/s' if revolute else 'mm/s'}, {1e3 * one['model']:.2g} in the model"
             f"{'' if one['stays'] else '; not changed there, the standard deviations allow for it'} (held-out error "
             f"while it slides {one['before']:.3g} -> {one['after']:.3g} {unit})"
         )
-    return said
+    return lines
 
 
 def _dependences(result: Identification) -> list[dict[str, Any]]:

@@ -64,8 +64,8 @@ class Fitted:
                 [b / torque**2, -a / torque**2, -self.middle],
             ]
         )
-        own = slice(3 * k, 3 * k + 3)
-        return (torque, order / ratio, phase), slope @ self.covariance[own, own] @ slope.T
+        of_wave = slice(3 * k, 3 * k + 3)
+        return (torque, order / ratio, phase), slope @ self.covariance[of_wave, of_wave] @ slope.T
 
 
 def fit_waves(rows: WideRows, joint: int, waves: Sequence[Wave]) -> Fitted:

@@ -87,8 +87,8 @@ def with_found(result: Identification, problem: Problem, ripples: Sequence[Rippl
     motions = [with_reversals(motion) for motion in problem.motions], problem.held_motions or problem.motions
     seen = {
         (held, recording.path.name): with_reversals(motion)
-        for held, files, own in zip((False, True), (problem.fit, problem.held_out or problem.fit), motions)
-        for recording, motion in zip(files, own)
+        for held, files, of_files in zip((False, True), (problem.fit, problem.held_out or problem.fit), motions)
+        for recording, motion in zip(files, of_files)
     }
     predictions = [_restored(one, problem.arm, stay, seen[one.held_out, one.run]) for one in result.predictions]
     values = [value for name, one in zip(names, stay) for value in _values(name, one, arm)]
@@ -107,9 +107,9 @@ def _names(given: Sequence[int | None], ripples: Sequence[Ripple]) -> list[str]:
 
 def _wider(known: Uncertainty, names: Sequence[str], ripples: Sequence[Ripple]) -> Uncertainty:
     """What is known, with that of the ripples; next to no column of the arm resembles a wave, nor is correlated."""
-    every = [*known.parameters, *(f"{name}.{entry}" for name in names for entry in ("torque", "order", "phase"))]
+    names_known = [*known.parameters, *(f"{name}.{entry}" for name in names for entry in ("torque", "order", "phase"))]
     covariance = linalg.block_diag(known.matrix, *(ripple.covariance for ripple in ripples))
-    return uncertainty_of(known.file, tuple(every), covariance, known.left_over)
+    return uncertainty_of(known.file, tuple(names_known), covariance, known.left_over)
 
 
 def _restored(one: Prediction, arm: Arm, ripples: Sequence[Ripple], motion: Motion) -> Prediction:
@@ -118,8 +118,8 @@ def _restored(one: Prediction, arm: Arm, ripples: Sequence[Ripple], motion: Moti
     t, torque = equation_rows(motion)[0][row], _rows(arm, ripples, motion)
     added = np.zeros(len(one.t))
     for j in np.unique(one.joint):
-        own, mine = joint == j, one.joint == j
-        added[mine] = torque[own][np.searchsorted(t[own], one.t[mine])]
+        of_motion, of_prediction = joint == j, one.joint == j
+        added[of_prediction] = torque[of_motion][np.searchsorted(t[of_motion], one.t[of_prediction])]
     return replace(one, measured=one.measured + added, predicted=one.predicted + added)
 
 

@@ -51,12 +51,12 @@ class Side:
         """(k, c) columns over the noise of ``torques`` (m, c) at the drive of a joint (from 0), one per motion."""
         turns, parts = arm.coupling_matrix[joint], []
         for motion, torque in zip(self.motions, torques):
-            of, row = np.nonzero(equation_rows(motion)[1].T)
-            part = np.zeros((len(of), torque.shape[1]))
+            joints, row = np.nonzero(equation_rows(motion)[1].T)
+            part = np.zeros((len(joints), torque.shape[1]))
             for j in np.flatnonzero(turns):
-                mine = of == j
+                of_joint = joints == j
                 filtered = parallel_filter(motion, turns[j] * torque * equation_weight(motion)[:, j, None])
-                part[mine] = filtered[row[mine]]
+                part[of_joint] = filtered[row[of_joint]]
             parts.append(part)
         return np.asarray(np.concatenate(parts)[self.kept] / self.noise[self.equations.joint, None])
 

@@ -72,16 +72,16 @@ def wave_sums(
     """
     sums, power = np.zeros((2, 2, len(orders)), complex), np.zeros((2, 2, len(orders)))
     for motion, residual, side in zip(motions, residuals, late.astype(int)):
-        of_joint, row = np.nonzero(equation_rows(motion)[1].T)
-        mine = of_joint == joint
+        joints, row = np.nonzero(equation_rows(motion)[1].T)
+        of_joint = joints == joint
         weight = equation_weight(motion)[:, joint, None]
         of_speed = motion.qd[:, joint, None] ** 2
         for first in range(0, len(orders), TOGETHER):
             some = slice(first, first + TOGETHER)
             waves = _waves(motion.q[:, joint], orders[some], orders[1] - orders[0]) * weight
             for way, size in enumerate([np.ones_like(of_speed), of_speed]):
-                cos, sin = np.split(parallel_filter(motion, waves * size)[row[mine]], 2, axis=1)
-                sums[side, way, some] += residual[mine] @ cos - 1j * (residual[mine] @ sin)
+                cos, sin = np.split(parallel_filter(motion, waves * size)[row[of_joint]], 2, axis=1)
+                sums[side, way, some] += residual[of_joint] @ cos - 1j * (residual[of_joint] @ sin)
                 power[side, way, some] += (np.sum(cos**2, axis=0) + np.sum(sin**2, axis=0)) / 2
     return sums, np.maximum(power, 1e-9 * power.max())
 

@@ -120,24 +120,24 @@ class _Joint:
         """Why the last wave of a fit stays or not, and whether it does; ``tests``: so many are made."""
         joint, held = self.arm.joints[self.j], self.rows.held_out
         unit = "N m" if joint.revolute else "N"
-        mine = held.equations.joint == self.j
-        one, other = (fit.residual[1][mine] for fit in (before, after))
-        gain = np.bincount(held.block[mine], weights=one**2 - other**2) if mine.any() else np.zeros(1)
+        of_joint = held.equations.joint == self.j
+        one, other = (fit.residual[1][of_joint] for fit in (before, after))
+        gain = np.bincount(held.block[of_joint], weights=one**2 - other**2) if of_joint.any() else np.zeros(1)
         p = p_value(gain[gain != 0.0].astype(float))
         errors = [float(np.sqrt(np.mean(each**2))) * held.noise[self.j] if len(each) else 0.0 for each in (one, other)]
-        said = f"held-out error {errors[0]:.3g} -> {errors[1]:.3g} {unit}"
+        errors_said = f"held-out error {errors[0]:.3g} -> {errors[1]:.3g} {unit}"
         (torque, _, _), covariance = after.parameters(-1 % len(after.waves), joint.ratio)
         if of_angle:
-            return f"it grows with the square of the speed, as an error of an angle does; {said}", False
+            return f"it grows with the square of the speed, as an error of an angle does; {errors_said}", False
         if p * tests > BY_CHANCE:
             if errors[1] >= errors[0]:
-                return said, False
-            return f"{said}, as noise alone would gain in {100 * min(1.0, p * tests):.2g} % of cases", False
+                return errors_said, False
+            return f"{errors_said}, as noise alone would gain in {100 * min(1.0, p * tests):.2g} % of cases", False
         if torque < SIGNIFICANT_STDS * np.sqrt(covariance[0, 0]):
-            return f"its torque is not clearly above zero; {said}", False
+            return f"its torque is not clearly above zero; {errors_said}", False
         if torque / np.sqrt(2.0) < MATTERS * self.friction:
-            return f"less than {MATTERS:.1%} of the joint's friction; {said}", False
-        return said, True
+            return f"less than {MATTERS:.1%} of the joint's friction; {errors_said}", False
+        return errors_said, True
 
     def _ripple(self, fit: Fitted, k: int, why: str, stays: bool) -> Ripple:
         k %= len(fit.waves)
@@ -157,10 +157,10 @@ class _Joint:
 
 def _by_motion(residual: Array, kept: NDArray[np.bool_], motions: Sequence[Motion]) -> list[Array]:
     """Residuals (k,) of the ``kept`` rows (r,) as all rows of each motion; 0 where a row is not kept."""
-    every = np.zeros(len(kept))
-    every[kept] = residual
+    whole = np.zeros(len(kept))
+    whole[kept] = residual
     counts = [int(equation_rows(motion)[1].sum()) for motion in motions]
-    return np.split(every, np.cumsum(counts)[:-1])
+    return np.split(whole, np.cumsum(counts)[:-1])
 
 
 def _gains(motions: Sequence[Motion], residual: Sequence[Array], joint: int, orders: Array) -> Array:

@@ -168,16 +168,16 @@ class _Plane:
 def _with_encoder(q: Array, xyz: Array, joint: int, plane: _Plane) -> Circle:
     """Sense of rotation, zero direction and tangential residual from the joint's own encoder."""
     centre, normal, across, good = plane.centre, plane.normal, plane.across, plane.inlier
-    own = q[:, joint - 1]
+    encoder = q[:, joint - 1]
     flat = xyz - centre - across[:, None] * normal
     first = flat[0] / np.linalg.norm(flat[0])
     second = np.cross(normal, first)
     angle = np.arctan2(flat @ second, flat @ first)
-    if _spread(angle[good] + own[good]) < _spread(angle[good] - own[good]):
+    if _spread(angle[good] + encoder[good]) < _spread(angle[good] - encoder[good]):
         normal, second, angle, across = -normal, -second, -angle, -across
-    middle = np.angle(np.mean(np.exp(1j * (angle - own)[good])))
-    ahead = (angle - own - middle + np.pi) % (2 * np.pi) - np.pi  # angle on the circle less the encoder's
-    slope = 1.0 + np.polyfit(own[good], ahead[good], 1)[0]
+    middle = np.angle(np.mean(np.exp(1j * (angle - encoder)[good])))
+    ahead = (angle - encoder - middle + np.pi) % (2 * np.pi) - np.pi  # angle on the circle less the encoder's
+    slope = 1.0 + np.polyfit(encoder[good], ahead[good], 1)[0]
     if not 0.8 < slope < 1.25 or np.std(ahead[good]) > 0.3:
         raise DegenerateSweep(
             f"joint {joint}: the target turned {slope:.3g} times as far as the encoder says; is it this joint's "
@@ -189,14 +189,14 @@ def _with_encoder(q: Array, xyz: Array, joint: int, plane: _Plane) -> Circle:
     zero = np.cos(offset) * first + np.sin(offset) * second
     std_angle, std_centre = _uncertainty(flat[good], plane.radius, np.r_[across[good], plane.radial[good]])
     at = np.median(q, axis=0)
-    at[joint - 1] = own[0]
+    at[joint - 1] = encoder[0]
     return Circle(
         joint=joint,
         axis=normal,
         centre=centre,
         radius=plane.radius,
-        arc=float(np.ptp(own)),
-        q=own,
+        arc=float(np.ptp(encoder)),
+        q=encoder,
         at=at,
         zero=zero,
         across=across,

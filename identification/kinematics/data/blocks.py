@@ -37,14 +37,14 @@ def blocks(runs: Sequence[Run], rows: Sequence[Index]) -> Index:
     numbers = [np.zeros(0, int)] * len(runs)
     offset = 0
     for source in dict.fromkeys(run.source for run in runs):
-        mine = [k for k, run in enumerate(runs) if run.source == source]
-        seen = np.unique(np.concatenate([rows[k] for k in mine]))
-        t = runs[mine[0]].t[seen]
+        of_source = [k for k, run in enumerate(runs) if run.source == source]
+        seen = np.unique(np.concatenate([rows[k] for k in of_source]))
+        t = runs[of_source[0]].t[seen]
         block = np.floor(t - t[0]).astype(int) if len(seen) else np.zeros(0, int)
         count = len(np.unique(block))
         if count < 8 or count > len(seen) / 3:
             block = np.arange(len(seen)) * min(BLOCKS, len(seen)) // max(len(seen), 1)
-        for k in mine:
+        for k in of_source:
             numbers[k] = block[np.searchsorted(seen, rows[k])] + offset
         offset += (int(block.max()) + 1) if len(block) else 0
     return np.concatenate(numbers)

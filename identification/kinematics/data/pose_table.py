@@ -79,9 +79,9 @@ def _tracked(table: Cells, q: Array, rows: Index, seen: list[_Seen]) -> Tracked:
     t = rows.astype(float) if still else table.numbers(["t"])[:, 0]
     if not still and (not np.isfinite(t).all() or (np.diff(t) <= 0).any()):
         raise table.error("column t must hold strictly increasing times, s; omit it for poses measured at rest")
-    runs, several = [], len(seen) > 1
+    runs, numbered = [], len(seen) > 1
     for number, one in enumerate(seen):
-        label = f"{name} reflector {one.name}" if several else name
+        label = f"{name} reflector {one.name}" if numbered else name
         run = Run(label, t, q, one.xyz, still=still, target=number, recorded=name, file_row=rows)
         runs.append(run)
         if one.turn is not None:
@@ -166,13 +166,13 @@ def _by_name(table: Cells, q: Array, seen: _Seen) -> tuple[list[_Seen], Index]:
     places = table.numbers(list(PLACE)) if all(name in table.names for name in PLACE) else np.zeros((len(q), 0))
     found = []
     for name in dict.fromkeys(names):
-        mine = np.flatnonzero(np.array(names) == name)
+        of_reflector = np.flatnonzero(np.array(names) == name)
         xyz, turn = np.full((len(first), 3), np.nan), None
-        xyz[pose[mine]] = seen.xyz[mine]
-        if seen.turn is not None and np.isfinite(seen.turn[mine]).any():
+        xyz[pose[of_reflector]] = seen.xyz[of_reflector]
+        if seen.turn is not None and np.isfinite(seen.turn[of_reflector]).any():
             turn = np.full((len(first), 3), np.nan)
-            turn[pose[mine]] = seen.turn[mine]
-        given = places[mine]
+            turn[pose[of_reflector]] = seen.turn[of_reflector]
+        given = places[of_reflector]
         place = _one_place(table, given[np.isfinite(given).all(axis=1)]) if given.shape[1] else None
         found.append(_Seen(name, xyz, turn, place))
     return found, np.array(first, int)

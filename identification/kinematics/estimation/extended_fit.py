@@ -81,25 +81,25 @@ def _realign(work: Work) -> bool:
         return replace(run, q=run.q + bend @ (extension * still))
 
     def aligned_rows(run: Run) -> tuple[Run, list[Shift]]:
-        mine: list[Shift] = []
+        shifts: list[Shift] = []
         if run.still or run.lever:
-            return run, mine
+            return run, shifts
         for search in (find_step, find_step, find_step, find_constant):
             shift = search(bent(run), chain, work.estimate.noise)
             if shift is not None:
-                mine.append(shift)
+                shifts.append(shift)
                 run = shifted(run, shift.first, shift.rows)
-        return run, mine
+        return run, shifts
 
     for k, run in enumerate(work.runs):
-        work.runs[k], mine = aligned_rows(run)
-        work.shifts += mine
-        for shift in mine if work.judged_by != "held_out" else []:
+        work.runs[k], shifts = aligned_rows(run)
+        work.shifts += shifts
+        for shift in shifts if work.judged_by != "held_out" else []:
             work.held_out[k] = shifted(work.held_out[k], shift.first, shift.rows)
     if work.judged_by == "held_out":
         for k, run in enumerate(work.held_out):
-            work.held_out[k], mine = aligned_rows(run)
-            work.shifts += mine
+            work.held_out[k], shifts = aligned_rows(run)
+            work.shifts += shifts
     return bool(work.shifts)
 
 

@@ -30,9 +30,9 @@ def aimed(chain: Chain, points: Points) -> dict[int, Array]:
     oriented = points.oriented
     target = np.zeros(len(points), int) if points.target is None else points.target
     for number in np.unique(target[oriented]):
-        mine = points.where(oriented & (target == number))
-        predicted = forward(chain, mine.q, mine.target)[:, :3, :3]
-        each = np.swapaxes(predicted, 1, 2) @ Rotation.from_rotvec(mine.xyz).as_matrix()
+        of_target = points.where(oriented & (target == number))
+        predicted = forward(chain, of_target.q, of_target.target)[:, :3, :3]
+        each = np.swapaxes(predicted, 1, 2) @ Rotation.from_rotvec(of_target.xyz).as_matrix()
         u, _, v = np.linalg.svd(each.mean(axis=0))
         found[int(number)] = u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ v))]) @ v
     return found

@@ -39,12 +39,12 @@ def with_own_zeros(
     bend = deflections(chosen, points.q, velocity=velocity_of(runs, rows), gravity=gravity)
     both = points.deflected(np.concatenate((bend, columns), axis=2))
     scale = np.concatenate((prior_scales(chosen), counts))
-    own, found = bend.shape[2], len(estimate.extension)
+    bends, extensions = bend.shape[2], len(estimate.extension)
     start = np.concatenate((estimate.extension, np.zeros(len(counts))))
     fitted = fit(parameters, both, start=estimate.values, extension_scale=scale, extension_start=start)
-    zeros = fitted.extension[own:]
-    kept = len(parameters.free) + found
-    marginal = replace(fitted, extension=fitted.extension[:found], covariance=fitted.covariance[:kept, :kept])
+    zeros = fitted.extension[bends:]
+    kept = len(parameters.free) + extensions
+    marginal = replace(fitted, extension=fitted.extension[:extensions], covariance=fitted.covariance[:kept, :kept])
     moved = replace(points, q=points.q + columns @ zeros, deflections=bend if chosen else None)
     return moved, marginal, zeros
 
@@ -66,14 +66,14 @@ def zero_columns(runs: Sequence[Run], rows: Sequence[Index]) -> tuple[Array, Arr
 
 def with_zeros(runs: Sequence[Run], zeros: Array) -> list[Run]:
     """The runs with their zeros (zeros,) rad, in the order of ``zero_columns``, put right."""
-    out, left = [], list(zeros)
+    corrected, remaining = [], list(zeros)
     for run in runs:
         off = np.zeros(run.q.shape[1])
         if run.count is not None:
             for j in np.flatnonzero(run.count):
-                off[j] = left.pop(0)
-        out.append(replace(run, q=run.q + off))
-    return out
+                off[j] = remaining.pop(0)
+        corrected.append(replace(run, q=run.q + off))
+    return corrected
 
 
 def expected(chain: Chain, runs: Sequence[Run]) -> float:

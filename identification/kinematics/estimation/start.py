@@ -96,10 +96,10 @@ def _alone(q: Array) -> float:
     step = np.abs(np.diff(q, axis=0))
     order = np.sort(step, axis=1)
     others = order[:, -2] if q.shape[1] > 1 else np.zeros(len(step))
-    mine = np.where(others <= 0.1 * order[:, -1], step.argmax(axis=1), -1)
+    moving = np.where(others <= 0.1 * order[:, -1], step.argmax(axis=1), -1)
     ways, way = [0.0], 0.0
-    for k, joint in enumerate(mine):
-        way = 0.0 if joint < 0 else step[k, joint] + (way if k and mine[k - 1] == joint else 0.0)
+    for k, joint in enumerate(moving):
+        way = 0.0 if joint < 0 else step[k, joint] + (way if k and moving[k - 1] == joint else 0.0)
         ways.append(way)
     return float(max(ways))
 

@@ -167,9 +167,9 @@ def coupling_equations(table: dict[str, Any]) -> list[str]:
     """One equation per link whose angle is not the reported one: "link angle 3 = q3 - q2 (q: reported angles)"."""
     equations = []
     for joint in dict.fromkeys(entry["joint"] for entry in table["coupling"]):
-        mine = {entry["by"]: entry for entry in table["coupling"] if entry["joint"] == joint}
-        mine = {joint: {"ratio": 1.0, "std": 0.0}} | mine
-        right = " ".join(_term(by, one["ratio"], one["std"]) for by, one in mine.items() if one["ratio"])
+        shares = {entry["by"]: entry for entry in table["coupling"] if entry["joint"] == joint}
+        shares = {joint: {"ratio": 1.0, "std": 0.0}} | shares
+        right = " ".join(_term(by, one["ratio"], one["std"]) for by, one in shares.items() if one["ratio"])
         equations.append(f"link angle {joint} = {right.removeprefix('+ ')} (q: reported angles)")
     return equations
 

@@ -200,12 +200,12 @@ def _short_way(q: Array) -> list[int]:
 
     Beginning at the one nearest to zero.
     """
-    left = list(range(len(q)))
+    unvisited = list(range(len(q)))
     at = np.zeros(q.shape[1])
     order = []
-    while left:
-        nearest = min(left, key=lambda k: float(np.abs(q[k] - at).max()))
+    while unvisited:
+        nearest = min(unvisited, key=lambda k: float(np.abs(q[k] - at).max()))
         order.append(nearest)
-        left.remove(nearest)
+        unvisited.remove(nearest)
         at = q[nearest]
     return order
