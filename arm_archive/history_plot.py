@@ -23,13 +23,13 @@ def history_figure(rows: Sequence[dict[str, Any]]) -> Figure:
     figure = Figure(figsize=(10, 3.6), layout="constrained")
     axis = figure.subplots()
     for known in (True, False):
-        mine = [row for row in rows if (row["std"] is not None) == known]
-        if mine:
-            dates = [datetime.fromisoformat(row["date"]) for row in mine]
-            bars = [2 * row["std"] for row in mine] if known else None
+        shown = [row for row in rows if (row["std"] is not None) == known]
+        if shown:
+            dates = [datetime.fromisoformat(row["date"]) for row in shown]
+            bars = [2 * row["std"] for row in shown] if known else None
             axis.errorbar(
                 dates,  # type: ignore[arg-type]
-                [row["value"] for row in mine],
+                [row["value"] for row in shown],
                 bars,
                 fmt="o",
                 ms=4,

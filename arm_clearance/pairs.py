@@ -112,7 +112,7 @@ def pairs_of(chain: Chain, space: Space) -> Pairs:
     random = np.random.default_rng(0)
     zero = np.clip(np.zeros((1, len(chain))), low, high)
     poses = np.concatenate([zero, low + (high - low) * random.random((POSES, len(chain)))])
-    every = Pairs(
+    pairs = Pairs(
         chain=chain,
         space=space,
         floor=tuple(k + end for end in (0, len(bodies)) for k in moving) if space.floor is not None else (),
@@ -124,22 +124,22 @@ def pairs_of(chain: Chain, space: Space) -> Pairs:
             if space.self_collision and second.link - first.link > 1
         ),
     )
-    room = every.clearance(poses)
+    room = pairs.clearance(poses)
     changing = np.ptp(room, axis=0) > UNCHANGED
-    counts = np.cumsum([len(every.floor), len(every.boxes)])
+    counts = np.cumsum([len(pairs.floor), len(pairs.boxes)])
     of_floor, of_boxes, _ = np.split(changing, counts)[:3]
-    between = room[:, counts[1] : counts[1] + len(every.links)]
+    between = room[:, counts[1] : counts[1] + len(pairs.links)]
     touch = (between[0] < 0.0) | ((between < space.margin).mean(axis=0) > ALWAYS)
     kept = replace(
-        every,
-        floor=tuple(one for one, changes in zip(every.floor, of_floor) if changes),
-        boxes=tuple(one for one, changes in zip(every.boxes, of_boxes) if changes),
+        pairs,
+        floor=tuple(one for one, changes in zip(pairs.floor, of_floor) if changes),
+        boxes=tuple(one for one, changes in zip(pairs.boxes, of_boxes) if changes),
     )
-    links = {pair: (bodies[pair[0]].link, bodies[pair[1]].link) for pair in every.links}
-    together = sorted({links[pair] for pair, touches in zip(every.links, touch) if touches})
+    links = {pair: (bodies[pair[0]].link, bodies[pair[1]].link) for pair in pairs.links}
+    together = sorted({links[pair] for pair, touches in zip(pairs.links, touch) if touches})
     return replace(
         kept,
-        links=tuple(pair for pair in every.links if links[pair] not in together),
+        links=tuple(pair for pair in pairs.links if links[pair] not in together),
         touching=tuple(together),
     )
 

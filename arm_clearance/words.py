@@ -30,18 +30,18 @@ def in_words(found: Nearest) -> str:
 
 def left_out(pairs: Pairs) -> list[str]:
     """What is not checked, and what rests on assumed shapes."""
-    said = []
+    sentences = []
     assumed = [(body.link, body.radius) for body in pairs.chain.bodies if body.assumed]
     if assumed:
         links = ", ".join(str(link) for link, _ in assumed)
-        said.append(
+        sentences.append(
             f"the model gives no capsules for links {links} (0 is the base): assumed with radius "
             f"{_mm(assumed[0][1])} between the joints"
         )
     if pairs.touching:
         links = ", ".join(f"{one} and {other}" for one, other in pairs.touching)
-        said.append(f"links that touch by design are not checked against each other: {links}")
-    return said
+        sentences.append(f"links that touch by design are not checked against each other: {links}")
+    return sentences
 
 
 def lowest_point(demand: Demand, chain: Chain) -> float:

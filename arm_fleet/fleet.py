@@ -108,15 +108,15 @@ def fleet_of(
             progress(Step("comparing nights", k + 1, count))
             compared.append(one)
         alarms = iter(corrected([alarm for one in compared for alarm in one.alarms], plan.rate))
-        own = [[next(alarms) for _ in one.alarms] for one in compared]
+        alarms_of = [[next(alarms) for _ in one.alarms] for one in compared]
         verdicts = []
         with tables_in(folder) as append:
-            for k, judged in enumerate(mapped(judge, [(plan, folder, *one) for one in zip(parts, own)])):
+            for k, judged in enumerate(mapped(judge, [(plan, folder, *one) for one in zip(parts, alarms_of)])):
                 progress(Step("trends", k + 1, count, detail=judged.verdict.arm))
                 append(judged.tables)
                 verdicts.append(judged.verdict)
     lines = [line for one in compared for line in one.lines]
-    judged_nights = [alarm for several in own for alarm in several]
+    judged_nights = [alarm for of_one in alarms_of for alarm in of_one]
     fleet = Fleet(
         plan=plan,
         folder=folder,

@@ -60,8 +60,8 @@ def judge(plan: Plan, folder: Path, part: ArmTasks, alarms: Sequence[Alarm]) -> 
     store = Store(folder)
     records = _records(store, part)
     # Histories are read for arms of which there is something to say: most are healthy.
-    said = bool(plan.limits) or any(one.named for one in alarms)
-    verdict = verdict_of(plan, part.arm, nights_of(store, records, part.model) if said else [], alarms, records)
+    notable = bool(plan.limits) or any(one.named for one in alarms)
+    verdict = verdict_of(plan, part.arm, nights_of(store, records, part.model) if notable else [], alarms, records)
     verdict = replace(verdict, nights=sum(line_of(one).done and bool(one["night"]) for one in records))
     if verdict.trends and verdict.since:
         path = folder / arm_file(part.arm)

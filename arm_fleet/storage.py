@@ -39,6 +39,6 @@ def asking(where: str) -> Iterator[None]:
     except FileNotFoundError as error:
         raise InputError(where, f"cannot be read: {error.strerror or error}") from None
     except Exception as error:  # whatever the client of a store raises
-        said = getattr(error, "strerror", None) or str(error) or type(error).__name__
+        reason = getattr(error, "strerror", None) or str(error) or type(error).__name__
         kind = "; see [storage] of the plan" if isinstance(error, TypeError) else ""
-        raise StorageError(where, f"cannot be read: {said}{kind}") from None
+        raise StorageError(where, f"cannot be read: {reason}{kind}") from None

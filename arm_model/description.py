@@ -137,8 +137,8 @@ class Joint:
         ``name`` of the parameter: a phase stays one.
         """
         if unit in ("A", "1/A2", "1/A4"):
-            own = self.command_unit if " " not in self.command_unit else f"({self.command_unit})"
-            return self.command_unit if unit == "A" else unit.replace("A", own)
+            ampere = self.command_unit if " " not in self.command_unit else f"({self.command_unit})"
+            return self.command_unit if unit == "A" else unit.replace("A", ampere)
         if unit == "N m/A":
             return f"{'N m' if self.revolute else 'N'}/{self.command_unit}"
         return unit if self.revolute or name == "phase" else SLIDING.get(unit, unit)

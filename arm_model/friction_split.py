@@ -66,8 +66,8 @@ def split(joint: Joint) -> Joint:
     if curve is None:
         return joint
     speed = np.array(curve.speed)
-    lines = [line_through(speed) @ own for own in total_at(joint, speed)]
-    rest = [own - level - slope * speed for own, (level, slope) in zip(total_at(joint, speed), lines)]
+    lines = [line_through(speed) @ total for total in total_at(joint, speed)]
+    rest = [total - level - slope * speed for total, (level, slope) in zip(total_at(joint, speed), lines)]
     return unchecked(
         joint,
         coulomb=tuple(float(level) / joint.ratio for level, _ in lines),

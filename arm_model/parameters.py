@@ -101,8 +101,8 @@ def with_parameters(arm: Arm, values: Mapping[str, float]) -> Arm:
     arm = fixed_gains(arm)
     if arm.floating is not None:
         known = base_parameters(arm.floating)
-        own = {name: float(value) for name, value in values.items() if name in known}
-        arm = replace(arm, floating=with_base_parameters(arm.floating, own)) if own else arm
+        of_base = {name: float(value) for name, value in values.items() if name in known}
+        arm = replace(arm, floating=with_base_parameters(arm.floating, of_base)) if of_base else arm
         values = {name: value for name, value in values.items() if name not in known}
     joints = list(arm.joints)
     links: dict[int, dict[str, float]] = {}

@@ -102,10 +102,10 @@ def _scripts(data: str) -> Markup:
     harmless = data.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
     module = _text("vendor/uplot.js").strip()
     library = re.sub(r"export\s*\{\s*(\w+) as default\s*\};?$", r"return \1;", module)
-    own = "\n".join(map(_text, SCRIPTS))
+    scripts = "\n".join(map(_text, SCRIPTS))
     return Markup(
         f'<script type="application/json" id="data">{harmless}</script>\n'
-        f'<script>"use strict";(() => {{\nconst uPlot = (() => {{\n{library}\n}})();\n{own}\n}})();</script>'
+        f'<script>"use strict";(() => {{\nconst uPlot = (() => {{\n{library}\n}})();\n{scripts}\n}})();</script>'
     )
 
 

@@ -31,7 +31,7 @@ def figure(chart: Chart) -> Figure:
     widths = chart.widths or (1.0,) * chart.columns
     shared: Literal["col", "none"] = "col" if chart.shared else "none"
     grid = drawn.subplots(rows, chart.columns, squeeze=False, sharex=shared, width_ratios=widths)
-    several = any(map(_named, chart.panels))
+    legend = any(map(_named, chart.panels))
     for place, (axis, panel) in enumerate(zip(grid.ravel(), chart.panels)):
         _draw(axis, panel)
         if chart.shared and place < len(chart.panels) - chart.columns:
@@ -39,7 +39,7 @@ def figure(chart: Chart) -> Figure:
             axis.tick_params(labelbottom=False)
     for axis in grid.ravel()[len(chart.panels) :]:
         axis.set_axis_off()
-    if several:
+    if legend:
         marks = {text: mark for axis in grid.ravel() for mark, text in zip(*axis.get_legend_handles_labels())}
         drawn.legend(
             list(marks.values()), list(marks), loc="outside upper right", ncols=min(len(marks), 6), fontsize="small"

@@ -121,12 +121,12 @@ def _panel(panel: Panel, arrays: Arrays, points: int) -> Table:
 
 
 def _series(one: Series, panel: Panel, arrays: Arrays, points: int) -> Table:
-    every = rows_per_bucket(len(one.y), points)
+    bucket = rows_per_bucket(len(one.y), points)
     if one.kind == "line":
-        kept, y = envelope(one.y, every)
+        kept, y = envelope(one.y, bucket)
     else:
         # dots stay where they were measured
-        kept = extremes(one.y, every)
+        kept = extremes(one.y, bucket)
         y = one.y[kept]
     in_order = one.kind == "line"
     table = {

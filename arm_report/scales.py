@@ -73,11 +73,11 @@ def scale_of(
 
 
 def _range(values: list[Array], *, log: bool) -> tuple[float, float]:
-    every = np.concatenate([np.ravel(one) for one in values]) if values else np.empty(0)
-    every = every[np.isfinite(every) & ((every > 0.0) | (not log))]
-    if not len(every):
+    finite = np.concatenate([np.ravel(one) for one in values]) if values else np.empty(0)
+    finite = finite[np.isfinite(finite) & ((finite > 0.0) | (not log))]
+    if not len(finite):
         return (1.0, 10.0) if log else (0.0, 1.0)
-    low, high = float(every.min()), float(every.max())
+    low, high = float(finite.min()), float(finite.max())
     if log:
         room = (high / low) ** ROOM if high > low else 2.0
         return low / room, high * room
@@ -100,9 +100,9 @@ def _multiples(low: float, high: float, most: int, *, dates: bool) -> list[float
 def _decades(low: float, high: float, most: int) -> list[float]:
     """Powers of ten, each so many-eth; 1, 2 and 5 times them where there are few."""
     first, last = math.floor(math.log10(low)), math.ceil(math.log10(high))
-    every = max(1, -(-(last - first) // max(most, 1)))
+    step = max(1, -(-(last - first) // max(most, 1)))
     factors = (1.0, 2.0, 5.0) if last - first <= max(1, most // 3) else (1.0,)
-    values = [factor * 10.0**power for power in range(first, last + 1, every) for factor in factors]
+    values = [factor * 10.0**power for power in range(first, last + 1, step) for factor in factors]
     return [x for x in values if low * (1 - 1e-9) <= x <= high * (1 + 1e-9)]
 
 

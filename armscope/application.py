@@ -148,7 +148,7 @@ def _guarded(command: Callable[..., Any], infinite: Sequence[str]) -> Callable[.
     The options in ``infinite`` may be infinite, none may be NaN. The status is ``SAMPLES_LOST`` also where a recording
     that it read lacks rows, which standard error says.
     """
-    own = inspect.signature(command, eval_str=True)
+    signature = inspect.signature(command, eval_str=True)
     extra = inspect.Parameter("no_color", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=NoColor)
 
     @functools.wraps(command)
@@ -165,8 +165,10 @@ def _guarded(command: Callable[..., Any], infinite: Sequence[str]) -> Callable[.
             status = command(**given)
         return status or (SAMPLES_LOST if lacking else DONE)
 
-    guarded.__signature__ = own.replace(parameters=[*own.parameters.values(), extra])  # type: ignore[attr-defined]
-    guarded.__annotations__ = {name: one.annotation for name, one in own.parameters.items()} | {"no_color": NoColor}
+    guarded.__signature__ = signature.replace(parameters=[*signature.parameters.values(), extra])  # type: ignore[attr-defined]
+    guarded.__annotations__ = {name: one.annotation for name, one in signature.parameters.items()} | {
+        "no_color": NoColor
+    }
     return guarded
 
 
@@ -177,8 +179,8 @@ def _keep_measurements(given: Mapping[str, Any]) -> None:
     if not isinstance(out, Path) or not os.path.isfile(out):
         return
     for name, value in given.items():
-        several = [one for one in (value if isinstance(value, list) else [value]) if isinstance(one, Path)]
-        if name != "out" and any(os.path.isfile(one) and os.path.samefile(one, out) for one in several):
+        paths = [one for one in (value if isinstance(value, list) else [value]) if isinstance(one, Path)]
+        if name != "out" and any(os.path.isfile(one) and os.path.samefile(one, out) for one in paths):
             raise InputError(out, "is read here, and would be replaced; --out must name another file")
     from daq.recording.provenance import is_measured
 

@@ -83,9 +83,9 @@ class UnixBus(can.BusABC):
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
         deadline = None if timeout is None else time.monotonic() + timeout
         while not self._came:
-            left = None if deadline is None else max(0.0, deadline - time.monotonic())
-            self._take(left)
-            if not self._came and left == 0.0:
+            remaining = None if deadline is None else max(0.0, deadline - time.monotonic())
+            self._take(remaining)
+            if not self._came and remaining == 0.0:
                 return None, False
         return self._came.popleft(), False
 

@@ -66,10 +66,10 @@ class SerialPort:
         """
         file = self._alive().fileno()
         deadline = time.monotonic() + seconds
-        left = seconds
-        while left > 0:
-            left = max(deadline - time.monotonic(), 0.0)
-            if not select.select([file], [], [], left)[0]:
+        remaining = seconds
+        while remaining > 0:
+            remaining = max(deadline - time.monotonic(), 0.0)
+            if not select.select([file], [], [], remaining)[0]:
                 continue
             with self._known():
                 data = os.read(file, 4096)

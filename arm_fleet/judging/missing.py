@@ -86,6 +86,6 @@ def _arms(verdicts: Sequence[Verdict], name: str, stand: State) -> str:
     return _names([one.arm for one in verdicts if any(its.name == name and its.stand is stand for its in one.limits)])
 
 
-def _names(several: Sequence[str]) -> str:
-    more = len(several) - MOST_NAMES
-    return ", ".join(several[:MOST_NAMES]) + (f" and {more} more" if more > 0 else "")
+def _names(names: Sequence[str]) -> str:
+    more = len(names) - MOST_NAMES
+    return ", ".join(names[:MOST_NAMES]) + (f" and {more} more" if more > 0 else "")

@@ -135,7 +135,7 @@ def _line(estimates: Sequence[Estimate], which: int, degc: Array) -> Line | None
         left=float(0.5 * BENDS * np.hypot(slope, width**-0.5) * away**2),
         ratio=float(weight @ rest**2) / freedom,
         freedom=freedom,
-        stated=min(estimate.freedom for estimate, mine in zip(estimates, there) if mine),
+        stated=min(estimate.freedom for estimate, counted in zip(estimates, there) if counted),
     )
 
 
@@ -149,9 +149,9 @@ def _scatter(changes: Sequence[Change], lines: Mapping[str, Line]) -> dict[str, 
             if change.quantity.name in lines and (change.quantity.kind == "cause") is causes
         ]
         if names:
-            mine = [lines[name] for name in names]
+            of_kind = [lines[name] for name in names]
             ratio, freedom = moderate(
-                np.array([one.ratio for one in mine]), np.array([float(one.freedom) for one in mine])
+                np.array([one.ratio for one in of_kind]), np.array([float(one.freedom) for one in of_kind])
             )
             for name, its, degrees in zip(names, ratio, freedom):
                 found[name] = (float(np.sqrt(max(its, 1.0))), float(degrees) if its > 1 else np.inf)

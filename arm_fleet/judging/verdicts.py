@@ -227,9 +227,9 @@ def _limits(trends: Sequence[Trend]) -> list[Limited]:
 def _that_changed(causes: Sequence[Mapping[str, Any]], series: Sequence[Alarm]) -> list[Mapping[str, Any]]:
     """Of the causes of a night those that changed, in most nights first; else those that the changed parameters fit."""
     nights = _nights_of_causes(series)
-    own = [cause for cause in causes if (cause["effect"], cause["joint"]) in nights]
-    if own:
-        return sorted(own, key=lambda one: -nights[one["effect"], one["joint"]])
+    changed = [cause for cause in causes if (cause["effect"], cause["joint"]) in nights]
+    if changed:
+        return sorted(changed, key=lambda one: -nights[one["effect"], one["joint"]])
     changes = [one for alarm in series for one in alarm.changes]
     joints = {change.quantity.joint for change in changes} | {None}
     friction = all(map(of_friction, changes))

@@ -152,22 +152,22 @@ def _all(scene: Scene, run: int, lives: Sequence[Life], temperature: Array) -> I
     """
     nights = temperature.shape[1]
     for wear in {life.wear: None for life in lives}:
-        mine = [which for which, life in enumerate(lives) if life.wear == wear]
-        values = np.array([lives[which].values(nights) for which in mine])
+        of_wear = [which for which, life in enumerate(lives) if life.wear == wear]
+        values = np.array([lives[which].values(nights) for which in of_wear])
         places = np.argwhere(np.ones_like(values, bool))
         # Without wear all nights are alike then: one lane.
         still = None if scene.changing else _simulated(scene, run, wear, np.zeros(1), None)
         for first in range(0, len(places), LANES):
             some = places[first : first + LANES]
-            degrees = temperature[mine][tuple(some.T)] if scene.changing else None
-            own = values[tuple(some.T)]
-            healthy = _simulated(scene, run, wear, 0 * own, degrees) if still is None else still
-            worn = _simulated(scene, run, wear, own, degrees) if own.any() else healthy
+            degrees = temperature[of_wear][tuple(some.T)] if scene.changing else None
+            some_values = values[tuple(some.T)]
+            healthy = _simulated(scene, run, wear, 0 * some_values, degrees) if still is None else still
+            worn = _simulated(scene, run, wear, some_values, degrees) if some_values.any() else healthy
             for lane, (which, night) in enumerate(some):
                 before = healthy.lane(lane)
-                shown = worn.lane(lane) if own[lane] else before
+                shown = worn.lane(lane) if some_values[lane] else before
                 change = shown["i"] - before["i"]
-                yield mine[which], int(night), shown, float(np.sqrt(np.mean(change**2, axis=0)).max() / NOISE)
+                yield of_wear[which], int(night), shown, float(np.sqrt(np.mean(change**2, axis=0)).max() / NOISE)
 
 
 @dataclass(frozen=True)
@@ -200,8 +200,8 @@ def _readings(arm: Arm, motion: Motion, wear: Wear | None, values: Array) -> Rea
         return recorded(arm, motion)
     lanes = []
     for lane, value in enumerate(values):
-        mine = replace(arm, effects=(*arm.effects[:-1], wear.term(float(value))))
-        lanes.append(recorded(mine, _lane(motion, lane)))
+        worn = replace(arm, effects=(*arm.effects[:-1], wear.term(float(value))))
+        lanes.append(recorded(worn, _lane(motion, lane)))
     return Readings(np.stack([one.q for one in lanes]), np.stack([one.current for one in lanes]))
 
 

@@ -38,8 +38,8 @@ class Weather:
         hall = np.empty(nights)
         for night, step in enumerate(draw.standard_normal(nights)):
             hall[night] = step if night == 0 else FOLLOWS * hall[night - 1] + np.sqrt(1 - FOLLOWS**2) * step
-        own = draw.standard_normal((arms, nights))
-        return cls(temperature=REFERENCE + season * np.linspace(0, 1, nights) + std * np.sqrt(0.5) * (hall + own))
+        of_arm = draw.standard_normal((arms, nights))
+        return cls(temperature=REFERENCE + season * np.linspace(0, 1, nights) + std * np.sqrt(0.5) * (hall + of_arm))
 
 
 def friction_at(arm: Arm, temperature: Array) -> Mapping[str, Array]:

@@ -48,8 +48,8 @@ def _steiner(r: np.ndarray) -> np.ndarray:
 
 def _payload(arm: Arm, joint: int | None, p: Values) -> Arm:
     point = np.array([p.x, p.y, p.z])
-    own = np.array([[p.ixx, p.ixy, p.ixz], [p.ixy, p.iyy, p.iyz], [p.ixz, p.iyz, p.izz]])
-    body = _merged(arm.joints[-1], p.mass, p.mass * point, own + p.mass * _steiner(point))
+    about_com = np.array([[p.ixx, p.ixy, p.ixz], [p.ixy, p.iyy, p.iyz], [p.ixz, p.iyz, p.izz]])
+    body = _merged(arm.joints[-1], p.mass, p.mass * point, about_com + p.mass * _steiner(point))
     return _with_joint(arm, len(arm.joints), **body)
 
 

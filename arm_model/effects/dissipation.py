@@ -41,14 +41,16 @@ def speeds(arm: Arm, joint: int, top: float = 0.0) -> Array:
     Up to the drive's speed limit where the model states one, to ``top``, and over the speeds that its effects name.
     """
     drive = arm.joints[joint]
-    own = () if drive.friction_curve is None else drive.friction_curve.speed
-    ends = [top, *own[-1:], 0.0 if drive.motor_speed_limit is None else drive.motor_speed_limit / drive.ratio]
+    curve_speeds = () if drive.friction_curve is None else drive.friction_curve.speed
+    ends = [top, *curve_speeds[-1:], 0.0 if drive.motor_speed_limit is None else drive.motor_speed_limit / drive.ratio]
     for term in friction_terms(arm, joint):
         named = [p.name for p in CATALOGUE[term.name].nonlinear if p.unit == "rad/s"]
         ends += [REACH * term.parameters.get(name, 0.0) for name in named]
     # just above standstill, too: there nothing but the viscous friction is left of a joint without Coulomb friction
     end = max(ends) or 1.0
-    return np.unique(np.concatenate([[0.0, 1e-6 * end], own, *(np.linspace(0.0, up, POINTS) for up in ends if up > 0)]))
+    return np.unique(
+        np.concatenate([[0.0, 1e-6 * end], curve_speeds, *(np.linspace(0.0, up, POINTS) for up in ends if up > 0)])
+    )
 
 
 def effect_friction(effect: Effect, given: dict[str, float], v: Array, direction: int, t: float = 0.0) -> Array:
@@ -68,12 +70,12 @@ def total_friction(arm: Arm, joint: int, v: Array, direction: int, t: float = 0.
     t: s since the start of the recording or the simulation.
     """
     drive, side = arm.joints[joint], 0 if direction > 0 else 1
-    own = drive.ratio * drive.coulomb[side] + drive.ratio**2 * drive.viscous[side] * v
+    of_drive = drive.ratio * drive.coulomb[side] + drive.ratio**2 * drive.viscous[side] * v
     if drive.friction_curve is not None:
-        own = own + curve_at(drive.friction_curve, v, direction)
+        of_drive = of_drive + curve_at(drive.friction_curve, v, direction)
     terms = friction_terms(arm, joint)
     return np.asarray(
-        own + sum(effect_friction(CATALOGUE[term.name], term.parameters, v, direction, t) for term in terms), float
+        of_drive + sum(effect_friction(CATALOGUE[term.name], term.parameters, v, direction, t) for term in terms), float
     )
 
 

@@ -75,8 +75,8 @@ def _constraints(reading: Reading) -> Iterator[str]:
 
 def _given(tree: Tree, node: Node) -> Attributes:
     """Attributes of a constraint with those of its default class, which has one set for constraints of all kinds."""
-    own = node.element.attributes
-    return {**tree.defaults.get(own.get("class", "main"), {}).get("equality", {}), **own}
+    attributes = node.element.attributes
+    return {**tree.defaults.get(attributes.get("class", "main"), {}).get("equality", {}), **attributes}
 
 
 def _disabled(tree: Tree) -> Iterator[str]:

@@ -74,8 +74,8 @@ def _solid(shape: str, size: Array) -> tuple[float, Array]:
     if shape == "cylinder":
         return barrel, np.array([across, across, axial])
     balls = 4 / 3 * math.pi * r**3
-    own = 0.4 * r**2
-    away = own + length * (3 * r + 2 * length) / 8
+    of_ball = 0.4 * r**2
+    of_cap = of_ball + length * (3 * r + 2 * length) / 8
     volume = barrel + balls
-    x = (barrel * across + balls * away) / volume
-    return volume, np.array([x, x, (barrel * axial + balls * own) / volume])
+    x = (barrel * across + balls * of_cap) / volume
+    return volume, np.array([x, x, (barrel * axial + balls * of_ball) / volume])

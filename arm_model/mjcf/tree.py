@@ -201,11 +201,11 @@ def _defaults(tree: Tree, node: Node, above: str | None) -> None:
     if not name:
         raise InputError(tree.path, "a <default> inside another needs a class")
     inherited = tree.defaults.get(name) if above is None else tree.defaults[above]
-    mine = {tag: dict(values) for tag, values in (inherited or {}).items()}
+    attributes = {tag: dict(values) for tag, values in (inherited or {}).items()}
     for child in node.children:
         if child.tag != "default":
-            mine[child.tag] = {**mine.get(child.tag, {}), **child.element.attributes}
-    tree.defaults[name] = mine
+            attributes[child.tag] = {**attributes.get(child.tag, {}), **child.element.attributes}
+    tree.defaults[name] = attributes
     for child in node.all("default"):
         _defaults(tree, child, name)
 

@@ -81,8 +81,8 @@ def mass_matrix_with_base(arm: Arm, q: Array, *, rotors: bool = False) -> Array:
     matrix = np.stack([numeric.stacked(row, q.shape[:1]) for row in found], axis=-2)
     matrix[:, :DOF, :DOF] += floating(arm).added
     if rotors:
-        own = arm.joint_array("ratio") ** 2 * arm.joint_array("rotor_inertia")
-        matrix[:, DOF:, DOF:] += np.diag(own)
+        reflected = arm.joint_array("ratio") ** 2 * arm.joint_array("rotor_inertia")
+        matrix[:, DOF:, DOF:] += np.diag(reflected)
     return matrix
 
 

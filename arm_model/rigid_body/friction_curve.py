@@ -61,10 +61,10 @@ def unit_torques(speed: Sequence[float], v: Array, sign: Array) -> tuple[Array, 
     hats = np.stack([np.interp(np.abs(v), speed, unit) for unit in np.eye(len(speed))], axis=-1)
     found = []
     for way in (1.0, -1.0):
-        own = hats * (way * v > 0)[:, None]
+        one_way = hats * (way * v > 0)[:, None]
         # what is there at rest turns about with both signs, as Coulomb's friction does
-        own[:, 0] += (1.0 + way * sign) / 2 - (way * v > 0)
-        found.append(own * sign[:, None])
+        one_way[:, 0] += (1.0 + way * sign) / 2 - (way * v > 0)
+        found.append(one_way * sign[:, None])
     return found[0], found[1]
 
 
@@ -78,24 +78,24 @@ def nearest_line(joint: Joint) -> tuple[float, float, float]:
     level, slope = joint.ratio * sum(joint.coulomb) / 2, joint.ratio**2 * sum(joint.viscous) / 2
     curve = joint.friction_curve
     speed = np.array([0.0, 1.0] if curve is None else curve.speed)
-    own = total_at(joint, speed)
+    total = total_at(joint, speed)
     if curve is not None:
-        mean = (own[0] + own[1]) / 2
+        mean = (total[0] + total[1]) / 2
         level, slope = line_through(speed) @ mean
         if level < 0.0:
             level, slope = 0.0, np.sum(weights(speed) * speed * mean) / np.sum(weights(speed) * speed**2)
         elif slope < 0.0:
             level, slope = np.sum(weights(speed) * mean) / np.sum(weights(speed)), 0.0
-    off = float(max(np.abs(each - level - slope * speed).max() for each in own))
+    off = float(max(np.abs(each - level - slope * speed).max() for each in total))
     return float(level) + (joint.link_coulomb or 0.0), float(slope) + (joint.link_viscous or 0.0), off
 
 
 def total_at(joint: Joint, speed: Array) -> tuple[Array, Array]:
     """(K,) twice N m (N): Coulomb, viscous friction and curve of a joint at speeds (K,) >= 0, positive and negative."""
-    own = [joint.ratio * c + joint.ratio**2 * b * speed for c, b in zip(joint.coulomb, joint.viscous)]
+    total = [joint.ratio * c + joint.ratio**2 * b * speed for c, b in zip(joint.coulomb, joint.viscous)]
     if joint.friction_curve is not None:
-        own = [straight + curve_at(joint.friction_curve, speed, way) for straight, way in zip(own, (1, -1))]
-    return own[0], own[1]
+        total = [straight + curve_at(joint.friction_curve, speed, way) for straight, way in zip(total, (1, -1))]
+    return total[0], total[1]
 
 
 def line_through(speed: Sequence[float] | Array) -> Array:

@@ -165,9 +165,9 @@ def jacobians(
     for j in range(links):
         rotation, away = chain.rotation[j], reach(chain, j, q[j])
         here = [(into(rotation, turn[j], w), into(rotation, turn[j], plus(v, cross(w, away)))) for w, v in last]
-        own: Triple = (0.0, 0.0, 1.0)
+        axis: Triple = (0.0, 0.0, 1.0)
         still: Triple = (0.0, 0.0, 0.0)
-        last = [*here, (own, still) if chain.revolute[j] else (still, own)]
+        last = [*here, (axis, still) if chain.revolute[j] else (still, axis)]
         found.append(last)
     return found
 

@@ -39,8 +39,8 @@ def bodies(arm: Arm) -> Array:
 @lru_cache(maxsize=32)  # every evaluation of the dynamics asks for it
 def _bodies(base: Pose, joints: tuple[Joint, ...]) -> tuple[tuple[float, ...], ...]:
     links = newton_euler.chain_from(base, joints).link
-    own = (barycentric(joint.mass, joint.com, joint.inertia) for joint in joints)
-    return tuple(tuple(map(float, transform(p, pose))) for p, pose in zip(own, links))
+    in_link = (barycentric(joint.mass, joint.com, joint.inertia) for joint in joints)
+    return tuple(tuple(map(float, transform(p, pose))) for p, pose in zip(in_link, links))
 
 
 def drive_torque(joint: Joint, qd: Any, qdd: Any) -> Any:

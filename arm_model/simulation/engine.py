@@ -112,9 +112,9 @@ def run_blocks(
     pointers = [array.ctypes.data for array in (params, states, memories, currents, demands)]
 
     def part(first: int, last: int) -> None:
-        own = schedules[first]
-        rows = own.substeps.ctypes.data, own.weights.ctypes.data, out.ctypes.data
-        program.run(first, last, own.timing.ctypes.data, *pointers, stride, count, *rows)
+        schedule = schedules[first]
+        rows = schedule.substeps.ctypes.data, schedule.weights.ctypes.data, out.ctypes.data
+        program.run(first, last, schedule.timing.ctypes.data, *pointers, stride, count, *rows)
 
     pieces = min(blocks, 4 * cores()) if cores() > 1 else 1
     edges = {*np.linspace(0, blocks, pieces + 1).astype(int).tolist()}

@@ -253,7 +253,7 @@ def emit(vector: Vector, tape: Tape, outputs: Sequence[Expr], given: Mapping[int
     values: dict[int, Any] = {}
     pairs: dict[int, tuple[Any, Any]] = {}
     build = vector.builder
-    several: dict[str, Callable[..., Any]] = {
+    operations: dict[str, Callable[..., Any]] = {
         "add": vector.add,
         "sub": vector.sub,
         "mul": vector.mul,
@@ -284,8 +284,8 @@ def emit(vector: Vector, tape: Tape, outputs: Sequence[Expr], given: Mapping[int
                 if angle not in pairs:
                     pairs[angle] = vector.sine_cosine(arguments[0])
                 values[index] = pairs[angle][node.operation == "cos"]
-            case operation if operation in several:
-                values[index] = several[operation](*arguments)
+            case operation if operation in operations:
+                values[index] = operations[operation](*arguments)
             case operation:
                 values[index] = unary[operation](*arguments)
     return [values[output.index] for output in outputs]

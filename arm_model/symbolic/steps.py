@@ -97,12 +97,12 @@ def _module(
     for_all = {tape.input(name).index: known(shared, place) for place, name in enumerate(numbers)}
     results = []
     for k in range(series):
-        own = {
+        of_series = {
             tape.input(name).index: build.load(build.gep(known(inside, place * series + k), [row]))
             for place, name in enumerate(columns)
         }
-        own |= {tape.input(name).index: value for name, value in zip(states, state[k])}
-        given = {index: lambda value=value: value for index, value in (for_all | own).items()}
+        of_series |= {tape.input(name).index: value for name, value in zip(states, state[k])}
+        given = {index: lambda value=value: value for index, value in (for_all | of_series).items()}
         results.append(emit(Vector(build, 1, fused=False), tape, outputs, given))
     for k, (result, *_) in enumerate(results):
         build.store(result, build.gep(known(out, k), [row]))

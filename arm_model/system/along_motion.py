@@ -104,5 +104,5 @@ def _symbols(tape: Tape, structure: Structure) -> tuple[newton_euler.Chain, list
         revolute, tuple(one[:9].reshape(3, 3) for one in each), tuple(one[9:] for one in each), ()
     )
     names = [[f"body{j}.{k}" for k in range(10)] for j in range(len(revolute))]
-    bodies: list[tuple[Expr, ...]] = [tuple(tape.input(name) for name in own) for own in names]
-    return chain, [*frames, *(name for own in names for name in own)], bodies
+    bodies: list[tuple[Expr, ...]] = [tuple(tape.input(name) for name in of_body) for of_body in names]
+    return chain, [*frames, *(name for of_body in names for name in of_body)], bodies

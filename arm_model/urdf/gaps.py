@@ -110,8 +110,12 @@ def _mimics(path: Path, tip: str | None) -> list[str]:
 def _gears(path: Path) -> list[str]:
     """At most one sentence: of joints whose gear is a word, as a macro leaves one that it did not replace."""
     words = {joint: text for joint, text in reductions(robot_of(path, read_file(path))).items() if not is_number(text)}
-    said = listed(list(dict.fromkeys(repr(text) for text in words.values())))
-    return [f"mechanicalReduction of {listed(list(words))} is {said}, no number: the gear counts as 1"] if words else []
+    words_listed = listed(list(dict.fromkeys(repr(text) for text in words.values())))
+    return (
+        [f"mechanicalReduction of {listed(list(words))} is {words_listed}, no number: the gear counts as 1"]
+        if words
+        else []
+    )
 
 
 def _names(what: str, names: Sequence[str]) -> str:

@@ -78,8 +78,8 @@ def _inertial(text: XmlText, element: Element, was: Joint, now: Joint, names: Se
     link = None if child is None else text.root.named("link", child.attributes["link"])
     assert link is not None
     total, old = (barycentric(joint.mass, joint.com, joint.inertia) for joint in (now, was))
-    own = _read_inertial(link)
-    rest = total - (old - own)
+    inertial = _read_inertial(link)
+    rest = total - (old - inertial)
     mass, _, inertia = about_com(rest)
     if mass < 0 or unphysical(mass, inertia):
         hung = _hung_on(text, link.attributes["name"], names)

@@ -44,10 +44,10 @@ def fleet(
     tasks = tasks_of(plan, arm_nights(plan, notes.append), models)
     store = Store(Path(out))
     engine = Engine(store, Cluster(scheduler, workers), progress)
-    engine.run([task for several in tasks.values() for task in several])
+    engine.run([task for of_arm in tasks.values() for task in of_arm])
     parts = [
-        ArmTasks(arm=name, model=models[name], keys=tuple(task.key for task in several))
-        for name, several in tasks.items()
+        ArmTasks(arm=name, model=models[name], keys=tuple(task.key for task in of_arm))
+        for name, of_arm in tasks.items()
     ]
     judging = workers if scheduler is None else os.cpu_count() or 1
     notes += engine.notes
@@ -58,14 +58,14 @@ def tasks_of(plan: Plan, nights: Sequence[ArmNight], models: Mapping[str, Arm]) 
     """Arm -> a task per night, after one for its baseline where the plan adapts models to it."""
     texts: dict[int, str] = {}
     tasks: dict[str, list[Task]] = {arm.name: [] for arm in plan.arm}
-    for name, several in groupby(nights, key=lambda one: one.arm.name):
-        mine, model = list(several), models[name]
+    for name, group in groupby(nights, key=lambda one: one.arm.name):
+        of_arm, model = list(group), models[name]
         if id(model) not in texts:
             texts[id(model)] = _text(model)
         text = texts[id(model)]
-        before = _baseline(plan, mine, text) if plan.adapt else None
+        before = _baseline(plan, of_arm, text) if plan.adapt else None
         tasks[name] = [before] if before is not None else []
-        tasks[name] += [_task(plan, [one], text, before) for one in mine]
+        tasks[name] += [_task(plan, [one], text, before) for one in of_arm]
     return tasks
 
 

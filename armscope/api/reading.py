@@ -55,8 +55,8 @@ def _listed(sources: Source | Sequence[Source]) -> list[Source]:
 
     if isinstance(sources, Recording | str | PathLike):
         return [sources]
-    several = list(sources) if isinstance(sources, Iterable) else [sources]
-    return [one if isinstance(one, Recording) else _path(one, "a recording") for one in several]
+    listed = list(sources) if isinstance(sources, Iterable) else [sources]
+    return [one if isinstance(one, Recording) else _path(one, "a recording") for one in listed]
 
 
 def for_analysis(*groups: Source | Sequence[Source], **bounds: Any) -> list[list[Recording]]:
@@ -91,9 +91,9 @@ def check_distinct(fitted: Sequence[Recording], held_out: Sequence[Recording]) -
     """
     from daq.recording.shared_rows import overlaps
 
-    every = [*fitted, *held_out]
-    for pair in overlaps(every) if len(every) > 1 else []:
-        one, other = every[pair.one].path, every[pair.other].path
+    recordings = [*fitted, *held_out]
+    for pair in overlaps(recordings) if len(recordings) > 1 else []:
+        one, other = recordings[pair.one].path, recordings[pair.other].path
         rows = f"{pair.share:.0%} of its rows are in {one}"
         if pair.one < len(fitted) <= pair.other:
             raise InputError(

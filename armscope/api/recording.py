@@ -62,8 +62,8 @@ class Recorded:
         """What came of the run, and the recording, where its file is on this machine."""
         from html import escape
 
-        said = f"<pre>{escape(str(self))}</pre>"
-        return said + (self.open()._repr_html_() if self.file.is_file() else "")
+        summary = f"<pre>{escape(str(self))}</pre>"
+        return summary + (self.open()._repr_html_() if self.file.is_file() else "")
 
     def to_json(self) -> Table:
         """Rows, ledger, ending and notes."""

@@ -96,7 +96,7 @@ def _status(above: list[Change], limit: str) -> int:
         return DONE
     points = sum(one.quantity.kind == "curve" for one in above)
     named = [one.quantity.name for one in above if one.quantity.kind != "curve"]
-    said = [", ".join(named[:5]) + (" ..." if len(named) > 5 else "")] if named else []
-    said += [f"{points} point{'s' * (points > 1)} of friction curves"] if points else []
-    print(f"changed beyond --fail-above {limit}: {'; '.join(said)}", file=sys.stderr)
+    parts = [", ".join(named[:5]) + (" ..." if len(named) > 5 else "")] if named else []
+    parts += [f"{points} point{'s' * (points > 1)} of friction curves"] if points else []
+    print(f"changed beyond --fail-above {limit}: {'; '.join(parts)}", file=sys.stderr)
     return CHANGED

@@ -97,8 +97,8 @@ def command(
     sampled = f", {designed.rate:g} rows/s (not a multiple of the setpoint rate)" if designed.rate else ""
     joints = f"{len(task.arm)} joint{'s' * (len(task.arm) > 1)}"
     print(f"{out}: {duration:g} s, {harmonics} harmonics of {fundamental:g} Hz for {joints}{sampled}")
-    said = travel_in_words(demand, task.arm) + clearance_in_words(demand, task.chain, task.pairs)
-    print("\n".join(f"  {line}" for line in said))
+    sentences = travel_in_words(demand, task.arm) + clearance_in_words(demand, task.chain, task.pairs)
+    print("\n".join(f"  {line}" for line in sentences))
     for file, count in points.items():
         print(f"{file}: {count} points, {trajectory_rate:g} per second")
 

@@ -91,46 +91,46 @@ def _sized(joint: Joint, number: int, load: _Load, *, torques: bool) -> Sized:
     weight, inertia = load.weight, load.inertia
     if not inertia > 0:
         raise InputError(f"joint[{number}]", "moves no mass; a joint that is to be simulated needs some behind it")
-    told: list[str] = []
+    assumed: list[str] = []
     without = joint.encoder_lines is None and abs(joint.drive_constant - 1.0) < 1e-9
     speed = (joint.motor_speed_limit or 0.0) / joint.ratio
     angle, torque = ("rad", "N m") if joint.revolute else ("m", "N")
     if not speed:
         speed = TURNING if joint.revolute else SLIDING
-        told.append(f"speed limit {speed:g} {angle}/s")
+        assumed.append(f"speed limit {speed:g} {angle}/s")
     coulomb, viscous, _ = nearest_line(joint)
     least = weight + coulomb
     needed = least + viscous * speed + inertia * RISE * speed
     limit = joint.torque_limit or 0.0
     if limit <= 1.1 * least or not limit:
         if limit:
-            told.append(
+            assumed.append(
                 f"{limit:g} {torque} of the file cannot move it against {least:.3g} {torque} of weight and friction"
             )
         limit = _round(RESERVE * needed)
-        told.append(f"{'torque' if joint.revolute else 'force'} limit {limit:g} {torque}")
+        assumed.append(f"{'torque' if joint.revolute else 'force'} limit {limit:g} {torque}")
     if without and joint.gear == 1.0 and not torques:
         joint = regeared(joint, _round(MOTOR_SPEED / speed))
-        told.append(f"gear {joint.gear:g}{'' if joint.revolute else ' rad/m'}")
+        assumed.append(f"gear {joint.gear:g}{'' if joint.revolute else ' rad/m'}")
     ratio = joint.ratio
     changes: dict[str, object] = {"torque_limit": limit, "motor_speed_limit": ratio * speed}
     if without and not torques:
         changes["torque_constant"] = _round(limit / ratio / CURRENT)
-        told.append(f"{changes['torque_constant']:g} N m/A at the motor")
+        assumed.append(f"{changes['torque_constant']:g} N m/A at the motor")
     if not joint.rotor_inertia:
         changes["rotor_inertia"] = _round(max(ROTOR * inertia, SPIN_UP * limit / speed) / ratio**2)
-        told.append(f"rotor inertia {changes['rotor_inertia']:g} kg m2")
+        assumed.append(f"rotor inertia {changes['rotor_inertia']:g} kg m2")
     if joint.coulomb == (0.0, 0.0) and joint.viscous == (0.0, 0.0) and joint.friction_curve is None:
         coulomb, viscous = _round(FRICTION * limit / ratio), _round(FRICTION * limit / speed / ratio**2)
         changes |= {"coulomb": (coulomb, coulomb), "viscous": (viscous, viscous)}
-        told.append(f"friction {coulomb:g} N m and {viscous:g} N m s/rad at the motor")
+        assumed.append(f"friction {coulomb:g} N m and {viscous:g} N m s/rad at the motor")
     if not joint.revolute and joint.sign_velocity == Joint().sign_velocity:
         changes["sign_velocity"] = joint.sign_velocity * SLIDING / TURNING
     if joint.encoder_lines is None:
         changes["encoder_lines"] = ENCODER_LINES
-        told.append(f"an encoder of {ENCODER_LINES} lines")
+        assumed.append(f"an encoder of {ENCODER_LINES} lines")
     name = f" ({joint.name})" if joint.name else ""
-    return Sized(replace(joint, **changes), f"joint {number}{name}: {', '.join(told)}" if told else "")  # type: ignore[arg-type]
+    return Sized(replace(joint, **changes), f"joint {number}{name}: {', '.join(assumed)}" if assumed else "")  # type: ignore[arg-type]
 
 
 def _controller(arm: Arm) -> Controller:

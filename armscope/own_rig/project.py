@@ -93,8 +93,8 @@ def _list(values: Array) -> str:
 
 
 def _readme(arm: Arm, path: Path, assumed: Sequence[str]) -> str:
-    told = "".join(f"* {one}\n" for one in assumed)
-    about = f"\n`{path.name}` does not say all that moves an arm. Assumed, to be replaced in `model.toml`:\n\n{told}"
+    items = "".join(f"* {one}\n" for one in assumed)
+    about = f"\n`{path.name}` does not say all that moves an arm. Assumed, to be replaced in `model.toml`:\n\n{items}"
     return README.format(name=arm.name, assumed=about if assumed else "")
 
 

@@ -203,14 +203,14 @@ class Join:
                 rows, place = stream.ready, places[stream.name]
                 flag = np.where(rows["index"][place] == table["index"], 0, MISSING).astype(np.uint8)
             there = (flag & MISSING) == 0
-            every = bool(there.all())
+            complete = bool(there.all())
             for name, columns in stream.columns.items():
-                if every:
+                if complete:
                     values[name][:, columns] = rows[name][place]
                 else:
                     values[name][there, columns] = rows[name][place[there]]
             marks = rows["quality"][place] | flag[:, None]
-            quality[:, stream.quality] = marks if every else np.where(there[:, None], marks, np.uint8(MISSING))
+            quality[:, stream.quality] = marks if complete else np.where(there[:, None], marks, np.uint8(MISSING))
         return Joined(
             table["index"],
             table["host"],

@@ -32,15 +32,15 @@ def merge_points(held: list[Rows], memory: Block, plan: Plan, notes: list[str]) 
         frame = _frames_by_time(host, memory, notes)
     begin = 0
     for rows in held:
-        mine = frame[begin : begin + len(rows)]
+        of_rows = frame[begin : begin + len(rows)]
         begin += len(rows)
-        there = mine >= 0
+        there = of_rows >= 0
         points = np.full((len(rows), 3), np.nan)
         quality = rows.quality.copy()
         quality[:, -1] = Quality.MISSING
         if memory.points is not None:
-            points[there] = memory.points[mine[there]]
-            quality[there, -1] = memory.quality[mine[there], -1]
+            points[there] = memory.points[of_rows[there]]
+            quality[there, -1] = memory.quality[of_rows[there], -1]
         yield replace(rows, points=points, quality=quality)
 
 

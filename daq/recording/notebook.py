@@ -52,11 +52,11 @@ def _figure(recording: Recording) -> Figure:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(9, 2.2), layout="constrained")
-    every = max(1, len(recording) // POINTS)
+    step = max(1, len(recording) // POINTS)
     drawn = ((recording.q, _unit(recording, "q"), "q"), (recording.i, _unit(recording, "i"), "i"))
     for axis, (values, unit, name) in zip(figure.subplots(1, 2), drawn):
         for joint in range(recording.joints):
-            axis.plot(recording.t[::every], values[::every, joint], lw=0.8, label=f"{name}{joint + 1}")
+            axis.plot(recording.t[::step], values[::step, joint], lw=0.8, label=f"{name}{joint + 1}")
         axis.set_xlabel("t [s]", fontsize="small")
         axis.set_title(f"{name} [{unit}]", loc="left", fontsize="small")
         axis.tick_params(labelsize="small")

@@ -182,8 +182,10 @@ class Recorder:
         """The account of the rows so far, with what the disk has refused; arguments as for ``finish``."""
         latched = self._progress.rows
         before = sum(loss.rows for loss in losses)
-        every = sorted([*losses, *self._losses], key=lambda loss: loss.first)
-        return LedgerSummary(latched + before if triggers is None else triggers, latched, self._recorded, tuple(every))
+        merged = sorted([*losses, *self._losses], key=lambda loss: loss.first)
+        return LedgerSummary(
+            latched + before if triggers is None else triggers, latched, self._recorded, tuple(merged)
+        )
 
     def __enter__(self) -> Recorder:
         return self

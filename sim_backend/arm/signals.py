@@ -225,8 +225,8 @@ class Run:
 
     def _histories(self) -> list[History]:
         """Those with a row per step of the mover."""
-        every = (self._q, self._qd, self._motor, self._rate, self._current, self._base)
-        return [history for history in every if history is not None]
+        histories = (self._q, self._qd, self._motor, self._rate, self._current, self._base)
+        return [history for history in histories if history is not None]
 
     def _horizon(self) -> int:
         """ns: the motion is known up to this time."""

@@ -120,9 +120,9 @@ def place(line: Line, phi: Array) -> tuple[Counts, Array]:
 
     Periods are cut a quarter before their zero, so that each holds one rise (near 0) and one fall (near pi).
     """
-    own = phi + line.shift
-    period = np.floor(own * (0.5 / np.pi) + 0.25)
-    return (2 * period - 1).astype(np.int64), own - 2.0 * np.pi * period
+    shifted = phi + line.shift
+    period = np.floor(shifted * (0.5 / np.pi) + 0.25)
+    return (2 * period - 1).astype(np.int64), shifted - 2.0 * np.pi * period
 
 
 def bounds(before: Counts, within: Array, rise: Array, fall: Array) -> tuple[Counts, Counts]:

@@ -188,8 +188,8 @@ class SimulatedCia406:
         for number, encoder in sorted(self.encoders.items()):
             get = encoder.node.get_data
             off = int.from_bytes(get(cia.TPDO1_PARAMETERS, 1), "little") & cia.OFF
-            every = get(cia.TPDO1_PARAMETERS, 2)[0] == cia.EVERY_SYNC
-            if encoder.mute or off or not every or encoder.node.nmt._state != OPERATIONAL:
+            synced = get(cia.TPDO1_PARAMETERS, 2)[0] == cia.EVERY_SYNC
+            if encoder.mute or off or not synced or encoder.node.nmt._state != OPERATIONAL:
                 continue
             answer = struct.pack("<I", self._position(encoder, at))
             done += self._on_wire(4)

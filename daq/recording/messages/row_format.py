@@ -221,8 +221,8 @@ def format_of(layout_json: str) -> RowFormat:
 def _messages(layout: Layout) -> list[tuple[str, str, cdr.Message]]:
     """Topic, type and bytes of each message of a row. Ours comes first."""
     if layout.raw:
-        own = ros2_messages.row(len(layout.counters), len(layout.inputs), layout.quality_columns)
-        messages = [(ROW_TOPIC, ros2_messages.ROW, own)]
+        row = ros2_messages.row(len(layout.counters), len(layout.inputs), layout.quality_columns)
+        messages = [(ROW_TOPIC, ros2_messages.ROW, row)]
         if layout.extra:
             messages.append((READINGS_TOPIC, ros2_messages.READINGS, ros2_messages.readings(layout.extra)))
     else:

@@ -43,8 +43,8 @@ class Overlap:
 def overlaps(recordings: Sequence[Recording]) -> list[Overlap]:
     """Which recordings share rows of angles and currents, as they were recorded; of three alike, each with the next."""
     rows = sum(len(recording) * recording.averaged for recording in recordings)
-    every = np.uint64(2 ** max(0, int(np.ceil(np.log2(max(rows, 1) / MOST)))))
-    return overlaps_of([_keys_of(recording, every) for recording in recordings])
+    one_in = np.uint64(2 ** max(0, int(np.ceil(np.log2(max(rows, 1) / MOST)))))
+    return overlaps_of([_keys_of(recording, one_in) for recording in recordings])
 
 
 def overlaps_of(keys: Sequence[Keys]) -> list[Overlap]:
@@ -52,7 +52,7 @@ def overlaps_of(keys: Sequence[Keys]) -> list[Overlap]:
     found, sides = [], [_Rows(one) for one in keys]
     for one, other in _candidates(sides):
         x, y = sides[one], sides[other]
-        shares = [float(np.isin(mine.keys, its.keys).mean()) for mine, its in ((y, x), (x, y))]
+        shares = [float(np.isin(these.keys, those.keys).mean()) for these, those in ((y, x), (x, y))]
         least = np.clip(min(len(x.once), len(y.once)) // 2, SHORTEST, LONGEST)
         in_order = max(_longest_run(x, y), _longest_run(y, x)) >= least and max(shares) >= SHARE
         if in_order or np.array_equal(x.keys, y.keys):
