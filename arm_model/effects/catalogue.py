@@ -6,7 +6,6 @@ from arm_model.effects import (
     conditional_friction,
     description_errors,
     friction,
-    friction_at_rest,
     position,
     sensing,
     tracking,
@@ -22,7 +21,6 @@ CATALOGUE: dict[str, Effect] = {
     for family in (
         friction,
         conditional_friction,
-        friction_at_rest,
         water,
         position,
         transmission,

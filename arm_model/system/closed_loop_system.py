@@ -73,10 +73,7 @@ def build(arm: Arm, zero: frozenset[str] = frozenset()) -> System:
     n = len(arm)
     mechanics = Mechanics(arm, symbol)
     flexible = mechanics.flexible
-    theta = [tape.input(f"theta{j}") for j in range(n)]
-    speed = [tape.input(f"speed{j}") for j in range(n)]
-    phi = [tape.input(f"phi{j}") if j in flexible else theta[j] for j in range(n)]
-    phi_speed = [tape.input(f"phi_speed{j}") if j in flexible else speed[j] for j in range(n)]
+    theta, speed, phi, phi_speed = _coordinates(tape, n, flexible)
     passed = {j: mechanics.twist_torque(j, theta[j] - phi[j], speed[j] - phi_speed[j]) for j in flexible}
 
     unloaded = [tape.constant(0.0)] * n
@@ -85,10 +82,7 @@ def build(arm: Arm, zero: frozenset[str] = frozenset()) -> System:
     links = rigid_links(arm, symbol, mechanics, joints, base)
     first = 0 if base is None else DOF  # the base's rows stand before those of the joints
     held, carried = links.carried[:first], links.carried[first:]
-    rotor = [symbol(f"rotor{j}") for j in range(n)]
-    for j in flexible:
-        if rotor[j].value == 0.0:
-            raise without_rotor(arm, j)
+    rotor = _rotors(arm, symbol, flexible)
     drive = [symbol(f"drive{j}") * tape.input(f"current{j}") for j in range(n)]
     pushed = [] if base is None else [thrust - needed for thrust, needed in zip(base.wrench(), held)]
     drag, acceleration = _accelerations(mechanics, joints, links, _Torques(drive, rotor, passed, pushed))
@@ -124,6 +118,24 @@ def build(arm: Arm, zero: frozenset[str] = frozenset()) -> System:
         held=tuple(held),
         feedforward=feedforward,
     )
+
+
+def _coordinates(tape: Tape, n: int, flexible: Sequence[int]) -> tuple[list[Expr], list[Expr], list[Expr], list[Expr]]:
+    """(n) theta and its speed, phi and its speed: the latter two are inputs only at ``flexible`` joints."""
+    theta = [tape.input(f"theta{j}") for j in range(n)]
+    speed = [tape.input(f"speed{j}") for j in range(n)]
+    phi = [tape.input(f"phi{j}") if j in flexible else theta[j] for j in range(n)]
+    phi_speed = [tape.input(f"phi_speed{j}") if j in flexible else speed[j] for j in range(n)]
+    return theta, speed, phi, phi_speed
+
+
+def _rotors(arm: Arm, symbol: Symbols, flexible: Sequence[int]) -> list[Expr]:
+    """(n) reflected rotor inertias; InputError where one is zero on the motor's side of a two-mass transmission."""
+    rotor = [symbol(f"rotor{j}") for j in range(len(arm))]
+    for j in flexible:
+        if rotor[j].value == 0.0:
+            raise without_rotor(arm, j)
+    return rotor
 
 
 @dataclass(frozen=True)

@@ -183,9 +183,7 @@ class Recorder:
         latched = self._progress.rows
         before = sum(loss.rows for loss in losses)
         merged = sorted([*losses, *self._losses], key=lambda loss: loss.first)
-        return LedgerSummary(
-            latched + before if triggers is None else triggers, latched, self._recorded, tuple(merged)
-        )
+        return LedgerSummary(latched + before if triggers is None else triggers, latched, self._recorded, tuple(merged))
 
     def __enter__(self) -> Recorder:
         return self

@@ -60,7 +60,7 @@ def test_every_effect_has_an_origin_where_it_is_named() -> None:
         if set(effect.observed_by) == {Instrument.IDENTIFICATION}:  # a part of the model, which diagnose never names
             continue
         scopes = {one.scope for one in TABLE.origin if TABLE.present(one, name) > 1.0}
-        assert ("joint" if effect.per_joint else "arm") in scopes, name
+        assert ("joint" if effect.per_joint else "arm") in scopes, f"{name}: a sign of no origin in origins.toml"
 
 
 def test_every_origin_can_be_supported_checked_and_looked_up() -> None:
