@@ -166,8 +166,8 @@ def _searched(search: Search, residuals: Residuals) -> CurrentDiagnosis:
     by_arm = _beside(search, residuals, None)
     if wider and not (by_arm.selection.unexplained.structures or _above_noise(by_arm)):
         return by_arm
-    left = [one.state.energy.held_out for one in (by_axis, by_arm)]
-    return by_axis if left[0] <= left[1] else by_arm
+    energies = [one.state.energy.held_out for one in (by_axis, by_arm)]
+    return by_axis if energies[0] <= energies[1] else by_arm
 
 
 def _above_noise(currents: CurrentDiagnosis) -> bool:

@@ -66,16 +66,16 @@ def _as(cause: Cause, name: str, motor: Array) -> list[Cause]:
 
     Nothing for other causes.
     """
-    own, other = CATALOGUE[cause.effect], CATALOGUE[name]
-    if cause.signal is not Signal.LINK_ANGLE or not own.wave or own.deflection is None or other.angle is None:
+    effect, rival = CATALOGUE[cause.effect], CATALOGUE[name]
+    if cause.signal is not Signal.LINK_ANGLE or not effect.wave or effect.deflection is None or rival.angle is None:
         return []
     values = {p.name: p.value for p in cause.parameters}
-    whole = next(p.name for p in other.parameters if p.whole)
+    whole = next(p.name for p in rival.parameters if p.whole)
     held = {whole: float(round(values[whole]))}
     signals = Signals(motor=motor)
-    target = own.deflection(Values({p.name: values.get(p.name, 0.0) for p in own.parameters}), signals)
-    columns = np.column_stack([other.angle(unit, signals) for unit in units(other, held)])
-    sizes = solved(other, held, np.linalg.lstsq(columns, np.asarray(target), rcond=None)[0].tolist())
+    target = effect.deflection(Values({p.name: values.get(p.name, 0.0) for p in effect.parameters}), signals)
+    columns = np.column_stack([rival.angle(unit, signals) for unit in units(rival, held)])
+    sizes = solved(rival, held, np.linalg.lstsq(columns, np.asarray(target), rcond=None)[0].tolist())
     estimates = [replace(p, value=sizes[p.name]) for p in cause.parameters if p.name in sizes]
     group = tuple(one for one in cause.group if one[0] != cause.effect)
     sentence = f"{cause.evidence}; the currents are those of a wave of the motor's encoder"
@@ -132,6 +132,6 @@ def _blocks(runs: Sequence[Run]) -> NDArray[np.intp]:
     """(rows * n,) number of the block of every current, of one recording after the other."""
     numbers: list[NDArray[np.intp]] = []
     for run in runs:
-        own = (np.arange(len(run.t)) // round(BLOCK_SECONDS * run.per_second)).astype(np.intp)
-        numbers.append(np.repeat(own + (int(numbers[-1][-1]) + 1 if numbers else 0), len(run.arm)))
+        seconds = (np.arange(len(run.t)) // round(BLOCK_SECONDS * run.per_second)).astype(np.intp)
+        numbers.append(np.repeat(seconds + (int(numbers[-1][-1]) + 1 if numbers else 0), len(run.arm)))
     return np.concatenate(numbers)

@@ -159,10 +159,10 @@ def _promising_lanes(
 
 def _loops(arm: Arm, joint: int, values: dict[str, Array], recording: Recording) -> tuple[Array, Array]:
     """(lanes, m) rad and A: errors of the closed loops of one recording."""
-    own, j = set_up(arm, recording), joint - 1
+    set_up_arm, j = set_up(arm, recording), joint - 1
     lanes = {f"joint{joint}.{name}": of for name, of in values.items()}
-    demand = demand_of_run(recording, own)
-    shown = recorded(own, simulate_batch(own, demand, recording.t - recording.t[0], parameters=lanes))
+    demand = demand_of_run(recording, set_up_arm)
+    shown = recorded(set_up_arm, simulate_batch(set_up_arm, demand, recording.t - recording.t[0], parameters=lanes))
     errors = [_errors(recording, j, q[:, j], i[:, j], rate_of(recording.t)) for q, i in zip(shown.q, shown.current)]
     return np.stack([error for error, _ in errors]), np.stack([error for _, error in errors])
 
@@ -191,7 +191,7 @@ def _errors(r: Recording, j: int, q: Array, i: Array, rate: float) -> tuple[Arra
 def _predicted(lanes: _Lanes) -> tuple[list[Array], list[Array]]:
     """What angles and currents leave of each recording in the lane that fits the angles of all others best."""
     energy = np.array([np.sum(part**2, axis=1) for part in lanes.angle])
-    return _in(lanes, [int(np.argmin(energy.sum(axis=0) - own)) for own in energy])
+    return _in(lanes, [int(np.argmin(energy.sum(axis=0) - of_recording)) for of_recording in energy])
 
 
 def _in(lanes: _Lanes, chosen: Sequence[int]) -> tuple[list[Array], list[Array]]:
@@ -295,8 +295,8 @@ def _estimates(arm: Arm, recordings: Sequence[Recording], joint: int, effect: Ef
         value *= float(np.exp(np.clip(step[0], -FARTHEST, FARTHEST)))
         damping = max(damping + float(step[1]), 0.0)
         inertia += float(step[2])
-    first = np.cumsum([0, *(int(own[-1]) + 1 for own in around.seconds[:-1])])
-    cluster = np.concatenate([own + k for own, k in zip(around.seconds, first)])
+    first = np.cumsum([0, *(int(seconds[-1]) + 1 for seconds in around.seconds[:-1])])
+    cluster = np.concatenate([seconds + k for seconds, k in zip(around.seconds, first)])
     std = np.sqrt(np.diag(cluster_covariance(slopes, [around.of(0)], cluster))) * [last[0], 1.0, 1.0]
     std[1] = np.hypot(std[1], RESOLVES * last[0])
     return [

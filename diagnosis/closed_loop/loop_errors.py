@@ -131,14 +131,14 @@ def noise_floor(arm: Arm, recordings: Sequence[Recording], missed: Sequence[Arra
     noise, known = _noise_in_band(recordings), arm.uncertainty
     if known is None:
         return noise
-    left = np.array(known.in_loop or [0.0] * len(arm)) / arm.joint_array("drive_constant")
+    stated = np.array(known.in_loop or [0.0] * len(arm)) / arm.joint_array("drive_constant")
     apart = [
         np.mean(np.concatenate([loop_errors(other, r)[0] - own for r, own in zip(recordings, missed)]) ** 2, axis=0)
         for other in sampled_arms(arm)
     ]
     # the loop of an arm that was drawn may not be stable
     known_to = [one for one in apart if np.isfinite(one).all()] or [np.zeros(len(arm))]
-    return np.asarray(np.sqrt(noise**2 + left**2 + np.mean(known_to, axis=0)))
+    return np.asarray(np.sqrt(noise**2 + stated**2 + np.mean(known_to, axis=0)))
 
 
 def left_over_in_loop(arm: Arm, recordings: Sequence[Recording]) -> Array:

@@ -31,13 +31,13 @@ class Oscillation:
 
 def with_oscillations(structures: Sequence[Structure], compared: Iterable[Compared], arm: Arm) -> list[Structure]:
     """Structures of the closed loop, those that are mostly an oscillation with its frequency and amplitudes."""
-    every, found = list(compared), []
+    loops, found = list(compared), []
     for one in structures:
-        own = None
+        swing = None
         if one.signal is Signal.CLOSED_LOOP and one.joint is not None:
             band = (SLOWEST, COMPARE_BAND) if one.against == NO_VARIABLE else (COMPARE_BAND, HIGHEST)
-            own = oscillation(every, one.joint, band)
-        found.append(one if own is None else replace(one, size=f"{one.size}: {_words(own, arm, one.joint or 1)}"))
+            swing = oscillation(loops, one.joint, band)
+        found.append(one if swing is None else replace(one, size=f"{one.size}: {_words(swing, arm, one.joint or 1)}"))
     return found
 
 

@@ -149,8 +149,8 @@ def _at_few_joints(noise_ratio: Array) -> bool:
 
 def _at_most_joints(noise_ratio: Array) -> bool:
     """Whether loops miss nearly all of several moving joints."""
-    several = len(noise_ratio) > 1 and bool(np.isfinite(noise_ratio).all())
-    return several and _share_missed(noise_ratio) > LIMITS.followed
+    moving = len(noise_ratio) > 1 and bool(np.isfinite(noise_ratio).all())
+    return moving and _share_missed(noise_ratio) > LIMITS.followed
 
 
 def _share_missed(noise_ratio: Array) -> float:
@@ -207,8 +207,8 @@ def _first(effect: Effect) -> dict[str, Sequence[float]]:
     grid: dict[str, Sequence[float]] = {p.name: p.search for p in effect.parameters if p.search}
     longest = max(grid, key=lambda name: len(grid[name]))
     others = math.prod(len(values) for name, values in grid.items() if name != longest)
-    every = -(-len(grid[longest]) * others // LANES)
-    return grid | {longest: grid[longest][::every]}
+    stride = -(-len(grid[longest]) * others // LANES)
+    return grid | {longest: grid[longest][::stride]}
 
 
 def _shares(arm: Arm, trials: Sequence[Trial], missed: Sequence[tuple[Recording, Array]], noise: Array) -> Array:
@@ -277,8 +277,8 @@ def _estimates(arm: Arm, trial: Trial, fit: Sequence[Recording], noise: Array) -
         first = int(block[-1][-1]) + 1
     covariance = cluster_covariance(np.concatenate(sensitivity), [np.concatenate(residual)], np.concatenate(block))
     relative = np.sqrt(np.diag(covariance) + LIMITS.systematic**2)
-    own = {p.name: p.unit for p in CATALOGUE[trial.effect].parameters}
+    units = {p.name: p.unit for p in CATALOGUE[trial.effect].parameters}
     return [
-        Estimate(n, trial.values[n], float(trial.values[n] * s), arm.joints[j].unit(own[n], n))
+        Estimate(n, trial.values[n], float(trial.values[n] * s), arm.joints[j].unit(units[n], n))
         for n, s in zip(names, relative)
     ]

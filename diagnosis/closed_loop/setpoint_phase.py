@@ -33,8 +33,8 @@ def lag_of(measured: Array, simulated: Array, rate: float) -> float:
     spectrum = fft.rfft(measured, size, axis=0) * np.conj(fft.rfft(simulated, size, axis=0))
     together = FINE * fft.irfft(spectrum, FINE * size, axis=0)
     alike = np.concatenate([together[-most - 1 :], together[: most + 2]])
-    left = np.sum(measured**2 + simulated**2, axis=0) - 2.0 * alike
-    near = -np.sum(np.log(np.maximum(left, 0.0) + len(measured)), axis=1)
+    squares = np.sum(measured**2 + simulated**2, axis=0) - 2.0 * alike
+    near = -np.sum(np.log(np.maximum(squares, 0.0) + len(measured)), axis=1)
     k = 1 + int(np.argmax(near[1:-1]))
     before, at, after = near[k - 1 : k + 2]
     bend = before - 2 * at + after

@@ -129,10 +129,10 @@ def _best(
 
 def _tried(question: Question, stage: Stage, joints: Sequence[int], kind: Kind) -> Iterator[tuple[Trial, Distances]]:
     """Feasible trials of a kind with the distances of rivals; only every third where none of these shows any."""
-    every = list(trials(stage, joints, kind))
-    some = every[::ONE_IN]
+    motions = list(trials(stage, joints, kind))
+    some = motions[::ONE_IN]
     largest = 0.0
-    for number, trial in enumerate([*some, *(trial for k, trial in enumerate(every) if k % ONE_IN)]):
+    for number, trial in enumerate([*some, *(trial for k, trial in enumerate(motions) if k % ONE_IN)]):
         if number >= len(some) and largest < NOTHING:
             return
         run = predicted_run(trial, stage, question.noise)
@@ -174,13 +174,13 @@ def stage_of(result: Diagnosis, joints: Sequence[int], rig: Limits | None, visit
 
 def _shapes(result: Diagnosis, key: EffectKey) -> list[Candidate]:
     """All candidates of an effect at its joint; the last one as found, where it is a named cause."""
-    several = [c for c in candidates(result.arm) if c.key == key]
+    shapes = [c for c in candidates(result.arm) if c.key == key]
     for cause in result.causes:
-        if several and (cause.effect, cause.joint) == key:
+        if shapes and (cause.effect, cause.joint) == key:
             values = {p.name: p.value for p in cause.parameters if np.isfinite(p.value) and p.value != 0.0}
-            own = tuple((name, values.get(name, value)) for name, value in several[0].shape)
-            several = [*several, replace(several[0], shape=own)]
-    return list(dict.fromkeys(several))
+            as_found = tuple((name, values.get(name, value)) for name, value in shapes[0].shape)
+            shapes = [*shapes, replace(shapes[0], shape=as_found)]
+    return list(dict.fromkeys(shapes))
 
 
 def _nuisances(result: Diagnosis, group: set[EffectKey]) -> list[Candidate]:
@@ -192,5 +192,5 @@ def _nuisances(result: Diagnosis, group: set[EffectKey]) -> list[Candidate]:
 def separated_by(group: Sequence[EffectKey]) -> str:
     """The experiments of the catalogue that discriminate the members of a group."""
     names = [effect for effect, _ in group]
-    said = [CATALOGUE[a].confused_with[b] for a in names for b in names if b in CATALOGUE[a].confused_with]
-    return "; ".join(dict.fromkeys(said)) or "no experiment in the catalogue"
+    experiments = [CATALOGUE[a].confused_with[b] for a in names for b in names if b in CATALOGUE[a].confused_with]
+    return "; ".join(dict.fromkeys(experiments)) or "no experiment in the catalogue"

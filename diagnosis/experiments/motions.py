@@ -81,11 +81,11 @@ class Stage:
 
 def room(arm: Arm, visited: Array | None = None, rig: Limits | None = None) -> Limits:
     """Limits of motions: those of the model, those of the rig, and positions (n, 2) visited before."""
-    own = Limits.of(arm)
+    of_model = Limits.of(arm)
     position = np.array([joint.limits or (-1.5, 1.5) for joint in arm.joints], float)
     middle, half = position.mean(axis=1), 0.48 * np.ptp(position, axis=1)
     low, high = middle - half, middle + half
-    speed, torque = own.speed, own.torque
+    speed, torque = of_model.speed, of_model.torque
     for other in (rig.position if rig else None, visited):
         if other is not None:
             low, high = np.maximum(low, other[:, 0]), np.minimum(high, other[:, 1])

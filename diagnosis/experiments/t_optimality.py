@@ -115,11 +115,11 @@ class Question:
                 predicted[:, k] = columns_of(rival.best, side).spread(rival.coefficients, length)
         equations = []
         for rival in self.rivals:
-            several = []
+            of_rival = []
             for shape in rival.shapes or (None,):
                 x = nuisance if shape is None else np.hstack([nuisance, columns_of(shape, side).dense(length)])
-                several.append(_Equations(x.T @ x, x.T @ predicted))
-            equations.append(several)
+                of_rival.append(_Equations(x.T @ x, x.T @ predicted))
+            equations.append(of_rival)
         return equations, np.sum(predicted**2, axis=0)
 
 

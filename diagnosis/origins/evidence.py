@@ -121,13 +121,13 @@ def _of_arm(cause: Cause) -> Finding | None:
 
 def _shared(effect: str, causes: Sequence[Cause], arm: Arm) -> Finding:
     """An effect of several joints as one finding of the arm: what all of them have in common."""
-    own = [cause for cause in causes if cause.effect == effect and cause.joint is not None]
-    known = [dict(_qualifiers(cause, arm)) for cause in own]
+    at_joints = [cause for cause in causes if cause.effect == effect and cause.joint is not None]
+    known = [dict(_qualifiers(cause, arm)) for cause in at_joints]
     names = set.intersection(*(set(one) for one in known))
     return Finding(
         effects=(effect,),
         elsewhere=0,
-        confidence=min(cause.confidence for cause in own),
+        confidence=min(cause.confidence for cause in at_joints),
         holds=frozenset(name for name in names if all(one[name] for one in known)) | {"several"},
         fails=frozenset(name for name in names if not any(one[name] for one in known)),
     )
@@ -138,7 +138,7 @@ def _several(causes: Sequence[Cause], joints: int) -> dict[str, bool]:
     places: dict[str, set[int]] = {}
     for cause in causes:
         places.setdefault(cause.effect, set()).update([cause.joint] if cause.joint else cause.of_joints)
-    return {effect: len(own) >= max(2, SHARE * joints) for effect, own in places.items() if own}
+    return {effect: len(found_at) >= max(2, SHARE * joints) for effect, found_at in places.items() if found_at}
 
 
 def _searched(

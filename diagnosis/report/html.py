@@ -168,8 +168,8 @@ def _section(result: Diagnosis, cause: Cause, row: dict[str, Any], number: int) 
 def _equation(cause: Cause) -> str:
     """The law as far as the cause has it: every symbol is one of its parameters."""
     effect = CATALOGUE[cause.effect]
-    own = any(effect[p.name].own and p.value for p in cause.parameters)
-    return effect.equation if cause.next_orders or own else effect.leading or effect.equation
+    relative = any(effect[p.name].own and p.value for p in cause.parameters)
+    return effect.equation if cause.next_orders or relative else effect.leading or effect.equation
 
 
 def _gain(cause: Cause) -> str:

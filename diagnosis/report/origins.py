@@ -34,9 +34,9 @@ def origin_row(one: Suspect) -> dict[str, Any]:
 
 def of_cause(cause: Cause, suspected: Sequence[Suspect]) -> list[dict[str, Any]]:
     """The origins that a cause supports, at its own place and of the arm."""
-    own = [one for one in suspected if one.joint in (cause.joint, None) and cause.effect in one.supported_by]
+    supported = [one for one in suspected if one.joint in (cause.joint, None) and cause.effect in one.supported_by]
     keys = ("origin", "title", "likelihood", "check")
-    return [{key: origin_row(one)[key] for key in keys} for one in sorted(own, key=lambda one: -one.likelihood)]
+    return [{key: origin_row(one)[key] for key in keys} for one in sorted(supported, key=lambda one: -one.likelihood)]
 
 
 def origin_lines(table: dict[str, Any]) -> list[str]:
@@ -54,8 +54,8 @@ def origin_lines(table: dict[str, Any]) -> list[str]:
 def origins_table(table: dict[str, Any]) -> tuple[Markup, list[str]] | None:
     """The origins as a table of the report, and the sources that its numbers name; None where there are none."""
     rows, sources = [], list[str]()
-    for place, several in _by_place(table).items():
-        for k, row in enumerate(several):
+    for place, ranked in _by_place(table).items():
+        for k, row in enumerate(ranked):
             sources += [source for source in row["source"] if source not in sources]
             numbers = ", ".join(str(sources.index(source) + 1) for source in row["source"])
             title, likelihood = f"{row['title']} [{numbers}]", f"{row['likelihood']:.2f}"

@@ -103,13 +103,13 @@ def undetectable_table(table: dict[str, Any]) -> Markup | None:
     for (joint, why, experiment), effects in alike.items():
         joints.setdefault((", ".join(effects), why, experiment), []).append(joint)
     rows, last = list(_still(still)), ("", "")
-    for (names, why, experiment), several in joints.items():
+    for (names, why, experiment), of_effects in joints.items():
         here = names, experiment
         # once for all joints of an effect
         texts = ["" if one == before else one for one, before in zip(here, last)]
         if texts[0]:
             texts[1] = here[1]
-        rows.append([texts[0], ", ".join(several), why, texts[1] or "as above"])
+        rows.append([texts[0], ", ".join(of_effects), why, texts[1] or "as above"])
         last = here
     return arm_report.table(rows, ("effect", "joint", "reason", "detection experiment"), (1,))
 

@@ -31,10 +31,10 @@ def either(cause: Cause) -> str:
 
 def differing(cause: Cause) -> str:
     """``mass 3.0 kg in A.mcap, 2.8 kg in B.mcap: mounted differently``, of its first parameter."""
-    several = [(name, own[0]) for name, own in cause.of_recordings.items()]
-    sizes = [f"{value(one)}{'' if one.unit == '1' else f' {one.unit}'} in {name}" for name, one in several]
+    firsts = [(name, own[0]) for name, own in cause.of_recordings.items()]
+    sizes = [f"{value(one)}{'' if one.unit == '1' else f' {one.unit}'} in {name}" for name, one in firsts]
     why = CATALOGUE[cause.effect].settable or "not the same in all recordings"
-    return f"{several[0][1].name.replace('_', ' ')} {', '.join(sizes)}: {why}"
+    return f"{firsts[0][1].name.replace('_', ' ')} {', '.join(sizes)}: {why}"
 
 
 def _either(cause: Cause) -> str:
@@ -50,8 +50,8 @@ def sentence(result: Diagnosis) -> str:
     judged = _judged(result)
     if result.shortage is None:
         return f"{judged} {_left_over(result)}".rstrip()
-    said = f"Too short to judge: {result.shortage}."
-    return said if judged.startswith("Consistent") else f"{judged} {said}"
+    short = f"Too short to judge: {result.shortage}."
+    return short if judged.startswith("Consistent") else f"{judged} {short}"
 
 
 def _left_over(result: Diagnosis) -> str:
@@ -124,8 +124,8 @@ def estimate(one: Estimate) -> str:
     """
     unit = "" if one.unit == "1" else f" {one.unit}"
     about = f" ± {two_std(one)}" if uncertain(one) else ""
-    own = "" if one.of_own is None else f" ({100 * one.of_own:+.0f} % of the model's own)"
-    return f"{one.name.replace('_', ' ')} {value(one)}{about}{unit}{own}"
+    share = "" if one.of_own is None else f" ({100 * one.of_own:+.0f} % of the model's own)"
+    return f"{one.name.replace('_', ' ')} {value(one)}{about}{unit}{share}"
 
 
 def remainder(cause: Cause) -> str:
@@ -164,16 +164,16 @@ def values_of(cause: Cause) -> list[str]:
         return [_lost(one) for one in cause.lost_rows]
     if len(cause.encoder_jumps) > 1:
         return [_missed(one) for one in cause.encoder_jumps]
-    several = {f"at joint {joint}": own for joint, own in cause.of_joints.items()}
-    several |= {f"in {name}": own for name, own in cause.of_recordings.items()}
-    own = {parameter.name: parameter for parameter in CATALOGUE[cause.effect].parameters if parameter.own}
+    by_place = {f"at joint {joint}": values for joint, values in cause.of_joints.items()}
+    by_place |= {f"in {name}": values for name, values in cause.of_recordings.items()}
+    relative = {parameter.name: parameter for parameter in CATALOGUE[cause.effect].parameters if parameter.own}
 
-    def said(one: Estimate) -> str:
-        return own[one.name].in_words(one.value, one.unit) if one.name in own else estimate(one)
+    def words(one: Estimate) -> str:
+        return relative[one.name].in_words(one.value, one.unit) if one.name in relative else estimate(one)
 
-    if not several:
-        return [said(p) for p in cause.parameters]
-    return [f"{where}: {', '.join(map(said, values))}" for where, values in several.items()]
+    if not by_place:
+        return [words(p) for p in cause.parameters]
+    return [f"{where}: {', '.join(map(words, values))}" for where, values in by_place.items()]
 
 
 def _lost(one: LostRows) -> str:

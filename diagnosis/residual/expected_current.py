@@ -137,8 +137,8 @@ def transduced(arm: Arm, t: Array, current: Array) -> Array:
             current = delayed(t, current, current_delay(effect, values, t))
     for effect, joint, values in terms:
         if effect.current is not None and joint is not None:
-            own, current = current[:, joint - 1], current.copy()
-            current[:, joint - 1] = own + effect.current(values, Signals(current=own, t=t))
+            of_joint, current = current[:, joint - 1], current.copy()
+            current[:, joint - 1] = of_joint + effect.current(values, Signals(current=of_joint, t=t))
     return np.asarray(current, float)
 
 

@@ -23,6 +23,6 @@ def load_errors(arm: Arm, q: Array, v: Array, a: Array) -> Array:
     if known is None or not masses:
         return np.empty((*q.shape, 0))
     columns, names = regressor(described(arm), q, v, a)
-    own = [list(names).index(known.parameters[k]) for k in masses]
+    of_masses = [list(names).index(known.parameters[k]) for k in masses]
     root = known.directions[masses]
-    return np.asarray(columns[..., own] @ root[:, np.any(root != 0.0, axis=0)])
+    return np.asarray(columns[..., of_masses] @ root[:, np.any(root != 0.0, axis=0)])

@@ -77,11 +77,11 @@ def unseen_directions(folded: Array, ahead: Array, beside: Array, t: Array) -> t
     0; ahead: of ``folded``, what its lead against the motion adds (``lead_of``). Along one std of what may be there
     more is no evidence: the inverse root of the covariance 1 + f f^T.
     """
-    own = [drifting(folded, t), ahead[:, None]]
+    columns = [drifting(folded, t), ahead[:, None]]
     if beside.any():
         lines = beside[:, beside.any(axis=0)]
-        own.append(drifting(lines, t).reshape(len(t), -1))
-    basis, size, _ = np.linalg.svd(np.column_stack(own), full_matrices=False)
+        columns.append(drifting(lines, t).reshape(len(t), -1))
+    basis, size, _ = np.linalg.svd(np.column_stack(columns), full_matrices=False)
     return basis, 1.0 - 1.0 / np.sqrt(1.0 + size**2)
 
 

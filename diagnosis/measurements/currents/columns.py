@@ -87,16 +87,16 @@ def _through(effect: Effect, p: Values, drive: Joint, s: Signals) -> Array:
 def _law(run: Run, candidate: Candidate, p: Values, s: Signals, at: slice) -> Array:
     """(m, j) A: change of the currents of the j joints ``at``, among which is the candidate's, by its law."""
     effect, arm, j = candidate.definition, run.arm, (candidate.joint or 1) - 1
-    drive, own = arm.joints[j], j - at.start
+    drive, place = arm.joints[j], j - at.start
     change = np.zeros((len(run.t), at.stop - at.start))
     if candidate.is_torque:
         torque = _torque(effect, p, s, run)
         if effect.link_side and arm.coupling:
             # every drive that moves the link feels its share
             return np.outer(torque, arm.coupling_matrix[j, at]) / arm.joint_array("drive_constant")[at]
-        change[:, own] = torque / drive.drive_constant
+        change[:, place] = torque / drive.drive_constant
     elif effect.current is not None:
-        change[:, own] = effect.current(p, s)
+        change[:, place] = effect.current(p, s)
     elif effect.deflection is not None:
         # link angle = motor angle - deflection
         elastic = effect.spring is not None
@@ -104,12 +104,12 @@ def _law(run: Run, candidate: Candidate, p: Values, s: Signals, at: slice) -> Ar
         change = _moved(run, j, at, *(-rate for rate in rates))
         if not elastic:
             # virtual work: where the link turns less than the motor, the motor feels less of its load
-            change[:, own] -= _slope(effect.deflection, p, s) * drive.ratio * s.load / drive.drive_constant
+            change[:, place] -= _slope(effect.deflection, p, s) * drive.ratio * s.load / drive.drive_constant
     elif effect.angle is not None:
         # true angle = reading - error, of motor and link
         error, speed, acceleration = _rates(effect.angle, p, s, drive.ratio, run)
         change = _moved(run, j, at, -error, -speed, -acceleration)
-        change[:, own] -= drive.ratio**2 * drive.rotor_inertia * acceleration / drive.drive_constant
+        change[:, place] -= drive.ratio**2 * drive.rotor_inertia * acceleration / drive.drive_constant
     if effect.wave:
         change *= _through(effect, p, drive, s)[:, None]
     return change
@@ -208,15 +208,15 @@ def _changed(run: Run, arm: Arm, effect: Effect, joint: int | None, unit: Values
 
 def _link_columns(run: Run, arm: Arm, joint: int) -> Array:
     """(m, n, 10) A: barycentric parameters of one link, exactly; 0 of those that no motion shows."""
-    own = run.by_link[..., 10 * (joint - 1) : 10 * joint]
-    size = np.abs(own).max(axis=(0, 1), initial=0.0)
+    of_link = run.by_link[..., 10 * (joint - 1) : 10 * joint]
+    size = np.abs(of_link).max(axis=(0, 1), initial=0.0)
     # once columns have their own length for a unit, rounding is a column as any other
-    return own * (size > ROUNDING * size.max(initial=0.0)) / arm.joint_array("drive_constant")[:, None]
+    return of_link * (size > ROUNDING * size.max(initial=0.0)) / arm.joint_array("drive_constant")[:, None]
 
 
 def _coupled(run: Run, arm: Arm, unit: Values) -> Array:
     """link = (K + C) motor: links displaced by C q, torques returned by C^T; K the couplings of the model."""
-    change, every = np.zeros_like(run.current), slice(0, len(arm))
+    change, whole = np.zeros_like(run.current), slice(0, len(arm))
     constant, back = arm.joint_array("drive_constant"), np.linalg.inv(arm.coupling_matrix)
     at_links = run.rigid @ back
     for name, value in unit.items():
@@ -228,7 +228,7 @@ def _coupled(run: Run, arm: Arm, unit: Values) -> Array:
         # a turn of link i alone is this turn of the motors
         for k in np.flatnonzero(back[:, i]):
             by = value * back[k, i]
-            change += _moved(run, int(k), every, by * run.q[:, j], by * run.v[:, j], by * run.a[:, j])
+            change += _moved(run, int(k), whole, by * run.q[:, j], by * run.v[:, j], by * run.a[:, j])
         change[:, j] += value * at_links[:, i] / constant[j]
     return change
 
@@ -243,14 +243,16 @@ def candidates(arm: Arm) -> Iterator[Candidate]:
             tuple(zip((p.name for p in searched), values))
             for values in itertools.product(*(p.search for p in searched))
         ]
-        own = next((p.name for p in effect.parameters if p.own), None)
+        entry = next((p.name for p in effect.parameters if p.own), None)
         for joint in range(1, len(arm) + 1) if effect.per_joint else (None,):
             if effect.cylinder and joint is not None and arm.joints[joint - 1].cylinder is None:
                 continue
             for shape in shapes:
                 yield Candidate(effect.name, joint, shape)
-            if own is not None and joint is not None:
-                yield from (Candidate(effect.name, joint, ((own, skew),)) for skew in own_skews(arm.joints[joint - 1]))
+            if entry is not None and joint is not None:
+                yield from (
+                    Candidate(effect.name, joint, ((entry, skew),)) for skew in own_skews(arm.joints[joint - 1])
+                )
 
 
 LEAST_SKEW = 0.005

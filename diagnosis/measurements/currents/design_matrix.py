@@ -59,8 +59,8 @@ def columns_at_joint(candidate: Candidate, side: Dataset) -> Columns:
     joint = candidate.joint
     if joint is None or not _joints_apart(side):
         return at_joint(columns_of(candidate, side), joint, side)
-    own = [run.whiten_at(own_columns(candidate, run), joint) for run in side.together]
-    return Columns(np.concatenate(own), side.of(joint))
+    of_joint = [run.whiten_at(own_columns(candidate, run), joint) for run in side.together]
+    return Columns(np.concatenate(of_joint), side.of(joint))
 
 
 def _joints_apart(side: Dataset) -> bool:
@@ -146,7 +146,7 @@ class Library(Mapping[Candidate, Pair]):
         of_key: dict[EffectKey, list[Candidate]] = {}
         for candidate in self._known:
             of_key.setdefault(candidate.key, []).append(candidate)
-        new = ([c for c in several if c not in self._own] for several in of_key.values() if len(several) > 1)
+        new = ([c for c in shapes if c not in self._own] for shapes in of_key.values() if len(shapes) > 1)
         grids = [grid for grid in new if grid]
         found = in_parallel(lambda grid: [columns_at_joint(c, self._data.fit) for c in grid], grids)
         for grid, own in zip(grids, found):
@@ -158,11 +158,11 @@ class Library(Mapping[Candidate, Pair]):
         for candidate in candidates:
             if self._known[candidate] is None:
                 of_effect.setdefault(candidate.effect, []).append(candidate)
-        items = [(several, side) for side in self._data for several in of_effect.values()]
+        items = [(shapes, side) for side in self._data for shapes in of_effect.values()]
         found = in_parallel(lambda item: [columns_of(c, item[1]) for c in item[0]], items)
-        for k, several in enumerate(of_effect.values()):
+        for k, shapes in enumerate(of_effect.values()):
             pairs = zip(found[k], found[len(of_effect) + k])
-            self._known |= {c: Split(fit, held_out, self._data.two_fold) for c, (fit, held_out) in zip(several, pairs)}
+            self._known |= {c: Split(fit, held_out, self._data.two_fold) for c, (fit, held_out) in zip(shapes, pairs)}
 
     def in_held_out(self, candidate: Candidate) -> Columns:
         """Columns of the held-out recordings alone; those of a place of the search grid are not kept."""

@@ -28,17 +28,17 @@ def estimates_of(state: State) -> list[list[Estimate]]:
     x, unknown, places = list[Array](), list[Array](), list[slice]()
     explained = np.zeros(len(fit.y))
     for candidate, c in zip(state.chosen, state.coefficients):
-        own = model.columns(candidate).fit
-        slopes, values = _slopes(candidate, own, c, state)
+        columns = model.columns(candidate).fit
+        slopes, values = _slopes(candidate, columns, c, state)
         first = sum(block.shape[1] for block in x)
-        x.append(np.column_stack([own.dense(len(fit.y)), *slopes]))
+        x.append(np.column_stack([columns.dense(len(fit.y)), *slopes]))
         places.append(slice(first, first + x[-1].shape[1]))
         unknown.append(np.array([*(candidate.largest(k) for k in range(len(c))), *values]))
-        explained += own.spread(c, len(fit.y))
+        explained += columns.spread(c, len(fit.y))
     x += [pair.fit.dense(len(fit.y)) for pair in model.free]
-    every = np.hstack(x)
+    design = np.hstack(x)
     covariance = cluster_covariance(
-        every,
+        design,
         (state.fitted.fit, model.limits.systematic * explained),
         fit.block,
         independent=model.limits.independent,
@@ -46,7 +46,7 @@ def estimates_of(state: State) -> list[list[Estimate]]:
     )
     if model.uncertain is not None:
         # what the coefficients would be off by if the parameters of the model were
-        moved = scaled_lstsq(every, model.uncertain.directions.fit, model.limits.independent)
+        moved = scaled_lstsq(design, model.uncertain.directions.fit, model.limits.independent)
         covariance = covariance + moved @ moved.T
     return [
         estimates(
@@ -59,12 +59,12 @@ def estimates_of(state: State) -> list[list[Estimate]]:
     ]
 
 
-def _slopes(candidate: Candidate, own: Columns, c: Array, state: State) -> tuple[list[Array], list[float]]:
+def _slopes(candidate: Candidate, columns: Columns, c: Array, state: State) -> tuple[list[Array], list[float]]:
     """(N,) derivatives of what a candidate explains by each of its nonlinear parameters, and the values of these."""
     fit, slopes, values = state.data.fit, [], []
     for name in candidate.searched():
         value = dict(candidate.shape)[name]
         moved = columns_of(candidate.at(name, 1.02 * value), fit)
-        slopes.append((moved.spread(c, len(fit.y)) - own.spread(c, len(fit.y))) / (0.02 * value))
+        slopes.append((moved.spread(c, len(fit.y)) - columns.spread(c, len(fit.y))) / (0.02 * value))
         values.append(value)
     return slopes, values

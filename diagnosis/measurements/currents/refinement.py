@@ -46,7 +46,7 @@ def gauss_newton_refined(state: State) -> State:
     searched = [(k, name) for k, c in enumerate(state.chosen) for name in c.searched()]
     if not searched:
         return state
-    model, own, basis = state.model, state.coefficients, state.fitted.basis
+    model, coefficients, basis = state.model, state.coefficients, state.fitted.basis
     if not exists(model.arm, state.terms):
         return state
     here = dataset_with(model.data.fit, state.terms)
@@ -56,7 +56,7 @@ def gauss_newton_refined(state: State) -> State:
         value = dict(state.chosen[k].shape)[name]
         step = 0.02 * value
         moved = [c.at(name, value + step) if n == k else c for n, c in enumerate(state.chosen)]
-        return (dataset_with(model.data.fit, terms(moved, own)) - here) / step
+        return (dataset_with(model.data.fit, terms(moved, coefficients)) - here) / step
 
     slope = np.stack(in_parallel(slope_of, searched), axis=1)
     slope -= basis @ (basis.T @ slope)

@@ -52,11 +52,11 @@ class State:
         What they fit is then no smoothing of friction: correlated noise of a few fast moves, say, which at a tenth of
         their speed is a hundred times as large.
         """
-        allowed, every = self.model.limits.min_gain * self.data.held_out.rows, self._with_every_free
+        allowed, unrestricted = self.model.limits.min_gain * self.data.held_out.rows, self._with_every_free
         return [
             pair
-            for pair, c in zip(self.model.free, every.coefficients)
-            if _harm(pair.held_out.x[:, 0] * c, every.held_out[pair.held_out.where]) < allowed
+            for pair, c in zip(self.model.free, unrestricted.coefficients)
+            if _harm(pair.held_out.x[:, 0] * c, unrestricted.held_out[pair.held_out.where]) < allowed
         ]
 
     @cached_property
@@ -75,8 +75,8 @@ class State:
     def coefficients(self) -> list[Array]:
         """(k,) of each chosen candidate."""
         widths = [self.model.columns(c).fit.x.shape[1] for c in self.chosen]
-        own = self.fitted.coefficients[len(self.free) :]
-        return np.split(own, np.cumsum(widths)[:-1]) if self.chosen else []
+        of_chosen = self.fitted.coefficients[len(self.free) :]
+        return np.split(of_chosen, np.cumsum(widths)[:-1]) if self.chosen else []
 
     @property
     def energy(self) -> Split[float]:
@@ -103,7 +103,7 @@ def _harm(explained: Array, left: Array) -> float:
 
 def terms(chosen: Sequence[Candidate], coefficients: Sequence[Array]) -> list[EffectTerm]:
     """Candidates with coefficients (k,) each, as effects of a model."""
-    return [EffectTerm(c.effect, c.joint, c.parameters(own.tolist())) for c, own in zip(chosen, coefficients)]
+    return [EffectTerm(c.effect, c.joint, c.parameters(values.tolist())) for c, values in zip(chosen, coefficients)]
 
 
 SETTLED = 0.01
@@ -152,9 +152,9 @@ def _settled(before: State, after: State) -> bool:
     sizes = _first_order(before), _first_order(after)
     moved, explained = np.zeros(len(side.y)), np.zeros(len(side.y))
     for c, was, now in zip(after.chosen, *sizes):
-        own = after.model.columns(c).fit
-        moved[own.where] += own.x @ (now - was)
-        explained[own.where] += own.x @ now
+        columns = after.model.columns(c).fit
+        moved[columns.where] += columns.x @ (now - was)
+        explained[columns.where] += columns.x @ now
     beyond = np.linalg.norm(side.y - before.data.fit.y)
     return bool(2.0 * beyond * np.linalg.norm(moved) < SETTLED * rows * np.linalg.norm(explained))
 
@@ -163,6 +163,6 @@ def _exact(
     data: Dataset, columns: Sequence[Columns], first_order: Sequence[Array], extended: Sequence[EffectTerm]
 ) -> Dataset:
     y = dataset_with(data, extended)
-    for own, c in zip(columns, first_order):
-        y[own.where] += own.x @ c
+    for part, c in zip(columns, first_order):
+        y[part.where] += part.x @ c
     return replace(data, y=y, corrected=data.by_joint((y - data.y) ** 2))

@@ -85,20 +85,20 @@ class Rows:
     def of(self, name: str) -> Rows:
         """The rows of one recording, all stretches of it."""
         spans = list(itertools.pairwise([*self.starts, self.rows]))
-        own = [slice(*span) for span, its in zip(spans, self.names) if its == name]
-        lengths = [part.stop - part.start for part in own]
+        stretches = [slice(*span) for span, its in zip(spans, self.names) if its == name]
+        lengths = [part.stop - part.start for part in stretches]
         starts = tuple(np.cumsum([0, *lengths[:-1]]).tolist())
         by_row: dict[str, Any] = {
-            field: np.concatenate([getattr(self, field)[part] for part in own]) for field in BY_ROW
+            field: np.concatenate([getattr(self, field)[part] for part in stretches]) for field in BY_ROW
         }
-        return replace(self, **by_row, starts=starts, names=(name,) * len(own))
+        return replace(self, **by_row, starts=starts, names=(name,) * len(stretches))
 
     def blocks(self, seconds: float) -> Index:
         """(m,) number of the block of ``seconds`` that each row is in, from 0; none reaches over two recordings."""
         numbers: list[Index] = []
         for start, end in itertools.pairwise([*self.starts, self.rows]):
-            own = ((self.t[start:end] - self.t[start]) // seconds).astype(np.intp)
-            numbers.append(own + (int(numbers[-1][-1]) + 1 if numbers else 0))
+            number = ((self.t[start:end] - self.t[start]) // seconds).astype(np.intp)
+            numbers.append(number + (int(numbers[-1][-1]) + 1 if numbers else 0))
         return np.concatenate(numbers)
 
 

@@ -24,8 +24,8 @@ def parameters_of(candidate: LinkCandidate, chosen: Chosen, model: LinkEncoders,
     effect, rows, joint = candidate.definition, model.whole, arm.joints[(candidate.joint or 1) - 1]
     values, covariance = coefficients(chosen, model)
     at = len(rows.joints) + sum(c.width for c in chosen[: chosen.index(candidate)])
-    own = slice(at, at + candidate.width)
-    c, covariance, systematic = values[own].tolist(), covariance[own, own], LIMITS.systematic
+    place = slice(at, at + candidate.width)
+    c, covariance, systematic = values[place].tolist(), covariance[place, place], LIMITS.systematic
     if effect.delay is not None:
         # the scatter from joint to joint has the error of the measurement model in it
         delays, systematic = delays_by_joint(model.without(candidate, chosen), model), 0.0

@@ -108,13 +108,13 @@ class LinkEncoders(CandidateModel[LinkCandidate]):
 
         exact: were the masses so. Each recording set has constants of its own.
         """
-        every = (*others, candidate)
-        coefficients = self.fitted(every, self.rows.fit)
+        chosen = (*others, candidate)
+        coefficients = self.fitted(chosen, self.rows.fit)
         parts: list[tuple[Array, ...]] = []
         for side in self.rows:
             noise = np.repeat(side.noise, side.rows)[:, None]
-            x = self.stacked(every, side) * np.repeat(self.scale, side.rows)[:, None] / noise
-            errors = directions(every, coefficients, side)
+            x = self.stacked(chosen, side) * np.repeat(self.scale, side.rows)[:, None] / noise
+            errors = directions(chosen, coefficients, side)
             parts.append(
                 (
                     side.difference.T.ravel() / noise[:, 0],
@@ -181,8 +181,8 @@ class LinkEncoders(CandidateModel[LinkCandidate]):
                 key = candidate.key
                 if candidate.joint != joint or key in taken or candidate in chosen:
                     continue
-                own = _off(basis, self.columns(candidate, fit, k))
-                gain = float(np.sum((np.linalg.qr(own)[0].T @ residual) ** 2))
+                orthogonal = _off(basis, self.columns(candidate, fit, k))
+                gain = float(np.sum((np.linalg.qr(orthogonal)[0].T @ residual) ** 2))
                 if key not in best or gain > best[key][0]:
                     best[key] = gain, candidate
         everywhere = [c for c in everything if c.joint is None and c.key not in taken]
@@ -203,8 +203,8 @@ class LinkEncoders(CandidateModel[LinkCandidate]):
             x[k, :, k] = 1.0
             at = joints
             for candidate in chosen:
-                own = self.columns(candidate, rows, k)
-                x[k, :, at : at + own.shape[1]] = own
+                of_candidate = self.columns(candidate, rows, k)
+                x[k, :, at : at + of_candidate.shape[1]] = of_candidate
                 at += candidate.width
             x[k] /= self.scale[k]
         return x.reshape(joints * rows.rows, -1)
@@ -256,14 +256,14 @@ def link_encoders(arm: Arm, fit: Sequence[Recording], held_out: Sequence[Recordi
     if len(joints) == 0:
         return None
     two_fold = bool({r.path for r in fit} & {r.path for r in held_out})
-    every = rows_of([*fit, *held_out], arm, joints)
+    all_rows = rows_of([*fit, *held_out], arm, joints)
     # of all recordings: where a joint stands, neither its load nor the noise of its encoders shows
     rows = Split(fit, held_out, two_fold).map(
-        lambda part: replace(rows_of(part, arm, joints), largest=every.largest, noise=every.noise)
+        lambda part: replace(rows_of(part, arm, joints), largest=all_rows.largest, noise=all_rows.noise)
     )
-    scale = np.maximum(np.std(every.difference, axis=0), rows.fit.noise)
-    each = tuple(every.of(name) for name in dict.fromkeys(every.names))
-    return LinkEncoders(rows, each, every if two_fold else rows.fit, scale)
+    scale = np.maximum(np.std(all_rows.difference, axis=0), rows.fit.noise)
+    each = tuple(all_rows.of(name) for name in dict.fromkeys(all_rows.names))
+    return LinkEncoders(rows, each, all_rows if two_fold else rows.fit, scale)
 
 
 def _off(basis: Array, values: Array) -> Array:

@@ -100,8 +100,8 @@ def friction_causes(
     """
     joints = range(1, len(runs.fit[0].arm) + 1)
     tests = len(joints) * len(friction_near_rest())
-    every, arm = [*runs.fit, *runs.held_out], runs.fit[0].arm
-    recordings = observations(every, terms)
+    all_runs, arm = [*runs.fit, *runs.held_out], runs.fit[0].arm
+    recordings = observations(all_runs, terms)
     found = in_parallel(
         lambda joint: _of_joint(near_rest(recordings, joint, nuisance.get(joint, ())), library, tests),
         [joint for joint in joints if _open(arm, joint, taken)],
@@ -117,11 +117,11 @@ def left_over_near_rest(runs: Sequence[Run], joint: int) -> float | None:
     Under the smoothing velocity that explains most of it. None where no recording shows the joint there.
     """
     # what the encoder's noise hides is part of it
-    every = near_rest([replace(one, noise=0.0 * one.noise) for one in observations(runs, ())], joint)
-    if not every or max(runs[0].arm.joints[joint - 1].rest_friction) <= 0.0:
+    passages = near_rest([replace(one, noise=0.0 * one.noise) for one in observations(runs, ())], joint)
+    if not passages or max(runs[0].arm.joints[joint - 1].rest_friction) <= 0.0:
         return None
-    residual = np.concatenate(in_sample(every, smoothing(every)).residuals)
-    std = np.concatenate([one.std for one in every])
+    residual = np.concatenate(in_sample(passages, smoothing(passages)).residuals)
+    std = np.concatenate([one.std for one in passages])
     beyond = max(float(np.mean((residual**2 - 1.0) * std**2)), 0.0)
     return runs[0].arm.joints[joint - 1].drive_constant * float(np.sqrt(beyond))
 
@@ -241,8 +241,8 @@ def estimates(every: Sequence[NearRest], law: Law) -> list[Estimate]:
     covariance = cluster_covariance(np.asarray(fitted.jac), [residual(fitted.x)], block)
     values = {name: max(float(value), 0.0) for name, value in at(fitted.x).items()}
     turned = _by_another_turn(every, values, np.asarray(fitted.jac))
-    own = np.sqrt(np.diag(covariance) + turned**2)
-    stds = {name: added.get(name, values[name]) * by for name, by in zip(free, own)}
+    relative = np.sqrt(np.diag(covariance) + turned**2)
+    stds = {name: added.get(name, values[name]) * by for name, by in zip(free, relative)}
     # a current that is half a row late turns stiffness into damping
     late = 0.5 / rate_of(every[0].run.raw[0]) * sum(values[p.name] for p in effect.parameters if p.inverse)
     stds = {
@@ -279,7 +279,7 @@ def _rises(every: Sequence[NearRest], law: Law) -> bool:
         return False
     speed, drive = np.geomspace(STANDS / 10.0, SLIDES, 100), every[0].run.arm.joints[every[0].joint - 1]
     grid = replace(every[0], v=speed)
-    own = grid.sign(drive.sign_velocity)
-    total = coulomb_at(drive, speed, own) * own + torque_of(grid, effect, values)
+    sign = grid.sign(drive.sign_velocity)
+    total = coulomb_at(drive, speed, sign) * sign + torque_of(grid, effect, values)
     more = float(np.max(total - coulomb_at(drive, speed, np.ones_like(speed))))
     return more > LIMITS.rises * size

@@ -177,8 +177,8 @@ def _both(one: Law, other: Law) -> Law:
 def confused(every: Sequence[NearRest], joint: int, library: Sequence[Candidate]) -> Law:
     """Candidates of other effects at the joint that may be confused with friction near rest."""
     names = {name for effect in friction_near_rest() for name in effect.confused_with}
-    own = {effect.name for effect in friction_near_rest()}
-    chosen = [c for c in library if c.joint == joint and c.effect in names - own]
+    near_rest_effects = {effect.name for effect in friction_near_rest()}
+    chosen = [c for c in library if c.joint == joint and c.effect in names - near_rest_effects]
     column = [
         one.without_nuisance(np.hstack([_at_joint(c, one) for c in chosen]) / one.std[:, None]).T
         if chosen
@@ -207,7 +207,7 @@ def coefficients(effect: Effect) -> list[str]:
 
 def torque_of(one: NearRest, effect: Effect, values: dict[str, float]) -> Array:
     """(k,) N m: the law with its parameters, and the smoothing velocity that goes with it."""
-    own = {name: value for name, value in values.items() if name != "width"}
+    of_effect = {name: value for name, value in values.items() if name != "width"}
     if "width" not in values:
-        return one.of_law(effect, own)
-    return one.smoothed(np.array([values["width"]]))[:, 0] + one.of_law(effect, own, values["width"])
+        return one.of_law(effect, of_effect)
+    return one.smoothed(np.array([values["width"]]))[:, 0] + one.of_law(effect, of_effect, values["width"])

@@ -96,9 +96,9 @@ class NearRest:
 
     def smoothed(self, width: Array) -> Array:
         """(k, w) N m: the joint's friction with other smoothing velocities (w,), less that of the model."""
-        own = self.sign(self._drive.sign_velocity)
+        sign_of_model = self.sign(self._drive.sign_velocity)
         turned = [coulomb_at(self._drive, self.v, sign) * sign for sign in self.sign(width).T]
-        return np.stack(turned, axis=1) - (coulomb_at(self._drive, self.v, own) * own)[:, None]
+        return np.stack(turned, axis=1) - (coulomb_at(self._drive, self.v, sign_of_model) * sign_of_model)[:, None]
 
     def of_law(self, effect: Effect, values: Mapping[str, float], width: float | None = None) -> Array:
         """(k,) N m: the law of an effect of friction at a smoothing velocity, by default the model's."""

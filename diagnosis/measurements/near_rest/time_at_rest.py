@@ -144,9 +144,9 @@ def _heights(
         shapes.append(shape)
         parts.append(rest)
         energy += float(np.sum((rest - level * shape) ** 2))
-    own = [(shapes[rest.of][rest.shows], parts[rest.of][rest.shows]) for rest in rests]
-    size = np.array([max(float(shape @ shape), 1e-12) for shape, _ in own])
-    heights = np.array([float(shape @ part) for shape, part in own]) / size
+    shown = [(shapes[rest.of][rest.shows], parts[rest.of][rest.shows]) for rest in rests]
+    size = np.array([max(float(shape @ shape), 1e-12) for shape, _ in shown])
+    heights = np.array([float(shape @ part) for shape, part in shown]) / size
     return energy, heights, 1.0 / np.sqrt(size)
 
 

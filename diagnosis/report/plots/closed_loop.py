@@ -25,8 +25,8 @@ def loop_chart(name: str, pairs: Sequence[tuple[Compared, Compared]], joint: int
     pairs: held-out loops (before, after); drive: that joint.
     """
     lines, quantity = [], recorded_quantity(drive)
-    for several, colour, label in zip(zip(*pairs), (BEFORE, AFTER), ("without any cause", "with all causes")):
-        frequency, density = _spectrum(several, joint)
+    for loops, colour, label in zip(zip(*pairs), (BEFORE, AFTER), ("without any cause", "with all causes")):
+        frequency, density = _spectrum(loops, joint)
         shown = frequency <= 1.2 * BAND[1]
         lines.append(Series(x=frequency[shown], y=density[shown], colour=colour, label=label, width=1.2))
     panel = Panel(

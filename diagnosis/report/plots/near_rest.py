@@ -49,6 +49,6 @@ def near_rest_chart(picture: str, result: Diagnosis, joint: int) -> Chart | None
 def _passages(result: Diagnosis, joint: int, effects: Sequence[EffectTerm]) -> tuple[Array, Array]:
     """(r,) velocity and (r,) residual over its std of all recordings under the arm with these effects."""
     runs = [run for run in (*result.fit, *result.held_out) if run.powered]
-    every = near_rest([observation(run, effects) for run in runs], joint)
-    v = [one.v[kept(rate_of(one.run.raw[0]))][one.rows] for one in every]
-    return np.concatenate([np.empty(0), *v]), np.concatenate([np.empty(0), *(one.residual for one in every)])
+    passages = near_rest([observation(run, effects) for run in runs], joint)
+    v = [one.v[kept(rate_of(one.run.raw[0]))][one.rows] for one in passages]
+    return np.concatenate([np.empty(0), *v]), np.concatenate([np.empty(0), *(one.residual for one in passages)])

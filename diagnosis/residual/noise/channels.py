@@ -204,8 +204,8 @@ def _about_lines(x: NDArray[np.intp], y: Array, block: NDArray[np.intp]) -> Arra
     rows = np.maximum(count, 1)
     x_about, y_about = (values - (np.bincount(block, values) / rows)[block] for values in (x, y))
     slope = np.bincount(block, x_about * y_about) / np.maximum(np.bincount(block, x_about**2), 1e-300)
-    left = np.bincount(block, (y_about - slope[block] * x_about) ** 2) / rows
-    return np.asarray(np.sqrt(left[count >= QUIET_ROWS]), float)
+    variance = np.bincount(block, (y_about - slope[block] * x_about) ** 2) / rows
+    return np.asarray(np.sqrt(variance[count >= QUIET_ROWS]), float)
 
 
 def _about_trend(values: Array) -> Array:

@@ -31,8 +31,8 @@ def channel_noise(q: Array, i: Array, inertia: Array, rate: float, known: KnownN
     through = residual_gain(frequency)
     share = np.trapezoid(1.0 / (1.0 + (frequency / COMPARE_BAND) ** 8) ** 2, frequency) / (rate / 2)
     wobble = np.trapezoid(((2 * np.pi * frequency) ** 2 * through) ** 2, frequency) / (rate / 2)
-    own = inertia.diagonal(axis1=1, axis2=2).mean(axis=0)
-    from_angle = own * angle_noise(q, known.steps) * np.sqrt(wobble)
+    mean_inertia = inertia.diagonal(axis1=1, axis2=2).mean(axis=0)
+    from_angle = mean_inertia * angle_noise(q, known.steps) * np.sqrt(wobble)
     from_current = np.maximum(white * np.sqrt(share), known.still)
     return np.hypot(from_current, from_angle) + 1e-9
 
