@@ -220,7 +220,7 @@ def text_of(result: Table) -> str:
     """The result of a run for a person."""
     ledger, ending = result["ledger"], result["ending"]
     lost = f"{ledger['lost']} of {ledger['triggers']} rows were LOST" if ledger["lost"] else "nothing was lost"
-    lines = [f"{result['file']}: {result['rows']} rows of '{result['experiment']}'; {lost}"]
+    lines = [f"{_below(result)}: {result['rows']} rows of '{result['experiment']}'; {lost}"]
     for loss in ledger["losses"]:
         detail = f" ({loss['detail']})" if loss["detail"] else ""
         lines.append(f"  lost: {loss['rows']} from trigger {loss['first']} on: {loss['sentence']}{detail}")
@@ -230,3 +230,9 @@ def text_of(result: Table) -> str:
     elif "fetched" in result:
         lines.append(f"  the file is on the machine of the daemon ({result['endpoint']}); 'armscope fetch' copies it")
     return "\n".join(lines + [f"  note: {note}" for note in result["notes"]])
+
+
+def _below(result: Table) -> str:
+    """The file of a run from the working directory, if it is below it and on this machine."""
+    file, here = Path(result["file"]), Path.cwd()
+    return str(file.relative_to(here) if "fetched" not in result and file.is_relative_to(here) else file)

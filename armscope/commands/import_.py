@@ -73,7 +73,8 @@ def command(
         if chosen is not None and mapping is None:
             print(f"note: {table}: {chosen.in_words()}", file=sys.stderr)
         joints = None if checked is None else checked.joints
-        per_current = _torque_per_current(checked) if chosen is not None and chosen.torques else None
+        torques = chosen is not None and chosen.torques
+        per_current = _torque_per_current(checked) if torques else None
         blocks = _Blocks(
             read_blocks(source, joints=joints, keep_extra=keep_extra, unit=time_unit, mapping=chosen), per_current
         )
@@ -81,7 +82,9 @@ def command(
         if save_map is not None:
             write_text(save_map, _text(table, chosen))
         attachments = _attachments(table, rig, checked, first, chosen, per_current)
-        write_blocks(out, first, blocks, attachments, joints=names or getattr(source, "joints", ()))
+        effort = (per_current or [1.0] * first.joints) if torques else ()
+        named: Sequence[str] = names or getattr(source, "joints", ())
+        write_blocks(out, first, blocks, attachments, joints=named, effort=effort)
         for note in getattr(source, "notes", list)():
             print(f"note: {table}: {note}", file=sys.stderr)
     rows, seconds = blocks.rows, blocks.last - float(first.t[0])

@@ -59,7 +59,7 @@ def _table(changes: list[Change]) -> list[str]:
 def _row(change: Change) -> tuple[str, ...]:
     mark = "*" if change.significant else "\N{DEGREE SIGN}" if change.overruled else ""
     return (
-        cut(change.quantity.words, min(WIDEST, line_width() - 30)),
+        _in_width(change.quantity.words, min(WIDEST, line_width() - 30)),
         *(_to_its_std(value, change.std) for value in (change.before, change.after, change.change)),
         "" if change.std is None else f"{2 * change.std:.2g}",
         percent(change),
@@ -67,6 +67,15 @@ def _row(change: Change) -> tuple[str, ...]:
         "" if change.corrected is None else f"{change.corrected:.2g}",
         change.quantity.unit,
     )
+
+
+def _in_width(words: str, width: int) -> str:
+    """The words of a quantity in so many letters; of a sum, how many more parameters it has stays: "(3 more)"."""
+    first, sum_of, others = words.partition(" (with ")
+    if len(words) <= width or not sum_of:
+        return cut(words, width)
+    count = f" ({others.split()[0]} more)"
+    return cut(first, width - len(count)) + count
 
 
 def _to_its_std(value: float | None, std: float | None) -> str:

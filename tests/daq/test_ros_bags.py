@@ -71,6 +71,23 @@ def test_torques_become_currents_by_the_model_of_the_rig(tmp_path: Path, root: P
     recording = imported(tmp_path / "bag", "--rig", str(tmp_path / "rig.toml"))
     np.testing.assert_allclose(recording.i * constants, torque, rtol=1e-12)
     assert recording.provenance["current_unit"] == "A"
+    np.testing.assert_allclose(efforts_of(tmp_path / "imported.mcap"), torque, rtol=1e-12)
+
+
+def efforts_of(path: Path) -> np.ndarray:
+    """(n, J) N m in /joint_states, as other programs find them."""
+    from rosbags.highlevel import AnyReader
+
+    with AnyReader([path]) as reader:
+        states = [one for one in reader.connections if one.topic == "/joint_states"]
+        return np.array([reader.deserialize(raw, one.msgtype).effort for one, _, raw in reader.messages(states)])
+
+
+def test_torques_stay_efforts_of_the_joint_states(tmp_path: Path) -> None:
+    t, q, torque = motion(50)
+    write_bag(tmp_path / "bag", {"/joint_states": (t, {"position": q, "effort": torque}, NAMES)})
+    assert imported(tmp_path / "bag").provenance["current_unit"] == "N m"
+    np.testing.assert_array_equal(efforts_of(tmp_path / "imported.mcap"), torque)
 
 
 @pytest.mark.parametrize(

@@ -65,9 +65,11 @@ def write_blocks(
     attachments: Attachments,
     *,
     joints: Sequence[str] = (),
+    effort: Sequence[float] = (),
 ) -> LedgerSummary:
     """``write_table`` of a table that comes block by block; only one of them is in memory."""
-    layout = _layout(first, joints, ())
+    whole = len(first.having.get("i", ())) == first.joints
+    layout = _layout(first, joints, effort if whole else ())
     origin = -float(first.t[0]) if first.t[0] < 0 else 0.0
     start_ns = first.start_ns or 0
     columns = (_columns(layout, table, origin, start_ns) for table in itertools.chain([first], others))

@@ -75,7 +75,8 @@ def judged(work: Work, nominal: Chain) -> Judgement:
             lever = points.lever[~placed, None]
             orientation[part] = {when: float(np.sqrt(np.mean((off[~placed] / lever) ** 2))) for when, off in both}
         left_out += _by_run(part, runs, rows, residual, outlier)
-    was, now = before["held_out"].rms, after["held_out"].rms
+    # a blunder is as far off before as after, and hides what becomes of the others
+    was, now = before["held_out"].rms_inliers, after["held_out"].rms_inliers
     if now >= was:
         work.warnings.append(
             f"the held-out error does not fall ({1e3 * was:.3g} mm before, {1e3 * now:.3g} mm after): the points show "

@@ -75,9 +75,18 @@ def headline(table: dict[str, Any]) -> tuple[str, bool]:
     )
     return (
         f"On all points of {where} the position error {fall} rms per coordinate ({change(better)})."
-        f" The noise of the points is {_mm(table['noise'])}.{_orientation(table)}",
-        better <= -NO_CHANGE,
+        f"{_without_outliers(table)} The noise of the points is {_mm(table['noise'])}.{_orientation(table)}",
+        better <= -NO_CHANGE and not table["position_error"]["held_out"]["after"]["outliers"],
     )
+
+
+def _without_outliers(table: dict[str, Any]) -> str:
+    """A sentence on the held-out points without the outliers, which hide what became of the others; empty without."""
+    errors = table["position_error"]["held_out"]
+    if not (count := errors["after"]["outliers"]):
+        return ""
+    was, now = (errors[when]["rms_inliers"] for when in ("before", "after"))
+    return f" Without {count} outlier{'s' * (count > 1)} it was {_mm(was)}, and is {_mm(now)}."
 
 
 def _orientation(table: dict[str, Any]) -> str:

@@ -139,9 +139,10 @@ def summary(table: dict[str, Any]) -> str:
         )
         out = table["position_error"][part]["after"]["outliers"]
         if out:
-            alone = table["position_rms_inliers"][part]["after"]
+            alone = table["position_rms_inliers"][part]
+            was, now = (1e3 * (alone[when] or 0.0) for when in ("before", "after"))
             lines.append(
-                f"{'':<15}  {1e3 * (alone or 0.0):8.3f} mm without {out} of "
+                f"{'':<15}  {was:8.3f} mm -> {now:7.3f} mm without {out} of "
                 f"{table['position_error'][part]['after']['points']} points: {_rows(table['left_out'], part)}"
             )
         if part in table["orientation_rms"]:
