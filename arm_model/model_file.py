@@ -110,7 +110,7 @@ def carried_arm(text: str, where: str | Path) -> Arm:
 
 
 def arm_of(table: dict[str, Any], where: str | Path) -> Arm:
-    """The arm in a table as a model file has it; ``where`` names it in errors."""
+    """The arm in a table as a model file has it; InputError, which names it as ``where``, for a table that is none."""
     if "units" not in table:
         right = other_kind(table, ()) or 'write units = "SI" (rad, m, kg, s, N, A) once all values are in them'
         raise InputError(where, f"units: is missing; {right}")

@@ -28,7 +28,7 @@ def recorded(arm: Arm, motion: Motion) -> Readings:
     """What a recording of ``motion`` holds.
 
     Delayed currents are interpolated between rows (cubic; the first row stays before it). What no effect changes is
-    that of the motion itself, not a copy.
+    that of the motion itself, not a copy. InputError for an effect of a joint that names none.
     """
     q, current = motion.qm, motion.current
     terms = [

@@ -31,7 +31,7 @@ def extremes(y: Array, every: int) -> NDArray[np.intp]:
 
 
 def envelope(y: Array, every: int) -> tuple[NDArray[np.intp], Array]:
-    """The same two values of each bucket, at rows that do not depend on them: the bucket's first and last.
+    """The same two values of each bucket of ``every`` rows of y (m,), at rows that do not depend on them: both ends.
 
     Several series of the same rows so keep one x axis; a peak is drawn less than a bucket from where it is.
     """

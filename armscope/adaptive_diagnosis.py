@@ -67,7 +67,7 @@ class Bench:
 
 
 def rig_of(path: Path, joints: int) -> Rig:
-    """The rig file, checked for an arm of so many joints that can be recorded."""
+    """The rig file; InputError where it has another number of joints, or no devices to record with."""
     rig = read_rig(path)
     if rig.joints != joints:
         raise InputError(path, f"has {rig.joints} joints, the model {joints}")

@@ -19,7 +19,10 @@ if TYPE_CHECKING:
 
 
 def space_of(rig: Rig | None, file: Path | None = None, floor: float | None = None) -> Space | None:
-    """The space in ``file``, else the rig's, with the floor at ``floor`` m where it is given; None: nothing is said."""
+    """The space in ``file``, else the rig's, with the floor at ``floor`` m where it is given; None: nothing is said.
+
+    InputError: a floor that is no finite height.
+    """
     from arm_clearance import Space, read_space
 
     space = read_space(file) if file is not None else None if rig is None else rig.space

@@ -96,7 +96,7 @@ def read_experiment(path: str | Path) -> Experiment:
 
 
 def experiment_of(table: Mapping[str, Any], where: str | Path) -> Experiment:
-    """The experiment in a table as a file has it; ``where`` names it in errors."""
+    """The experiment in a table as a file has it; ``where`` names it in InputErrors."""
     experiment = check_table(where, table, Experiment)
     try:
         demand_of(experiment)

@@ -51,7 +51,8 @@ def controlled(
     It starts from rest at ``start``.
 
     Torques are cut at each joint's torque_limit and held for a period, a whole number of the engine's steps. The servos
-    of the model, if it has any, are out of play.
+    of the model, if it has any, are out of play. InputError: a period that is no whole number of steps, or an arm that
+    runs away.
     """
     n = len(arm)
     stepper = Stepper(replace(arm, controller=None), demand(0.0).q if start is None else np.asarray(start, float))

@@ -88,7 +88,7 @@ def read_reading(path: str | Path, *, tip: str | None = None, content: bytes | N
 def read_all(path: str | Path, *, tip: str | None = None, content: bytes | None = None) -> Reading:
     """As ``read_mjcf``, with the places of the numbers; ``content``: see ``read_tree``.
 
-    NeedsCompiler where the numbers do not stand in the file.
+    NeedsCompiler where the numbers do not stand in the file; InputError where no joint moves.
     """
     tree = read_tree(path, content)
     _check_compiler(tree)

@@ -45,7 +45,7 @@ def thrust_of(demand: Array, thruster: Thruster) -> Array:
 
 
 def beyond(demand: Array, zone: float | Array) -> tuple[Array, Array]:
-    """Positive and negative part of a demand, N, each less a dead zone."""
+    """Positive and negative part of a demand, N, of any shape, each less a dead zone, N."""
     return np.maximum(demand - zone, 0.0), np.minimum(demand + zone, 0.0)
 
 

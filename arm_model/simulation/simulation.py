@@ -196,6 +196,10 @@ def _row_table(
 
 
 def motion_of_rows(run: Lanes, rows: Array, times: Array, demand: Array) -> Motion:
+    """The motion, leading axis the lanes, in rows (lanes, R, states + currents) that the engine filled at times (R,) s.
+
+    demand (R, n) rad (m), as it was given.
+    """
     system, n = run.program.system, len(run.arm)
     lanes = {name: value[:, None] for name, value in run.inputs.items()}
     states = {name: rows[..., k] for k, name in enumerate(system.states)}
@@ -252,7 +256,7 @@ def simulate_batch(
     fastest part of each block of lanes needs (lanes that are alike belong side by side). Returns a Motion with a
     leading axis of lanes. A ``start`` (n + 13,) goes on with the position, attitude and velocity of a floating base,
     which else begins at rest in the world's origin. ``single``: in single precision, twice as fast; positions stay
-    within 1e-5 rad (m) of those in double precision.
+    within 1e-5 rad (m) of those in double precision. InputError: a demand of another number of joints.
     """
     times = np.asarray(times, float)
     period = servo_period(arm)

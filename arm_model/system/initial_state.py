@@ -57,7 +57,7 @@ def standing(
 def base_memories(
     system: System, inputs: Mapping[str, Array], states: Mapping[str, Array], theta: Array
 ) -> dict[str, Array]:
-    """Memories of a station keeping that has held the base where it is: its pose, and the wrench that this takes.
+    """(lanes,) memories of a station keeping that has held the base where it is: its pose, and the wrench for this.
 
     What the feed-forward gives at rest is not in the integrators.
     """

@@ -55,7 +55,7 @@ def read_urdf(path: str | Path, *, tip: str | None = None) -> Arm:
 
 
 def urdf_of(text: str | bytes, path: str | Path, *, tip: str | None = None) -> Arm:
-    """``read_urdf`` of a text; ``path`` names it in errors, and is where meshes are looked for."""
+    """``read_urdf`` of a text; ``path`` names it in InputErrors, and is where meshes are looked for."""
     robot = robot_of(path, text)
     tree = Tree.of(path, robot)
     chain = tree.chain(tip)

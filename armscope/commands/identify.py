@@ -24,6 +24,8 @@ MANY = ("--held-out",)
 
 
 class Method(StrEnum):
+    """``--method``."""
+
     ols = "ols"
     wls = "wls"
     irls = "irls"
@@ -35,11 +37,15 @@ class Method(StrEnum):
 
 
 class Friction(StrEnum):
+    """``--friction``."""
+
     symmetric = "symmetric"
     asymmetric = "asymmetric"
 
 
 class Shape(StrEnum):
+    """``--shape``: of friction over speed."""
+
     auto = "auto"
     straight = "straight"
     free = "free"

@@ -62,7 +62,7 @@ def simulated_devices(rig: Rig, where: str | Path) -> Iterator[list[Simulator]]:
 
 
 def make_simulators(rig: Rig, where: str | Path) -> list[Simulator]:
-    """The simulators, closed, wired to one world as the rig file says."""
+    """The simulators, closed, wired to one world as the rig file says; InputError: a device of another host."""
     from sim_backend.protocol import TriggerLine, puma
     from sim_backend.rig import world_of
 

@@ -70,7 +70,9 @@ def open_file(
     replace: bool = False,
     viewers: bool = False,
 ) -> McapFile:
-    """A file with its head and attachments. InputError where it cannot be made; nothing is left then.
+    """A file with its head and attachments.
+
+    InputError where it cannot be made, DeviceFault where the disk fails; nothing is left then.
 
     live     as ``mcap_writer.create`` has it
     viewers  whether chunks for viewers will be written

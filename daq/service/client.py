@@ -57,7 +57,7 @@ def call(
 def call_for_bytes(
     session: zenoh.Session, keys: Keys, verb: str, arguments: Table | None = None, *, timeout: float = 10.0
 ) -> bytes:
-    """As ``call``, for a command whose answer is no JSON."""
+    """As ``call``, errors too, for a command whose answer is no JSON."""
     import zenoh
 
     replies = session.get(

@@ -127,7 +127,7 @@ class DeviceJobs:
 
 
 def place_of(out: str, folder: RecordingsFolder | None) -> Path:
-    """Where a recording goes. Who is beyond loopback may name files, not folders."""
+    """Where a recording goes; InputError: no file, or a relative path. Who is beyond loopback may name no folders."""
     if folder is not None:
         return folder.place(out)
     path = Path(out)

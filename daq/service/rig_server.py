@@ -32,6 +32,7 @@ def server_of(path: Path, rig: Rig, read_chain: ChainReader | None = None) -> Ri
     """The daemon that has the rig of the file ``path``.
 
     An embedded one where there is none and the rig is this machine's; ``read_chain`` as of ``Service``.
+    InputError while another process records on it.
     """
     holder = holder_of(rig.name)
     if holder is not None and holder.role == "record":

@@ -81,7 +81,7 @@ class RowBlock:
 
 
 def columns_of(rows: Rows) -> dict[str, NDArray]:
-    """The columns of a block of the sampler, under the names that they have in a Recording."""
+    """The columns (rows, ...) of a block of the sampler, under the names that they have in a Recording."""
     columns = {name: getattr(rows, name) for name in Rows.__dataclass_fields__ if name != "extra"}
     return rows.extra | {name: values for name, values in columns.items() if values is not None}
 

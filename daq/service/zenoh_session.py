@@ -100,7 +100,7 @@ def open_session(rig: Rig, *, listen: bool, send_seconds: float = 5.0) -> zenoh.
 
 
 def session_config(rig: Rig, *, listen: bool, send_seconds: float = 5.0) -> dict[str, Any]:
-    """Zenoh's own configuration, as a table."""
+    """Zenoh's own configuration, as a table; InputError: a password file without the user of the rig file."""
     table = rig.zenoh
     here, there = ([table.endpoint], []) if listen else ([], [table.endpoint])
     transport: dict[str, Any] = {

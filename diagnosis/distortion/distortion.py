@@ -112,6 +112,7 @@ def distort(arm: Arm, name: str, runs: Sequence[Run], recordings: Sequence[Recor
     """The variation of one parameter that makes the model match ``runs``.
 
     ``recordings``: for temperatures that they may contain.
+    InputError: a parameter that the motion does not excite, or not for long enough.
     """
     own, joint = named_parameter(arm, name)
     model = parameter(arm, own)

@@ -26,7 +26,7 @@ GAP = 0.3
 
 
 def filtered(score: Array, seen: Array, ratio: float) -> tuple[Array, Array]:
-    """Mean and variance of x at every step given all before it, in units of the noise's variance.
+    """(N,) mean and variance of x at every step given all before it, in units of the noise's variance.
 
     The variance is infinite before the first step with information.
     """

@@ -109,7 +109,10 @@ def _regression(problem: Problem, rows: Equations) -> tuple[Array, Array]:
 
 
 def simulated_motion(arm: Arm, recording: Recording, motion: Motion) -> Motion:
-    """The closed loop run on the recorded demands, smoothed as ``motion`` (of the recording) was, on its grid."""
+    """The closed loop run on the recorded demands, smoothed as ``motion`` (of the recording) was, on its grid.
+
+    InputError where it leaves the recorded motion.
+    """
     demand = demand_of_run(recording, arm)
     end, rate = float(motion.t[-1]), 1 / motion.dt
     run = simulate(arm, demand, duration=end, rate=rate, start=motion.q[0], times=motion.t)

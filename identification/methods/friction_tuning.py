@@ -242,7 +242,7 @@ def _simulated(recording: Recording, motion: Motion, arm: Arm, names: Sequence[s
 
 
 def simulated_error(recording: Recording, motion: Motion, arm: Arm, held_out: bool) -> Prediction:
-    """Measured torque and that of the simulated closed loop, both through the parallel filter."""
+    """Measured torque and that of the simulated closed loop, both through one filter; InputError without demands."""
     if recording.qref is None:
         raise InputError(recording.path, "has no demanded positions (qref); the closed loop is simulated from them")
     simulated = _simulated(recording, motion, arm, (), np.empty((1, 0)))[0]

@@ -49,7 +49,7 @@ def held_out_residuals(without: Solution, with_it: Solution) -> HeldOutResiduals
 
 
 def held_out_residual(one: Solution) -> tuple[Equations, Array]:
-    """Held-out rows and their residual; without held-out recordings the late part by a fit of the early one."""
+    """Held-out rows and their residual (rows,) N m (N); else of the late part by a fit of the early one."""
     problem = one.problem
     if problem.held is not None:
         return problem.held, one.residual(problem.held)

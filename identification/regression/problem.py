@@ -229,7 +229,7 @@ def unexcited(base: BaseParameters, excited: NDArray[np.intp]) -> list[str]:
 
 
 def excited_of(rows: Equations, base: BaseParameters, arm: Arm) -> NDArray[np.intp]:
-    """Indices into the base parameters that these rows show, in order."""
+    """(e,) indices, in order, of the base parameters that these rows show."""
     shown = rows.columns[:, base.kept] / _spread(rows, arm)[:, None]
     labels = [base.names[k] for k in base.kept]
     return np.sort(base_parameters(shown, labels, order=range(len(base)), negligible=EXCITED).kept)

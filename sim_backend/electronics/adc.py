@@ -33,10 +33,10 @@ def codes(converter: Converter, volts: Array, noise: Array) -> NDArray[np.int64]
 
 
 def reported(converter: Converter, code: NDArray[np.int64]) -> Array:
-    """Volts that a code stands for."""
+    """V that codes of any shape stand for."""
     return converter.low + converter.step * code.astype(np.float64)
 
 
 def saturated(converter: Converter, code: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """True at either end of the range, where the true voltage may lie outside it."""
+    """True for codes, of any shape, at either end of the range, where the true voltage may lie outside it."""
     return (code == 0) | (code == (1 << converter.bits) - 1)

@@ -83,7 +83,10 @@ def guess(names: Sequence[str], columns: dict[str, Array] | None = None, joints:
 
 
 def guess_csv(path: str | Path, joints: Sequence[str] = ()) -> Mapping | None:
-    """The mapping that a text suggests, with its separator and decimal sign; None where it says too little."""
+    """The mapping that a text suggests, with its separator and decimal sign; None where it says too little.
+
+    InputError where the first line is no header.
+    """
     head = read_head(path, SAMPLE)
     # lines end as Python's files have it: \n, \r\n, or \r
     with io.StringIO(head.decode("utf-8-sig", errors="replace"), newline=None) as text:

@@ -24,7 +24,7 @@ from identification.kinematics.models.parameters import Parameters, Target, Trus
 def place_tracker(
     arm: Arm, points: Points, targets: Sequence[Target], frame_known: bool, warnings: list[str]
 ) -> tuple[bool, Array]:
-    """Whether the frame of the tracker can be taken as known, and the values of the chain to begin from."""
+    """Whether the tracker's frame can be taken as known, and the values (values,) rad, m of the chain to begin from."""
     points = points.where(~points.oriented)
     parameters = parameters_of(arm, targets, frame_known=frame_known, trust=Trust())
     chain = parameters.chain
@@ -61,7 +61,7 @@ def best_circles(runs: Sequence[Run]) -> tuple[list[Circle], list[str]]:
 
 
 def values_from_circles(arm: Arm, circles: Sequence[Circle], nominal: Chain) -> Array | None:
-    """Values of the chain by circle-point analysis; None without circles or for an unsupported convention."""
+    """(values,) rad, m of the chain by circle-point analysis; None without circles or for an unsupported convention."""
     if not circles or any(j.convention != "standard" for j in arm.joints):
         return None
     values = circle_point_model(circles, one_target(nominal))

@@ -144,7 +144,10 @@ def parameters_of(
 
 
 def chain_of(arm: Arm, target: Sequence[float] | Sequence[Target], where: str = "model") -> Chain:
-    """The chain of an arm from its mounting to the tracked point (3,) m of the last link, or to several targets."""
+    """The chain of an arm from its mounting to the tracked point (3,) m of the last link, or to several targets.
+
+    InputError for joints without Denavit-Hartenberg parameters.
+    """
     steps = placement("mount", np.array(arm.base)) + placement("base", np.eye(4))
     for j, joint in enumerate(arm.joints):
         if joint.convention == "placed":

@@ -59,7 +59,8 @@ def select_poses(
 
     Candidates are random within 95 % of the joint ranges; those are left out that bring a link's origin beyond the
     shoulder, or the target, below ``floor`` m in the base frame (None: anything goes) or the target within 0.25 m of
-    the axis of joint 1: the arm's own column. A person still looks whether the cell has room.
+    the axis of joint 1: the arm's own column. A person still looks whether the cell has room. InputError: fewer
+    than two poses, or too few that are possible.
     """
     if count < 2:
         raise InputError("--poses", f"{count} poses determine nothing; use at least 2, better 30")
