@@ -32,9 +32,9 @@ def mean_loads(arm: Arm, motions: Sequence[Motion]) -> Array:
     """(J,) mean of |load| over all motions; NaN where it hardly varies, or the model has this effect."""
     loads = [load_of(arm, motion) for motion in motions]
     mean = np.mean([load.mean(axis=0) for load in loads], axis=0)
-    spread = np.min([load.std(axis=0) for load in loads], axis=0)
+    std = np.min([load.std(axis=0) for load in loads], axis=0)
     modelled = [any(term.name == EFFECT.name and term.joint == j + 1 for term in arm.effects) for j in range(len(arm))]
-    return np.where((spread > LEAST * mean) & (spread > 0) & ~np.array(modelled), mean, np.nan)
+    return np.where((std > LEAST * mean) & (std > 0) & ~np.array(modelled), mean, np.nan)
 
 
 def loaded_joints(means: Array) -> NDArray[np.intp]:

@@ -17,7 +17,7 @@ import numpy as np
 from scipy import signal
 
 from arm_fleet.simulation.wear import Life, Wear
-from arm_fleet.simulation.weather import Weather, friction_at
+from arm_fleet.simulation.weather import friction_at, temperatures
 from arm_io import InputError, make_folder, write_toml
 from arm_io.json_text import write_json
 from arm_io.progress import Progress, Step
@@ -99,17 +99,17 @@ def write_fleet(
     model = (folder / "model.toml").read_text(encoding="utf-8")
     draw = np.random.default_rng([seed, 1])
     air = np.random.default_rng([seed, 2])
-    weather = Weather.drawn(len(lives), nights, scene.temperature, air, season=scene.season)
+    temperature = temperatures(len(lives), nights, scene.temperature, air, season=scene.season)
     ratios = np.zeros((len(lives), nights))
     for run in range(scene.runs):
-        for which, night, shown, ratio in _all(scene, run, lives, weather.temperature):
+        for which, night, shown, ratio in _all(scene, run, lives, temperature):
             life = lives[which]
             ratios[which, night] = max(ratios[which, night], ratio)
             moment = datetime.combine(START + timedelta(days=night), datetime.min.time(), UTC) + timedelta(hours=22)
             path = folder / "nights" / night_of(night) / f"{life.arm}_{run + 1}.mcap"
             make_folder(path.parent)
             if scene.changing:
-                shown["temp"] = np.full_like(shown["q"], weather.temperature[which, night])
+                shown["temp"] = np.full_like(shown["q"], temperature[which, night])
             _write(path, scene, shown, model, moment, draw)
             progress(Step("recordings", night + 1, nights, detail=f"{life.arm}, run {run + 1} of {scene.runs}"))
     truth = _truth(lives, nights, ratios)

@@ -8,7 +8,6 @@ friction by a fraction of that (Bittencourt, Gunnarsson, J. Dyn. Sys. Meas. Cont
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -23,23 +22,16 @@ FOLLOWS = 0.7
 """Correlation of the hall's temperature with that of the night before."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Weather:
-    """Conditions of every arm and night.
+def temperatures(arms: int, nights: int, std: float, draw: np.random.Generator, *, season: float = 0.0) -> Array:
+    """(arms, nights) degC of all motors of an arm in every night.
 
-    temperature  (arms, nights) degC of all motors of an arm
+    std: K, from night to night, half of its square that of the hall; season: K by which the last night is warmer.
     """
-
-    temperature: Array
-
-    @classmethod
-    def drawn(cls, arms: int, nights: int, std: float, draw: np.random.Generator, *, season: float = 0.0) -> Weather:
-        """std: K, of the temperature of an arm from night to night; season: K by which the last night is warmer."""
-        hall = np.empty(nights)
-        for night, step in enumerate(draw.standard_normal(nights)):
-            hall[night] = step if night == 0 else FOLLOWS * hall[night - 1] + np.sqrt(1 - FOLLOWS**2) * step
-        of_arm = draw.standard_normal((arms, nights))
-        return cls(temperature=REFERENCE + season * np.linspace(0, 1, nights) + std * np.sqrt(0.5) * (hall + of_arm))
+    hall = np.empty(nights)
+    for night, step in enumerate(draw.standard_normal(nights)):
+        hall[night] = step if night == 0 else FOLLOWS * hall[night - 1] + np.sqrt(1 - FOLLOWS**2) * step
+    of_arm = draw.standard_normal((arms, nights))
+    return np.asarray(REFERENCE + season * np.linspace(0, 1, nights) + std * np.sqrt(0.5) * (hall + of_arm))
 
 
 def friction_at(arm: Arm, temperature: Array) -> Mapping[str, Array]:

@@ -77,13 +77,13 @@ def _curve(joint: int, points: list[Change]) -> Panel:
     per = "rad/s" if unit == "N m" else "m/s"
     series = []
     for sign in (1.0, -1.0):
-        mine = [point for point in points if (point.quantity.speed or 0.0) * sign > 0]
-        mine.sort(key=lambda one: one.quantity.speed or 0.0)
-        speed = np.array([one.quantity.speed or 0.0 for one in mine])
+        one_way = [point for point in points if (point.quantity.speed or 0.0) * sign > 0]
+        one_way.sort(key=lambda one: one.quantity.speed or 0.0)
+        speed = np.array([one.quantity.speed or 0.0 for one in one_way])
         for side, colour in (("before", BEFORE), ("after", AFTER)):
-            values = np.array([sign * float(getattr(one, side)) for one in mine])
-            spread = np.array([2 * float(getattr(one, f"std_{side}")) for one in mine])
-            series.append(Series(x=speed, y=values, spread=spread, kind="both", colour=colour, label=side, width=1.0))
+            values = np.array([sign * float(getattr(one, side)) for one in one_way])
+            two_std = np.array([2 * float(getattr(one, f"std_{side}")) for one in one_way])
+            series.append(Series(x=speed, y=values, spread=two_std, kind="both", colour=colour, label=side, width=1.0))
     return Panel(
         series=tuple(series),
         title=f"joint {joint}",

@@ -45,10 +45,10 @@ def text(result: Comparison) -> str:
         reasons[one.quantity.why] = reasons.get(one.quantity.why, 0) + 1
     lines += [f"not comparable: {count} quantities: {why}" for why, count in reasons.items()]
     lines += [f"warning: {warning}" for warning in result.warnings]
-    said = verdict(result)
+    in_short = verdict(result)
     sentences = [*result.causes, *(summary.sentence for summary in result.summaries), *changed_sentences(result)]
     sentences += overruled_sentences(result)
-    return "\n".join([*lines, *(sentence for sentence in sentences if sentence not in said), said])
+    return "\n".join([*lines, *(sentence for sentence in sentences if sentence not in in_short), in_short])
 
 
 def _table(changes: list[Change]) -> list[str]:

@@ -83,8 +83,8 @@ def overruled_sentences(result: Comparison) -> list[str]:
 
 def verdict(result: Comparison) -> str:
     """What changed, in one sentence; and in another what the recordings do not distinguish from it."""
-    said = _what_changed(result)
-    return f"{said} Not distinguished: {'; '.join(result.alternatives)}." if result.alternatives else said
+    changes = _what_changed(result)
+    return f"{changes} Not distinguished: {'; '.join(result.alternatives)}." if result.alternatives else changes
 
 
 def _what_changed(result: Comparison) -> str:
@@ -97,10 +97,12 @@ def _what_changed(result: Comparison) -> str:
     if not result.significant:
         return f"No significant change of {result.tested} compared quantities ({share})."
     if result.summaries:
-        said = "; ".join(summary.sentence for summary in result.summaries)
+        words = "; ".join(summary.sentence for summary in result.summaries)
         explained = {name for one in result.summaries for name in one.explains}
         more = sum(one.quantity.name not in explained for one in result.significant if one.quantity.kind != "friction")
-        return f"{said}; {f'{more} more' if more else 'nothing else'} of {result.tested} compared quantities ({share})."
+        return (
+            f"{words}; {f'{more} more' if more else 'nothing else'} of {result.tested} compared quantities ({share})."
+        )
     parameters = [one for one in result.significant if one.quantity.kind != "curve"]
     rubbing = {parameter.quantity.joint for parameter in parameters if parameter.quantity.kind == "friction"}
     curves = {one.quantity.joint for one in result.significant if one.quantity.kind == "curve"} - rubbing

@@ -75,14 +75,14 @@ def entries_of(
     for key in dict.fromkeys(key for one in causes for key in one):
         names = dict.fromkeys(name for one in causes if key in one for name in one[key])
         for name in names:
-            mine = [cause.get(key, {}).get(name) for cause in causes]
-            quantity = _quantity(key, name, next(entry for entry in mine if entry is not None)[2])
-            stds = [entry[1] for entry in mine if entry is not None and entry[1] is not None]
+            values = [cause.get(key, {}).get(name) for cause in causes]
+            quantity = _quantity(key, name, next(entry for entry in values if entry is not None)[2])
+            stds = [entry[1] for entry in values if entry is not None and entry[1] is not None]
             absent = (0.0, float(np.sqrt(np.mean(np.square(stds)))) if stds else None, quantity.unit)
-            missing = ["" if entry else _why_missing(key, name, table) for entry, table in zip(mine, tables)]
-            for own, entry, why in zip(entries, mine, missing):
+            missing = ["" if entry else _why_missing(key, name, table) for entry, table in zip(values, tables)]
+            for named, entry, why in zip(entries, values, missing):
                 if not why:
-                    own[quantity.name] = entry or absent
+                    named[quantity.name] = entry or absent
             quantities.append(quantity)
             whys.append(next((f"{why} in {path}" for why, path in zip(missing, paths) if why), ""))
     return quantities, entries, whys

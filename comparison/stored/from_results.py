@@ -138,14 +138,14 @@ def structural_difference(one: Arm, other: Arm, *, nominal: bool = False) -> str
         return f"{len(one)} and {len(other)} joints"
     if not np.allclose(one.gravity, other.gravity):
         return f"gravity {one.gravity} and {other.gravity}"
-    for number, (mine, its) in enumerate(zip(one.joints, other.joints), 1):
+    for number, (joint, other_joint) in enumerate(zip(one.joints, other.joints), 1):
         for name in ("type", "convention"):
-            if getattr(mine, name) != getattr(its, name):
-                return f"{name} of joint {number} is {getattr(mine, name)} and {getattr(its, name)}"
+            if getattr(joint, name) != getattr(other_joint, name):
+                return f"{name} of joint {number} is {getattr(joint, name)} and {getattr(other_joint, name)}"
         for name in (*STRUCTURE, *(NOMINAL if nominal else ())):
-            if not np.allclose(getattr(mine, name), getattr(its, name), rtol=1e-9, atol=ROUNDING):
-                return f"{name} of joint {number} is {getattr(mine, name)} and {getattr(its, name)}"
-        if nominal and mine.friction_curve != its.friction_curve:
+            if not np.allclose(getattr(joint, name), getattr(other_joint, name), rtol=1e-9, atol=ROUNDING):
+                return f"{name} of joint {number} is {getattr(joint, name)} and {getattr(other_joint, name)}"
+        if nominal and joint.friction_curve != other_joint.friction_curve:
             return f"friction_curve of joint {number} differs"
     return ""
 
@@ -184,7 +184,7 @@ def _align_identified(results: Sequence[Stored], before: int) -> tuple[list[Quan
     quantities = []
     for quantity in union:
         name = quantity.name
-        absent = [str(result.path) for result, mine in zip(results, entries) if name not in mine]
+        absent = [str(result.path) for result, known in zip(results, entries) if name not in known]
         missing = [all(name not in one for one in side) for side in (entries[:before], entries[before:])]
         quantities.append(
             quantity.not_comparable(f"not identified in {', '.join(absent)}") if any(missing) else quantity
@@ -215,15 +215,15 @@ def estimates_of(results: Sequence[Stored]) -> tuple[list[Quantity], list[Estima
         quantities, entries, _ = entries_of([result.path for result in results], [result.table for result in results])
     else:
         quantities, entries = identified_entries(results)
-    return quantities, [estimate_of(result, quantities, mine) for result, mine in zip(results, entries)]
+    return quantities, [estimate_of(result, quantities, known) for result, known in zip(results, entries)]
 
 
 def estimate_of(result: Stored, quantities: Sequence[Quantity], entries: Mapping[str, Entry]) -> Estimate:
     """What a result says of some quantities; NaN where it has no entry, or no deviation."""
     nothing: Entry = (math.nan, None, "")
-    mine = [entries.get(quantity.name, nothing) for quantity in quantities]
-    values = np.array([entry[0] for entry in mine])
-    std = np.array([entry[1] or math.nan for entry in mine])
+    shown = [entries.get(quantity.name, nothing) for quantity in quantities]
+    values = np.array([entry[0] for entry in shown])
+    std = np.array([entry[1] or math.nan for entry in shown])
     if _holds_directions(result.table):
         std = PRETEST * std
     freedom = _freedom(result.table)

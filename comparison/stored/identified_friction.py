@@ -46,14 +46,14 @@ def friction_points(
         bands = [[band for band in table.get("friction_curves", []) if band["joint"] == joint] for table in tables]
         if not all(bands):
             continue
-        alike = all(len(own) == 1 for own in bands)
+        alike = all(len(curves) == 1 for curves in bands)
         # a curve may begin at standstill, where friction has no direction
-        low = max(next((v for v in band["speed"] if v > 0.0), np.inf) for own in bands for band in own)
-        high = min(band["speed"][-1] for own in bands for band in own)
+        low = max(next((v for v in band["speed"] if v > 0.0), np.inf) for curves in bands for band in curves)
+        high = min(band["speed"][-1] for curves in bands for band in curves)
         if low >= high:
             continue
         for direction in ("positive",) if alike else ("positive", "negative"):
-            sides = [next(band for band in own if band["direction"] in (direction, "both")) for own in bands]
+            sides = [next(band for band in curves if band["direction"] in (direction, "both")) for curves in bands]
             degc = common_temperature(tables, joint)
             for speed in np.geomspace(low, high, POINTS):
                 way = 1.0 if direction == "positive" else -1.0

@@ -24,8 +24,8 @@ def report(trend: Trend) -> Report:
     moved, limited = trend.moved, trend.limited
     shown = [*moved, *(one for one in limited if one not in moved)]
     still = [movement for movement in trend.movements if movement not in shown][:MOST_PLOTS]
-    said = [sentence(one, trend.histories) for one in moved]
-    said += [limit_sentence(one, its, trend.histories) for one in limited for its in one.reaches]
+    sentences = [sentence(one, trend.histories) for one in moved]
+    sentences += [limit_sentence(one, its, trend.histories) for one in limited for its in one.reaches]
     first, last = trend.histories.date(0.0), trend.histories.date(_last(trend.movements))
     name = "" if trend.arm is None else f"{trend.arm.name}: "
     histories = trend.histories
@@ -37,7 +37,7 @@ def report(trend: Trend) -> Report:
             "what": f"{len(histories.results)} {histories.what}, {first} to {last}.",
             "says": verdict(trend),
             "moved": bool(moved),
-            "said": said,
+            "said": sentences,
             "warnings": histories.warnings,
             "shown": histories_chart(histories, shown, "moved", "histories of what moved") if shown else None,
             "still": histories_chart(histories, still, "still", "histories of what did not move", 3) if still else None,

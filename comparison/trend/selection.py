@@ -68,7 +68,7 @@ def select(histories: Sequence[History]) -> list[Moved]:
                 fits[k] = fit(history, terms, fits[k].between)
         if not added:
             break
-    fits = [fitted if mine else alone for fitted, alone, mine in zip(fits, still, moved)]
+    fits = [fitted if moves else alone for fitted, alone, moves in zip(fits, still, moved)]
     return [_moved(*one) for one in zip(histories, fits, first, corrected, known)]
 
 
@@ -114,10 +114,10 @@ def _known(histories: Sequence[History], fits: Sequence[Fit]) -> list[Scatter]:
     kinds = ["friction" if history.quantity.kind == "curve" else history.quantity.kind for history in histories]
     found = {}
     for kind in set(kinds):
-        mine = [fitted for fitted, its in zip(fits, kinds) if its == kind and fitted.freedom > 0]
-        if len(mine) < FEWEST:
+        of_kind = [fitted for fitted, its in zip(fits, kinds) if its == kind and fitted.freedom > 0]
+        if len(of_kind) < FEWEST:
             found[kind] = FEW
         else:
-            freedom = np.array([one.freedom for one in mine], float)
-            found[kind] = Scatter(*common_scatter(np.array([one.rest for one in mine]) / freedom, freedom))
+            freedom = np.array([one.freedom for one in of_kind], float)
+            found[kind] = Scatter(*common_scatter(np.array([one.rest for one in of_kind]) / freedom, freedom))
     return [found[kind] for kind in kinds]

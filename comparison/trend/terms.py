@@ -122,17 +122,17 @@ def tests(history: History, fitted: Fit, tried: list[Term], freedom: float) -> t
     columns = np.stack([term.column(history.days) for term in tried], axis=1) / total[:, None]
     size = np.linalg.norm(columns, axis=0)
     columns = columns - q @ (q.T @ columns)
-    left = np.linalg.norm(columns, axis=0)
+    length = np.linalg.norm(columns, axis=0)
     degrees = len(y) - q.shape[1] - 1
-    separate = (left > 1e-6 * size) & (degrees >= 0)
-    unit = columns / np.where(separate, left, 1.0)
+    separate = (length > 1e-6 * size) & (degrees >= 0)
+    unit = columns / np.where(separate, length, 1.0)
     gain = np.where(separate, (unit.T @ y) ** 2, 0.0)
     rest = np.maximum(y @ y - gain, 0.0)
     share = unit**2
-    own = share * (history.raw**2 / total**2)[:, None]
+    variances = share * (history.raw**2 / total**2)[:, None]
     with np.errstate(divide="ignore", invalid="ignore"):
-        welch = np.sum(own, axis=0) ** 2 / np.sum(own**2 / history.freedom[:, None], axis=0)
-        t = np.sqrt(gain / np.maximum(_corrected(rest, degrees, freedom), own.sum(axis=0)))
+        welch = np.sum(variances, axis=0) ** 2 / np.sum(variances**2 / history.freedom[:, None], axis=0)
+        t = np.sqrt(gain / np.maximum(_corrected(rest, degrees, freedom), variances.sum(axis=0)))
     p = 2 * stats.t.sf(t, np.minimum(welch, freedom + degrees))
     return np.where(separate, p, 1.0), gain
 
