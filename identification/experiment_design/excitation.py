@@ -12,7 +12,7 @@ condition    condition number of the weighted regressor, columns scaled by the p
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -22,7 +22,7 @@ from arm_io.types import Array
 from arm_model import Arm
 from arm_model.system import inverse_dynamics
 from experiment import Experiment, demand_of
-from identification.experiment_design.fourier_series import Series, Shapes, fourier_motion, sampled
+from identification.experiment_design.fourier_series import Series, Shapes, fourier_motion
 from identification.experiment_design.keep_clear import SMALLEST, clear_share, clear_start, is_clear, none_is_clear
 from identification.experiment_design.limits import Limits
 from identification.regression.base_parameters import BaseParameters, structural_base
@@ -71,7 +71,7 @@ def design_excitation(
         scores = np.full(len(trials), -np.inf)
         if clear.any():
             motions = judged.motions(start[clear], weights[clear])
-            scores[clear] = _scores(arm, base, judged.t, motions, limits, criterion)
+            scores[clear] = scores_of(arm, base, judged.t, motions, limits, criterion)
         winner = int(np.argmax(scores))
         if scores[winner] > best_score:
             best, best_score = trials[winner], float(scores[winner])
@@ -92,19 +92,7 @@ class _Task:
     shapes: Shapes
 
 
-def excitation_scores(
-    arm: Arm, base: BaseParameters, experiments: Sequence[Experiment], limits: Limits, criterion: Criterion = "d"
-) -> Array:
-    """(len(experiments),), larger is better.
-
-    Log determinant of the information, or minus the log of the condition number.
-    """
-    found = [sampled(experiment, ROWS) for experiment in experiments]
-    t, *motions = (np.stack([motion[k] for motion in found]) for k in range(4))
-    return _scores(arm, base, t[0], (motions[0], motions[1], motions[2]), limits, criterion)
-
-
-def _scores(
+def scores_of(
     arm: Arm,
     base: BaseParameters,
     t: Array,
@@ -112,7 +100,10 @@ def _scores(
     limits: Limits,
     criterion: Criterion,
 ) -> Array:
-    """As ``excitation_scores``, of m motions at the instants ``t`` (k,): q, q', q'' (m, k, n)."""
+    """(m,) of m motions q, q', q'' (m, k, n) at the instants ``t`` (k,); larger is better, -inf shows not all.
+
+    Log determinant of the information, or minus the log of the condition number.
+    """
     count = len(motions[0])
     q, qd, qdd = (motion.reshape(-1, len(arm)) for motion in motions)
     columns = model_columns(arm, q, qd, qdd, t=np.tile(t, count))[:, :, base.kept]

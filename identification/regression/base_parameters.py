@@ -138,7 +138,7 @@ def reading_order(names: tuple[str, ...]) -> list[int]:
     return sorted(range(len(names)), key=rank)
 
 
-def structural_base(arm: Arm, friction: Friction = "symmetric", *, states: int = 0, seed: int = 1) -> BaseParameters:
+def structural_base(arm: Arm, friction: Friction = "symmetric") -> BaseParameters:
     """What any motion of this arm could show: base parameters from random states within its limits.
 
     Columns of effects depend on the other parameters, so that arms with other bodies decide too (``_generic_arms``).
@@ -146,8 +146,7 @@ def structural_base(arm: Arm, friction: Friction = "symmetric", *, states: int =
     # Where friction only turns about, Coulomb's magnitudes and an offset are not the same: let it turn at once.
     arm = replace(arm, joints=tuple(replace(joint, sign_velocity=1e-7) for joint in arm.joints))
     names = column_names(arm, friction)
-    random = np.random.default_rng(seed)
-    count = states or 4 * len(names)
+    random, count = np.random.default_rng(1), 4 * len(names)
     limits = [joint.limits or ((-np.pi, np.pi) if joint.revolute else (-1.0, 1.0)) for joint in arm.joints]
     q = random.uniform([low for low, _ in limits], [high for _, high in limits], (count, len(arm)))
     qd, qdd = random.uniform(-2, 2, q.shape), random.uniform(-5, 5, q.shape)

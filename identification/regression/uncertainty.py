@@ -59,14 +59,14 @@ class FitUncertainty:
         low, high = np.quantile(self.bootstrap(), [0.16, 0.84], axis=0)
         return np.asarray((high - low) / 2)
 
-    def bootstrap(self, *, replicates: int = REPLICATES, seed: int = 0) -> Array:
-        """(replicates, b) by how much refits to blocks drawn anew differ from the fit."""
+    def bootstrap(self) -> Array:
+        """(REPLICATES, b) by how much refits to blocks drawn anew differ from the fit."""
         grams, scores = self.normal
         count = len(grams)
         if not count:
-            return np.full((replicates, scores.shape[1]), np.nan)
+            return np.full((REPLICATES, scores.shape[1]), np.nan)
         scale = 1 / np.sqrt(np.maximum(np.abs(np.diag(grams.sum(axis=0))), 1e-300))
-        drawn = np.random.default_rng(seed).multinomial(count, np.full(count, 1 / count), size=replicates).astype(float)
+        drawn = np.random.default_rng(0).multinomial(count, np.full(count, 1 / count), size=REPLICATES).astype(float)
         held = 0.0 if self.prior is None else self.prior
         pull = 0.0 if self.prior is None else scores.sum(axis=0)
         return np.array([_solve(np.tensordot(c, grams, 1) + held, c @ scores - pull, scale) for c in drawn])

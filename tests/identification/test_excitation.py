@@ -3,23 +3,33 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from arm_model.description import EffectTerm
+from arm_model.description import Arm, EffectTerm
 from arm_model.model_file import read_model
 from arm_model.system.dynamics import inverse_dynamics
 from armscope.cli import run
 from daq.rig.preflight import check_motion
 from daq.rig.rig_file import read_rig
-from experiment import demand_of, read_experiment
+from experiment import Experiment, demand_of, read_experiment
 from identification.experiment_design import Limits, design_excitation
-from identification.experiment_design.excitation import excitation_scores, singular_values
-from identification.regression.base_parameters import structural_base
+from identification.experiment_design.excitation import ROWS, Criterion, scores_of, singular_values
+from identification.experiment_design.fourier_series import sampled
+from identification.regression.base_parameters import BaseParameters, structural_base
 from tests.arm_model.pumas import three_links
+
+
+def of_experiments(
+    arm: Arm, base: BaseParameters, experiments: Sequence[Experiment], limits: Limits, criterion: Criterion
+) -> np.ndarray:
+    motions = [sampled(experiment, ROWS) for experiment in experiments]
+    t, q, qd, qdd = (np.stack([motion[k] for motion in motions]) for k in range(4))
+    return scores_of(arm, base, t[0], (q, qd, qdd), limits, criterion)
 
 
 @pytest.mark.parametrize("criterion", ["d", "condition"])
@@ -38,7 +48,7 @@ def test_design_is_feasible_and_better_than_chance(root: Path, criterion: str) -
     assert np.all(np.abs(qd).max(axis=0) <= slack * limits.speed)
     assert np.all(np.abs(qdd).max(axis=0) <= slack * limits.acceleration)
     chance = [design_excitation(arm, criterion=criterion, candidates=1, seed=seed) for seed in range(5)]
-    scores = excitation_scores(arm, structural_base(arm), [found, *chance], limits, criterion)
+    scores = of_experiments(arm, structural_base(arm), [found, *chance], limits, criterion)
     assert scores[0] > np.median(scores[1:])
 
 
@@ -111,5 +121,5 @@ def test_effects_of_the_model_count(root: Path) -> None:
     base, limits = structural_base(arm), Limits.of(arm)
     assert {"joint1.friction_drift.fraction", "joint2.load_friction.mu"} <= {base.names[k] for k in base.kept}
     still, found = (design_excitation(arm, candidates=count, seed=1) for count in (1, 96))
-    scores = excitation_scores(arm, base, [still, found], limits)
+    scores = of_experiments(arm, base, [still, found], limits, "d")
     assert np.isfinite(scores).all() and scores[1] > scores[0]
