@@ -23,10 +23,12 @@ class ExtensionLimits(Limits):
     """Gains are shares of the rms.
 
     standard_errors  between blocks that a gain must exceed, in place of a false-discovery rate: there are enough blocks
+    likely           the same, of an extension in a set that is tried instead of the one found
     folds            parts of the points, each predicted without itself
     """
 
     standard_errors: float = 3.0
+    likely: float = 2.0
     folds: int = 5
 
 
@@ -205,11 +207,19 @@ class _Selected:
 
 
 def _without(one: Extension, found: _Selected, model: LeftOutPoints) -> Iterator[_Selected]:
-    """The selection without an extension: from the beginning, and from the others that were chosen."""
+    """The selection without an extension and those of its joint that are alike.
+
+    From the beginning, and from the others that were chosen. The set that is found counts as a whole, so each of it has
+    to be but likely.
+    """
     kept = [trial for trial in found.trials if trial.accepted and trial.extension is not one]
+    alike = [
+        other for trial in found.trials if trial.extension is one for other in trial.alike if other.joint == one.joint
+    ]
+    rest = tuple(c for c in model.candidates if c is not one and c not in alike)
+    limits = replace(model.limits, standard_errors=model.limits.likely)
     for begin, trials in (((), []), (tuple(c for c in found.chosen if c is not one), kept)):
-        rest = tuple(c for c in model.candidates if c is not one)
-        yield _selected(replace(model, candidates=rest, begin=begin, trials=trials))
+        yield _selected(replace(model, candidates=rest, begin=begin, trials=trials, limits=limits))
 
 
 def _selected(model: LeftOutPoints) -> _Selected:
