@@ -70,7 +70,7 @@ def check_table(where: str | Path, table: Mapping[str, Any], model: type[M]) -> 
     try:
         return model.model_validate(table)
     except ValidationError as error:
-        first = error.errors(include_url=False)[0]
+        first = _complaints(error)[0]
         right = hint(table, model, first["loc"], unknown=first["type"] in UNKNOWN)
         raise InputError(where, one_line(error) + right) from None
 
@@ -80,7 +80,7 @@ def one_line(error: ValidationError) -> str:
 
     Entries of arrays are numbered from 1, as everywhere in armscope. Where more is wrong, the number follows.
     """
-    complaints = error.errors(include_url=False)
+    complaints = _complaints(error)
     first = complaints[0]
     place = ""
     for part in first["loc"]:
@@ -95,6 +95,16 @@ def one_line(error: ValidationError) -> str:
         message += f" (is {first['input']!r})"
     more = f" (and {len(complaints) - 1} more)" if len(complaints) > 1 else ""
     return f"{place}: {message}{more}" if place else f"{message}{more}"
+
+
+def _complaints(error: ValidationError) -> list[Any]:
+    """Pydantic's complaints; before a first that an entry is missing, those of unknown ones beside it: misspelt."""
+    complaints = error.errors(include_url=False)
+    first = complaints[0]
+    if first["type"] == "missing":
+        beside = first["loc"][:-1]
+        complaints.sort(key=lambda one: not (one["type"] in UNKNOWN and one["loc"][:-1] == beside))
+    return complaints
 
 
 def write_toml(path: str | Path, table: Mapping[str, Any], *, heading: str = "") -> None:

@@ -43,6 +43,13 @@ def test_a_file_of_another_kind_is_called_so(root: Path, reader: Any, file: str,
             "unknown entry; is it rotor_inertia?",
         ),
         (read_experiment, EXPERIMENT, "duration =", "duratoin = 1.0\nduration =", "is it duration?"),
+        (
+            read_experiment,
+            EXPERIMENT,
+            "duration =",
+            "duratoin =",
+            "duratoin: unknown entry (and 1 more); is it duration?",
+        ),
         (read_experiment, EXPERIMENT, "description =", "zzz =", "zzz: unknown entry; known are description, full_"),
     ],
 )
