@@ -95,16 +95,16 @@ class Added:
 def always(arm: Arm, motions: Sequence[Motion]) -> list[Added]:
     """The tilt of the base; zeros, springs, elastic gears and gaps of every joint, but those that the model has."""
     centre = np.mean([arm.link_angles(motion.q).mean(axis=0) for motion in motions], axis=0)
-    own = {(term.name, term.joint) for term in arm.effects}
-    every = [Added("base_tilt", None)]
+    modelled = {(term.name, term.joint) for term in arm.effects}
+    effects = [Added("base_tilt", None)]
     for joint in range(1, len(arm) + 1):
-        every.append(Added("joint_zero_offset", joint))
-        every.append(Added("gravity_spring", joint, {"rest_angle": float(centre[joint - 1])}))
+        effects.append(Added("joint_zero_offset", joint))
+        effects.append(Added("gravity_spring", joint, {"rest_angle": float(centre[joint - 1])}))
         elastic = [{"stiffness": stiffness, "damping": DAMPING} for stiffness in STIFFNESSES]
-        every += [Added("joint_compliance", joint, held, tries=len(elastic)) for held in elastic]
+        effects += [Added("joint_compliance", joint, held, tries=len(elastic)) for held in elastic]
         gaps = [{"half_gap": gap, "contact_stiffness": 1e5, "contact_damping": DAMPING} for gap in HALF_GAPS]
-        every += [Added("backlash", joint, held, tries=len(gaps)) for held in gaps]
-    return [one for one in every if (one.effect, one.joint) not in own]
+        effects += [Added("backlash", joint, held, tries=len(gaps)) for held in gaps]
+    return [one for one in effects if (one.effect, one.joint) not in modelled]
 
 
 def added_rows(every: Sequence[Added], arm: Arm, motion: Motion) -> Array:

@@ -81,27 +81,27 @@ def fewest_changes(
     chances = _chances(structure, joint, found)
     values, covariance = shared_values(joint.fit, _model(structure, joint.added), found)
     maps = _maps(structure, np.diag(covariance), len(values), _by_scale(recorded))
-    made = np.zeros((len(found), len(changes)), bool)
-    for own, one in zip(made, found):
+    involved = np.zeros((len(found), len(changes)), bool)
+    for affected, one in zip(involved, found):
         sizes, errors = one.seen_by(maps)
-        own[:] = np.abs(sizes) > 2.0 * errors
+        affected[:] = np.abs(sizes) > 2.0 * errors
     decided = [
         change if by else _confirmed(change, chances, joint.every)
-        for change, by in zip(changes, made.any(axis=0) & _possible(changes))
+        for change, by in zip(changes, involved.any(axis=0) & _possible(changes))
     ]
     decided = _with_reasons(decided, changes, structure, joint)
     std = np.sqrt(np.maximum(np.sum(maps @ covariance * maps, axis=1), 0.0))
-    for own, one in zip(made, found):
+    for affected, one in zip(involved, found):
         if one.hypothesis.added is None:
             sizes, errors = one.seen_by(maps)
             k = _most_significant(one, decided, sizes, errors, structure.size)
             before, after = (float(maps[k] @ values), float(std[k])), (float(sizes[k]), float(errors[k]))
             decided[k] = _conditional(decided[k], before, after, one, joint.every)
-            own[k] = True
+            affected[k] = True
     causes = []
-    for own, one, rivals in zip(made, found, rivals_of(joint.fit, joint.every, found)):
+    for affected, one, rivals in zip(involved, found, rivals_of(joint.fit, joint.every, found)):
         # without what the others change less beside it
-        touched = own & np.any(maps @ one.hypothesis.directions != 0.0, axis=1)
+        touched = affected & np.any(maps @ one.hypothesis.directions != 0.0, axis=1)
         quantities = frozenset(change.quantity.name for change, by in zip(decided, touched) if by)
         causes.append(AcceptedChange(one, quantities, [rival.hypothesis for rival in rivals]))
     return decided, added_changes(structure, joint.every, found, values, covariance), causes
@@ -115,8 +115,8 @@ def _searched(recorded: Recorded) -> _Joint:
     arm, motions, after = recorded.structure.arm, recorded.motions, ~recorded.is_before
     joint, rows = _with(recorded, recorded.rows, [], always(arm, motions))
     for common in (True, False):
-        every = [[], joint.found] if joint.found else [[]]
-        residuals = [residuals_of(joint.fit, found) for found in every]
+        alternatives = [[], joint.found] if joint.found else [[]]
+        residuals = [residuals_of(joint.fit, found) for found in alternatives]
         proposed = [one for e in residuals for one in ripples(arm, motions, e, after, common=common)]
         if proposed:
             joint, rows = _with(recorded, rows, joint.added, proposed)
@@ -131,13 +131,13 @@ def _without_rivals(recorded: Recorded, joint: _Joint, rows: Sequence[Rows]) -> 
         return joint
     added, columns, first = [], list(range(recorded.structure.size)), recorded.structure.size
     for k, one in enumerate(joint.added):
-        own = range(first, first := first + len(one.units))
+        places = range(first, first := first + len(one.units))
         if k not in rivals:
             # it was chosen among theirs, too
             more = sum(joint.added[k].tries for k in rivals if one in waves and joint.added[k].near(one))
             added.append(replace(one, tries=one.tries + more))
-            columns += own
-    data = [replace(own, columns=own.columns[:, columns]) for own in rows]
+            columns += places
+    data = [replace(part, columns=part.columns[:, columns]) for part in rows]
     return _with(recorded, data, added, [])[0]
 
 
@@ -147,11 +147,11 @@ def _with(
     """The joint fit of ``rows``, which have the columns of those ``added``, with those of the others ``proposed``."""
     structure, fits, is_before = recorded.structure, recorded.fits, recorded.is_before
     new = [one for k, one in enumerate(proposed) if all(not one.same(other) for other in [*added, *proposed[:k]])]
-    data = [with_columns(own, added_rows(new, structure.arm, motion)) for own, motion in zip(rows, recorded.motions)]
-    every = [*added, *new]
-    tried, points = hypotheses(structure, every), point_masses(structure, every)
+    data = [with_columns(part, added_rows(new, structure.arm, motion)) for part, motion in zip(rows, recorded.motions)]
+    all_added = [*added, *new]
+    tried, points = hypotheses(structure, all_added), point_masses(structure, all_added)
     fit = joint_regression(structure, data, fits, is_before, recorded.drift)
-    return _Joint(fit, every, [*tried, *points], with_one_mass(fit, tried, points, selected(fit, tried))), data
+    return _Joint(fit, all_added, [*tried, *points], with_one_mass(fit, tried, points, selected(fit, tried))), data
 
 
 def _model(structure: Structure, added: Sequence[Added]) -> Array:
@@ -167,9 +167,9 @@ def _by_scale(recorded: Recorded) -> Array:
 
 def _maps(structure: Structure, variance: Array, size: int, by_scale: Array) -> Array:
     """(r, c) how the compared quantities follow from the values, and from those of a joint fit that come after them."""
-    own = structure.size
-    maps = np.concatenate([np.nan_to_num(friction_maps(structure, variance[:own])[1]), np.eye(own)])
-    effects = np.zeros((len(maps), size - own - by_scale.shape[1]))
+    count = structure.size
+    maps = np.concatenate([np.nan_to_num(friction_maps(structure, variance[:count])[1]), np.eye(count)])
+    effects = np.zeros((len(maps), size - count - by_scale.shape[1]))
     return np.concatenate([maps, effects, maps @ by_scale], axis=1)
 
 
@@ -223,9 +223,9 @@ def _with_reasons(
 
 def _most_significant(one: Tested, changes: Sequence[Change], sizes: Array, errors: Array, values: int) -> int:
     """The quantity that shows a hypothesis best: its own, or the value that changes by most deviations."""
-    own = next((k for k, each in enumerate(changes) if each.quantity.name == one.hypothesis.quantity), None)
-    if own is not None and errors[own] > 0.0:
-        return own
+    named = next((k for k, each in enumerate(changes) if each.quantity.name == one.hypothesis.quantity), None)
+    if named is not None and errors[named] > 0.0:
+        return named
     # several values, or a level of friction that is compared in one direction only
     first = len(sizes) - values
     clear = np.abs(sizes[first:]) / np.maximum(errors[first:], 1e-300)

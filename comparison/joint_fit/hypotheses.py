@@ -59,8 +59,8 @@ class Hypothesis:
 def hypotheses(structure: Structure, added: Sequence[Added]) -> list[Hypothesis]:
     """All of an arm."""
     described = [*_of_friction(structure), *_of_bodies(structure), *_single(structure)]
-    every = [*_widened(structure, described, added), *_of_added(structure, added), *_of_scales(structure, added)]
-    return [one for one in every if np.abs(one.directions).max(initial=0.0) > 0.0]
+    candidates = [*_widened(structure, described, added), *_of_added(structure, added), *_of_scales(structure, added)]
+    return [one for one in candidates if np.abs(one.directions).max(initial=0.0) > 0.0]
 
 
 def chance(one: float, every: Sequence[Hypothesis]) -> float:
@@ -81,17 +81,17 @@ def _widened(structure: Structure, every: Sequence[Hypothesis], added: Sequence[
 def _of_added(structure: Structure, added: Sequence[Added]) -> Iterator[Hypothesis]:
     size, first = size_with(structure, added), structure.size
     for one in added:
-        own = np.eye(size)[:, first : (first := first + len(one.units))]
+        directions = np.eye(size)[:, first : (first := first + len(one.units))]
         if one.effect == "gravity_spring" and one.joint is not None:
             constant = friction_shapes(structure, one.joint - 1)[2]
-            own = np.column_stack([own, np.pad(constant, (0, size - structure.size))])
-        yield Hypothesis("effect beyond the model", one.joint, own, added=one, tries=one.tries)
+            directions = np.column_stack([directions, np.pad(constant, (0, size - structure.size))])
+        yield Hypothesis("effect beyond the model", one.joint, directions, added=one, tries=one.tries)
 
 
 def single_values(structure: Structure, added: Sequence[Added]) -> list[Hypothesis]:
     """Each compared value alone, in their order."""
-    every = [_unit(structure, k, quantity) for k, quantity in enumerate(values_quantities(structure))]
-    return _widened(structure, every, added)
+    single = [_unit(structure, k, quantity) for k, quantity in enumerate(values_quantities(structure))]
+    return _widened(structure, single, added)
 
 
 def _unit(structure: Structure, k: int, quantity: Quantity) -> Hypothesis:

@@ -67,8 +67,8 @@ class JointRegression:
         """(c, c) each: pseudo-inverse of both sides' matrix, share of the shared fit that is of the side after, M."""
         common = len(self.total) - self.scales
         inverse = np.zeros_like(self.total)
-        own = self.total[:common, :common]
-        inverse[:common, :common] = np.linalg.pinv(own + NONE * np.eye(common), hermitian=True)
+        shared = self.total[:common, :common]
+        inverse[:common, :common] = np.linalg.pinv(shared + NONE * np.eye(common), hermitian=True)
         share = self.total_after @ inverse
         return inverse, share, np.asarray(self.total_after - share @ self.total_after)
 
@@ -84,10 +84,10 @@ def joint_regression(
     joints = len(structure.arm)
     size = data[0].columns.shape[1] + joints
     model = np.concatenate([structure.model(), np.zeros(size - joints - structure.size)])
-    square = np.array([_spread(rows, fitted, joints) for rows, fitted in zip(data, fits)])
+    square = np.array([_mean_squares(rows, fitted, joints) for rows, fitted in zip(data, fits)])
     noise = np.sqrt(np.array([np.median(of[np.isfinite(of)]) if np.isfinite(of).any() else 1.0 for of in square.T]))
     parts = [_weighted(rows, model, noise) for rows in data]
-    before = _values_of([one for one, mine in zip(parts, is_before) if mine], model)
+    before = _values_of([one for one, earlier in zip(parts, is_before) if earlier], model)
     parts = [(np.concatenate([x, _scales(one, before, noise)], axis=1), y) for one, (x, y) in zip(data, parts)]
     square = sum((x**2).sum(axis=0) for x, _ in parts)
     # of a joint that stands, or a gap that its load never crosses, nothing is shown
@@ -106,10 +106,10 @@ def joint_regression(
     return JointRegression(x, y, block, of, ~is_before[of], scale, *squares, drift, joints)
 
 
-def _spread(rows: Rows, fitted: Fitted, joints: int) -> Array:
+def _mean_squares(rows: Rows, fitted: Fitted, joints: int) -> Array:
     """(J,) mean square residual of each joint's rows; NaN of a joint that stands."""
-    of = [fitted.residual[rows.equations.joint == j] for j in range(joints)]
-    return np.array([np.mean(mine**2) if len(mine) else np.nan for mine in of])
+    residuals = [fitted.residual[rows.equations.joint == j] for j in range(joints)]
+    return np.array([np.mean(residual**2) if len(residual) else np.nan for residual in residuals])
 
 
 def _weighted(rows: Rows, model: Array, noise: Array) -> tuple[Array, Array]:
@@ -146,5 +146,5 @@ def _sizes(square: Array) -> Array:
 
 def _scales(rows: Rows, values: Array, noise: Array) -> Array:
     """(k, J) torque of each joint alone by the values (c,), as ``_without_own``."""
-    own = rows.equations.joint[:, None] == np.arange(len(noise))
-    return _without_own(rows, (rows.columns @ values)[:, None] * own, noise)
+    of_joint = rows.equations.joint[:, None] == np.arange(len(noise))
+    return _without_own(rows, (rows.columns @ values)[:, None] * of_joint, noise)

@@ -201,9 +201,9 @@ def _estimates(given: _Conditional, shapes: Sequence[_Shape], drift: Array) -> l
     found: list[_Estimate | None] = []
     end = 0
     for k, one in enumerate(shapes):
-        own = slice(end, end := end + len(one.size))
-        moves = np.where(after[:, None], shown[:, own], 0.0) - shared[:, own]
-        parts = np.asarray(into @ (remaining[:, k, None] * moves)), np.asarray(into @ (shown[:, own] ** 2))
+        columns = slice(end, end := end + len(one.size))
+        moves = np.where(after[:, None], shown[:, columns], 0.0) - shared[:, columns]
+        parts = np.asarray(into @ (remaining[:, k, None] * moves)), np.asarray(into @ (shown[:, columns] ** 2))
         white = np.sum(one.along * (given.m @ one.along), axis=0) / one.size**2
         moved = one.along.T @ drifting / one.size[:, None]
         found.append(_estimate(fit, one, *parts, white, moved) if len(one.size) else None)
@@ -245,8 +245,8 @@ def _with_scatter(fit: JointRegression, every: Sequence[Hypothesis], raw: Sequen
     scatter = np.array([of.scatter if fit.recordings > 2 else 0.0 for _, of in pairs])
     freedom = np.full(len(pairs), float(max(fit.recordings - 2, 1)))
     for what in {one.what for one, _ in pairs}:
-        mine = np.array([one.what == what for one, _ in pairs])
-        scatter[mine], freedom[mine] = moderate(scatter[mine], freedom[mine])
+        alike = np.array([one.what == what for one, _ in pairs])
+        scatter[alike], freedom[alike] = moderate(scatter[alike], freedom[alike])
     found = []
     for (one, of), more, degrees in zip(pairs, scatter, freedom):
         covariance, count = of.covariance * max(more, 1.0) + of.drift @ of.drift.T, len(of.shape.coefficients)

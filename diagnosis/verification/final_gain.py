@@ -33,11 +33,11 @@ def negligible(state: State, causes: Sequence[Cause]) -> int | None:
     arms = [run.arm.effects for run in runs]
     terms = [term for cause in causes for term in cause.terms]
     found: list[tuple[float, int]] = []
-    full = _energy(runs, [(*own, *terms) for own in arms])
+    full = _energy(runs, [(*of_run, *terms) for of_run in arms])
     for index, (c, cause) in enumerate(zip(state.chosen, causes, strict=True)):
         alone = model.conditional(c, model.without(c, state), state)
         others = [term for term in terms if term not in cause.terms]
-        gain = float((_energy(runs, [(*own, *others) for own in arms]) - full).sum())
+        gain = float((_energy(runs, [(*of_run, *others) for of_run in arms]) - full).sum())
         least = LIMITS.min_gain * state.data.held_out.rows
         if gain < least or not model.needed(alone, state):
             found.append((min(gain, alone.gain), index))
@@ -73,7 +73,7 @@ def with_significance(state: State, causes: Sequence[Cause]) -> list[Cause]:
 def _energy(runs: Sequence[Run], effects: Sequence[Sequence[EffectTerm]]) -> Array:
     """(n,) squared whitened residuals of the rows that are compared, under the arms of ``runs`` with these effects."""
     total = np.zeros(len(runs[0].arm))
-    for run, own in zip(runs, effects):
-        white = run.whiten(residual_under(run, own))
+    for run, of_run in zip(runs, effects):
+        white = run.whiten(residual_under(run, of_run))
         total += np.sum(white**2 * comparable_rows(run), axis=0)
     return total

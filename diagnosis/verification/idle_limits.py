@@ -28,12 +28,12 @@ def idle_limits(
 
     extended: the model with all ``causes``.
     """
-    every, runs, idle = [*recordings.fit, *recordings.held_out], [run for part in data for run in part.runs], []
+    both_sides, runs, idle = [*recordings.fit, *recordings.held_out], [run for part in data for run in part.runs], []
     for cause in causes:
         if limit_of(cause) is None or cause.joint is None:
             continue
         without = replace(extended, effects=tuple(term for term in extended.effects if term not in cause.terms))
-        pairs = [(compare(r, without, run), compare(r, extended, run)) for r, run in zip(every, runs)]
+        pairs = [(compare(r, without, run), compare(r, extended, run)) for r, run in zip(both_sides, runs)]
         both = [(a, b) for a, b in pairs if a is not None and b is not None]
         noise = float(np.mean([run.noise[cause.joint - 1] for run in runs]))
         if all(shows_nothing(cause, a, b, noise) for a, b in both) if both else held_at_standstill(cause, runs):

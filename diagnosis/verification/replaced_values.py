@@ -9,12 +9,12 @@ from arm_model import Arm
 
 def smoothing_replaced(model: Arm, base: Arm) -> Iterator[str]:
     """A sentence per joint whose Coulomb smoothing velocity is not that of the model."""
-    for number, (own, other) in enumerate(zip(model.joints, base.joints), 1):
-        if other.sign_velocity != own.sign_velocity:
+    for number, (joint, changed) in enumerate(zip(model.joints, base.joints), 1):
+        if changed.sign_velocity != joint.sign_velocity:
             of = f" of joint {number}" if len(model) > 1 else ""
             yield (
-                f"Coulomb smoothing velocity{of} set to {other.sign_velocity:.2g} instead of {own.sign_velocity:.2g} "
-                f"{own.unit('rad/s')}"
+                f"Coulomb smoothing velocity{of} set to {changed.sign_velocity:.2g} instead of {joint.sign_velocity:.2g} "
+                f"{joint.unit('rad/s')}"
             )
 
 

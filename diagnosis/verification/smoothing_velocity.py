@@ -56,10 +56,10 @@ def other_smoothing(state: State, causes: Sequence[Cause]) -> OtherSmoothing | N
         if cause.effect not in near or cause.joint is None:
             continue
         others = [term for term in terms if term not in cause.terms]
-        without, with_it = (_energies(runs, own, cause.joint) for own in (others, terms))
+        without, with_it = (_energies(runs, effects, cause.joint) for effects in (others, terms))
         if without.min() - with_it.min() < LIMITS.min_gain * state.data.held_out.rows:
-            own = runs[0].arm.joints[cause.joint - 1].sign_velocity
-            return OtherSmoothing(cause.key, float(own * SMOOTHING[int(np.argmin(without))]))
+            velocity = runs[0].arm.joints[cause.joint - 1].sign_velocity
+            return OtherSmoothing(cause.key, float(velocity * SMOOTHING[int(np.argmin(without))]))
     return None
 
 

@@ -230,12 +230,12 @@ def unexcited(base: BaseParameters, excited: NDArray[np.intp]) -> list[str]:
 
 def excited_of(rows: Equations, base: BaseParameters, arm: Arm) -> NDArray[np.intp]:
     """(e,) indices, in order, of the base parameters that these rows show."""
-    shown = rows.columns[:, base.kept] / _spread(rows, arm)[:, None]
+    shown = rows.columns[:, base.kept] / _torque_std(rows, arm)[:, None]
     labels = [base.names[k] for k in base.kept]
     return np.sort(base_parameters(shown, labels, order=range(len(base)), negligible=EXCITED).kept)
 
 
-def _spread(rows: Equations, arm: Arm) -> Array:
+def _torque_std(rows: Equations, arm: Arm) -> Array:
     """(rows,) standard deviation of the torque of each row's joint."""
     torques = [rows.torque[rows.joint == j] for j in range(len(arm))]
     return np.array([max(float(np.std(torque)), 1e-12) if len(torque) else 1.0 for torque in torques])[rows.joint]
@@ -247,6 +247,6 @@ def excitation_of(problem: Problem) -> Excitation:
     Rows of a joint over the spread of its torque.
     """
     base, rows = problem.base, problem.rows
-    fit = weighted(rows.columns[:, problem.columns], rows.torque, 1 / _spread(rows, problem.arm))
+    fit = weighted(rows.columns[:, problem.columns], rows.torque, 1 / _torque_std(rows, problem.arm))
     silent = [base.expression(int(k)) for k in np.setdiff1d(np.arange(len(base)), problem.excited)]
     return Excitation(len(problem.excited), len(base), fit.condition, silent)
