@@ -13,8 +13,8 @@ def smoothing_replaced(model: Arm, base: Arm) -> Iterator[str]:
         if changed.sign_velocity != joint.sign_velocity:
             of = f" of joint {number}" if len(model) > 1 else ""
             yield (
-                f"Coulomb smoothing velocity{of} set to {changed.sign_velocity:.2g} instead of {joint.sign_velocity:.2g} "
-                f"{joint.unit('rad/s')}"
+                f"Coulomb smoothing velocity{of} set to {changed.sign_velocity:.2g} "
+                f"instead of {joint.sign_velocity:.2g} {joint.unit('rad/s')}"
             )
 
 
