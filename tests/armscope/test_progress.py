@@ -124,11 +124,12 @@ def test_imports_of_every_format_report_how_far_they_are(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from armscope.cli import run
-    from daq.recording.tables import matlab, open_source, parquet, read_blocks, ros_bag
+    from daq.recording.messages import bag_rows
+    from daq.recording.tables import matlab, open_source, parquet, read_blocks
 
-    for module in (matlab, parquet, ros_bag):
+    for module in (matlab, parquet, bag_rows):
         monkeypatch.setattr(module, "ROWS", 20)
-    monkeypatch.setattr(ros_bag, "WAITING", 1)
+    monkeypatch.setattr(bag_rows, "WAITING", 1)
     record(tmp_path / "run.mcap")
     path = tmp_path / name
     assert (
