@@ -12,7 +12,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
-from arm_io import DeviceFault, InputError, read_file, read_text
+from arm_io import DeviceFault, InputError, check_file, read_file, read_text
 from arm_io.progress import silent
 from armscope.api.reading import File, open_recording
 from armscope.shipped import found
@@ -122,10 +122,12 @@ def _through_server(
     transfer: Callable[[int, int], None],
 ) -> Recorded:
     from arm_model.collision import read_chain
+    from daq.recording.provenance import check_ending
     from daq.rig import read_rig
     from daq.service import RemoteServer, server_of
     from daq.service.transfer import fetch as transfers
 
+    check_ending(out)
     checked = read_rig(rig, drivers=False)
     server = server_of(rig, checked, read_chain)
     try:
@@ -147,6 +149,7 @@ def _through_server(
 def _place(out: Path, folder: str | None, fetch: bool) -> Path:
     """Where the recording is made, as the server sees it."""
     if folder is None:
+        check_file(out)  # as it was given: the server knows the whole path alone
         return out.absolute()
     if not fetch and out.name != str(out):
         raise InputError(

@@ -20,6 +20,8 @@ from daq.recording.mcap_file.checksums import MAGIC
 from daq.recording.messages.row_format import format_of
 
 _PACKAGES = ("armscope", "numpy", "scipy", "mcap", "zstandard", "eclipse-zenoh")
+TABLE_ENDINGS = (".csv", ".tsv", ".txt", ".parquet", ".pq", ".mat", ".h5", ".hdf5", ".xlsx", ".db3")
+"""Of files of other programs, by which those open them."""
 
 
 def provenance(kind: str, **details: Any) -> dict[str, Any]:
@@ -72,6 +74,7 @@ def check_replaceable(path: str | Path, *, measured: bool = False) -> None:
     measured  replace any recording
     """
     if not os.path.isfile(path) or not os.path.getsize(path):
+        check_ending(path)
         return
     if not measured and is_measured(path):
         raise InputError(path, "exists already, and no recording of a rig is overwritten; use another name")
@@ -80,6 +83,14 @@ def check_replaceable(path: str | Path, *, measured: bool = False) -> None:
             raise InputError(
                 path, "exists already and is no recording, which alone would be replaced; use another name"
             )
+
+
+def check_ending(path: str | Path) -> None:
+    """InputError where a recording would have the name of a table, which no other program could open."""
+    name = Path(path)
+    if name.suffix.lower() in TABLE_ENDINGS:
+        mcap = name.with_suffix(".mcap")
+        raise InputError(path, f"a recording is an MCAP file: name it {mcap}; 'armscope export' makes tables of it")
 
 
 def _version(package: str) -> str:

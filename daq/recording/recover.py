@@ -21,7 +21,7 @@ from daq.recording.mcap_file.pages import ACTIVE
 from daq.recording.mcap_file.writer import McapFile, as_json, being_written
 from daq.recording.messages.row_format import format_of
 from daq.recording.parts import finish_file, open_file, write_content, write_pictures
-from daq.recording.provenance import check_replaceable
+from daq.recording.provenance import check_ending, check_replaceable
 
 
 @dataclass(frozen=True)
@@ -86,6 +86,8 @@ def _place(path: Path, out: str | Path | None, replace: bool) -> Path:
         if path.suffix != ACTIVE:
             raise InputError(path, "is not called '.active'; use --out with the name of the new file")
         out = path.with_suffix("")
+    elif not os.path.exists(out):
+        check_ending(out)
     check_file(out)
     out = Path(out)
     if out.exists() and os.path.exists(path) and out.samefile(path):

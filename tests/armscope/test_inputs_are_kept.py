@@ -121,6 +121,29 @@ def test_tables_and_models_are_not_replaced(
     assert Path("link.toml").is_symlink()
 
 
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["import", "table.csv"],
+        ["recover", "run.mcap"],
+        ["simulate", "--model", "config/models/emps.toml", "--like", "run.mcap"],
+        ["record", "--rig", "config/puma560_sim.toml", "--experiment", "config/experiments/excitation.toml"],
+    ],
+)
+@pytest.mark.parametrize("ending", [".csv", ".PARQUET", ".mat"])
+def test_no_recording_is_called_a_table(
+    folder: Path, arguments: list[str], ending: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    before = set(folder.iterdir())
+    capfd.readouterr()
+    assert run([*arguments, "--out", f"sub.one/new{ending}"]) == 2
+    assert capfd.readouterr().err.splitlines()[-1] == (
+        f"error: sub.one/new{ending}: a recording is an MCAP file: name it sub.one/new.mcap; "
+        "'armscope export' makes tables of it"
+    )
+    assert set(folder.iterdir()) == before
+
+
 def test_an_empty_file_is_replaced(folder: Path) -> None:
     Path("new.mcap").touch()
     assert run(["import", "table.csv", "--out", "new.mcap"]) == 0

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from armscope.api.recording import text_of
+from armscope.cli import run
 
 ENDED = {
     "rows": 5,
@@ -33,3 +34,13 @@ def test_the_file_of_a_run(
     (tmp_path / "here").mkdir()
     monkeypatch.chdir(tmp_path / "here")
     assert text_of(ENDED | more | {"file": str(tmp_path / place)}).startswith(named.format(root=tmp_path))
+
+
+def test_a_folder_that_is_not_there_is_named_as_it_was_given(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    rig, motion = "config/puma560_sim.toml", "config/experiments/excitation.toml"
+    assert run(["record", "--rig", rig, "--experiment", motion, "--out", "none/a.mcap"]) == 2
+    said = capfd.readouterr().err.splitlines()[-1]
+    assert said == "error: none/a.mcap: cannot be written: there is no folder none"
