@@ -68,8 +68,8 @@ def screened(arm: Arm, recordings: Sequence[Recording], progress: Progress = lam
     recordings = [filled(r, own) for r, own in zip(recordings, holes)]
     powered = [r for r in recordings if not setup_of(r).drives_off]
     still, oscillating = still_noise(powered), oscillations(powered)
-    for one in oscillating:
-        still[one.joint - 1] = 0.0  # not known: what oscillates is no noise
+    for oscillation in oscillating:
+        still[oscillation.joint - 1] = 0.0  # not known: what oscillates is no noise
     known = [KnownNoise(still=still, setpoints=known_setpoints(arm, r), demands=r.qref) for r in recordings]
     missing = missing_rows(recordings)
     of_all = [event_of_missing(missing, recordings)] if any(missing) else []
@@ -128,5 +128,5 @@ def _its_own(arm: Arm, limit: Event) -> bool:
     assert limit.joint is not None
     joint = arm.joints[limit.joint - 1]
     value, std = next((p.value, p.std) for p in limit.parameters if p.name == "limit")
-    own = None if joint.torque_limit is None else joint.torque_limit / joint.drive_constant
-    return own is not None and abs(value - own) < 2 * std + OWN_LIMIT * own
+    stated = None if joint.torque_limit is None else joint.torque_limit / joint.drive_constant
+    return stated is not None and abs(value - stated) < 2 * std + OWN_LIMIT * stated

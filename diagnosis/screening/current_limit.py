@@ -115,13 +115,13 @@ def current_limits(recordings: Sequence[Recording], arm: Arm | None = None) -> l
         clipped = _clipped(recordings, [np.where(d, v, 0.0) for v, d in zip(of_joint, driven)], j, pile, arm)
         if not clipped:
             return None
-        what = "current" if arm is None else recorded_quantity(arm.joints[j])
+        quantity = "current" if arm is None else recorded_quantity(arm.joints[j])
         unit = "A" if arm is None else arm.joints[j].command_unit
         return Event(
             effect=CURRENT_LIMIT.name,
             joint=j + 1,
             parameters=[Estimate("limit", pile.level, noise, "A")],
-            evidence=f"the {what} of joint {j + 1} is clipped at {pile.level:.3g} {unit} in {len(clipped)} of "
+            evidence=f"the {quantity} of joint {j + 1} is clipped at {pile.level:.3g} {unit} in {len(clipped)} of "
             f"{len(recordings)} recordings",
             recordings=clipped,
         )
@@ -145,7 +145,7 @@ def _pile(values: Sequence[Array], noise: float, recordings: Sequence[Recording]
         return _Pile(0.0, noise, 0.0, 0.0, 0.0)
     top = float(np.quantile(y, TOP))
     levels = np.linspace(top - 6.0 * noise, top, LEVELS)
-    level = float(levels[np.argmax([np.sum(np.abs(y - one) < 2.0 * noise) for one in levels])])
+    level = float(levels[np.argmax([np.sum(np.abs(y - tried) < 2.0 * noise) for tried in levels])])
     at = np.abs(y - level) < 2.0 * noise
     level = float(np.median(y[at])) if at.any() else level
     return _Pile(level, noise, 0.0, 0.0, 0.0).of(y, period)
@@ -158,16 +158,16 @@ def _clipped(
 
     values: (m,) |current|, 0 where the joint is not driven.
     """
-    at = [pile.holds(one) for one in values]
-    moving = tuple(k for k, r in enumerate(recordings) if at[k].any() and np.ptp(r.q[:, j]) > 0.01)
-    flat = max(_longest(rows) * r.dt for rows, r in zip(at, recordings))
-    if pile.level < LEAST * pile.noise or flat < FLAT_SECONDS:
+    at_level = [pile.holds(current) for current in values]
+    moving = tuple(k for k, r in enumerate(recordings) if at_level[k].any() and np.ptp(r.q[:, j]) > 0.01)
+    longest = max(_longest(rows) * r.dt for rows, r in zip(at_level, recordings))
+    if pile.level < LEAST * pile.noise or longest < FLAT_SECONDS:
         return ()
     # a servo without feed-forward lags by its speed: no farther than where the current was smaller is not away
-    usual = max((_lag(r, j) for r, rows in zip(recordings, at) if not rows.any()), default=0.0)
-    away = [k for k in moving if _runs_away(recordings[k], j, at[k], usual)]
-    alone = [_pile([values[k][values[k] > 0.0]], pile.noise, recordings[k : k + 1]).high for k in away]
-    if any(alone):
+    usual_lag = max((_lag(r, j) for r, rows in zip(recordings, at_level) if not rows.any()), default=0.0)
+    away = [k for k in moving if _runs_away(recordings[k], j, at_level[k], usual_lag)]
+    piled_by_rows = [_pile([values[k][values[k] > 0.0]], pile.noise, recordings[k : k + 1]).high for k in away]
+    if any(piled_by_rows):
         return moving
     visits = _visits(recordings, values, j, pile)
     if not (pile.high and _again(visits)) and not _returns(visits) and not _sharp(visits):
@@ -239,7 +239,7 @@ def _over_friction(
         speed = np.gradient(ndimage.gaussian_filter1d(r.q[:, j], max(1.0, SMOOTHED / r.dt)), r.dt)
         certain = np.abs(speed) > MOVING_SHARE * np.quantile(np.abs(speed), 0.95)
         rows = pile.holds(value) & certain
-        up, down = (of[rows] for of in total_at(arm.joints[j], np.abs(speed)))
+        up, down = (by_speed[rows] for by_speed in total_at(arm.joints[j], np.abs(speed)))
         friction = np.where(speed[rows] > 0.0, up, -down) / arm.joints[j].drive_constant
         sign = np.sign(ndimage.uniform_filter1d(r.i[:, j], max(1, round(AVERAGED / r.dt))))[rows]
         x.append(sign * friction)
@@ -258,13 +258,13 @@ def _driven(recording: Recording, j: int) -> NDArray[np.bool_]:
     A joint that stands under friction holds its last current for as long as it stands, at its limit or not.
     """
     span = max(3, round(STANDS / recording.dt))
-    least = {"q": STEPS * angle_noise(recording.q[:, [j]])[0], "qref": 1e-6}
+    thresholds = {"q": STEPS * angle_noise(recording.q[:, [j]])[0], "qref": 1e-6}
     moves = np.zeros(len(recording), dtype=bool)
-    for name, most in least.items():
+    for name, threshold in thresholds.items():
         values = getattr(recording, name)
         if values is not None:
-            at = values[:, j]
-            turned = ndimage.maximum_filter1d(at, span) - ndimage.minimum_filter1d(at, span) > most
+            of_joint = values[:, j]
+            turned = ndimage.maximum_filter1d(of_joint, span) - ndimage.minimum_filter1d(of_joint, span) > threshold
             # a window reaches half its length beyond the motion that it sees
             moves |= ndimage.minimum_filter1d(turned, span)
     return moves

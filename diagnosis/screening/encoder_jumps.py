@@ -49,17 +49,17 @@ def jumps(recordings: Sequence[Recording], arm: Arm) -> list[Event]:
     def of_joint(j: int) -> list[tuple[int, Jump]]:
         return [(index, jump) for index, r in enumerate(recordings) for jump in _all_jumps(r, j)]
 
-    found = in_parallel(of_joint, range(recordings[0].joints))
-    return [_event(recordings, arm.joints[j], j + 1, own) for j, own in enumerate(found) if own]
+    by_joint = in_parallel(of_joint, range(recordings[0].joints))
+    return [_event(recordings, arm.joints[j], j + 1, found) for j, found in enumerate(by_joint) if found]
 
 
 def _event(recordings: Sequence[Recording], drive: Joint, joint: int, found: Sequence[tuple[int, Jump]]) -> Event:
     """found: index of a recording and a jump in it, all of one joint (from 1)."""
-    index, largest = max(found, key=lambda one: abs(one[1].size))
+    index, largest = max(found, key=lambda indexed: abs(indexed[1].size))
     steps = {k: _count(recordings[k].q[:, joint - 1], drive) for k, _ in found}
     step, size, r = steps[index], largest.size, recordings[index]
-    others = f", as at {len(found) - 1} more instant{'s' if len(found) > 2 else ''}" if len(found) > 1 else ""
-    shown = tuple(dict.fromkeys(k for k, _ in found))
+    elsewhere = f", as at {len(found) - 1} more instant{'s' if len(found) > 2 else ''}" if len(found) > 1 else ""
+    showing = tuple(dict.fromkeys(k for k, _ in found))
     return Event(
         effect=MISSED_COUNTS.name,
         joint=joint,
@@ -69,9 +69,9 @@ def _event(recordings: Sequence[Recording], drive: Joint, joint: int, found: Seq
             Estimate("resolution", step, 0.01 * step, "rad"),
         ],
         evidence=f"the angle of joint {joint} jumps by {size:.3g} rad between two rows at {r.t[largest.row]:.3f} s of "
-        f"{r.path.name} and keeps that offset{others} "
-        f"({len(shown)} of {len(recordings)} recordings show a jump)",
-        recordings=shown,
+        f"{r.path.name} and keeps that offset{elsewhere} "
+        f"({len(showing)} of {len(recordings)} recordings show a jump)",
+        recordings=showing,
         gain=Gain(before=abs(size), after=float(abs(size - step * np.round(size / step))), unit="rad", joint=joint),
         encoder_jumps=tuple(
             EncoderJump(
@@ -94,7 +94,7 @@ def _std(counts: float) -> float:
 
 def turned_per_row(q: Array, row: int, dt: float) -> float:
     """rad: turn of an angle (m,) per row about a row, without the step there."""
-    near = _near(dt)
+    near = rows_near(dt)
     return float(q[row - 1] - q[row - near] + q[row + near - 1] - q[row]) / (2 * (near - 1))
 
 
@@ -104,8 +104,8 @@ def _count(q: Array, joint: Joint) -> float:
     A step that is far finer than the model's encoder is that of printed digits.
     """
     step = encoder_step(q)
-    own = 0.0 if joint.encoder_lines is None else 2 * np.pi / (4 * joint.encoder_lines * abs(joint.ratio))
-    return own if step < PRINTED * own else step or own or resolution(q)
+    of_model = 0.0 if joint.encoder_lines is None else 2 * np.pi / (4 * joint.encoder_lines * abs(joint.ratio))
+    return of_model if step < PRINTED * of_model else step or of_model or resolution(q)
 
 
 def _all_jumps(recording: Recording, j: int) -> list[Jump]:
@@ -116,18 +116,18 @@ def _all_jumps(recording: Recording, j: int) -> list[Jump]:
     q, found = recording.q[:, j].copy(), list[Jump]()
     t = _instants(recording, q)
     for _ in range(SEARCHES):
-        more = [jump for row, size in _steep(q, t) if (jump := _staying(q, t, row, size)) is not None]
-        if not more:
+        further = [jump for row, size in _steep(q, t) if (jump := _staying(q, t, row, size)) is not None]
+        if not further:
             break
-        found += more
-        q = _without(q, more)
+        found += further
+        q = _without(q, further)
     return sorted(found, key=lambda jump: jump.row)
 
 
-def _without(q: Array, several: Sequence[Jump]) -> Array:
+def _without(q: Array, removed: Sequence[Jump]) -> Array:
     """(m,) an angle without some of its jumps."""
     q = q.copy()
-    for jump in several:
+    for jump in removed:
         q[jump.row :] -= jump.size
     return q
 
@@ -155,7 +155,7 @@ def _instants(recording: Recording, q: Array) -> Array:
     the host, and jitter more than the instants.
     """
     even: Array = recording.dt * np.arange(len(q), dtype=float)
-    if len(q) < 8 * _near(recording.dt):
+    if len(q) < 8 * rows_near(recording.dt):
         return even
     return recording.t if _usual(_beyond(q, recording.t)) < _usual(_beyond(q, even)) else even
 
@@ -163,7 +163,7 @@ def _instants(recording: Recording, q: Array) -> Array:
 def _beyond(q: Array, t: Array) -> Array:
     """(m - 1,) rad by which an angle (m,) turns more from row to row than at the speed of the rows beside."""
     steps = np.diff(t)
-    return np.asarray(np.diff(q) - steps * signal.medfilt(np.diff(q) / steps, 2 * (_near(_period(t)) // 2) + 1))
+    return np.asarray(np.diff(q) - steps * signal.medfilt(np.diff(q) / steps, 2 * (rows_near(_period(t)) // 2) + 1))
 
 
 def _usual(beyond: Array) -> float:
@@ -177,16 +177,16 @@ def _period(t: Array) -> float:
 def _steep(q: Array, t: Array) -> list[tuple[int, float]]:
     """Rows before jumps of an angle (m,) at t (m,) s, and their sizes, rad; the largest first."""
     step = encoder_step(q)
-    if np.ptp(q) == 0.0 or len(q) < 8 * _near(_period(t)):
+    if np.ptp(q) == 0.0 or len(q) < 8 * rows_near(_period(t)):
         return []
-    beyond, near = _beyond(q, t), _near(_period(t))
+    beyond, near = _beyond(q, t), rows_near(_period(t))
     # no more than the noise of an angle without steps is no jump
     least = max(JUMP_IN_STEPS * step, JUMP_OVER_OTHERS * _usual(beyond))
     steep = np.flatnonzero((np.abs(beyond) >= least) & (_sharp(q, t) >= JUMP_IN_STEPS * step))
     found: list[tuple[int, float]] = []
     fastest, usual = 0.0, 1.5 * float(np.median(np.abs(beyond)))
     for row in steep[np.argsort(-np.abs(beyond[steep]), kind="stable")].tolist():
-        if near < row < len(q) - 2 * near and all(abs(row - other) > near for other, _ in found):
+        if near < row < len(q) - 2 * near and all(abs(row - place) > near for place, _ in found):
             size = float(beyond[row])
             if _neighbouring(q, t, row, steep) > max(BESIDE * abs(size), USUAL_BESIDE * usual, 1.5 * step):
                 fastest = max(fastest, abs(size))
@@ -201,14 +201,15 @@ def _neighbouring(q: Array, t: Array, row: int, steep: Rows) -> float:
 
     The trend is a straight line through the speeds on either side from the third row on, without ``steep`` rows.
     """
-    most, last = 0.0, min(max(8, round(0.05 / _period(t))), 13)
+    excess, reach = 0.0, min(max(8, round(0.05 / _period(t))), 13)
     for side in (-1, 1):
-        here, rows = row + side, np.setdiff1d(row + side * np.arange(3, last), steep)
+        neighbour, rows = row + side, np.setdiff1d(row + side * np.arange(3, reach), steep)
         rows = rows[(rows >= 0) & (rows < len(q) - 1)]
         if len(rows) > 3:
-            speed = np.polyfit(rows - here, (q[rows + 1] - q[rows]) / (t[rows + 1] - t[rows]), 1)[1]
-            most = max(most, abs(float(q[here + 1] - q[here] - (t[here + 1] - t[here]) * speed)))
-    return most
+            speed = np.polyfit(rows - neighbour, (q[rows + 1] - q[rows]) / (t[rows + 1] - t[rows]), 1)[1]
+            turn, seconds = q[neighbour + 1] - q[neighbour], t[neighbour + 1] - t[neighbour]
+            excess = max(excess, abs(float(turn - seconds * speed)))
+    return excess
 
 
 def _sharp(q: Array, t: Array) -> Array:
@@ -223,7 +224,7 @@ def _sharp(q: Array, t: Array) -> Array:
 
 def _staying(q: Array, t: Array, row: int, size: float) -> Jump | None:
     """A jump after a row whose offset remains: parabolas through the rows before and after differ by it."""
-    near = _near(_period(t))
+    near = rows_near(_period(t))
     before, after = slice(max(row - 5 * near, 0), row + 1), slice(row + 1, row + 1 + 5 * near)
     between = (t[row] + t[row + 1]) / 2
     later, earlier = (np.polyval(np.polyfit(t[rows] - between, q[rows], 2), 0.0) for rows in (after, before))
@@ -231,7 +232,7 @@ def _staying(q: Array, t: Array, row: int, size: float) -> Jump | None:
     return Jump(row + 1, float(shift)) if abs(shift - size) <= 0.3 * abs(size) else None
 
 
-def _near(dt: float) -> int:
+def rows_near(dt: float) -> int:
     """Rows within which an angle is compared about a jump."""
     return max(3, round(0.01 / dt))
 

@@ -6,11 +6,13 @@ would be an error of every acceleration, which a compliance of the drive explain
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from arm_io.types import Array
 from daq.recording import Recording
@@ -70,18 +72,35 @@ def even(recordings: Sequence[Recording]) -> list[Recording]:
 
 def _even(recording: Recording, grid: Array) -> Recording:
     t = recording.t
-    rows: dict[str, Any] = {"t": grid}
     later = np.searchsorted(t, grid).clip(1, len(t) - 1)
     nearest = np.where(grid - t[later - 1] < t[later] - grid, later - 1, later)
+    curves = {name: partial(_spline, t, grid) for name in SPLINED}
+    return resampled(recording, grid, nearest, curves)
+
+
+def _spline(t: Array, grid: Array, values: Array) -> Array:
+    return on_grid(t, values, grid, grid[1] - grid[0])[0]
+
+
+def resampled(
+    recording: Recording, stamps: Array, rows: NDArray[np.intp], curves: Mapping[str, Callable[[Array], Array]]
+) -> Recording:
+    """A recording with rows at other stamps (m,) s.
+
+    Signals by their ``curves``, of values (n, J) to (m, J); other numbers by straight lines; what is no number, and
+    integers, as in ``rows`` (m,) of the recording.
+    """
+    t = recording.t
+    changed: dict[str, Any] = {"t": stamps}
     for field in fields(recording):
         values = getattr(recording, field.name)
         if field.name == "t" or not isinstance(values, np.ndarray) or len(values) != len(t):
             continue
-        if field.name in SPLINED:
-            rows[field.name] = on_grid(t, values, grid, grid[1] - grid[0])[0]
+        if field.name in curves:
+            changed[field.name] = curves[field.name](values)
         elif np.issubdtype(values.dtype, np.floating):
-            columns = values.reshape(len(t), -1).T
-            rows[field.name] = np.stack([np.interp(grid, t, one) for one in columns], axis=1).reshape(values.shape)
+            straight = [np.interp(stamps, t, column) for column in values.reshape(len(t), -1).T]
+            changed[field.name] = np.stack(straight, axis=1).reshape(len(stamps), *values.shape[1:])
         else:
-            rows[field.name] = values[nearest]
-    return replace(recording, **rows)
+            changed[field.name] = values[rows]
+    return replace(recording, **changed)

@@ -51,21 +51,21 @@ def united(events: Sequence[Event]) -> list[Event]:
 
     Parameters are those of the first with that effect; evidence, recordings and lost rows are those of all.
     """
-    found: dict[tuple[str, int | None], Event] = {}
+    of_key: dict[tuple[str, int | None], Event] = {}
     for event in events:
         key = event.effect, event.joint
-        before = found.get(key)
-        if before is None:
-            found[key] = event
+        first = of_key.get(key)
+        if first is None:
+            of_key[key] = event
             continue
-        gains = [one.gain for one in (before, event) if one.gain is not None]
-        found[key] = replace(
-            before,
-            evidence=f"{before.evidence}; {event.evidence}",
-            recordings=tuple(sorted({*before.recordings, *event.recordings})),
+        gains = [e.gain for e in (first, event) if e.gain is not None]
+        of_key[key] = replace(
+            first,
+            evidence=f"{first.evidence}; {event.evidence}",
+            recordings=tuple(sorted({*first.recordings, *event.recordings})),
             gain=max(gains, key=lambda gain: gain.before - gain.after, default=None),
-            of_joints={**event.of_joints, **before.of_joints},
-            lost_rows=(*before.lost_rows, *event.lost_rows),
-            encoder_jumps=(*before.encoder_jumps, *event.encoder_jumps),
+            of_joints={**event.of_joints, **first.of_joints},
+            lost_rows=(*first.lost_rows, *event.lost_rows),
+            encoder_jumps=(*first.encoder_jumps, *event.encoder_jumps),
         )
-    return list(found.values())
+    return list(of_key.values())

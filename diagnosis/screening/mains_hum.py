@@ -37,23 +37,23 @@ def mains_hum(recordings: Sequence[Recording], lines_of: Mapping[int, Sequence[L
 
     One event of the whole rig where most currents show the line: what couples it in is common to them.
     """
-    found = {joint: lines for joint, lines in lines_of.items() if _no_mains(lines) is None}
-    frequencies = [_frequency(lines) for lines in found.values()]
-    if len(found) > max(1, recordings[0].joints / 2) and np.ptp(frequencies) <= ONE_LINE:
-        return [_of_rig(found, recordings, arm)]
-    return [_of_joint(joint, lines, arm) for joint, lines in found.items()]
+    hum = {joint: lines for joint, lines in lines_of.items() if _no_mains(lines) is None}
+    frequencies = [_frequency(lines) for lines in hum.values()]
+    if len(hum) > max(1, recordings[0].joints / 2) and np.ptp(frequencies) <= ONE_LINE:
+        return [_of_rig(hum, recordings, arm)]
+    return [_of_joint(joint, lines, arm) for joint, lines in hum.items()]
 
 
 def other_lines(lines_of: Mapping[int, Sequence[Line]], arm: Arm) -> Iterator[str]:
     """Says which currents have a line near the mains (``lines_near_mains``) that is no mains hum."""
     of_reason: dict[str, list[str]] = {}
     for joint, lines in lines_of.items():
-        if why := _no_mains(lines):
+        if reason := _no_mains(lines):
             amplitude = float(np.mean([line.amplitude for line in lines]))
             size = f"{amplitude:.2g} {arm.joints[joint - 1].command_unit}"
-            of_reason.setdefault(why, []).append(f"{_frequency(lines):.2f} Hz at joint {joint} ({size})")
-    for why, places in of_reason.items():
-        yield f"unexplained: a line of the {recorded_quantities(arm)}, {', '.join(places)}; no mains hum, as {why}"
+            of_reason.setdefault(reason, []).append(f"{_frequency(lines):.2f} Hz at joint {joint} ({size})")
+    for reason, places in of_reason.items():
+        yield f"unexplained: a line of the {recorded_quantities(arm)}, {', '.join(places)}; no mains hum, as {reason}"
 
 
 def lines_near_mains(recordings: Sequence[Recording], arm: Arm) -> dict[int, list[Line]]:
@@ -107,8 +107,8 @@ def _of_setpoints(line: Line, arm: Arm, dt: float) -> bool:
         return False
     period = arm.controller.setpoint_period
     lines = np.arange(1, int(ALIASED * period / dt) + 1) / period
-    seen = np.abs(lines - np.round(lines * dt) / dt)
-    near = np.abs(seen - line.frequency) <= ONE_LINE
+    sampled = np.abs(lines - np.round(lines * dt) / dt)
+    near = np.abs(sampled - line.frequency) <= ONE_LINE
     below = np.arange(len(lines)) <= int(period / dt)
     steady = line.modulation + SURE * line.modulation_std < MODULATED
     return bool(np.any(near & below) or (np.any(near) and not steady))
@@ -122,11 +122,11 @@ def without_hum(recording: Recording, events: Sequence[Event]) -> Array:
             continue
         f = next(p.value for p in event.parameters if p.name == "frequency")
         line = waves(f, recording.t)
-        passed = above(line, recording.dt)
+        filtered_line = above(line, recording.dt)
         for joint in event.of_joints or (event.joint,):
             assert joint is not None, "hum is of joints"
-            seen = above(current[:, joint - 1], recording.dt)
-            current[:, joint - 1] -= line @ np.linalg.lstsq(passed, seen, rcond=None)[0]
+            filtered = above(current[:, joint - 1], recording.dt)
+            current[:, joint - 1] -= line @ np.linalg.lstsq(filtered_line, filtered, rcond=None)[0]
     return current
 
 
@@ -142,21 +142,21 @@ def _of_joint(joint: int, lines: Sequence[Line], arm: Arm) -> Event:
     )
 
 
-def _of_rig(found: Mapping[int, Sequence[Line]], recordings: Sequence[Recording], arm: Arm) -> Event:
+def _of_rig(hum: Mapping[int, Sequence[Line]], recordings: Sequence[Recording], arm: Arm) -> Event:
     """Its parameters are those of the joint with the largest line."""
-    largest = max(found, key=lambda joint: float(np.mean([line.amplitude for line in found[joint]])))
-    f = float(np.median([_frequency(lines) for lines in found.values()]))
-    what = recorded_signals(arm)
-    which = f"all {what} have" if len(found) == recordings[0].joints else f"{what} of {len(found)} joints have"
+    largest = max(hum, key=lambda joint: float(np.mean([line.amplitude for line in hum[joint]])))
+    f = float(np.median([_frequency(lines) for lines in hum.values()]))
+    signals = recorded_signals(arm)
+    subject = f"all {signals} have" if len(hum) == recordings[0].joints else f"{signals} of {len(hum)} joints have"
     return Event(
         effect=MAINS_HUM.name,
         joint=None,
-        parameters=_parameters(found[largest], f),
-        evidence=f"{which} one spectral line at {f:.2f} Hz in all {len(recordings)} recordings, so that it enters "
+        parameters=_parameters(hum[largest], f),
+        evidence=f"{subject} one spectral line at {f:.2f} Hz in all {len(recordings)} recordings, so that it enters "
         f"where they are common (supply, ground or converter); the largest is that of joint {largest}",
         recordings=tuple(range(len(recordings))),
-        gain=_gain(largest, found[largest]),
-        of_joints={joint: _parameters(lines, f) for joint, lines in found.items()},
+        gain=_gain(largest, hum[largest]),
+        of_joints={joint: _parameters(lines, f) for joint, lines in hum.items()},
     )
 
 

@@ -47,27 +47,27 @@ def check(arm: Arm, recordings: Sequence[Recording]) -> None:
         constant = np.ptp(r.i, axis=0) == 0.0
         if constant.any() and not setup_of(r).drives_off:
             j = int(np.argmax(constant))
-            what = recorded_quantity(arm.joints[j])
-            raise InputError(r.path, f"{what} of joint {j + 1} never changes; is it connected?")
+            quantity = recorded_quantity(arm.joints[j])
+            raise InputError(r.path, f"{quantity} of joint {j + 1} never changes; is it connected?")
 
 
 def recorded_otherwise(arm: Arm, recordings: Sequence[Recording]) -> list[str]:
     """What the models that recordings carry say otherwise of the drives, each sentence once, with their names."""
     names: dict[str, dict[str, None]] = {}
     for r in recordings:
-        for said in other_drives(r, arm):
-            names.setdefault(said, {})[r.path.name] = None
-    return [f"{', '.join(of)}: {said}" for said, of in names.items()]
+        for difference in other_drives(r, arm):
+            names.setdefault(difference, {})[r.path.name] = None
+    return [f"{', '.join(files)}: {difference}" for difference, files in names.items()]
 
 
 def check_motion(arm: Arm, recordings: Sequence[Recording], words: str) -> None:
     """InputError where no joint moves in any of the recordings (named by ``words``), or angles are not in radians."""
     for r in recordings:
         for j, joint in enumerate(arm.joints):
-            most = float(np.nanmax(np.abs(r.q[:, j])))
-            if joint.revolute and joint.limits and most > BEYOND * max(map(abs, joint.limits)):
+            largest = float(np.nanmax(np.abs(r.q[:, j])))
+            if joint.revolute and joint.limits and largest > BEYOND * max(map(abs, joint.limits)):
                 raise InputError(
-                    r.path, f"joint {j + 1} reads up to {most:.3g} rad, far beyond its limits; are these degrees?"
+                    r.path, f"joint {j + 1} reads up to {largest:.3g} rad, far beyond its limits; are these degrees?"
                 )
     if all(np.max(np.nanmax(r.q, axis=0) - np.nanmin(r.q, axis=0)) < STANDSTILL for r in recordings):
         raise InputError(recordings[0].path, f"no joint moves in the {words} recordings; a motion is needed")
@@ -77,7 +77,7 @@ def mixed_up(runs: Sequence[Run]) -> tuple[str, ...]:
     """Warnings of drive signals that are the expected ones with the other sign, or many times as large or small."""
     warnings = []
     for run in runs:
-        what = recorded_signals(run.arm)
+        signals = recorded_signals(run.arm)
         excited = np.flatnonzero(
             (np.std(run.current, axis=0) > ABOVE_NOISE * run.noise) & (np.ptp(run.expected, axis=0) > 0.0)
         )
@@ -86,13 +86,14 @@ def mixed_up(runs: Sequence[Run]) -> tuple[str, ...]:
             for j in excited
         ]
         correlation = np.array([np.corrcoef(measured, expected)[0, 1] for measured, expected in pairs])
-        times = np.array([np.std(measured) / np.std(expected) for measured, expected in pairs])
+        ratio = np.array([np.std(measured) / np.std(expected) for measured, expected in pairs])
         if len(excited) and np.mean(correlation < OPPOSITE) > 0.5:
             warnings.append(
-                f"{what} of {run.name} have the opposite sign of the expected ones; have they the sign of the angles?"
+                f"{signals} of {run.name} have the opposite sign of the expected ones; have they the sign of the "
+                "angles?"
             )
-        elif len(excited) and np.mean((correlation > ALIKE) & (np.abs(np.log(times)) > np.log(OTHER_UNIT))) > 0.5:
+        elif len(excited) and np.mean((correlation > ALIKE) & (np.abs(np.log(ratio)) > np.log(OTHER_UNIT))) > 0.5:
             warnings.append(
-                f"{what} of {run.name} are {np.median(times):.2g} times the expected ones; are they in its unit?"
+                f"{signals} of {run.name} are {np.median(ratio):.2g} times the expected ones; are they in its unit?"
             )
     return tuple(warnings)

@@ -70,13 +70,13 @@ def residuals_of(arm: Arm, screened: Screened, progress: Progress = lambda sente
         # raw rows are here already
         return replace(run, raw=(nothing, nothing))
 
-    found = in_parallel(residual, range(len(arms)))
+    computed = in_parallel(residual, range(len(arms)))
     # the arm itself, of which recordings of one setup have the same
-    runs = [replace(run, raw=(t, q), arm=own) for run, (t, q, _), own in zip(found, screened.samples, arms)]
+    runs = [replace(run, raw=(t, q), arm=own_arm) for run, (t, q, _), own_arm in zip(computed, screened.samples, arms)]
     for k, gaps in enumerate(screened.counter_gaps):
         runs[k] = without_lost(runs[k], gaps, screened.recordings[k].dt) if gaps else runs[k]
     holes, blanks = screened.holes, screened.blanks
-    runs = [unweighted(without_skipped(run, left_out), none) for run, left_out, none in zip(runs, holes, blanks)]
+    runs = [unweighted(without_skipped(run, left_out), blank) for run, left_out, blank in zip(runs, holes, blanks)]
     periods = [r.dt for r in screened.recordings]
     return realigned(Residuals(screened.events, runs, screened.samples, periods, screened.known, holes, blanks), [])
 
@@ -92,27 +92,27 @@ def realigned(residuals: Residuals, terms: Sequence[EffectTerm]) -> Residuals:
     runs = list(recorded.runs)
     if terms:
         runs = [replace(run, expected=run.current - residual_with(run, terms)) for run in runs]
-    found = dropped_triggers(runs, recorded.periods)
-    if _rows_of(found) <= _rows_of(residuals.losses):
+    dropped = dropped_triggers(runs, recorded.periods)
+    if _rows_of(dropped) <= _rows_of(residuals.losses):
         return residuals
-    before, runs, samples, losses = recorded.runs, list(recorded.runs), list(recorded.samples), list(found)
-    for k in sorted({loss.recording for loss in found}):
-        here = [loss for loss in found if loss.recording == k]
+    recorded_runs, runs, samples, losses = recorded.runs, list(recorded.runs), list(recorded.samples), list(dropped)
+    for k in sorted({loss.recording for loss in dropped}):
+        of_recording = [loss for loss in dropped if loss.recording == k]
         t, q, i = samples[k]
-        for loss in here:
+        for loss in of_recording:
             i = realigned_rows(i, loss)
-        again = residual_run(runs[k].name, runs[k].arm, t, q, i, powered=runs[k].powered, known=residuals.known[k])
-        again = unweighted(without_skipped(again, residuals.holes[k]), residuals.blanks[k])
-        again = unmeasured(again, here)
+        corrected = residual_run(runs[k].name, runs[k].arm, t, q, i, powered=runs[k].powered, known=residuals.known[k])
+        corrected = unweighted(without_skipped(corrected, residuals.holes[k]), residuals.blanks[k])
+        corrected = unmeasured(corrected, of_recording)
         # of the same rows: those that were not measured have no say in either
-        if _energy(again, terms) < _energy(unmeasured(before[k], here), terms):
-            samples[k], runs[k] = (t, q, i), again
+        if _energy(corrected, terms) < _energy(unmeasured(recorded_runs[k], of_recording), terms):
+            samples[k], runs[k] = (t, q, i), corrected
         else:  # another error, which follows a change of lag at some joints and contradicts it at others
             losses = [loss for loss in losses if loss.recording != k]
     if _rows_of(losses) <= _rows_of(residuals.losses):
         return residuals
-    most = losses[0].recording
-    gain = _gain_of_realignment(before[most], runs[most], terms)
+    first = losses[0].recording
+    gain = _gain_of_realignment(recorded_runs[first], runs[first], terms)
     if any(abs(loss.count) > MOST_ROWS for loss in losses) and gain.after > MATTERS * gain.before:
         return residuals
     event = replace(event_of(losses, runs), gain=gain)
@@ -149,5 +149,5 @@ def _gain_of_realignment(original: Run, corrected: Run, terms: Sequence[EffectTe
     """Gain by realigned currents at the joint where it is largest."""
     rows = comparable_rows(original) & comparable_rows(corrected)
     before, after = (rms_where(residual_with(run, terms), rows) for run in (original, corrected))
-    most = int(np.argmax((before**2 - after**2) / corrected.noise**2))
-    return Gain(before=float(before[most]), after=float(after[most]), unit="A", joint=most + 1)
+    j = int(np.argmax((before**2 - after**2) / corrected.noise**2))
+    return Gain(before=float(before[j]), after=float(after[j]), unit="A", joint=j + 1)

@@ -72,9 +72,9 @@ def line_near_mains(t: Array, current: Array, still: slice | None = None) -> Lin
     dt = float(np.median(np.diff(t)))
     window = signal.windows.hann(len(t))
     frequency, power = _in_band((current - current.mean()) * window, dt)
-    off = np.min(np.abs(frequency[:, None] - np.array(MAINS)), axis=1)
+    from_mains = np.min(np.abs(frequency[:, None] - np.array(MAINS)), axis=1)
     peaks, _ = signal.find_peaks(power)
-    peaks = peaks[off[peaks] < AROUND]
+    peaks = peaks[from_mains[peaks] < AROUND]
     if len(peaks) == 0:
         return Line()
     top = int(peaks[np.argmax(power[peaks])])
@@ -84,10 +84,10 @@ def line_near_mains(t: Array, current: Array, still: slice | None = None) -> Lin
     f = float(frequency[top]) + _to_peak(power, top) * float(frequency[1] - frequency[0])
     line, high = waves(f, t), above(current, dt)
     a, b = np.linalg.lstsq(above(line, dt) * window[:, None], high * window, rcond=None)[0]
-    edges = [min(2 * edge * dt, most) for edge, most in zip(BAND, (0.98, 0.99))]
+    edges = [min(2 * edge * dt, limit) for edge, limit in zip(BAND, (0.98, 0.99))]
     near_mains = signal.butter(4, edges, "bandpass", output="sos")
-    taken = line @ np.array([a, b])
-    before, after = (float(np.std(zero_phase(near_mains, values))) for values in (current, current - taken))
+    fitted = line @ np.array([a, b])
+    before, after = (float(np.std(zero_phase(near_mains, values))) for values in (current, current - fitted))
     modulation, modulation_std = _modulation(high, t, f)
     frequency_std, amplitude_std, phase_std = _deviations(
         float(np.hypot(a, b)), after**2 / ((edges[1] - edges[0]) / (2 * dt)), t
@@ -102,7 +102,7 @@ def line_near_mains(t: Array, current: Array, still: slice | None = None) -> Lin
         phase=float(np.arctan2(b, a)),
         before=before,
         after=after,
-        comparable=_comparable_lines(power, off > AROUND, float(power[top])),
+        comparable=_comparable_lines(power, from_mains > AROUND, float(power[top])),
         modulation=modulation,
         modulation_std=modulation_std,
         at_rest=still is not None and present_at_rest(high[still], line[still], float(np.hypot(a, b))),
@@ -132,13 +132,13 @@ def present_at_rest(values: Array, line: Array, amplitude: float) -> bool:
 
 def _in_band(values: Array, dt: float) -> tuple[Array, Array]:
     """Frequencies of ``BAND`` (k,) Hz at a quarter of the resolution of values (m,), and the power of each."""
-    apart = 1.0 / (4 * len(values) * dt)
-    first, last = math.ceil(BAND[0] / apart), min(math.floor(BAND[1] / apart), 2 * len(values))
+    step = 1.0 / (4 * len(values) * dt)
+    first, last = math.ceil(BAND[0] / step), min(math.floor(BAND[1] / step), 2 * len(values))
     if last < first:
         return np.zeros(0), np.zeros(0)
     # the band alone: the transform of all frequencies of a prime number of rows takes ten times as long
     spectrum = _transform(len(values), first, last)(values)
-    return np.asarray(apart * np.arange(first, last + 1), float), np.asarray(np.abs(spectrum) ** 2, float)
+    return np.asarray(step * np.arange(first, last + 1), float), np.asarray(np.abs(spectrum) ** 2, float)
 
 
 @lru_cache(maxsize=4)  # the same for every joint
@@ -188,10 +188,10 @@ def _modulation(values: Array, t: Array, frequency: float) -> tuple[float, float
         return np.asarray(np.abs(np.mean(window * turned, axis=1)) ** 2)
 
     noise = float(np.mean([powers(frequency + side * off) for off in NEIGHBOURHOOD for side in (-1.0, 1.0)]))
-    seen = powers(frequency)
-    mean = float(seen.mean()) - noise
+    of_line = powers(frequency)
+    mean = float(of_line.mean()) - noise
     if mean <= 0.0:
         return 0.0, np.inf
     by_noise = noise**2 + 2 * mean * noise
-    variance = float(seen.var(ddof=1))
+    variance = float(of_line.var(ddof=1))
     return (variance - by_noise) / mean**2, float(np.sqrt(8.0 / count)) * by_noise / mean**2

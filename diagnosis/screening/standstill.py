@@ -50,12 +50,13 @@ def oscillations(recordings: Sequence[Recording]) -> list[Oscillation]:
     if not still:
         return []
     of_each = [_waves(recording, rows) for recording, rows in still]
-    found = []
+    oscillating = []
     for joint, waves in enumerate(zip(*of_each), 1):
         frequency, amplitude, share = np.array(waves).T
         if share.min() > SHARE and np.ptp(frequency) <= SAME:
-            found.append(Oscillation(joint, float(np.median(frequency)), float(np.mean(amplitude)), float(share.min())))
-    return found
+            sizes = np.median(frequency), np.mean(amplitude), share.min()
+            oscillating.append(Oscillation(joint, *map(float, sizes)))
+    return oscillating
 
 
 def _waves(recording: Recording, rows: slice) -> list[tuple[float, float, float]]:
@@ -69,14 +70,14 @@ def _waves(recording: Recording, rows: slice) -> list[tuple[float, float, float]
     values = values - straight @ np.linalg.lstsq(straight, values, rcond=None)[0]
     power = np.maximum(np.sum(values**2, axis=0), 1e-300)
     frequencies = np.arange(PERIODS / t[-1], COMPARE_BAND, STEP)
-    left = np.array([np.sum((values - _fitted(f, t, values)) ** 2, axis=0) for f in frequencies])
-    best, half = np.argmin(left, axis=0), len(t) // 2
+    residual = np.array([np.sum((values - _fitted(f, t, values)) ** 2, axis=0) for f in frequencies])
+    best, half = np.argmin(residual, axis=0), len(t) // 2
     waves = []
     for j, k in enumerate(best):
         parts = [values[rows_of, j] for rows_of in (slice(None), slice(None, half), slice(half, None))]
-        whole, first, second = (float(np.sqrt(2.0) * np.std(part)) for part in parts)
-        lasts = second > LASTS * first and whole > white[j]
-        waves.append((float(frequencies[k]), whole, float(1.0 - left[k, j] / power[j]) if lasts else 0.0))
+        amplitude, early, late = (float(np.sqrt(2.0) * np.std(part)) for part in parts)
+        lasts = late > LASTS * early and amplitude > white[j]
+        waves.append((float(frequencies[k]), amplitude, float(1.0 - residual[k, j] / power[j]) if lasts else 0.0))
     return waves
 
 

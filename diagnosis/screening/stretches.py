@@ -31,18 +31,19 @@ def examined(
 
     The last is a remark for the report, or None.
     """
-    everything = [*fit, *held_out]
-    total = sum(duration(recording) for recording in everything)
-    share = most / max(sum(duration(recording) * recording.joints for recording in everything), 1e-9)
+    recordings = [*fit, *held_out]
+    total = sum(duration(recording) for recording in recordings)
+    share = most / max(sum(duration(recording) * recording.joints for recording in recordings), 1e-9)
     if share >= 1.0:
         return list(fit), list(held_out), None
     fit_stretches, held_out_stretches = (
         [piece for recording in side for piece in stretches(recording, share)] for side in (fit, held_out)
     )
-    kept = sum(duration(recording) for recording in [*fit_stretches, *held_out_stretches])
+    kept_seconds = sum(duration(recording) for recording in [*fit_stretches, *held_out_stretches])
     note = (
-        f"{kept:.0f} s in {len(fit_stretches) + len(held_out_stretches)} stretches, evenly spread over {total:.0f} s "
-        "of recordings, were examined; events between them were not searched for, and friction drift restarts in each"
+        f"{kept_seconds:.0f} s in {len(fit_stretches) + len(held_out_stretches)} stretches, evenly spread over "
+        f"{total:.0f} s of recordings, were examined; events between them were not searched for, and friction drift "
+        "restarts in each"
     )
     return fit_stretches, held_out_stretches, note
 
@@ -50,9 +51,9 @@ def examined(
 def stretches(recording: Recording, share: float) -> list[Recording]:
     """Copied parts of a recording, evenly spread, of ``share`` of its length in total; the rest can be freed."""
     seconds = duration(recording)
-    kept = min(max(share * seconds, LEAST), seconds)
-    count = max(1, round(kept / LENGTH))
-    rows, reach = int(kept / count / recording.dt), int(NEAR / recording.dt)
+    kept_seconds = min(max(share * seconds, LEAST), seconds)
+    count = max(1, round(kept_seconds / LENGTH))
+    rows, reach = int(kept_seconds / count / recording.dt), int(NEAR / recording.dt)
     cut = []
     for row in np.linspace(0, len(recording) - rows, count).astype(int).tolist():
         low, high = max(0, row - reach), min(row + reach, len(recording) - rows)

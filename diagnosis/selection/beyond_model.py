@@ -71,34 +71,34 @@ class Evidence:
         coefficients.
         """
         along = self._inverse @ (self._others.T @ x)
-        own = x - self._others @ along
-        gram, size = own.T @ x, np.sqrt(np.maximum(np.sum(x**2, axis=0), 1e-300))
+        perpendicular = x - self._others @ along
+        gram, size = perpendicular.T @ x, np.sqrt(np.maximum(np.sum(x**2, axis=0), 1e-300))
         values, vectors = np.linalg.eigh((gram + gram.T) / 2 / np.outer(size, size))
-        seen = values > INDEPENDENT**2
-        if not seen.any():
+        independent = values > INDEPENDENT**2
+        if not independent.any():
             return 1.0
         # coefficients along independent combinations of the columns, each of unit length beside the others
-        turn = vectors[:, seen] / np.sqrt(values[seen]) / size[:, None]
-        own, along = own @ turn, along[self.free.shape[1] :] @ turn
+        turn = vectors[:, independent] / np.sqrt(values[independent]) / size[:, None]
+        perpendicular, along = perpendicular @ turn, along[self.free.shape[1] :] @ turn
         # beside the rows u = 0 of the prior, too, the columns are perpendicular to all others
-        c = own.T @ self.y
+        c = perpendicular.T @ self.y
         freedom = max(int(self.block.max()) + 1 - len(c), 1)
-        covariance = self._of_noise(own, c) + along.T @ along
+        covariance = self._of_noise(perpendicular, c) + along.T @ along
         if further is not None:
-            covariance = covariance + further(own)
+            covariance = covariance + further(perpendicular)
         wald = float(c @ linalg.pinvh(covariance) @ c)
         return float(stats.f.sf(wald / len(c), len(c), freedom))
 
-    def _of_noise(self, own: Array, c: Array) -> Array:
-        """(k, k) covariance of the coefficients c (k,) of columns ``own`` by the residual.
+    def _of_noise(self, perpendicular: Array, c: Array) -> Array:
+        """(k, k) covariance of the coefficients c (k,) of columns ``perpendicular`` by the residual.
 
         Clustered by block, and as if it were alike everywhere: columns that act in few blocks show little of it.
         """
-        rest, clusters = self.residual - own @ c, int(self.block.max()) + 1
-        scores = np.stack([np.bincount(self.block, column * rest, clusters) for column in own.T], axis=1)
+        remaining, clusters = self.residual - perpendicular @ c, int(self.block.max()) + 1
+        scores = np.stack([np.bincount(self.block, column * remaining, clusters) for column in perpendicular.T], axis=1)
         # what the prior holds back is in all of them
         scores -= scores.mean(axis=0)
-        alike = self.alike * float(np.mean(rest**2)) * own.T @ own
+        alike = self.alike * float(np.mean(remaining**2)) * perpendicular.T @ perpendicular
         return np.asarray(scores.T @ scores * clusters / max(clusters - len(c), 1) + alike)
 
 

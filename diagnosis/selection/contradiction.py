@@ -29,10 +29,12 @@ class SingleEstimate:
     covariance: Array
 
 
-def chance_of(seen: Sequence[SingleEstimate], place: slice) -> float:
+def chance_of(estimates: Sequence[SingleEstimate], place: slice) -> float:
     """Probability that coefficients at ``place`` differ as they do between recordings, were they the same in all."""
-    precise = [np.linalg.pinv(one.covariance[place, place]) for one in seen]
-    mean = np.linalg.pinv(np.sum(precise, axis=0)) @ sum(p @ one.values[place] for p, one in zip(precise, seen))
-    apart = [one.values[place] - mean for one in seen]
-    distance = float(sum(d @ p @ d for d, p in zip(apart, precise)))
-    return float(stats.chi2.sf(distance, (len(seen) - 1) * len(mean)))
+    precisions = [np.linalg.pinv(estimate.covariance[place, place]) for estimate in estimates]
+    mean = np.linalg.pinv(np.sum(precisions, axis=0)) @ sum(
+        p @ estimate.values[place] for p, estimate in zip(precisions, estimates)
+    )
+    differences = [estimate.values[place] - mean for estimate in estimates]
+    distance = float(sum(d @ p @ d for d, p in zip(differences, precisions)))
+    return float(stats.chi2.sf(distance, (len(estimates) - 1) * len(mean)))

@@ -79,9 +79,9 @@ class Columns:
         products: Array = self.x.T @ self.x
         return products
 
-    def dot(self, other: Array) -> Array:
+    def dot(self, values: Array) -> Array:
         """x^T other, for other (N,) or (N, r)."""
-        product: Array = self.x.T @ other[self.where]
+        product: Array = self.x.T @ values[self.where]
         return product
 
     def spread(self, coefficients: Array, length: int) -> Array:
@@ -92,9 +92,9 @@ class Columns:
 
     def dense(self, length: int) -> Array:
         """(length, k): the columns over all rows of ``y``."""
-        whole = np.zeros((length, self.x.shape[1]))
-        whole[self.where] = self.x
-        return whole
+        columns = np.zeros((length, self.x.shape[1]))
+        columns[self.where] = self.x
+        return columns
 
 
 Pair = Split[Columns]
@@ -104,12 +104,12 @@ Pair = Split[Columns]
 def joined(data: Split[Dataset], y: Split[Array]) -> Dataset:
     """Both sides as one, the fitted recordings first, with residuals ``y`` (n * rows,) of each."""
     fit, held_out = data
-    by_joint = np.hstack([part.reshape(-1, side.rows) for part, side in zip(y, data)])
-    behind = held_out.block[: held_out.rows] + fit.block.max() + 1
+    by_joint = np.hstack([values.reshape(-1, side.rows) for values, side in zip(y, data)])
+    held_out_block = held_out.block[: held_out.rows] + fit.block.max() + 1
     return Dataset(
         (*fit.runs, *held_out.runs),
         (*fit.together, *held_out.together),
         by_joint.ravel(),
-        np.tile(np.concatenate([fit.block[: fit.rows], behind]), len(by_joint)),
+        np.tile(np.concatenate([fit.block[: fit.rows], held_out_block]), len(by_joint)),
         fit.rows + held_out.rows,
     )

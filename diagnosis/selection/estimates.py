@@ -39,7 +39,7 @@ def estimates(
         name, value = parameter.name, values.get(parameter.name)
         if value is None or parameter.fixed:
             continue
-        slope = np.array([moved.get(name, 0.0) for moved in (*by_coefficient, *by_parameter)])
+        slope = np.array([derivatives.get(name, 0.0) for derivatives in (*by_coefficient, *by_parameter)])
         std = float(np.sqrt(max(float(slope @ covariance @ slope), 0.0)))
         unit = joint.unit(parameter.unit, parameter.name) if joint else parameter.unit
         exact = parameter.whole or parameter.own or parameter.lasts
@@ -51,8 +51,8 @@ def estimates(
 
 def _between(parameter: Parameter, value: float) -> float:
     """Half of the distance to the neighbouring search values: within it, the recordings were not asked."""
-    apart = np.abs(np.array(parameter.search) - value)
-    return float(np.min(apart[apart > 1e-9 * abs(value)], initial=abs(value))) / 2
+    distances = np.abs(np.array(parameter.search) - value)
+    return float(np.min(distances[distances > 1e-9 * abs(value)], initial=abs(value))) / 2
 
 
 def _derivative(candidate: Candidate, c: Array, k: int) -> dict[str, float]:

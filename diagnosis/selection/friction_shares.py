@@ -58,6 +58,6 @@ def straight_part(joint: Joint, direction: int) -> tuple[float, float]:
     if curve is None:
         return level, slope
     speed = np.linspace(min(curve.speed), max(curve.speed), SPEEDS)
-    rest = np.interp(speed, curve.speed, (curve.positive, curve.negative)[direction])
-    more_slope, more = np.polyfit(speed, rest, 1)
-    return level + float(more), slope + float(more_slope)
+    friction = np.interp(speed, curve.speed, (curve.positive, curve.negative)[direction])
+    curve_slope, curve_level = np.polyfit(speed, friction, 1)
+    return level + float(curve_level), slope + float(curve_slope)

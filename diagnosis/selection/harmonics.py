@@ -22,21 +22,23 @@ WEAKER = 0.5
 
 def with_harmonics(causes: Sequence[Cause], arm: Arm) -> list[Cause]:
     """The causes (strongest first), each ripple with the further orders at the same joint in it."""
-    kept: list[Cause] = []
+    distinct: list[Cause] = []
     for cause in causes:
-        relation = next(((k, words) for k, one in enumerate(kept) if (words := _relation(cause, one, arm))), None)
-        if relation is None:
-            kept.append(cause)
-            continue
-        ripple, which = relation
-        size = next(p for p in cause.parameters if CATALOGUE[cause.effect][p.name].linear)
-        found = f"with its {which} ({size.value:.3g} {size.unit}, as {cause.effect.replace('_', ' ')})"
-        sentence = f"{kept[ripple].evidence}; {found}"
-        terms = (*kept[ripple].harmonics, *cause.terms)
-        kept[ripple] = replace(
-            kept[ripple], harmonics=terms, after=min(kept[ripple].after, cause.after), evidence=sentence
+        relation = next(
+            ((k, words) for k, other in enumerate(distinct) if (words := _relation(cause, other, arm))), None
         )
-    return kept
+        if relation is None:
+            distinct.append(cause)
+            continue
+        ripple, name = relation
+        size = next(p for p in cause.parameters if CATALOGUE[cause.effect][p.name].linear)
+        clause = f"with its {name} ({size.value:.3g} {size.unit}, as {cause.effect.replace('_', ' ')})"
+        sentence = f"{distinct[ripple].evidence}; {clause}"
+        terms = (*distinct[ripple].harmonics, *cause.terms)
+        distinct[ripple] = replace(
+            distinct[ripple], harmonics=terms, after=min(distinct[ripple].after, cause.after), evidence=sentence
+        )
+    return distinct
 
 
 def _relation(cause: Cause, ripple: Cause, arm: Arm) -> str:

@@ -45,13 +45,13 @@ def next_orders(chosen: Candidate, coefficients: Array, seconds: float) -> Itera
             yield replace(chosen, shape=(*shape.items(), *until), terms=(*chosen.terms, term))
 
 
-def of_last_term(own: Pair) -> Pair:
+def of_last_term(pair: Pair) -> Pair:
     """The column of a candidate's last term, of all its columns."""
-    return own.map(lambda columns: Columns(columns.x[:, -1:], columns.where))
+    return pair.map(lambda columns: Columns(columns.x[:, -1:], columns.where))
 
 
-def small_term(candidate: Candidate, parts: Array, most: float) -> bool:
-    """Whether what the last term does is at most ``most`` times what the law does (rms), of parts (N, k).
+def small_term(candidate: Candidate, parts: Array, limit: float) -> bool:
+    """Whether what the last term does is at most ``limit`` times what the law does (rms), of parts (N, k).
 
     Time begins anywhere: what of a term of time is like the law belongs to the law.
     """
@@ -59,7 +59,7 @@ def small_term(candidate: Candidate, parts: Array, most: float) -> bool:
     if candidate.definition.lasting(candidate.terms[-1]) is not None:
         common = float(law @ term / max(float(law @ law), 1e-300)) * law
         law, term = law + common, term - common
-    return bool(np.sum(term**2) <= most**2 * np.sum(law**2))
+    return bool(np.sum(term**2) <= limit**2 * np.sum(law**2))
 
 
 def term_share(candidate: Candidate) -> float:
@@ -76,23 +76,25 @@ def further_orders(chosen: Sequence[Candidate], library: Iterable[Candidate]) ->
 
 def is_further_order(candidate: Candidate, chosen: Sequence[Candidate]) -> bool:
     """Whether a candidate is a ripple of which other orders are chosen, and not its own."""
-    others = [one for one in chosen if one.key == candidate.key]
-    if not (others and candidate.definition.wave):
+    same_key = [c for c in chosen if c.key == candidate.key]
+    if not (same_key and candidate.definition.wave):
         return False
     order = _order(candidate)
-    return all(abs(_order(one) - order) > SAME_ORDER * order for one in others)
+    return all(abs(_order(c) - order) > SAME_ORDER * order for c in same_key)
 
 
 def is_of_ripple(candidate: Candidate, chosen: Sequence[Candidate], arm: Arm) -> bool:
     """Whether a candidate is a ripple of which another order is chosen: its harmonic, or a side band of it."""
-    return any(_of_one_ripple(candidate, one, arm) for one in chosen)
+    return any(_of_one_ripple(candidate, c, arm) for c in chosen)
 
 
 def _of_one_ripple(candidate: Candidate, ripple: Candidate, arm: Arm) -> bool:
     if candidate.key != ripple.key or candidate.amplitude != ripple.amplitude or not candidate.definition.wave:
         return False
-    order, other = _order(candidate), _order(ripple)
-    return are_multiples(order, other) or side_band(order, other, arm.joints[(candidate.joint or 1) - 1]) is not None
+    order, carrier = _order(candidate), _order(ripple)
+    return (
+        are_multiples(order, carrier) or side_band(order, carrier, arm.joints[(candidate.joint or 1) - 1]) is not None
+    )
 
 
 def _order(ripple: Candidate) -> float:

@@ -127,29 +127,31 @@ def gain_of(pair: Pair, fitted: Fitted, held_out: Dataset) -> tuple[Array, Array
 def residual_with(pair: Pair, c: Array, fitted: Fitted, held_out: Dataset) -> Array:
     """(M,) held-out residual with columns of coefficients c (k,) added and the fitted ones refitted."""
     inside = pair.fit.dot(fitted.basis).T @ c
-    after: Array = fitted.held_out - pair.held_out.spread(c, len(held_out.y)) + fitted.to_held_out @ inside
-    return after
+    residual: Array = fitted.held_out - pair.held_out.spread(c, len(held_out.y)) + fitted.to_held_out @ inside
+    return residual
 
 
 def best_of_each(
     candidates: Iterable[Candidate],
     at_own_joint: Callable[[Candidate], Columns],
     fitted: Fitted,
-    taken: Set[EffectKey],
+    excluded: Set[EffectKey],
 ) -> list[Candidate]:
-    """For every effect at every joint that is not taken, the candidate that fits its own joint best.
+    """For every effect at every joint that is not excluded, the candidate that fits its own joint best.
 
     Conditional on those fitted. at_own_joint: the candidate's columns in the fit set there (``at_joint``).
     """
     of_key: dict[EffectKey, list[Candidate]] = {}
     for candidate in candidates:
-        if candidate.key not in taken:
+        if candidate.key not in excluded:
             of_key.setdefault(candidate.key, []).append(candidate)
 
     def gain(candidate: Candidate) -> float:
         return fit_gain(at_own_joint(candidate), fitted)[0]
 
-    return [max(several, key=gain) if len(several) > 1 else several[0] for several in of_key.values()]
+    return [
+        max(alternatives, key=gain) if len(alternatives) > 1 else alternatives[0] for alternatives in of_key.values()
+    ]
 
 
 def at_joint(columns: Columns, joint: int | None, side: Dataset) -> Columns:
@@ -159,9 +161,9 @@ def at_joint(columns: Columns, joint: int | None, side: Dataset) -> Columns:
     return Columns(columns.x[side.of(joint)], side.of(joint))
 
 
-def with_columns(fitted: Fitted, more: Sequence[Pair]) -> Fitted:
+def with_columns(fitted: Fitted, pairs: Sequence[Pair]) -> Fitted:
     """The fit with more columns, fitted to its residual."""
-    for pair in more:
+    for pair in pairs:
         x, x_held_out = pair.fit.dense(len(fitted.fit)), pair.held_out.dense(len(fitted.held_out))
         inside = fitted.basis.T @ x
         x, x_held_out = x - fitted.basis @ inside, x_held_out - fitted.to_held_out @ inside

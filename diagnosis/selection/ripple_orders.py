@@ -74,12 +74,12 @@ def _teeth(joint: Joint) -> list[float]:
     """Orders of a gear that are none of the motor: per turn of the joint, and of the shafts of its stages."""
     orders = set(_of_joint(joint, range(TEETH[0], TEETH[1] + 1)))
     shafts = _shafts(joint)
-    for number, (stage, own, before) in enumerate(shafts, 1):
+    for number, (stage, output, driving) in enumerate(shafts, 1):
         if number < len(shafts):
-            orders |= {k * own for k in (RUN_OUT if stage.teeth else range(1, TEETH[1] + 1))}
-        for mesh in (n * stage.teeth * own for n in range(1, HARMONICS + 1) if stage.teeth):
-            apart = [k * shaft for shaft in (own, before) for k in range(1, SIDE_BANDS + 1)]
-            orders |= {mesh, *(mesh + side * by for side in (-1, 1) for by in apart)}
+            orders |= {k * output for k in (RUN_OUT if stage.teeth else range(1, TEETH[1] + 1))}
+        for mesh in (n * stage.teeth * output for n in range(1, HARMONICS + 1) if stage.teeth):
+            distances = [k * shaft for shaft in (output, driving) for k in range(1, SIDE_BANDS + 1)]
+            orders |= {mesh, *(mesh + side * distance for side in (-1, 1) for distance in distances)}
     return sorted(order for order in orders if order > 0.0 and not _of_motor(order))
 
 
@@ -101,12 +101,16 @@ def side_band(order: float, carrier: float, joint: Joint) -> tuple[int, float] |
     Side bands are up to ``SIDE_BANDS`` turns of the joint, or of a shaft between, away from waves of many cycles per
     turn of that shaft. None where an order is none.
     """
-    turns = [own for _, own, _ in _shafts(joint)[:-1]] + ([1.0 / joint.ratio] if joint.revolute else [])
-    for own in turns:
-        apart = (order - carrier) / own
-        whole = round(apart)
-        if 0 < abs(whole) <= SIDE_BANDS and abs(apart - whole) < 1e-3 and min(order, carrier) >= TEETH[0] * own:
-            return whole, own
+    shafts = [turns for _, turns, _ in _shafts(joint)[:-1]] + ([1.0 / joint.ratio] if joint.revolute else [])
+    for turns in shafts:
+        distance = (order - carrier) / turns
+        multiple = round(distance)
+        if (
+            0 < abs(multiple) <= SIDE_BANDS
+            and abs(distance - multiple) < 1e-3
+            and min(order, carrier) >= TEETH[0] * turns
+        ):
+            return multiple, turns
     return None
 
 
@@ -124,16 +128,16 @@ def cycles_in_words(order: float, joint: Joint) -> str:
     """``45 cycles per turn of the joint, 0.45 of the motor``; of the motor alone where that is a whole number."""
     if _of_motor(order):
         return f"{order:.4g} cycles per turn of the motor"
-    found = [f"{order * joint.ratio:.4g} cycles per turn of the joint"] if joint.revolute else []
-    for number, (_, own, _) in enumerate(_shafts(joint)[:-1], 1):
-        if _of_motor(cycles := order / own):
-            found.append(f"{cycles:.4g} of the shaft behind stage {number} of the gear")
-    return ", ".join([*found, f"{order:.4g} of the motor"])
+    of_shafts = [f"{order * joint.ratio:.4g} cycles per turn of the joint"] if joint.revolute else []
+    for number, (_, turns, _) in enumerate(_shafts(joint)[:-1], 1):
+        if _of_motor(cycles := order / turns):
+            of_shafts.append(f"{cycles:.4g} of the shaft behind stage {number} of the gear")
+    return ", ".join([*of_shafts, f"{order:.4g} of the motor"])
 
 
 def shaft_in_words(turns: float, joint: Joint) -> str:
     """The shaft that makes so many ``turns`` per turn of the motor: the joint's, or one between."""
-    between = (n for n, (_, own, _) in enumerate(_shafts(joint)[:-1], 1) if abs(own / turns - 1.0) < 1e-6)
+    between = (n for n, (_, shaft, _) in enumerate(_shafts(joint)[:-1], 1) if abs(shaft / turns - 1.0) < 1e-6)
     number = next(between, None)
     return "the joint" if number is None else f"the shaft behind stage {number} of the gear"
 
@@ -147,22 +151,22 @@ def detectable(side: Dataset, residual: Array, arm: Arm, joint: int, ripples: Se
     orders = np.array(sorted({order for c in ripples if (order := order_of(c)) is not None}))
     q, v = side.at_joint("q", joint), side.at_joint("v", joint)
     ratio = arm.joints[joint - 1].ratio
-    over = 1.0 / side.at_joint("deviation", joint)
-    weights = np.stack([over, over * v**2, over * side.at_joint("rigid", joint)], axis=1)
+    inverse_std = 1.0 / side.at_joint("deviation", joint)
+    weights = np.stack([inverse_std, inverse_std * v**2, inverse_std * side.at_joint("rigid", joint)], axis=1)
     weighted, squared = residual[side.of(joint)][:, None] * weights, weights**2
     power = np.zeros((len(orders), weights.shape[1]))
     cycles, of_motor = orders * ratio * np.ptp(q) / (2 * np.pi), _whole(orders)
-    for own in (of_motor, ~of_motor & (cycles > LEAST_CYCLES)):
-        for row, wave in zip(np.flatnonzero(own), _waves(orders[own], ratio * q)):
+    for family in (of_motor, ~of_motor & (cycles > LEAST_CYCLES)):
+        for row, wave in zip(np.flatnonzero(family), _waves(orders[family], ratio * q)):
             through = residual_gain(orders[row] * ratio * np.abs(v) / (2 * np.pi))
             cosine_and_sine = (wave * through).view(float).reshape(-1, 2).T @ weighted
             power[row] = np.sum(cosine_and_sine**2, axis=0) / np.maximum(through**2 @ squared, 1e-300)
-    kept: set[float] = set()
+    strongest: set[float] = set()
     families = (of_motor, STRONGEST, 0.0), (~of_motor, STRONGEST_OF_SHAFTS, LEAST_GAIN * side.rows / 2)
     for family, count, least in families:
         for column in np.where(family[:, None], power, 0.0).T:
-            kept |= {float(orders[row]) for row in np.argsort(column)[-count:] if column[row] > least}
-    return [c for c in ripples if order_of(c) in kept]
+            strongest |= {float(orders[row]) for row in np.argsort(column)[-count:] if column[row] > least}
+    return [c for c in ripples if order_of(c) in strongest]
 
 
 def _waves(orders: Array, motor: Array) -> Iterator[NDArray[np.complex128]]:
@@ -171,13 +175,13 @@ def _waves(orders: Array, motor: Array) -> Iterator[NDArray[np.complex128]]:
     Each is the one before, turned by the difference of their orders, which is the same for most: a product takes a
     tenth of the time of a sine and a cosine.
     """
-    wave, turn, by, before = np.ones(len(motor), complex), np.ones(len(motor), complex), 0.0, 0.0
+    wave, turn, step, previous = np.ones(len(motor), complex), np.ones(len(motor), complex), 0.0, 0.0
     for order in orders.tolist():
-        if abs(order - before - by) > SAME_STEP:
-            by = order - before
-            turn = np.exp(1j * by * motor)
+        if abs(order - previous - step) > SAME_STEP:
+            step = order - previous
+            turn = np.exp(1j * step * motor)
         wave = wave * turn
-        before = order
+        previous = order
         yield wave
 
 

@@ -37,18 +37,18 @@ def _of_run(run: Run) -> Array:
         return np.zeros_like(run.a)
     joints = run.arm.joints
     rotors = np.array([joint.ratio**2 * joint.rotor_inertia for joint in joints])
-    own = (run.inertia + rotors) * run.a / run.arm.joint_array("drive_constant")
-    return np.asarray(run.whiten(own) * FOLDS / rate_of(run.raw[0]))
+    inertial_current = (run.inertia + rotors) * run.a / run.arm.joint_array("drive_constant")
+    return np.asarray(run.whiten(inertial_current) * FOLDS / rate_of(run.raw[0]))
 
 
 def explained(unseen: Array, columns: Columns, held_out: Dataset) -> Array:
     """(n,) how much of ``unseen`` (n rows,) columns would explain at each joint, as a fall of the squared residual."""
-    found = np.zeros(len(unseen) // held_out.rows)
-    for joint in range(1, len(found) + 1):
+    energies = np.zeros(len(unseen) // held_out.rows)
+    for joint in range(1, len(energies) + 1):
         rows = held_out.of(joint)
         if columns.where.start <= rows.start and rows.stop <= columns.where.stop and unseen[rows].any():
             x = columns.x[rows.start - columns.where.start : rows.stop - columns.where.start]
             basis, size, _ = np.linalg.svd(x / np.maximum(np.linalg.norm(x, axis=0), 1e-300), full_matrices=False)
-            along = basis[:, size > 1e-3].T @ unseen[rows]
-            found[joint - 1] = float(along @ along)
-    return found
+            components = basis[:, size > 1e-3].T @ unseen[rows]
+            energies[joint - 1] = float(components @ components)
+    return energies

@@ -30,13 +30,13 @@ def wave_of(residual: Array, side: Dataset, joint: int) -> str | None:
     for values, run in zip(by_recording(residual, side), side.runs, strict=True):
         rows = round(SECONDS * (rate := rate_of(run.t)))
         if len(values) >= rows:
-            at, own = signal.welch(values[:, joint - 1], rate, nperseg=rows)
-            power = np.interp(frequency, at, own) * len(values) + (power if len(power) else 0.0)
+            frequencies, density = signal.welch(values[:, joint - 1], rate, nperseg=rows)
+            power = np.interp(frequency, frequencies, density) * len(values) + (power if len(power) else 0.0)
     if not len(power):
         return None
     band = (frequency >= SLOWEST) & (frequency <= COMPARE_BAND)
-    found = peak(frequency, power, band)
-    return None if found is None else f"a wave of {found[0]:.1f} Hz"
+    line = peak(frequency, power, band)
+    return None if line is None else f"a wave of {line[0]:.1f} Hz"
 
 
 def peak(frequency: Array, power: Array, band: NDArray[np.bool_]) -> tuple[float, slice] | None:
@@ -47,7 +47,10 @@ def peak(frequency: Array, power: Array, band: NDArray[np.bool_]) -> tuple[float
     inside = np.where(band, power, 0.0)
     half = round(WIDTH * SECONDS)
     top = int(np.argmax(ndimage.uniform_filter1d(inside, 2 * half + 1, mode="constant")))
-    here, below = slice(max(0, top - half), top + half + 1), slice(max(0, top - 3 * half - 1), max(0, top - half))
-    if not inside.any() or inside[here].sum() < max(SHARE * inside.sum(), PEAK * power[below].sum()):
+    peak_bins, bins_below = (
+        slice(max(0, top - half), top + half + 1),
+        slice(max(0, top - 3 * half - 1), max(0, top - half)),
+    )
+    if not inside.any() or inside[peak_bins].sum() < max(SHARE * inside.sum(), PEAK * power[bins_below].sum()):
         return None
-    return float(np.average(frequency[here], weights=inside[here])), here
+    return float(np.average(frequency[peak_bins], weights=inside[peak_bins])), peak_bins

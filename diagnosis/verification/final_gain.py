@@ -32,16 +32,16 @@ def negligible(state: State, causes: Sequence[Cause]) -> int | None:
     model, runs = state.model, state.data.held_out.runs
     arms = [run.arm.effects for run in runs]
     terms = [term for cause in causes for term in cause.terms]
-    found: list[tuple[float, int]] = []
+    below: list[tuple[float, int]] = []
     full = _energy(runs, [(*of_run, *terms) for of_run in arms])
     for index, (c, cause) in enumerate(zip(state.chosen, causes, strict=True)):
-        alone = model.conditional(c, model.without(c, state), state)
-        others = [term for term in terms if term not in cause.terms]
-        gain = float((_energy(runs, [(*of_run, *others) for of_run in arms]) - full).sum())
-        least = LIMITS.min_gain * state.data.held_out.rows
-        if gain < least or not model.needed(alone, state):
-            found.append((min(gain, alone.gain), index))
-    return min(found)[1] if found else None
+        score = model.conditional(c, model.without(c, state), state)
+        other_terms = [term for term in terms if term not in cause.terms]
+        gain = float((_energy(runs, [(*of_run, *other_terms) for of_run in arms]) - full).sum())
+        limit = LIMITS.min_gain * state.data.held_out.rows
+        if gain < limit or not model.needed(score, state):
+            below.append((min(gain, score.gain), index))
+    return min(below)[1] if below else None
 
 
 def within_model(state: State) -> int | None:
@@ -53,21 +53,21 @@ def within_model(state: State) -> int | None:
     if model.uncertain is None or not state.chosen:
         return None
     chances = [model.without(c, state).significance.chance(model.columns(c)) for c in state.chosen]
-    most = int(np.argmax(chances))
-    return most if chances[most] > LIMITS.beyond_model else None
+    weakest = int(np.argmax(chances))
+    return weakest if chances[weakest] > LIMITS.beyond_model else None
 
 
 def with_significance(state: State, causes: Sequence[Cause]) -> list[Cause]:
     """The causes, of the chosen candidates in their order, with how much of their significance the model leaves."""
-    model, found = state.model, []
+    model, judged = state.model, []
     if model.uncertain is None:
         return list(causes)
     for c, cause in zip(state.chosen, causes, strict=True):
-        others = model.without(c, state)
-        exact = Significance(state.data, [*others.free, *(model.columns(one) for one in others.chosen)], None)
-        chances = [of.chance(model.columns(c)) for of in (exact, others.significance)]
-        found.append(replace(cause, deviations=(in_deviations(chances[0]), in_deviations(chances[1]))))
-    return found
+        without = model.without(c, state)
+        exact = Significance(state.data, [*without.free, *(model.columns(other) for other in without.chosen)], None)
+        chances = [of.chance(model.columns(c)) for of in (exact, without.significance)]
+        judged.append(replace(cause, deviations=(in_deviations(chances[0]), in_deviations(chances[1]))))
+    return judged
 
 
 def _energy(runs: Sequence[Run], effects: Sequence[Sequence[EffectTerm]]) -> Array:

@@ -28,17 +28,21 @@ def idle_limits(
 
     extended: the model with all ``causes``.
     """
-    both_sides, runs, idle = [*recordings.fit, *recordings.held_out], [run for part in data for run in part.runs], []
+    all_recordings, runs, keys = (
+        [*recordings.fit, *recordings.held_out],
+        [run for side in data for run in side.runs],
+        [],
+    )
     for cause in causes:
         if limit_of(cause) is None or cause.joint is None:
             continue
         without = replace(extended, effects=tuple(term for term in extended.effects if term not in cause.terms))
-        pairs = [(compare(r, without, run), compare(r, extended, run)) for r, run in zip(both_sides, runs)]
-        both = [(a, b) for a, b in pairs if a is not None and b is not None]
+        pairs = [(compare(r, without, run), compare(r, extended, run)) for r, run in zip(all_recordings, runs)]
+        compared = [(a, b) for a, b in pairs if a is not None and b is not None]
         noise = float(np.mean([run.noise[cause.joint - 1] for run in runs]))
-        if all(shows_nothing(cause, a, b, noise) for a, b in both) if both else held_at_standstill(cause, runs):
-            idle.append(cause.key)
-    return idle
+        if all(shows_nothing(cause, a, b, noise) for a, b in compared) if compared else held_at_standstill(cause, runs):
+            keys.append(cause.key)
+    return keys
 
 
 def limit_of(cause: Cause) -> float | None:
@@ -54,7 +58,7 @@ def held_at_standstill(cause: Cause, runs: Sequence[Run]) -> bool:
     j = cause.joint - 1
     at_limit = [np.abs(run.current[:, j]) > AT_LIMIT * limit for run in runs]
     moving = [np.abs(run.brisk_v[:, j]) > CREEP for run in runs]
-    return any(here.any() for here in at_limit) and not any((a & b).any() for a, b in zip(at_limit, moving))
+    return any(rows.any() for rows in at_limit) and not any((a & b).any() for a, b in zip(at_limit, moving))
 
 
 def shows_nothing(cause: Cause, without: Compared, having: Compared, noise: float) -> bool:

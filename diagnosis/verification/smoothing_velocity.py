@@ -55,8 +55,8 @@ def other_smoothing(state: State, causes: Sequence[Cause]) -> OtherSmoothing | N
     for cause in causes:
         if cause.effect not in near or cause.joint is None:
             continue
-        others = [term for term in terms if term not in cause.terms]
-        without, with_it = (_energies(runs, effects, cause.joint) for effects in (others, terms))
+        other_terms = [term for term in terms if term not in cause.terms]
+        without, with_it = (_energies(runs, effects, cause.joint) for effects in (other_terms, terms))
         if without.min() - with_it.min() < LIMITS.min_gain * state.data.held_out.rows:
             velocity = runs[0].arm.joints[cause.joint - 1].sign_velocity
             return OtherSmoothing(cause.key, float(velocity * SMOOTHING[int(np.argmin(without))]))
@@ -65,13 +65,13 @@ def other_smoothing(state: State, causes: Sequence[Cause]) -> OtherSmoothing | N
 
 def _energies(runs: Sequence[Run], terms: Sequence[EffectTerm], joint: int) -> Array:
     """Squared whitened residuals of the rows that are compared, with ``SMOOTHING`` of a joint (from 1)."""
-    return np.array([sum(_energy(run, terms, joint, float(by)) for run in runs) for by in SMOOTHING])
+    return np.array([sum(_energy(run, terms, joint, float(factor)) for run in runs) for factor in SMOOTHING])
 
 
-def _energy(run: Run, terms: Sequence[EffectTerm], joint: int, by: float) -> float:
-    """The same of one recording, with ``by`` times the joint's smoothing velocity."""
+def _energy(run: Run, terms: Sequence[EffectTerm], joint: int, factor: float) -> float:
+    """The same of one recording, with ``factor`` times the joint's smoothing velocity."""
     joints = list(run.arm.joints)
-    joints[joint - 1] = replace(joints[joint - 1], sign_velocity=by * joints[joint - 1].sign_velocity)
+    joints[joint - 1] = replace(joints[joint - 1], sign_velocity=factor * joints[joint - 1].sign_velocity)
     arm = replace(run.arm, joints=tuple(joints), effects=(*run.arm.effects, *terms, *run.own))
     t, q = run.raw
     expected = low_pass(predicted_current(arm, t, q, powered=run.powered), COMPARE_BAND, rate_of(t))[kept(rate_of(t))]

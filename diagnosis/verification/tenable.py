@@ -96,9 +96,10 @@ def _needless(state: State, causes: Sequence[Cause]) -> int | None:
 
 def causes_of(selection: Selection) -> list[Cause]:
     """The causes that a search found, in its order, with parameters."""
-    state, first = selection.state, dominant(selection.state) if selection.unexplained.structures else []
+    state = selection.state
+    strongest = dominant(state) if selection.unexplained.structures else []
     return [
-        replace(of_candidate(c, values, state), remainder=_remainder(c, selection) if c in first else None)
+        replace(of_candidate(c, values, state), remainder=_remainder(c, selection) if c in strongest else None)
         for c, values in zip(state.chosen, estimates_of(state))
     ]
 
@@ -140,10 +141,10 @@ def _untenable(
         if untenable is not None:
             return untenable
     full = with_smoothing_velocities(extend(arm, causes), recordings.fit)
-    widths = [joint.sign_velocity for joint in full.joints]
-    less = [extend(arm, [one for one in causes if one is not cause]) for cause in causes]
-    turned = [
-        replace(one, joints=tuple(replace(joint, sign_velocity=w) for joint, w in zip(one.joints, widths)))
-        for one in less
+    velocities = [joint.sign_velocity for joint in full.joints]
+    without_each = [extend(arm, [other for other in causes if other is not cause]) for cause in causes]
+    smoothed = [
+        replace(fewer, joints=tuple(replace(joint, sign_velocity=v) for joint, v in zip(fewer.joints, velocities)))
+        for fewer in without_each
     ]
-    return refuted(full, turned, [cause.felt_at or 1 for cause in causes], recordings.held_out, runs)
+    return refuted(full, smoothed, [cause.felt_at or 1 for cause in causes], recordings.held_out, runs)

@@ -42,11 +42,11 @@ class Blank:
 def blanks_of(recording: Recording) -> tuple[Blank, ...]:
     """Where the currents of a joint, or any angles, have no sample."""
     angles, currents = _blank(recording)
-    every = np.asarray(angles.any(axis=1))
-    found = [Blank(*span, None) for span in _spans(recording.t, every)]
-    for j, column in enumerate((currents & ~every[:, None]).T, 1):
-        found += [Blank(*span, j) for span in _spans(recording.t, column)]
-    return tuple(found)
+    no_angle = np.asarray(angles.any(axis=1))
+    blanks = [Blank(*span, None) for span in _spans(recording.t, no_angle)]
+    for j, column in enumerate((currents & ~no_angle[:, None]).T, 1):
+        blanks += [Blank(*span, j) for span in _spans(recording.t, column)]
+    return tuple(blanks)
 
 
 def without_blanks(recording: Recording) -> Recording:
@@ -58,41 +58,41 @@ def without_blanks(recording: Recording) -> Recording:
     if not (angles.any() or currents.any()):
         return recording
     _check_share(recording, angles, currents)
-    known = trusted(recording)
-    q, i = (_across(recording.t, values) for values in (known.q, known.i))
+    with_gaps = trusted(recording)
+    q, i = (_across(recording.t, values) for values in (with_gaps.q, with_gaps.i))
     return replace(recording, q=q, i=i)
 
 
 def unweighted(run: Run, blanks: Sequence[Blank]) -> Run:
     """A run in which rows without a sample weigh nothing; the same object where there are none."""
-    first = float(run.raw[0][0]) if blanks else 0.0
+    start = float(run.raw[0][0]) if blanks else 0.0
     for joint in dict.fromkeys(blank.joint for blank in blanks):
-        spans = [(one.start - first, one.end - first) for one in blanks if one.joint == joint]
+        spans = [(b.start - start, b.end - start) for b in blanks if b.joint == joint]
         run = without_weight(run, spans, joint)
     return run
 
 
 def sentences(recording: Recording) -> list[str]:
     """Says which samples are none: those flagged as ``identify`` says it, and NaN that no flag explains."""
-    said = trusted(recording).sentences
+    remarks = trusted(recording).sentences
     for name, values in (("q", recording.q), ("i", recording.i)):
         silent = np.isnan(values)
         for flag, rows in recording.flagged("q" if name == "q" else "i").items():
             silent &= ~rows if flag in NO_VALUE else True
         for j in np.flatnonzero(silent.any(axis=0)):
             first = recording.t[int(np.argmax(silent[:, j]))]
-            said.append(
+            remarks.append(
                 f"{recording.path.name}: {name}{j + 1}: {int(silent[:, j].sum())} of {len(silent)} rows without a "
                 f"value, the first at {first:.3f} s; left out"
             )
-    return said
+    return remarks
 
 
 def _blank(recording: Recording) -> tuple[Mask, Mask]:
     """(n, J) angles and currents that have no value, or are only known to be large."""
-    found = trusted(recording)
-    angles: Mask = np.isnan(found.q)
-    currents: Mask = np.isnan(found.i) | found.saturated
+    signals = trusted(recording)
+    angles: Mask = np.isnan(signals.q)
+    currents: Mask = np.isnan(signals.i) | signals.saturated
     return angles, currents
 
 
@@ -103,19 +103,19 @@ def _spans(t: Array, blank: Mask) -> list[tuple[float, float]]:
     places, count = ndimage.label(closed)
     last = len(t) - 1
     rows = [place[0] for place in ndimage.find_objects(places, count)]
-    return [(float(t[max(one.start - 1, 0)]), float(t[min(one.stop, last)])) for one in rows]
+    return [(float(t[max(group.start - 1, 0)]), float(t[min(group.stop, last)])) for group in rows]
 
 
 def _check_share(recording: Recording, angles: Mask, currents: Mask) -> None:
     """InputError where too little of a joint is left beside what filters mix the blank rows into."""
-    t, every = recording.t, angles.any(axis=1)
+    t, no_angle = recording.t, angles.any(axis=1)
     for j in range(currents.shape[1]):
-        blank = every | currents[:, j]
+        blank = no_angle | currents[:, j]
         lost = np.zeros(len(t), bool)
         for start, end in _spans(t, blank):
             lost |= (t > start - SMEARED) & (t < end + SMEARED)
         if lost.mean() > MOST:
-            of_current = currents[:, j].sum() > every.sum()
+            of_current = currents[:, j].sum() > no_angle.sum()
             channel = f"i{j + 1}" if of_current else f"q{int(angles.sum(axis=0).argmax()) + 1}"
             raise InputError(
                 recording.path,

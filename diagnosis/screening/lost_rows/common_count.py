@@ -20,7 +20,7 @@ from scipy.interpolate import CubicSpline
 
 from arm_io.types import Array
 from diagnosis.residual.run import Run
-from diagnosis.screening.lost_rows.lag_change import COLOURED, FILTERED
+from diagnosis.screening.lost_rows.lag_change import COLOURED, FILTERED, mean_time
 
 Index = NDArray[np.intp]
 
@@ -79,74 +79,74 @@ class _Losses:
 
 def common_count(runs: Sequence[Run], periods: Sequence[float]) -> CommonCount | None:
     """The number of rows that several recordings lost alike; None where they do not show one."""
-    most = int(LONGEST / max(periods, default=np.inf))
-    if len(runs) < RECORDINGS or most == 0 or not all(len(run.t) >= FEWEST for run in runs):
+    longest = int(LONGEST / max(periods, default=np.inf))
+    if len(runs) < RECORDINGS or longest == 0 or not all(len(run.t) >= FEWEST for run in runs):
         return None
     step = max(1, round(SKEWS / max(periods)))
-    skews, counts = step * np.arange(-(most // step), most // step + 1), np.arange(-most - 1, most + 2)
+    skews, counts = step * np.arange(-(longest // step), longest // step + 1), np.arange(-longest - 1, longest + 2)
     losses = [_losses(run, period, skews, counts) for run, period in zip(runs, periods)]
     joints = np.ones(runs[0].current.shape[1])
     evidence = _evidence(losses, joints)
     total = _together(evidence)
     best = int(np.argmax(total.max(axis=0)))
     skew, count = int(np.argmax(total[:, best])), int(counts[best])
-    own = evidence[:, skew, best]
+    of_each = evidence[:, skew, best]
     if total[skew, best] < SURE or count == 0 or not 0 < best < len(counts) - 1:
         return None
     rows, std = _vertex(count, total.max(axis=0)[best - 1 : best + 2])
     if (
         abs(rows - count) > WHOLE
         or std > WHOLE
-        or any(_contradicted(losses, one, best) for one in 1.0 - np.diag(joints))
+        or any(_contradicted(losses, weights, best) for weights in 1.0 - np.diag(joints))
     ):
         return None
-    instants = {k: _instant(one, skew, best) for k, one in enumerate(losses) if own[k] > ODDS}
+    instants = {k: _instant(of_one, skew, best) for k, of_one in enumerate(losses) if of_each[k] > ODDS}
     placed = [k for k, (_, time_std) in instants.items() if time_std < PLACED]
-    if len(placed) < RECORDINGS or float(np.sum(own[placed])) < SURE:
+    if len(placed) < RECORDINGS or float(np.sum(of_each[placed])) < SURE:
         return None
     return CommonCount(count, max(std, abs(rows - count), 0.05), instants)
 
 
 def _losses(run: Run, period: float, skews: Index, counts: Index) -> _Losses:
     edges = np.arange(0, len(run.t), max(1, round(APART * run.per_second), len(run.t) // INSTANTS))
-    most = int(skews.max() + counts.max())
-    before = _before(run, period, edges, most)
-    whole = before[:, :, -1:]
+    longest = int(skews.max() + counts.max())
+    before = _before(run, period, edges, longest)
+    total = before[:, :, -1:]
     # currents at the skew up to the instant, and put back by so many rows more after it
     later = skews[:, None] + counts
-    square, product, size = before[:, skews + most][:, :, None] + (whole - before)[:, later + most]
+    square, product, size = before[:, skews + longest][:, :, None] + (total - before)[:, later + longest]
     errors = square - product**2 / np.maximum(size, 1e-300)
-    square, product, size = whole[:, skews + most, 0]
+    square, product, size = total[:, skews + longest, 0]
     none = square - product**2 / np.maximum(size, 1e-300)
-    every = errors.reshape(-1, len(run.current.T))
-    left = every[np.argmin(every @ (1.0 / np.maximum(none.min(axis=0), 1e-300)))]
-    scatter = np.maximum(COLOURED * left / len(run.t), 1e-12)
+    by_loss = errors.reshape(-1, len(run.current.T))
+    smallest = by_loss[np.argmin(by_loss @ (1.0 / np.maximum(none.min(axis=0), 1e-300)))]
+    scatter = np.maximum(COLOURED * smallest / len(run.t), 1e-12)
     return _Losses(np.append(run.t[edges], run.t[-1]), errors, none, scatter)
 
 
-def _before(run: Run, period: float, edges: Index, most: int) -> Array:
+def _before(run: Run, period: float, edges: Index, longest: int) -> Array:
     """(3, lags, m, n) sums over the rows before each instant, and over all, with currents put back by every lag.
 
     Of the squared residual, of its product with the current's rate, and of the squared rate, all over the std.
     """
     current, rate = (CubicSpline(run.t, values) for values in (run.current, run.current_rate))
-    sums = np.zeros((3, 2 * most + 1, len(edges) + 1, run.current.shape[1]))
-    for k in range(2 * most + 1):
-        at = np.clip(run.t - (k - most) * period, run.t[0], run.t[-1])
+    sums = np.zeros((3, 2 * longest + 1, len(edges) + 1, run.current.shape[1]))
+    for k in range(2 * longest + 1):
+        at = np.clip(run.t - (k - longest) * period, run.t[0], run.t[-1])
         residual, slope = (current(at) - run.expected) / run.deviation, rate(at) / run.deviation
-        for own, values in zip(sums, (residual**2, residual * slope, slope**2)):
-            own[k, 1:] = np.cumsum(np.add.reduceat(values, edges), axis=0)
+        for partial, values in zip(sums, (residual**2, residual * slope, slope**2)):
+            partial[k, 1:] = np.cumsum(np.add.reduceat(values, edges), axis=0)
     return sums
 
 
 def _evidence(losses: Sequence[_Losses], joints: Array) -> Array:
     """(recordings, skews, counts) log of the likelihood of each loss, at any instant alike, over that of no loss."""
-    found = []
-    for one in losses:
-        falls = one.falls(joints) / 2.0
-        most = falls.max(axis=2)
-        found.append(most + np.log(np.mean(np.exp(falls - most[..., None]), axis=2)))
-    return np.stack(found)
+    evidence = []
+    for of_recording in losses:
+        falls = of_recording.falls(joints) / 2.0
+        highest = falls.max(axis=2)
+        evidence.append(highest + np.log(np.mean(np.exp(falls - highest[..., None]), axis=2)))
+    return np.stack(evidence)
 
 
 def _together(evidence: Array) -> Array:
@@ -168,11 +168,9 @@ def _vertex(count: int, total: Array) -> tuple[float, float]:
     return count + float((total[2] - total[0]) / (2.0 * bend)), float(1.0 / np.sqrt(bend))
 
 
-def _instant(one: _Losses, skew: int, count: int) -> tuple[float, float]:
+def _instant(losses: _Losses, skew: int, count: int) -> tuple[float, float]:
     """s: time at which a recording lost its rows, and its std: the mean of all instants, by likelihood."""
-    falls = one.falls(np.ones(len(one.scatter)))[skew, count]
-    likely = np.exp((falls - falls.max()) / 2.0)
-    likely /= likely.sum()
-    time = float(np.sum(likely * one.t))
-    apart = one.t[1] - one.t[0]
-    return time, float(np.sqrt(np.sum(likely * (one.t - time) ** 2) + FILTERED**2 + apart**2 / 12.0))
+    falls = losses.falls(np.ones(len(losses.scatter)))[skew, count]
+    time, variance = mean_time(losses.t, falls / 2.0)
+    step = losses.t[1] - losses.t[0]
+    return time, float(np.sqrt(variance + FILTERED**2 + step**2 / 12.0))

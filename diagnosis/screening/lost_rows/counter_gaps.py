@@ -24,7 +24,7 @@ from diagnosis.cause import Estimate, LostRows
 from diagnosis.residual.comparable_rows import comparable_rows, rms_where
 from diagnosis.residual.noise.channels import resolution
 from diagnosis.residual.run import Run
-from diagnosis.screening.encoder_jumps import Jump, jumps_of
+from diagnosis.screening.encoder_jumps import Jump, jumps_of, rows_near, turned_per_row
 from diagnosis.screening.event import Event, Gain
 from diagnosis.screening.lost_rows.counter_lag import lost_by_current, shifts_tried
 from diagnosis.screening.lost_rows.lag_path import PIECE
@@ -160,9 +160,8 @@ def rows_lost(q: Array, jump: Jump, part: tuple[int, int], dt: float) -> tuple[i
 
     0 for a jump that is none of a motion.
     """
-    near, row = max(3, round(0.01 / dt)), jump.row
-    turned = (q[row - 1] - q[row - near] + q[row + near - 1] - q[row]) / (2 * (near - 1))
-    if abs(turned) * near < resolution(q) or not 0.5 < jump.size / turned < LONGEST / dt:
+    row, turned = jump.row, turned_per_row(q, jump.row, dt)
+    if abs(turned) * rows_near(dt) < resolution(q) or not 0.5 < jump.size / turned < LONGEST / dt:
         return 0, 0.0
     guess = jump.size / turned
     reach = max(WINDOW[0], round(WINDOW[1] * guess))
@@ -177,8 +176,8 @@ def rows_lost(q: Array, jump: Jump, part: tuple[int, int], dt: float) -> tuple[i
     best = int(np.argmin(errors))
     variance = max(float(errors[best]) / len(values), resolution(q) ** 2 / 12)
     likely = np.exp(-(errors - errors[best]) / (2 * MISFIT * variance))
-    spread = np.sqrt(np.sum(likely * (tried - tried[best]) ** 2) / np.sum(likely))
-    return int(tried[best]), max(float(spread), LEAST_STD)
+    std = np.sqrt(np.sum(likely * (tried - tried[best]) ** 2) / np.sum(likely))
+    return int(tried[best]), max(float(std), LEAST_STD)
 
 
 def _counted(q: Array, gaps: Sequence[CounterGap], dt: float, residual: Residual) -> list[CounterGap]:
@@ -188,13 +187,13 @@ def _counted(q: Array, gaps: Sequence[CounterGap], dt: float, residual: Residual
     joint, angles = gaps[0].joint, put_back(q, gaps)
     doubt = round(3.0 * float(np.sqrt(sum(gap.std**2 for gap in gaps))) + SKEW / dt)
     runs = {rows: residual(_delayed(angles, joint, rows)) for rows in shifts_tried(doubt, dt)}
-    more = lost_by_current(runs, joint, [(gap.time, gap.std if gap.std > SURE else FIXED) for gap in gaps])
+    by_current = lost_by_current(runs, joint, [(gap.time, gap.std if gap.std > SURE else FIXED) for gap in gaps])
     counted, before = [], 0
-    for gap, (rows, std) in zip(gaps, more):
+    for gap, (rows, std) in zip(gaps, by_current):
         lost = gap.lost + rows
         if lost > 0:
-            spread = gap.std if gap.std <= SURE else std
-            counted.append(replace(gap, lost=lost, std=spread, time=(gap.row + before) * dt))
+            best_std = gap.std if gap.std <= SURE else std
+            counted.append(replace(gap, lost=lost, std=best_std, time=(gap.row + before) * dt))
             before += lost
     return counted
 
@@ -228,9 +227,9 @@ def _restored(q: Array, gaps: Sequence[tuple[int, int]]) -> Array:
     lost = sum(count for _, count in gaps)
     edges = [0, *(row for row, _ in gaps), len(q)]
     shifts = np.cumsum([0, *(count for _, count in gaps)])
-    known = np.concatenate([np.arange(a, b) + shift for a, b, shift in zip(edges, edges[1:], shifts)])
+    places = np.concatenate([np.arange(a, b) + shift for a, b, shift in zip(edges, edges[1:], shifts)])
     filled = np.empty(len(q) + lost)
-    filled[known] = q
+    filled[places] = q
     for (row, count), shift in zip(gaps, shifts):
         start = row + int(shift)
         slopes = [_slope(q[max(row - NEIGHBOURS, 0) : row])[-1], _slope(q[row : row + NEIGHBOURS])[0]]

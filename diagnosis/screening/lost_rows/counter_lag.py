@@ -49,9 +49,9 @@ def lost_by_current(
     instruments = float(np.mean(run.instruments[:, joint - 1] ** 2))
     parts /= (float(np.median(errors.min(axis=1))) / PIECE + instruments) * COLOURED
     path = _cheapest(parts, [std for _, std in jumps])
-    spread = [_spread(part) for part in parts]
+    stds = [_spread(part) for part in parts]
     return [
-        (int(path[k + 1] - path[k]), min(std, float(np.hypot(spread[k], spread[k + 1]))))
+        (int(path[k + 1] - path[k]), min(std, float(np.hypot(stds[k], stds[k + 1]))))
         for k, (_, std) in enumerate(jumps)
     ]
 
@@ -61,10 +61,10 @@ def _errors(runs: Mapping[int, Run], joint: int, fine: Index) -> Array:
 
     The mean of each piece is taken out: a load that the model has not is no shift.
     """
-    known = sorted(runs)
-    values = np.stack([runs[rows].residual[:, joint - 1] for rows in known])
-    above = np.clip(np.searchsorted(known, fine), 1, len(known) - 1)
-    low, high = np.take(known, above - 1), np.take(known, above)
+    tried = sorted(runs)
+    values = np.stack([runs[rows].residual[:, joint - 1] for rows in tried])
+    above = np.clip(np.searchsorted(tried, fine), 1, len(tried) - 1)
+    low, high = np.take(tried, above - 1), np.take(tried, above)
     share = ((fine - low) / (high - low))[:, None]
     residual = (1.0 - share) * values[above - 1] + share * values[above]
     pieces = [residual[:, a : a + PIECE] for a in range(0, residual.shape[1] - PIECE + 1, PIECE)]
@@ -74,14 +74,14 @@ def _errors(runs: Mapping[int, Run], joint: int, fine: Index) -> Array:
 def _cheapest(parts: Array, stds: Sequence[float]) -> Index:
     """(s,) index of the shift in every part, whose errors (s, K) and changes, each with its std, cost least."""
     shifts = np.arange(parts.shape[1])
-    best, came = parts[0], []
+    best, came_from = parts[0], []
     for part, std in zip(parts[1:], stds):
         costs = best + (shifts[:, None] - shifts) ** 2 / (2.0 * std**2)
-        came.append(np.argmin(costs, axis=1))
+        came_from.append(np.argmin(costs, axis=1))
         best = costs.min(axis=1) + part
     path = [int(np.argmin(best))]
-    for before in reversed(came):
-        path.append(int(before[path[-1]]))
+    for of_part in reversed(came_from):
+        path.append(int(of_part[path[-1]]))
     return np.array(path[::-1], dtype=np.intp)
 
 

@@ -100,8 +100,8 @@ def _change(lag: Array, weight: Array, pieces: Array, at: int, *, agree: bool = 
         return None
     step = float(np.sum(inverse_variance * per_joint) / np.sum(inverse_variance))
     std = float(1.0 / np.sqrt(np.sum(inverse_variance)))
-    disagree = float(np.sum(inverse_variance * (per_joint - step) ** 2)) / max(len(per_joint) - 1, 1)
-    return Change(float(pieces[at]), step, std * float(np.sqrt(max(disagree, 1.0))))
+    disagreement = float(np.sum(inverse_variance * (per_joint - step) ** 2)) / max(len(per_joint) - 1, 1)
+    return Change(float(pieces[at]), step, std * float(np.sqrt(max(disagreement, 1.0))))
 
 
 def _agreed(per_joint: Array, inverse_variance: Array) -> bool:
@@ -110,12 +110,12 @@ def _agreed(per_joint: Array, inverse_variance: Array) -> bool:
     Dropped triggers affect all joints; an error of one joint alone has another cause.
     """
     best = int(np.argmax(inverse_variance))
-    others = np.delete(inverse_variance, best)
-    if not np.any(others > 0.0):
+    other_weights = np.delete(inverse_variance, best)
+    if not np.any(other_weights > 0.0):
         return False  # no other joint determines the step
     step, std = (
-        float(np.sum(np.delete(inverse_variance * per_joint, best)) / np.sum(others)),
-        float(1.0 / np.sqrt(np.sum(others))),
+        float(np.sum(np.delete(inverse_variance * per_joint, best)) / np.sum(other_weights)),
+        float(1.0 / np.sqrt(np.sum(other_weights))),
     )
     difference = abs(step - per_joint[best])
     return abs(step) > OTHERS * std and difference < OTHERS * float(
@@ -186,7 +186,13 @@ def instant_of(run: Run, change: Change) -> tuple[float, float]:
     common = np.sum(b / w, axis=1) / np.sum(1.0 - APART**-2 / w)  # c where the error is least
     error = np.sum(change.step**2 * size_after - 2 * change.step * toward_after - b**2 / w, axis=1)
     error -= common**2 * APART**-2 * np.sum(1.0 - APART**-2 / w)
-    likely = np.exp(-(error - error.min()) / 2)
+    time, variance = mean_time(run.t, -error / 2)
+    return time, float(np.hypot(np.sqrt(variance), FILTERED))
+
+
+def mean_time(t: Array, log_likelihood: Array) -> tuple[float, float]:
+    """Mean, s, and variance, s2, of instants t (m,) s, weighted by their likelihood."""
+    likely = np.exp(log_likelihood - log_likelihood.max())
     likely /= likely.sum()
-    time = float(np.sum(likely * run.t))
-    return time, float(np.hypot(np.sqrt(np.sum(likely * (run.t - time) ** 2)), FILTERED))
+    mean = float(np.sum(likely * t))
+    return mean, float(np.sum(likely * (t - mean) ** 2))

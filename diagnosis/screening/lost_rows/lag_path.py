@@ -19,7 +19,7 @@ from scipy.interpolate import CubicSpline
 
 from arm_io.types import Array
 from diagnosis.residual.run import Run
-from diagnosis.screening.lost_rows.lag_change import COLOURED, FILTERED
+from diagnosis.screening.lost_rows.lag_change import COLOURED, FILTERED, mean_time
 
 Index = NDArray[np.intp]
 
@@ -71,12 +71,12 @@ def lag_steps(run: Run) -> list[Step]:
     for begin, start, at, end in _changes(path):
         before, after = int(path[start]), int(path[at])
         without, with_it = (errors[lag + longest, at:end].sum(axis=0) / (scale * COLOURED) for lag in (before, after))
-        other, own = (errors[lag + longest, begin : start + 1].sum(axis=0) for lag in (after, before))
-        held = _of_others((other - own) / (scale * COLOURED)) > BEFORE
+        at_later_lag, at_own_lag = (errors[lag + longest, begin : start + 1].sum(axis=0) for lag in (after, before))
+        lag_is_known = _of_others((at_later_lag - at_own_lag) / (scale * COLOURED)) > BEFORE
         parts = pieces[begin], pieces[start] + PIECE, pieces[at], pieces[end - 1] + PIECE
         size = [float(np.sum(run.current_rate[a:b] ** 2 / scale)) for a, b in (parts[:2], parts[2:])]
-        fitted, lagged = float(np.sum(own / scale)) / size[0], float(np.sum(without)) * COLOURED / size[1]
-        if abs(after - before) > 1 and held and lagged > EMERGED * fitted and _agreed(without, with_it):
+        fitted, lagged = float(np.sum(at_own_lag / scale)) / size[0], float(np.sum(without)) * COLOURED / size[1]
+        if abs(after - before) > 1 and lag_is_known and lagged > EMERGED * fitted and _agreed(without, with_it):
             lags = before / run.per_second, after / run.per_second
             edge = float(run.t[pieces[at]])
             time, _ = instant(run, lags, (edge - 3 * PIECE / run.per_second, edge + 3 * PIECE / run.per_second))
@@ -103,13 +103,13 @@ def _changes(path: Index) -> list[tuple[int, int, int, int]]:
     path, and what is judged on either side of the next one must be long.
     """
     edges, lag = [0], int(path[0])
-    for piece, own in enumerate(path.tolist()):
-        if abs(own - lag) > 1:
+    for piece, lag_here in enumerate(path.tolist()):
+        if abs(lag_here - lag) > 1:
             edges.append(piece)
-            lag = own
+            lag = lag_here
     edges.append(len(path))
     parts = [(a, b) for a, b in itertools.pairwise(edges) if b - a > 1]
-    return [(one[0], one[1] - 1, two[0], two[1]) for one, two in itertools.pairwise(parts)]
+    return [(first[0], first[1] - 1, second[0], second[1]) for first, second in itertools.pairwise(parts)]
 
 
 def _agreed(without: Array, with_it: Array) -> bool:
@@ -163,10 +163,10 @@ def _errors(run: Run, pieces: Index, longest: int) -> Array:
         near, at = slice(first, first + 2 * longest + PIECE), slice(first, first + 2 * longest + 1)
         rows_known, whole = np.maximum(rows[at, 0], MOST * PIECE), bool(known[near].all())
         measured = run.current[first : first + PIECE] - level
-        for j, (own, later) in enumerate(zip((measured - measured.mean(axis=0)).T, expected[near].T)):
+        for j, (own, predicted) in enumerate(zip((measured - measured.mean(axis=0)).T, expected[near].T)):
             # a correlation with a piece has its sums of products at all lags; a piece has the mean 0
             own_sum, own_squares = (0.0, own @ own) if whole else (_products(known[near], x) for x in (own, own**2))
-            sums, squares = own_sum - total[at, j], own_squares - 2.0 * _products(later, own) + squared[at, j]
+            sums, squares = own_sum - total[at, j], own_squares - 2.0 * _products(predicted, own) + squared[at, j]
             errors[:, p, j] = PIECE * (squares / rows_known - (sums / rows_known) ** 2)
     lead = int((1 - MOST) * PIECE)
     nearest = np.clip(lags[:, None], -pieces - lead, len(run.t) - PIECE - pieces + lead)
@@ -187,16 +187,16 @@ def _products(values: Array, piece: Array) -> Array:
 def _cheapest(errors: Array) -> Index:
     """(p,) index of the lag in every piece, of the path whose errors (K, p, n) and changes cost least."""
     cost = errors.sum(axis=2).T
-    best, came = cost[0].copy(), np.empty(cost.shape, dtype=np.intp)
+    best, came_from = cost[0].copy(), np.empty(cost.shape, dtype=np.intp)
     stay = np.arange(cost.shape[1])
     for p in range(1, len(cost)):
         cheapest = int(np.argmin(best))
-        came[p] = np.where(best <= best[cheapest] + PRICE, stay, cheapest)
-        best = best[came[p]] + PRICE * (came[p] != stay) + cost[p]
+        came_from[p] = np.where(best <= best[cheapest] + PRICE, stay, cheapest)
+        best = best[came_from[p]] + PRICE * (came_from[p] != stay) + cost[p]
     path = np.empty(len(cost), dtype=np.intp)
     path[-1] = int(np.argmin(best))
     for p in range(len(cost) - 1, 0, -1):
-        path[p - 1] = came[p][path[p]]
+        path[p - 1] = came_from[p][path[p]]
     return path
 
 
@@ -204,14 +204,12 @@ def instant(run: Run, lags: tuple[float, float], near: tuple[float, float]) -> t
     """(time, std) s of the change between two lags (s) between the times ``near``: the mean of all, by likelihood."""
     rows = (run.t >= near[0]) & (run.t < near[1])
     t = run.t[rows]
-    apart = [run.current[rows] - _interpolated(run.t, run.expected, t + lag) for lag in lags]
-    scale = np.minimum(*(np.mean(one**2, axis=0) for one in apart)) + np.mean(run.instruments**2, axis=0)
-    before, after = (np.sum(one**2 / scale, axis=1) for one in apart)
+    residuals = [run.current[rows] - _interpolated(run.t, run.expected, t + lag) for lag in lags]
+    scale = np.minimum(*(np.mean(residual**2, axis=0) for residual in residuals)) + np.mean(run.instruments**2, axis=0)
+    before, after = (np.sum(residual**2 / scale, axis=1) for residual in residuals)
     total = np.cumsum(before) - before + np.cumsum(after[::-1])[::-1]
-    likely = np.exp(-(total - total.min()) / (2 * COLOURED))
-    likely /= likely.sum()
-    time = float(np.sum(likely * t))
-    return time, float(np.hypot(np.sqrt(np.sum(likely * (t - time) ** 2)), FILTERED))
+    time, variance = mean_time(t, -total / (2 * COLOURED))
+    return time, float(np.hypot(np.sqrt(variance), FILTERED))
 
 
 def _interpolated(t: Array, values: Array, at: Array) -> Array:

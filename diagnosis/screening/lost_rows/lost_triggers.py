@@ -61,12 +61,12 @@ def dropped_triggers(runs: Sequence[Run], periods: Sequence[float]) -> list[Drop
     of_each = [_of_recording(k, run, period) for k, (run, period) in enumerate(zip(runs, periods))]
     few = [k for k, own in enumerate(of_each) if len(own) < 2 and all(abs(loss.count) <= MOST_ROWS for loss in own)]
     common = common_count([runs[k] for k in few], [periods[k] for k in few])
-    for place, (time, time_std) in common.instants.items() if common else ():
-        k, period = few[place], periods[few[place]]
+    for index, (time, time_std) in common.instants.items() if common else ():
+        k, period = few[index], periods[few[index]]
         if not of_each[k] and common:
             row, row_std = round(time / period), time_std / period
             of_each[k] = [DroppedTriggers(k, row, row_std, common.count, common.count_std, period)]
-    return [loss for own in of_each for loss in own]
+    return [loss for losses in of_each for loss in losses]
 
 
 def _of_recording(index: int, run: Run, period: float) -> list[DroppedTriggers]:
@@ -91,14 +91,14 @@ def _refined(run: Run, change: Change) -> Change:
     """The change estimated again with the currents put back by it: the effect of a lag is of first order only."""
     skew = mean_lag(part_of(run, -np.inf, change.time))
     for _ in range(REFINEMENTS):
-        back = [Step(-np.inf, -skew), Step(change.time, -change.step)]
-        current, rate = put_back(run.current, run.t, back), put_back(run.current_rate, run.t, back)
+        steps = [Step(-np.inf, -skew), Step(change.time, -change.step)]
+        current, rate = put_back(run.current, run.t, steps), put_back(run.current_rate, run.t, steps)
         aligned = replace(run, current=current, current_rate=rate)
-        rest = change_at(aligned, change.time)
-        if rest is None:
+        remaining = change_at(aligned, change.time)
+        if remaining is None:
             break
-        change = replace(rest, step=change.step + rest.step)
-        if abs(rest.step) < SETTLED * rest.std:
+        change = replace(remaining, step=change.step + remaining.step)
+        if abs(remaining.step) < SETTLED * remaining.std:
             break
     return change
 
@@ -109,13 +109,13 @@ def _short(index: int, run: Run, change: Change, period: float) -> list[DroppedT
         return []
     rows = -change.step / period
     count = round(rows)
-    off = abs(rows - count)
-    if count == 0 or off > WHOLE or abs(count) > MOST_ROWS:
+    misfit = abs(rows - count)
+    if count == 0 or misfit > WHOLE or abs(count) > MOST_ROWS:
         return []
     time, time_std = instant_of(run, replace(change, step=-count * period))
     if time_std > PLACED:
         return []
-    row, count_std = round(time / period), max(change.std / period, off, 0.05)
+    row, count_std = round(time / period), max(change.std / period, misfit, 0.05)
     return [DroppedTriggers(index, row, time_std / period, count, count_std, period)]
 
 
@@ -129,14 +129,14 @@ def _long(
     run, aligned = runs
     steps, k = which
     half = 0.5 / run.per_second
-    known = change is not None and change.std < half
-    rest, std = (change.step, change.std) if change is not None and known else (0.0, half)
-    count = round((steps[k].step - rest) / period)
+    certain = change is not None and change.std < half
+    remaining, std = (change.step, change.std) if change is not None and certain else (0.0, half)
+    count = round((steps[k].step - remaining) / period)
     if count == 0:
         return []
-    before = sum(one.step for one in steps[:k])
-    skew = -mean_lag(part_of(aligned, -np.inf, steps[k].time + before))
-    lags = before + skew, before + skew + count * period
+    shift = sum(earlier.step for earlier in steps[:k])
+    skew = -mean_lag(part_of(aligned, -np.inf, steps[k].time + shift))
+    lags = shift + skew, shift + skew + count * period
     edges = [0.0, *(step.time for step in steps), np.inf]
     near = edges[k], min(edges[k + 2], run.t[-1] - abs(lags[1]))
     if not np.any((run.t >= near[0]) & (run.t < near[1])):
@@ -145,7 +145,7 @@ def _long(
     time, time_std = instant(run, lags, near)
     if time_std > PLACED:
         return []
-    row = round((time + before) / period)
+    row = round((time + shift) / period)
     return [DroppedTriggers(index, row, time_std / period, count, max(std / period, 0.05), period)]
 
 
@@ -153,12 +153,12 @@ def _aligned(run: Run, steps: Sequence[Step]) -> tuple[Run, list[float]]:
     """The run with its currents put back, and the times of the steps among the angles, s."""
     if not steps:
         return run, []
-    before = [0.0, *itertools.accumulate(step.step for step in steps)]
-    places = [step.time + shift for step, shift in zip(steps, before)]
+    shifts = [0.0, *itertools.accumulate(step.step for step in steps)]
+    times = [step.time + shift for step, shift in zip(steps, shifts)]
     rate = put_back(run.current_rate, run.t, steps)
-    for place, step in zip(places, steps):  # what nobody measured has no say
-        rate[(run.t >= place - 0.05) & (run.t < place + max(step.step, 0.0) + 0.05)] = 0.0
-    return replace(run, current=put_back(run.current, run.t, steps), current_rate=rate), places
+    for time, step in zip(times, steps):  # what nobody measured has no say
+        rate[(run.t >= time - 0.05) & (run.t < time + max(step.step, 0.0) + 0.05)] = 0.0
+    return replace(run, current=put_back(run.current, run.t, steps), current_rate=rate), times
 
 
 def _splits(run: Run) -> list[float]:
@@ -179,10 +179,10 @@ def _sure(run: Run, change: Change) -> bool:
 def event_of(losses: Sequence[DroppedTriggers], runs: Sequence[Run]) -> Event:
     """All dropped triggers as one event, with the parameters of the recording whose row is most certain."""
     best = min(losses, key=lambda loss: loss.row_std)
-    what = recorded_signals(runs[best.recording].arm)
+    signals = recorded_signals(runs[best.recording].arm)
     places = [
         f"{runs[loss.recording].name} from row {loss.row:.0f} ({loss.row * loss.period:.2f} s) on: "
-        f"the {what if loss.count > 0 else 'positions'} belong to rows {abs(loss.count)} later"
+        f"the {signals if loss.count > 0 else 'positions'} belong to rows {abs(loss.count)} later"
         for loss in losses
     ]
     parameters = [
@@ -190,7 +190,7 @@ def event_of(losses: Sequence[DroppedTriggers], runs: Sequence[Run]) -> Event:
         Estimate("count", float(best.count), best.count_std, "1"),
         Estimate("period", best.period, 1e-3 * best.period, "s"),
     ]
-    sentence = f"the lag of the {what} changes by a whole number of rows at one instant: in {'; '.join(places)}"
+    sentence = f"the lag of the {signals} changes by a whole number of rows at one instant: in {'; '.join(places)}"
     return Event(
         effect=DROPPED_TRIGGER.name,
         joint=None,

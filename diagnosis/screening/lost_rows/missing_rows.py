@@ -7,7 +7,7 @@ its joints show. What one counter loses alone is in ``counter_gaps``.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -31,12 +31,13 @@ Instant = tuple[int, int]
 def missing_rows(recordings: Sequence[Recording]) -> list[list[Instant]]:
     """Rows that all counters lost in each recording, in time."""
     jumps = [[jumps_of(column, r.dt) for column in r.q.T] for r in recordings]
-    found = [_common(r, of_joint) for r, of_joint in zip(recordings, jumps)]
-    known = {instant for instants in found for instant in instants}
-    for r, of_joint, instants in zip(recordings, jumps, found):
-        instants += [one for one in _of_one_joint(r, of_joint, known, bool(instants)) if one not in instants]
+    common = [_common(r, of_joint) for r, of_joint in zip(recordings, jumps)]
+    of_any = {instant for instants in common for instant in instants}
+    for r, of_joint, instants in zip(recordings, jumps, common):
+        of_one_joint = _of_one_joint(r, of_joint, of_any, bool(instants))
+        instants += [instant for instant in of_one_joint if instant not in instants]
         instants.sort()
-    return found
+    return common
 
 
 def gaps_of(instants: Sequence[Instant], joints: int, dt: float) -> tuple[CounterGap, ...]:
@@ -75,22 +76,29 @@ def event_of(missing: Sequence[Sequence[Instant]], recordings: Sequence[Recordin
 
 def _common(recording: Recording, jumps: Sequence[Sequence[Jump]]) -> list[Instant]:
     """Instants at which two joints or more jump, each by its turn in as many rows."""
+    instants = []
+    for row, part, jumped in _by_row(recording, jumps):
+        if len(jumped) > 1 and (count := _rows(recording, jumped, part)):
+            instants.append((row, count))
+    return instants
+
+
+def _by_row(
+    recording: Recording, jumps: Sequence[Sequence[Jump]]
+) -> Iterator[tuple[int, tuple[int, int], list[tuple[int, Jump]]]]:
+    """Rows with jumps, in time: the row, those of the jumps before and after, and the joints (from 0) that jump."""
     rows = sorted({jump.row for of_joint in jumps for jump in of_joint})
     edges = [0, *rows, recording.q.shape[0]]
-    found = []
     for row, start, end in zip(rows, edges, edges[2:]):
-        here = [(j, jump) for j, of_joint in enumerate(jumps) for jump in of_joint if jump.row == row]
-        if len(here) > 1 and (count := _rows(recording, here, (start, end))):
-            found.append((row, count))
-    return found
+        yield row, (start, end), [(j, jump) for j, of_joint in enumerate(jumps) for jump in of_joint if jump.row == row]
 
 
 def _rows(recording: Recording, jumped: Sequence[tuple[int, Jump]], part: tuple[int, int]) -> int:
     """Rows missing at jumps of several joints at one row; 0 where they are no turns in as many rows."""
-    each = [rows_lost(recording.q[:, j], jump, part, recording.dt) for j, jump in jumped]
-    if not all(count for count, _ in each):
+    losses = [rows_lost(recording.q[:, j], jump, part, recording.dt) for j, jump in jumped]
+    if not all(count for count, _ in losses):
         return 0
-    counts, stds = np.array(each).T
+    counts, stds = np.array(losses).T
     count = round(float(np.sum(counts / stds**2) / np.sum(stds**-2)))
     for j, jump in jumped:
         turned = turned_per_row(recording.q[:, j], jump.row, recording.dt)
@@ -101,27 +109,24 @@ def _rows(recording: Recording, jumped: Sequence[tuple[int, Jump]], part: tuple[
 
 
 def _of_one_joint(
-    recording: Recording, jumps: Sequence[Sequence[Jump]], known: set[Instant], others: bool
+    recording: Recording, jumps: Sequence[Sequence[Jump]], elsewhere: set[Instant], lost_elsewhere: bool
 ) -> list[Instant]:
     """Rows missing where only one joint moved enough to jump: as in other recordings, or as elsewhere in this one.
 
     others: whether this recording lost rows elsewhere. All other joints must turn too little in the missing rows.
     """
-    found = []
-    rows = sorted({jump.row for of_joint in jumps for jump in of_joint})
-    edges = [0, *rows, recording.q.shape[0]]
-    for row, start, end in zip(rows, edges, edges[2:]):
-        here = [(j, jump) for j, of_joint in enumerate(jumps) for jump in of_joint if jump.row == row]
-        if len(here) != 1:
+    instants = []
+    for row, part, jumped in _by_row(recording, jumps):
+        if len(jumped) != 1:
             continue
-        j, jump = here[0]
+        j, jump = jumped[0]
         turned = turned_per_row(recording.q[:, j], row, recording.dt)
         least = STEPS_OFF * resolution(recording.q[:, j])
-        found += [one for one in known if one[0] == row and abs(jump.size - one[1] * turned) < least]
-        count, _ = rows_lost(recording.q[:, j], jump, (start, end), recording.dt) if others else (0, 0.0)
+        instants += [(at, lost) for at, lost in elsewhere if at == row and abs(jump.size - lost * turned) < least]
+        count, _ = rows_lost(recording.q[:, j], jump, part, recording.dt) if lost_elsewhere else (0, 0.0)
         if count and all(_too_slow(recording, k, row, count) for k in range(recording.joints) if k != j):
-            found.append((row, count))
-    return list(dict(found).items())
+            instants.append((row, count))
+    return list(dict(instants).items())
 
 
 def _too_slow(recording: Recording, j: int, row: int, count: int) -> bool:

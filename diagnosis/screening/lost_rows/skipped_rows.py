@@ -7,8 +7,8 @@ filters and differences take as equally spaced is so, and weigh nothing.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
-from typing import Any
+from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from arm_io import InputError
 from arm_io.types import Array
 from daq.recording import Recording
 from diagnosis.residual.run import Run
-from diagnosis.screening.even_rows import SPLINED, TORN
+from diagnosis.screening.even_rows import SPLINED, TORN, resampled
 from diagnosis.screening.lost_rows.unmeasured_rows import without_weight
 from identification.preprocessing.grid import on_grid
 
@@ -67,26 +67,13 @@ def filled(recording: Recording, holes: Sequence[Hole]) -> Recording:
         np.concatenate([np.linspace(hole.start, hole.end, hole.rows + 2)[1:-1] for hole in holes]),
     )
     before = np.searchsorted(t, stamps, side="right") - 1
-    period = float(np.median(np.diff(t)))
-    rows: dict[str, Any] = {"t": stamps}
-    for field in fields(recording):
-        values = getattr(recording, field.name)
-        if field.name == "t" or not isinstance(values, np.ndarray) or len(values) != len(t):
-            continue
-        if field.name in SMOOTH:
-            rows[field.name] = _across(t, values, stamps, period)
-        elif np.issubdtype(values.dtype, np.floating):
-            columns = values.reshape(len(t), -1).T
-            straight = [np.interp(stamps, t, one) for one in columns]
-            rows[field.name] = np.stack(straight, axis=1).reshape(len(stamps), *values.shape[1:])
-        else:
-            rows[field.name] = values[before]
-    return replace(recording, **rows)
+    curves = {name: partial(_across, t, stamps) for name in SMOOTH}
+    return resampled(recording, stamps, before, curves)
 
 
-def _across(t: Array, values: Array, stamps: Array, period: float) -> Array:
+def _across(t: Array, stamps: Array, values: Array) -> Array:
     """(m, J) values (n, J) at the stamps (m,) s: as they are where rows are, interpolated where none is."""
-    through = on_grid(t, values, stamps, period)[0]
+    through = on_grid(t, values, stamps, float(np.median(np.diff(t))))[0]
     at = np.searchsorted(stamps, t)
     through[at] = values
     return through
@@ -104,8 +91,8 @@ def remark(recording: Recording, holes: Sequence[Hole]) -> str:
     """Says which rows are missing."""
     count = sum(hole.rows for hole in holes)
     places = ", ".join(f"{hole.rows} after {hole.start:.3f} s" for hole in holes[:3])
-    more = f" and {len(holes) - 3} more" if len(holes) > 3 else ""
+    further = f" and {len(holes) - 3} more" if len(holes) > 3 else ""
     return (
-        f"{recording.path.name} leaves out {count} rows, as its stamps say ({places}{more}); they were interpolated, "
-        "and count for nothing"
+        f"{recording.path.name} leaves out {count} rows, as its stamps say ({places}{further}); they were "
+        "interpolated, and count for nothing"
     )
