@@ -69,9 +69,9 @@ def read_head(path: str | Path, size: int) -> bytes:
             raise InputError(path, f"cannot be read: {error.strerror}") from None
 
 
-def read_text(path: str | Path, *, most: int = MOST_TEXT) -> str:
+def read_text(path: str | Path) -> str:
     """The text of a regular file in UTF-8, word for word. InputError as ``read_file``, and where it is not UTF-8."""
-    data = read_file(path, most=most)
+    data = read_file(path, most=MOST_TEXT)
     try:
         return data.decode("utf-8")
     except UnicodeDecodeError as error:

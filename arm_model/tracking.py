@@ -37,11 +37,11 @@ def latency(arm: Arm) -> float:
     return found
 
 
-def tracked(arm: Arm, t: Array, q: Array, point: Sequence[float] | Array, *, seed: int = 0) -> Array:
+def tracked(arm: Arm, t: Array, q: Array, point: Sequence[float] | Array) -> Array:
     """(R, 3) m in the base frame: what a tracker says of ``target_at`` over a motion q (R, n) at t (R,) s.
 
-    Late points are those of earlier angles, interpolated (cubic; the first row stays before it). Wrong ones are drawn
-    from ``seed``.
+    Late points are those of earlier angles, interpolated (cubic; the first row stays before it). Wrong ones are the
+    same at every call.
     """
     delay = latency(arm)
     if delay and len(t) > 1:
@@ -49,7 +49,7 @@ def tracked(arm: Arm, t: Array, q: Array, point: Sequence[float] | Array, *, see
 
         q = np.asarray(CubicSpline(t, q, axis=0)(np.clip(t - delay, t[0], t[-1])), float)
     points = target_at(arm, q, point)
-    generator = np.random.default_rng(seed)
+    generator = np.random.default_rng(0)
     for term in arm.effects:
         effect = CATALOGUE[term.name]
         if effect.stray is not None:

@@ -115,8 +115,12 @@ class Chart:
     widths: tuple[float, ...] = field(default=())
 
 
-def robust_range(values: Array, least: float = 0.0, share: float = 0.99, room: float = 1.15) -> tuple[float, float]:
-    """A range about zero that holds this share of the values, and at least ``least`` either way."""
-    known = np.abs(values[np.isfinite(values)])
-    top = max(least, room * float(np.quantile(known, share))) if len(known) else least
-    return -(top or 1.0), top or 1.0
+LEAST_RANGE = 4.0
+"""Std: half of the least range of a chart of values over their noise."""
+
+
+def robust_range(values: Array, room: float = 1.15) -> tuple[float, float]:
+    """A range about zero that holds 99 % of the values, in units of their std, and ``LEAST_RANGE`` either way."""
+    sizes = np.abs(values[np.isfinite(values)])
+    top = max(LEAST_RANGE, room * float(np.quantile(sizes, 0.99))) if len(sizes) else LEAST_RANGE
+    return -top, top

@@ -53,13 +53,12 @@ def one_row(
     counts: Sequence[int] | None = None,
     volts: Sequence[float] | None = None,
     quality: Sequence[int] = (),
-    tick: int = 0,
 ) -> Block:
     """What ``poll`` returns: one row without a number."""
     return Block(
         np.array([-1]),
         np.array([host], np.int64),
-        np.array([tick], np.int64),
+        np.zeros(1, np.int64),
         np.array([quality], np.uint8),
         None if counts is None else np.array([counts], np.int64),
         None if volts is None else np.array([volts], np.float64),

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 CRYSTAL = 100e-6  # how far a crystal may be from its nominal rate (standard deviation)
 JITTER = 0.1  # of the shortest round trip: what a reading is off, however quick it was
+KEPT = 64  # readings of which the quick ones are kept
 PROMPT = 1.5  # times the shortest round trip
 SLOWEST = 0.5  # of the ticks' pace: the slowest that reported time may pass
 Reading = tuple[int, int, int]  # tick, host ns, round trip in ns
@@ -22,9 +23,8 @@ class TickClock:
     daq relates ``readings`` to the host's clock once more, over the whole run.
     """
 
-    def __init__(self, nominal_hz: float, keep: int = 64) -> None:
+    def __init__(self, nominal_hz: float) -> None:
         self._ns = 1e9 / nominal_hz
-        self._keep = keep
         self._readings: list[Reading] = []
         self._begun = 0  # the first reading of the counter as it now runs
         self._line: tuple[Reading, float, float] | None = None  # quickest reading, offset (ns) and ns a tick there
@@ -41,7 +41,7 @@ class TickClock:
 
     def readings(self) -> list[tuple[int, int]]:
         """The quick ones of all readings, (tick, host ns): a quarter of them at least."""
-        pieces = [self._readings[k : k + self._keep] for k in range(0, len(self._readings), self._keep)]
+        pieces = [self._readings[k : k + KEPT] for k in range(0, len(self._readings), KEPT)]
         return [(tick, host) for piece in pieces for tick, host, _ in _quick(piece)]
 
     @property
@@ -70,7 +70,7 @@ class TickClock:
         return line
 
     def _fitted(self) -> tuple[Reading, float, float]:
-        latest = self._readings[max(self._begun, len(self._readings) - self._keep) :]
+        latest = self._readings[max(self._begun, len(self._readings) - KEPT) :]
         best = min(latest, key=lambda reading: reading[2])
         tick, host, trip = (np.array([r[k] - best[k] for r in latest], np.float64) for k in range(3))
         passed = tick * self._ns

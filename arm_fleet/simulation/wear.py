@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +9,6 @@ import numpy as np
 from arm_io import InputError
 from arm_io.types import Array
 from arm_model import EffectTerm
-from arm_model.effects import CATALOGUE
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,16 +67,13 @@ class Life:
         return np.where(k < (nights if self.repaired is None else self.repaired), grown, 0.0)
 
 
-def lives(arms: int, nights: int, *, worn: float, seed: int, kinds: Sequence[Wear] = KINDS) -> list[Life]:
+def lives(arms: int, nights: int, *, worn: float, seed: int) -> list[Life]:
     """A fleet: a share ``worn`` of the arms wears, each kind equally often; every other worn one is repaired.
 
     Wear begins in the first half, after five healthy nights. InputError for a fleet without arms or nights.
     """
     if arms < 1 or nights < 1:
         raise InputError("fleet-sim", f"needs at least one arm and one night (is {arms} and {nights})")
-    unknown = [one.effect for one in kinds if one.effect not in CATALOGUE]
-    if unknown:
-        raise InputError("fleet-sim", f"{unknown[0]} is no effect of the catalogue")
     draw = np.random.default_rng(seed)
     count = round(worn * arms)
     which = np.sort(draw.choice(arms, count, replace=False))
@@ -88,7 +83,7 @@ def lives(arms: int, nights: int, *, worn: float, seed: int, kinds: Sequence[Wea
         repaired = begins + max(4, int(0.7 * (nights - begins))) if place % 2 else None
         found[number] = Life(
             arm=found[number].arm,
-            wear=kinds[place % len(kinds)],
+            wear=KINDS[place % len(KINDS)],
             begins=begins,
             repaired=repaired if repaired is not None and repaired < nights else None,
         )

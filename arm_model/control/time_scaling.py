@@ -20,12 +20,16 @@ from arm_io.types import Array
 from arm_model.control.computed_torque import Reference
 from arm_model.control.torque_control import TorqueController
 
+RECOVERY = 0.2
+"""s in which the motion comes back to its full speed."""
+SHARE = 0.95
+"""Of the limits, planned with: the rest is for errors of the model and for feedback."""
+
 
 class TimeScaling:
     """Runs ``demand`` through ``controller`` no faster than ``limits`` (n,) N m (N) allow; called every ``period`` s.
 
-    recovery: s in which the motion comes back to its full speed. ``share`` of the limits is planned with: the rest is
-    for errors of the model and for feedback. ``reference``: positions demanded so far, one (n,) a tick.
+    ``reference``: positions demanded so far, one (n,) a tick.
     """
 
     def __init__(
@@ -35,13 +39,11 @@ class TimeScaling:
         limits: Array,
         *,
         period: float,
-        recovery: float = 0.2,
-        share: float = 0.95,
     ) -> None:
         if not (np.asarray(limits) > 0).all():
             raise InputError("limits", "must be positive, one for each joint")
-        self.controller, self.demand, self.limits = controller, demand, share * np.asarray(limits, float)
-        self.period, self.recovery = period, recovery
+        self.controller, self.demand, self.limits = controller, demand, SHARE * np.asarray(limits, float)
+        self.period = period
         self.place, self.speed = 0.0, 1.0  # s and sigma
         self.reference: list[Array] = []
 
@@ -69,5 +71,5 @@ class TimeScaling:
         bears = np.abs(inertial) > 1e-9
         low = max(low, float(np.max(ends.min(axis=0), where=bears, initial=low)))
         high = min(high, float(np.min(ends.max(axis=0), where=bears, initial=high)))
-        reference = (1.0 - self.speed) / self.recovery
-        return float(np.clip(reference, low, high)) if low <= high else -self.speed / self.recovery
+        reference = (1.0 - self.speed) / RECOVERY
+        return float(np.clip(reference, low, high)) if low <= high else -self.speed / RECOVERY

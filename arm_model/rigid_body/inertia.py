@@ -81,16 +81,18 @@ def transform_matrix(pose: Array) -> Array:
     return transform(np.eye(10), pose).T
 
 
+PRINTED = 1e-6
+"""Relative error of an inertia as files print it."""
 LEAST_TRACE = 1e-9
 """kg m2: of a ball of 1 g and 1 mm radius. Below a millionth of it is what rounding leaves of a point mass."""
 
 
-def unphysical(mass: float, inertia: tuple[float, ...], tolerance: float = 1e-6) -> str | None:
+def unphysical(mass: float, inertia: tuple[float, ...]) -> str | None:
     """What is impossible about mass and inertia about the com (xx, yy, zz, xy, yz, xz), or None.
 
     A body is possible where its second moments int x x^T dm about the com, trace(I) / 2 - I, are positive semidefinite:
     the same as a positive pseudo-inertia and as principal inertias that obey the triangle inequality (Wensing, Kim,
-    Slotine, RA-L 2018). ``tolerance`` is relative to the trace, but to no less than LEAST_TRACE.
+    Slotine, RA-L 2018). ``PRINTED`` is relative to the trace, but to no less than LEAST_TRACE.
     """
     matrix = np.zeros((3, 3))
     for value, (i, j) in zip(inertia, _ABOUT_COM):
@@ -98,7 +100,7 @@ def unphysical(mass: float, inertia: tuple[float, ...], tolerance: float = 1e-6)
     if mass < 0:
         return f"mass {mass:g} kg is negative"
     principal = np.linalg.eigvalsh(matrix)
-    slack = tolerance * max(abs(np.trace(matrix)), LEAST_TRACE)
+    slack = PRINTED * max(abs(np.trace(matrix)), LEAST_TRACE)
     shown = ", ".join(f"{value:.4g}" for value in principal)
     if principal[0] < -slack:
         return f"inertia is not positive: principal inertias {shown} kg m2"

@@ -143,34 +143,3 @@ def jacobian(arm: Arm, q: Array, point: Array | None = None) -> Array:
         else:
             columns[..., :3, j] = z
     return columns
-
-
-def inverse(arm: Arm, pose: Array, start: Array, *, tolerance: float = 1e-9, iterations: int = 200) -> Array:
-    """(n,) q with forward(arm, q) = ``pose`` (4, 4), near ``start`` (n,): damped Gauss-Newton (Levenberg-Marquardt).
-
-    Joint limits are not enforced. Raises InputError where nothing is found.
-    """
-    q = _check(arm, start).copy()
-    damping, error = 1e-6, _pose_error(forward(arm, q), pose)
-    for _ in range(iterations):
-        if np.linalg.norm(error) < tolerance:
-            return q
-        slope = jacobian(arm, q)
-        step = slope.T @ np.linalg.solve(slope @ slope.T + damping * np.eye(6), error)
-        trial = q + np.clip(step, -0.5, 0.5)
-        trial_error = _pose_error(forward(arm, trial), pose)
-        if np.linalg.norm(trial_error) < np.linalg.norm(error):
-            q, error, damping = trial, trial_error, max(damping / 10, 1e-15)
-        else:
-            damping = min(damping * 10, 1e3)
-    raise InputError(
-        "pose", f"not reached from this start: {np.linalg.norm(error):.3g} (m, rad) are left; try another start"
-    )
-
-
-def _pose_error(reached: Array, wanted: Array) -> Array:
-    """(6,) translation and rotation vector, base frame, that take ``reached`` to ``wanted``."""
-    from scipy.spatial.transform import Rotation
-
-    turned = Rotation.from_matrix(wanted[:3, :3] @ reached[:3, :3].T).as_rotvec()
-    return np.concatenate([wanted[:3, 3] - reached[:3, 3], turned])

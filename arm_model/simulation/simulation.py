@@ -306,11 +306,11 @@ def simulate(
     return single(motion)
 
 
-def single(motion: Motion, lane: int = 0) -> Motion:
-    """One lane of a batch."""
+def single(motion: Motion) -> Motion:
+    """The first lane of a batch."""
     names = ("q", "qd", "qm", "qmd", "current", "torque")
-    base = None if motion.base is None else motion.base.lane(lane)
-    return replace(motion, base=base, **{name: getattr(motion, name)[lane] for name in names})
+    base = None if motion.base is None else motion.base.lane(0)
+    return replace(motion, base=base, **{name: getattr(motion, name)[0] for name in names})
 
 
 def system_of(arm: Arm, variations: Mapping[str, Array] | None = None) -> System:

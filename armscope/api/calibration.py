@@ -132,7 +132,7 @@ class Calibration:
         for one in (one for one in self.runs if one.experiment.startswith(NAME)):
             run = linked(one.run, self.details.coupling)
             before, after = (predicted(self.details, run, gravity, before=nominal) for nominal in (True, False))
-            cubes.append(cube_report(run, before, after, 0.5))
+            cubes.append(cube_report(run, before, after))
         return [cube for cube in cubes if cube is not None]
 
 

@@ -27,8 +27,6 @@ if TYPE_CHECKING:
 
 MANY = ("--held-out", "--tracker")
 """Options that take several values."""
-SIDE = 0.5
-"""m: of the ISO 9283 cube."""
 POSES = "poses.toml"
 
 
@@ -237,13 +235,13 @@ def _cubes(arm: Arm, calibration: Estimate | None) -> list[_Cube]:
     from arm_model.rigid_body import forward
     from identification.kinematics.data import gravity_of
     from identification.kinematics.models import calibrated_arm
-    from identification.kinematics.use import Corrected, cube_experiment, cube_points, cube_targets, posture_of
+    from identification.kinematics.use import SIDE, Corrected, cube_experiment, cube_points, cube_targets, posture_of
 
     posture = posture_of(arm)
     centre = forward(arm, arm.link_angles(posture))[:3, 3]
-    points, targets = cube_points(centre, SIDE), cube_targets(arm, centre, SIDE, posture)
+    points, targets = cube_points(centre), cube_targets(arm, centre, SIDE, posture)
     heading = "ISO 9283 cube, planned with the nominal model"
-    cubes = [_Cube("iso_cube.toml", heading, points, targets, cube_experiment(targets, SIDE))]
+    cubes = [_Cube("iso_cube.toml", heading, points, targets, cube_experiment(targets))]
     if calibration is not None:
         model = Corrected(
             replace(
@@ -258,13 +256,14 @@ def _cubes(arm: Arm, calibration: Estimate | None) -> list[_Cube]:
             "ISO 9283 cube, targets corrected so that the calibrated arm goes where the nominal one was planned to"
         )
         targets = cube_targets(arm, centre, SIDE, posture, model)
-        cubes.append(_Cube("iso_cube_corrected.toml", heading, points, targets, cube_experiment(targets, SIDE)))
+        cubes.append(_Cube("iso_cube_corrected.toml", heading, points, targets, cube_experiment(targets)))
     return cubes
 
 
 def _write_cubes(there: Path, out: Path, cubes: list[_Cube]) -> dict[str, Any]:
     """Writes into ``there``, whose files are those of ``out`` soon."""
     from experiment import write_experiment
+    from identification.kinematics.use import SIDE
 
     for one in cubes:
         write_experiment(there / one.name, one.experiment, heading=one.heading)

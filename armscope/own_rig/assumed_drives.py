@@ -146,5 +146,5 @@ def _controller(arm: Arm) -> Controller:
     )
 
 
-def _round(value: float, digits: int = 2) -> float:
-    return float(f"{value:.{digits}g}")
+def _round(value: float) -> float:
+    return float(f"{value:.2g}")

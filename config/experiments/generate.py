@@ -23,10 +23,10 @@ import numpy as np
 from arm_io.types import Array
 from arm_model.description import Arm
 from arm_model.model_file import read_model
-from arm_model.rigid_body.kinematics import inverse
 from arm_model.rigid_body.regressor import regressor
 from arm_model.system.dynamics import inverse_dynamics
 from experiment import Experiment, demand_of, write_experiment
+from identification.kinematics.use.correction import Corrected, corrected_inverse
 
 HERE = Path(__file__).resolve().parent
 
@@ -40,6 +40,7 @@ STRETCHED = [0.0, 0.0, -UP, 0.0, UP, 0.0]  # horizontal forward, the flange look
 
 CUBE_CENTRE = np.array([0.45, -0.15, 0.55])  # m, base frame
 CUBE_SIDE = 0.5
+HARMONICS = 5  # of a random Fourier series
 DOWN = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]])  # the flange looks down
 
 
@@ -93,7 +94,7 @@ def cube_poses(arm: Arm) -> list[list[float]]:
     for point in cube_points():
         pose = np.eye(4)
         pose[:3, :3], pose[:3, 3] = DOWN, point
-        near = inverse(arm, pose, near)
+        near = corrected_inverse(Corrected(arm), pose, near)
         poses.append(near.round(6).tolist())
     return poses
 
@@ -142,18 +143,18 @@ def excitation(arm: Arm, name: str, seed: int, fundamental: float, text: str) ->
     return best
 
 
-def _series(random: np.random.Generator, name: str, fundamental: float, text: str, harmonics: int = 5) -> Experiment:
+def _series(random: np.random.Generator, name: str, fundamental: float, text: str) -> Experiment:
     speed = np.array(FULL_SPEED)[:, None]
-    pulsation = 2 * np.pi * fundamental * np.arange(1, harmonics + 1)
-    amplitude = random.dirichlet(np.ones(2 * harmonics), size=6) * random.choice([-1, 1], (6, 2 * harmonics))
+    pulsation = 2 * np.pi * fundamental * np.arange(1, HARMONICS + 1)
+    amplitude = random.dirichlet(np.ones(2 * HARMONICS), size=6) * random.choice([-1, 1], (6, 2 * HARMONICS))
     coefficients = 0.85 * speed * amplitude / np.tile(pulsation, 2)
     middle = [0.0, 0.7, -1.6, 0.0, 0.2, 0.0]
     series = {
         "type": "fourier",
         "duration": 2.0 / fundamental,
         "fundamental": fundamental,
-        "sine": coefficients[:, :harmonics].round(5).tolist(),
-        "cosine": coefficients[:, harmonics:].round(5).tolist(),
+        "sine": coefficients[:, :HARMONICS].round(5).tolist(),
+        "cosine": coefficients[:, HARMONICS:].round(5).tolist(),
         "fade": 1.0,
     }
     return puma(name, middle, [series], text)

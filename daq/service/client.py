@@ -91,9 +91,9 @@ def claim(session: zenoh.Session, keys: Keys) -> Iterator[str]:
         token.undeclare()
 
 
-def alive(session: zenoh.Session, keys: Keys, *, timeout: float = 2.0) -> bool:
+def alive(session: zenoh.Session, keys: Keys) -> bool:
     """Whether a server of this rig is there."""
-    return any(reply.ok is not None for reply in session.liveliness().get(keys.alive, timeout=timeout))
+    return any(reply.ok is not None for reply in session.liveliness().get(keys.alive, timeout=2.0))
 
 
 def table_of(error: InputError | DeviceFault) -> Table:

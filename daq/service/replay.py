@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from daq.recording import LongRecording, Recording
 
+BLOCK = 0.01
+"""s: longest time of a block."""
 COLUMNS = (
     "number",
     "wall_ns",
@@ -41,10 +43,8 @@ def columns_of(recording: Recording) -> dict[str, NDArray]:
     return {"t": recording.t} | recording.extra | there
 
 
-def blocks_of(
-    recording: Recording | LongRecording, seconds: float = 0.01
-) -> Iterator[tuple[float, dict[str, NDArray]]]:
-    """Blocks of at most ``seconds`` of acquisition time, each with the time of its last row (s since the first).
+def blocks_of(recording: Recording | LongRecording) -> Iterator[tuple[float, dict[str, NDArray]]]:
+    """Blocks of at most ``BLOCK`` s of acquisition time, each with the time of its last row (s since the first).
 
     Only the current chunk of a long recording is in memory.
     """
@@ -53,7 +53,7 @@ def blocks_of(
         columns = columns_of(part)
         if rest:
             columns = {name: np.concatenate([rest[name], values]) for name, values in columns.items()}
-        *edges, last = _edges(columns["t"], seconds)
+        *edges, last = _edges(columns["t"])
         for start, end in zip(edges, [*edges[1:], last]):
             yield _block(columns, start, end)
         rest = {name: values[last:] for name, values in columns.items()}
@@ -61,9 +61,9 @@ def blocks_of(
         yield _block(rest, 0, len(rest["t"]))
 
 
-def _edges(t: NDArray[np.float64], seconds: float) -> list[int]:
+def _edges(t: NDArray[np.float64]) -> list[int]:
     """The rows at which a new block begins; the last of them may go on."""
-    return [0, *(np.flatnonzero(np.diff(np.floor(t / seconds))) + 1).tolist()]
+    return [0, *(np.flatnonzero(np.diff(np.floor(t / BLOCK))) + 1).tolist()]
 
 
 def _block(columns: dict[str, NDArray], start: int, end: int) -> tuple[float, dict[str, NDArray]]:

@@ -28,6 +28,7 @@ from identification.regression.least_squares import Fit
 from identification.regression.uncertainty import FitUncertainty, fit_uncertainty
 from identification.result import Prediction
 
+ITERATIONS = 12
 STEP = 0.05  # of a parameter, for its column of the Jacobian
 DIRECTIONS = ("coulomb_positive", "coulomb_negative")
 
@@ -53,7 +54,6 @@ def tune_friction(
     motions: Sequence[Motion],
     arm: Arm,
     *,
-    iterations: int = 12,
     progress: Progress = lambda _: None,
 ) -> Tuning:
     """Viscous and Coulomb friction (either direction) of the joints that move.
@@ -66,7 +66,7 @@ def tune_friction(
     loops, floor = _Loops(recordings, motions, arm, names), _floors(names, motions)
     start = np.maximum(np.array([parameter(arm, name) for name in names]), floor)
     before = loops.relative_error(start)
-    values, error, jacobian, simulations = _minimised(loops, start, floor, iterations, progress)
+    values, error, jacobian, simulations = _minimised(loops, start, floor, progress)
     # a joint whose friction no row shows keeps that of the model
     seen = np.linalg.norm(jacobian, axis=0) > 0.0
     names, values, jacobian = tuple(n for n, there in zip(names, seen) if there), values[seen], jacobian[:, seen]
@@ -125,9 +125,7 @@ class _Loops:
         return np.concatenate(parts, axis=1)
 
 
-def _minimised(
-    loops: _Loops, values: Array, floor: Array, iterations: int, progress: Progress
-) -> tuple[Array, Array, Array, int]:
+def _minimised(loops: _Loops, values: Array, floor: Array, progress: Progress) -> tuple[Array, Array, Array, int]:
     """Values (p,) that leave the least error, from ``values`` on; that error (rows,), its Jacobian, loops simulated.
 
     In every iteration the best of five dampings, of which each is a lane. floor (p,): least values in the step of a
@@ -136,7 +134,7 @@ def _minimised(
     error = _stable(loops.errors(values[None]))[0]
     jacobian = np.zeros((len(error), len(values)))
     damping, simulations = 1e-3, 0
-    for number in range(iterations):
+    for number in range(ITERATIONS):
         progress(Step("friction", number, detail=f"error {np.linalg.norm(error) / np.sqrt(len(error)):.4g}"))
         jacobian = loops.jacobian(values, STEP * np.maximum(values, floor))
         gram, slope = jacobian.T @ jacobian, jacobian.T @ error

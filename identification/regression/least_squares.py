@@ -21,6 +21,7 @@ from identification.selection import MAD_TO_STD
 Joints = NDArray[np.intp]
 Method = Literal["ols", "wls", "irls"]
 
+REWEIGHTED = 20  # times, at most
 BIWEIGHT = 4.685  # Tukey's tuning constant: 95 % efficient on Gaussian residuals
 
 
@@ -42,7 +43,7 @@ class Fit:
         return float(np.linalg.cond(self.scaled)) if self.scaled.size else float("nan")
 
 
-def least_squares(columns: Array, y: Array, joint: Joints, method: Method = "wls", *, iterations: int = 20) -> Fit:
+def least_squares(columns: Array, y: Array, joint: Joints, method: Method = "wls") -> Fit:
     """Fits y (rows,) by columns (rows, b); ``joint`` (rows,) says which equation each row is of."""
     if method == "ols":
         return weighted(columns, y, np.ones(len(y)))
@@ -50,7 +51,7 @@ def least_squares(columns: Array, y: Array, joint: Joints, method: Method = "wls
     fit = weighted_by_joint(columns, y, joint, joint_triangles(columns, y, joint))
     if method == "wls":
         return fit
-    for _ in range(iterations):
+    for _ in range(REWEIGHTED):
         before = fit.values
         spread = joint_noise(fit.residual, joint, robust=True)[joint]
         inside = np.clip(1 - (fit.residual / (BIWEIGHT * spread)) ** 2, 0.0, None)

@@ -194,10 +194,10 @@ class _Problem:
         return gradient, hessian
 
 
-def _newton(problem: _Problem, delta: Array, regularisation: float, barrier: float, *, iterations: int = 60) -> Array:
+def _newton(problem: _Problem, delta: Array, regularisation: float, barrier: float) -> Array:
     """Damped Newton steps until the expected decrease is nothing."""
     value = problem.cost(delta, regularisation, barrier)
-    for _ in range(iterations):
+    for _ in range(60):
         gradient, hessian = problem.derivatives(delta, regularisation, barrier)
         scale = 1 / np.sqrt(np.diag(hessian))
         step = -scale * np.linalg.lstsq(hessian * scale[:, None] * scale, scale * gradient, rcond=1e-14)[0]

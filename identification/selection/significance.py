@@ -19,6 +19,8 @@ Index = NDArray[np.intp]
 
 BLOCK_SECONDS = 1.0
 """Length of a block: several times the longest correlation seen in practice (0.25 s)."""
+DRAWS = 20000
+"""Random shifts that the chance of a prediction is counted over."""
 
 
 def block_sums(values: Array, block: Index, blocks: int) -> Array:
@@ -53,7 +55,7 @@ def p_value(gains: Array) -> float:
     return float(min(1.0, np.exp(found.fun)))
 
 
-def shift_p_value(predicted: Sequence[Array], residual: Sequence[Array], draws: int = 20000, seed: int = 0) -> float:
+def shift_p_value(predicted: Sequence[Array], residual: Sequence[Array]) -> float:
     """Probability that events predicted at other times gain as much.
 
     Predicted and residual (m, n) of each recording, whitened.
@@ -62,14 +64,14 @@ def shift_p_value(predicted: Sequence[Array], residual: Sequence[Array], draws: 
     where it stands. Few events that explain much cannot show it by the sign of blocks; that they are where they should
     be is the stronger evidence. The colour of the residual is kept.
     """
-    rng = np.random.default_rng(seed)
-    total, here, size = np.zeros(draws), 0.0, 0.0
+    rng = np.random.default_rng(0)
+    total, here, size = np.zeros(DRAWS), 0.0, 0.0
     for x, r in zip(predicted, residual):
         spectrum = np.sum(np.conj(np.fft.rfft(x, axis=0)) * np.fft.rfft(r, axis=0), axis=1)
         inner = np.fft.irfft(spectrum, len(x))  # x turned round by k rows, times r
         here += float(inner[0])
-        total += inner[rng.integers(0, len(x), draws)]
+        total += inner[rng.integers(0, len(x), DRAWS)]
         size += float(np.sum(x**2))
     if 2 * here <= size:
         return 1.0
-    return float((1 + np.count_nonzero(total >= here)) / (1 + draws))
+    return float((1 + np.count_nonzero(total >= here)) / (1 + DRAWS))

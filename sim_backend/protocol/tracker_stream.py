@@ -30,7 +30,7 @@ class SimulatedTracker:
     a frame, by its number), ``stop_after`` (frames), ``jitter``.
     """
 
-    def __init__(self, name: str, config: Config, wires: Wires, seed: int = 1) -> None:
+    def __init__(self, name: str, config: Config, wires: Wires) -> None:
         self.name, self.config, self.wires = name, config, wires
         self.clock_ppm, self.jitter = 0.0, JITTER
         self.lose_edges: set[int] = set()
@@ -38,7 +38,7 @@ class SimulatedTracker:
         self.extra_edges: dict[int, float] = {}
         self.stop_after: int | None = None
         self.edges: list[int] = []  # ns of every sample of this run
-        self._random = np.random.default_rng(seed)
+        self._random = np.random.default_rng(1)
         self._lock = threading.RLock()
         self._loop: Loop | None = None
         self._socket: socket.socket | None = None

@@ -11,9 +11,9 @@ class FastClock:
     monotonic_ns starts at one second; wall_ns starts at the real time, so that recordings carry an honest date.
     """
 
-    def __init__(self, wall_ns: int | None = None) -> None:
+    def __init__(self) -> None:
         self._now = 1_000_000_000
-        self._offset = (time.time_ns() if wall_ns is None else wall_ns) - self._now
+        self._offset = time.time_ns() - self._now
 
     def monotonic_ns(self) -> int:
         return self._now

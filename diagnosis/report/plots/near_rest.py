@@ -37,7 +37,7 @@ def near_rest_chart(picture: str, result: Diagnosis, joint: int) -> Chart | None
             x=f"velocity of joint {joint}, {drive.unit(UNITS['velocity'])}",
             y="residual over its std",
             x_range=(-SLIDES, SLIDES),
-            y_range=robust_range(sides[0][1], 4.0),
+            y_range=robust_range(sides[0][1]),
             joint=joint,
         )
         for (v, residual), colour, title in zip(sides, (BEFORE, AFTER), titles)

@@ -54,7 +54,7 @@ def overview(result: Diagnosis) -> Chart:
                 zones=(Zone(low=-2.0, high=2.0, label="noise, two std"),),
                 # the names stand in the first panel only
                 levels=borders if j == 1 else tuple(Level(value=b.value, axis="x", colour=EDGE) for b in borders),
-                y_range=robust_range(side.y[side.of(j)][shown], 4.0, room=1.2),
+                y_range=robust_range(side.y[side.of(j)][shown], room=1.2),
                 title=f"joint {j}" if shown.any() else f"joint {j}: at standstill in every held-out recording",
                 x="time in the held-out recordings, s",
                 y="residual over noise",

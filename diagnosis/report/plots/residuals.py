@@ -69,7 +69,7 @@ def against_all(result: Diagnosis, joint: int, held_out: Sequence[Recording]) ->
                 zones=(Zone(low=-2.0, high=2.0, label="noise, two std"),),
                 x=_with_unit(result, joint, name),
                 y="residual over noise",
-                y_range=robust_range((before if result.causes else after)[sure], 4.0),
+                y_range=robust_range((before if result.causes else after)[sure]),
                 joint=joint,
                 motion=HELD_OUT,
             )
@@ -99,7 +99,7 @@ def left_against(result: Diagnosis, joint: int, name: str) -> Chart | None:
         zones=(Zone(low=-2.0, high=2.0, label="noise, two std"),),
         x=_with_unit(result, joint, name),
         y=f"residual of joint {joint} over noise",
-        y_range=robust_range(after[sure], 4.0),
+        y_range=robust_range(after[sure]),
         joint=joint,
         motion=HELD_OUT,
     )

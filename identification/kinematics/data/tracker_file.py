@@ -21,6 +21,8 @@ from arm_io.plain_data import LARGEST
 from arm_io.types import Array
 from identification.selection import MAD_TO_STD
 
+_EVENTS = 2000
+"""Rows and samples by which a start is judged, at most."""
 _REACH = 30
 """Starts tried beyond the difference of the counts: both sides may have lost events."""
 
@@ -89,7 +91,7 @@ def read_tracker(path: str | Path) -> TrackerFile:
     return TrackerFile(Path(path).name, t, table[:, 1:])
 
 
-def merge(rows_t: Array, tracker: TrackerFile, *, most: int = 2000) -> Merge:
+def merge(rows_t: Array, tracker: TrackerFile) -> Merge:
     """Pairs the samples of a tracker's file with the rows of a run, whose acquisition times are ``rows_t`` (rows,) s.
 
     InputError where the two cannot belong together: no start makes their intervals agree.
@@ -103,7 +105,7 @@ def merge(rows_t: Array, tracker: TrackerFile, *, most: int = 2000) -> Merge:
             f"has a sample every {1e3 * theirs:.4g} ms, the run a row every {1e3 * period:.4g} ms: not the same "
             "triggers",
         )
-    best, second = _starts(a, b, period, most)
+    best, second = _starts(a, b, period)
     pairs = _pair(a, b, best.offset, best.drift, period)
     matched = int((pairs >= 0).sum())
     if matched < 0.5 * min(len(a), len(b)):
@@ -114,11 +116,11 @@ def merge(rows_t: Array, tracker: TrackerFile, *, most: int = 2000) -> Merge:
     return Merge(pairs, best.drift, best.residual, sure)
 
 
-def _starts(a: Array, b: Array, period: float, most: int) -> tuple[_Clocks, float]:
+def _starts(a: Array, b: Array, period: float) -> tuple[_Clocks, float]:
     """The best start, and the cost of the next best one.
 
     A start is which row the first sample belongs to, or which sample the first row: a shift by whole periods. Each is
-    tried on up to ``most`` events by pairing every row with the nearest sample and following the clocks.
+    tried on up to ``_EVENTS`` events by pairing every row with the nearest sample and following the clocks.
     """
     reach = abs(len(a) - len(b)) + _REACH
     tried: list[_Clocks] = []
@@ -128,7 +130,7 @@ def _starts(a: Array, b: Array, period: float, most: int) -> tuple[_Clocks, floa
         if fitted is not None:
             tried.append(fitted)
     close = min((f.cost for f in tried), default=0.0) * 3.0 + 1e-7
-    longer = [_follow(a, b, f.offset, period, most) for f in tried if f.cost <= close]
+    longer = [_follow(a, b, f.offset, period, _EVENTS) for f in tried if f.cost <= close]
     final = sorted((f for f in longer if f is not None), key=lambda f: f.cost)
     if not final:
         raise InputError("tracker file", "no start makes its intervals agree with the run's triggers")

@@ -21,6 +21,8 @@ from identification.kinematics.data.points import Points
 from identification.kinematics.estimation.observed import linear_in
 from identification.kinematics.models.parameters import Parameters
 
+MOST_POSES = 2000
+"""Poses that a rank is computed from: an even choice of more."""
 RANK_TOLERANCE = 1e-8
 """Relative to the largest singular value.
 
@@ -50,14 +52,14 @@ def at_rest(q: Array) -> Array:
     return q
 
 
-def identifiable(parameters: Parameters, poses: ArrayLike | Points, *, most: int = 2000) -> int:
+def identifiable(parameters: Parameters, poses: ArrayLike | Points) -> int:
     """How many independent combinations of ALL parameters (base, joints, targets) ``poses`` can show.
 
     poses: angles q (N, joints) of the first target, or what was measured of all targets. 27 for a 6R arm and 15 for a
     3R arm in general poses (``expected_rank``).
     """
     points = _points(poses)
-    points = replace(points, q=at_rest(points.q)).where(slice(None, None, max(1, len(points) // most)))
+    points = replace(points, q=at_rest(points.q)).where(slice(None, None, max(1, len(points) // MOST_POSES)))
     jacobian = linear_in(parameters.chain, points)[1]
     columns = jacobian[:, :, parameters.every].reshape(-1, len(parameters.every))
     return int(np.sum(singular_values(columns) > RANK_TOLERANCE * float(np.linalg.norm(columns))))

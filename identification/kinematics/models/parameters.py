@@ -108,14 +108,12 @@ class Parameters:
         return np.asarray(block_diag(root, np.eye(more)))
 
 
-def parameters_of(
-    arm: Arm, targets: Sequence[Target], *, frame_known: bool, trust: Trust, where: str = "model"
-) -> Parameters:
+def parameters_of(arm: Arm, targets: Sequence[Target], *, frame_known: bool, trust: Trust) -> Parameters:
     """What is to be estimated of an arm whose ``targets`` are tracked.
 
     InputError if the arm is described otherwise than by D-H parameters.
     """
-    chain = chain_of(arm, targets, where)
+    chain = chain_of(arm, targets)
     parallel = parallel_next(arm)
     stds = {name: target.std for name, target in zip(target_groups(len(targets)), targets)}
     free, every, scale = [], [], np.zeros(len(chain.steps))

@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from identification.kinematics.use.correction import Corrected
     from identification.kinematics.use.iso_cube import (
         NAME,
+        SIDE,
         cube_experiment,
         cube_points,
         cube_report,
@@ -20,6 +21,7 @@ else:
 
 __all__ = [
     "NAME",
+    "SIDE",
     "Corrected",
     "PosePlan",
     "cube_experiment",

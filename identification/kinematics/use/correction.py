@@ -48,9 +48,7 @@ def corrected_forward(model: Corrected, q: ArrayLike) -> Array:
     return forward(model.arm, model.bent(np.atleast_2d(np.asarray(q, float))))
 
 
-def corrected_inverse(
-    model: Corrected, pose: ArrayLike, start: ArrayLike, *, tolerance: float = 1e-9, iterations: int = 100
-) -> Array:
+def corrected_inverse(model: Corrected, pose: ArrayLike, start: ArrayLike) -> Array:
     """(joints,) angles whose corrected_forward is ``pose`` (4, 4), near ``start`` (joints,).
 
     Arms with fewer than six joints reach the position only. InputError if none is found.
@@ -59,8 +57,8 @@ def corrected_inverse(
     rows = 6 if len(model.arm) >= 6 else 3
     damping = 1e-9
     off = _error(corrected_forward(model, q)[0], pose)[:rows]
-    for _ in range(iterations):
-        if np.linalg.norm(off) < tolerance:
+    for _ in range(100):
+        if np.linalg.norm(off) < 1e-9:
             return q
         slope = (jacobian(model.arm, model.bent(q[None])[0]) @ model.arm.coupling_matrix)[
             :rows
@@ -98,10 +96,10 @@ def _error(reached: Array, wanted: Array) -> Array:
     return np.concatenate([wanted[:3, 3] - reached[:3, 3], turned])
 
 
-def within_limits(arm: Arm, q: Array, margin: float = 0.0) -> Array:
-    """(N,) bool: all joints of q (N, joints) inside their limits by ``margin`` rad (m)."""
+def within_limits(arm: Arm, q: Array) -> Array:
+    """(N,) bool: all joints of q (N, joints) within their limits."""
     low, high = limits_of(arm)
-    return np.all((q >= low + margin) & (q <= high - margin), axis=1)
+    return np.all((q >= low) & (q <= high), axis=1)
 
 
 def limits_of(arm: Arm) -> tuple[Array, Array]:

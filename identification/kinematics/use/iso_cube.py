@@ -23,6 +23,8 @@ from identification.kinematics.use.correction import Corrected, corrected_invers
 
 NAME = "iso_cube"
 """Name of the experiment, by which a recording is known to be of the cube."""
+SIDE = 0.5
+"""m: of the cube."""
 _ROOM = 1.2
 """A place for a cube has room for one larger by that.
 
@@ -47,7 +49,7 @@ class CubeReport:
     overshoot: Array
 
 
-def cube_points(centre: ArrayLike, side: float = 0.5) -> Array:
+def cube_points(centre: ArrayLike, side: float = SIDE) -> Array:
     """(5, 3) m: P1 .. P5 of the plane through the cube's lower front and upper back edges (x rising with z)."""
     centre_ = np.asarray(centre, float)
     reach = 0.4 * side  # a tenth of the diagonal from each corner leaves 0.8 of the half side
@@ -79,8 +81,8 @@ def cube_targets(arm: Arm, centre: ArrayLike, side: float, posture: ArrayLike, m
     return np.array(out)
 
 
-def posture_of(arm: Arm, side: float = 0.5) -> Array:
-    """(joints,) rad: a posture about whose tool position a cube of ``side`` m can be reached, tool orientation kept.
+def posture_of(arm: Arm) -> Array:
+    """(joints,) rad: a posture about whose tool position a cube of ``SIDE`` m can be reached, tool orientation kept.
 
     Tried are the servo's own pose and random ones in the middle of the joint ranges; InputError if none will do.
     """
@@ -91,35 +93,31 @@ def posture_of(arm: Arm, side: float = 0.5) -> Array:
     tried += [*((low + high) / 2 + generator.uniform(-0.35, 0.35, (400, len(arm))) * (high - low))]
     for posture in tried:
         try:
-            cube_targets(arm, forward(arm, arm.link_angles(posture))[:3, 3], _ROOM * side, posture)
+            cube_targets(arm, forward(arm, arm.link_angles(posture))[:3, 3], _ROOM * SIDE, posture)
         except InputError:
             continue
         return posture
-    raise InputError("ISO cube", f"no place was found where a cube of {side:g} m can be reached")
+    raise InputError("ISO cube", f"no place was found where a cube of {SIDE:g} m can be reached")
 
 
-def cube_experiment(
-    targets: Array, side: float, *, speed: float = 1.0, acceleration: float = 2.0, hold: float = 3.0
-) -> Experiment:
-    """Round the five points and back to the first, standing ``hold`` s at each.
-
-    a servo with slow integral action needs that long.
-    """
-    segments: list[Segment] = [Hold(type="hold", duration=hold)]
+def cube_experiment(targets: Array) -> Experiment:
+    """Round the five points and back to the first, standing 3 s at each: slow integral action needs that long."""
+    stand = Hold(type="hold", duration=3.0)
+    segments: list[Segment] = [stand]
     for q in [*targets[1:], targets[0]]:
-        segments += [Move(type="move", to=[float(v) for v in q]), Hold(type="hold", duration=hold)]
+        segments += [Move(type="move", to=[float(v) for v in q]), stand]
     joints = targets.shape[1]
     return Experiment(
         name=NAME,
-        description=f"ISO 9283 diagonal plane, side {side:g} m, P1 to P5 and back",
+        description=f"ISO 9283 diagonal plane, side {SIDE:g} m, P1 to P5 and back",
         start=[float(v) for v in targets[0]],
-        full_speed=[speed] * joints,
-        full_acceleration=[acceleration] * joints,
+        full_speed=[1.0] * joints,
+        full_acceleration=[2.0] * joints,
         segment=segments,
     )
 
 
-def cube_report(run: Run, nominal: Array, calibrated: Array, side: float) -> CubeReport | None:
+def cube_report(run: Run, nominal: Array, calibrated: Array) -> CubeReport | None:
     """Report of a cube run from positions (N, 3) m predicted by the nominal and the calibrated arm.
 
     None if the arm did not rest at five places.
@@ -138,11 +136,11 @@ def cube_report(run: Run, nominal: Array, calibrated: Array, side: float) -> Cub
     overshoot[0] = (
         _overshoot(run, *stops[5], np.nanmedian(run.xyz[stops[5][0] : stops[5][1]], axis=0)) if len(stops) > 5 else 0.0
     )
-    return CubeReport(run.name, side, before, after, overshoot)
+    return CubeReport(run.name, SIDE, before, after, overshoot)
 
 
-def standstills(run: Run, shortest: float = 0.3) -> list[tuple[int, int]]:
-    """(first, last exclusive) rows of every stretch of at least ``shortest`` s in which no joint moves."""
+def standstills(run: Run) -> list[tuple[int, int]]:
+    """(first, last exclusive) rows of every stretch of at least 0.3 s in which no joint moves."""
     size = max(2, round(0.05 / run.period)) if run.period > 0 else 2
     still = np.zeros(len(run.t), bool)
     for start in range(0, len(run.t) - size + 1, size):
@@ -156,7 +154,7 @@ def standstills(run: Run, shortest: float = 0.3) -> list[tuple[int, int]]:
             stops[-1] = (stops[-1][0], int(last))
         else:
             stops.append((int(first), int(last)))
-    return [(a, b) for a, b in stops if run.t[b - 1] - run.t[a] >= shortest]
+    return [(a, b) for a, b in stops if run.t[b - 1] - run.t[a] >= 0.3]
 
 
 def _overshoot(run: Run, first: int, last: int, rest: Array) -> float:

@@ -24,6 +24,8 @@ from identification.kinematics.use.correction import limits_of
 
 ENOUGH = np.sqrt(1.1**2 - 1.0)
 """A model error of 0.458 of the tracker's noise adds a tenth to the rms of a measured point: that counts as reached."""
+HOLD, SPEED = 0.6, 0.5
+"""s for which the arm stands at each pose, and share of the full speed at which it goes there."""
 
 
 @dataclass(frozen=True)
@@ -51,22 +53,20 @@ def select_poses(
     count: int,
     *,
     noise: float = 1e-4,
-    floor: float | None = 0.0,
     candidates: int = 1500,
-    seed: int = 0,
 ) -> PosePlan:
     """``count`` poses for a tracked ``target`` (3,) m and tracker noise of ``noise`` m a coordinate and point.
 
     Candidates are random within 95 % of the joint ranges; those are left out that bring a link's origin beyond the
-    shoulder, or the target, below ``floor`` m in the base frame (None: anything goes) or the target within 0.25 m of
-    the axis of joint 1: the arm's own column. A person still looks whether the cell has room. InputError: fewer
+    shoulder, or the target, below the floor (0 m in the base frame) or the target within 0.25 m of the axis of joint 1:
+    the arm's own column. A person still looks whether the cell has room. InputError: fewer
     than two poses, or too few that are possible.
     """
     if count < 2:
         raise InputError("--poses", f"{count} poses determine nothing; use at least 2, better 30")
     parameters = parameters_of(arm, [Target(target)], frame_known=True, trust=Trust())
-    generator = np.random.default_rng(seed)
-    pool = allowed_poses(arm, target, candidates, generator, floor)
+    generator = np.random.default_rng(0)
+    pool = allowed_poses(arm, target, candidates, generator)
     if len(pool) < count:
         rest = "ask for fewer" if len(pool) >= 2 else "is its base above the floor, and are its limits right?"
         raise InputError(
@@ -76,7 +76,7 @@ def select_poses(
         )
     information = scaled_jacobian(parameters, arm.link_angles(pool)) / noise
     chosen = _exchange(information, _greedy(information, count))
-    check = scaled_jacobian(parameters, arm.link_angles(allowed_poses(arm, target, 600, generator, floor)))
+    check = scaled_jacobian(parameters, arm.link_angles(allowed_poses(arm, target, 600, generator)))
     error = np.array([_model_error(information[chosen[: k + 1]], check) for k in range(count)])
     reached = np.flatnonzero(error <= ENOUGH * noise)
     q = pool[chosen]
@@ -92,36 +92,30 @@ def select_poses(
     )
 
 
-def allowed_poses(
-    arm: Arm, target: tuple[float, float, float], count: int, generator: np.random.Generator, floor: float | None
-) -> Array:
+def allowed_poses(arm: Arm, target: tuple[float, float, float], count: int, generator: np.random.Generator) -> Array:
     """Up to ``count`` random poses (N, joints) that keep off the floor and the arm's own column."""
     low, high = limits_of(arm)
     middle, half = (low + high) / 2, 0.95 * (high - low) / 2
-    q = generator.uniform(middle - half, middle + half, (count * (1 if floor is None else 6), len(arm)))
-    if floor is None:
-        return q
+    q = generator.uniform(middle - half, middle + half, (6 * count, len(arm)))
     frames = link_frames(arm, arm.link_angles(q))
     point = frames[:, -1, :3, :3] @ np.array(target) + frames[:, -1, :3, 3]
     heights = np.column_stack((frames[:, 2:, 2, 3], point[:, 2]))
     column = np.array(arm.base)
     across = point - column[:3, 3]
     across = across - np.outer(across @ column[:3, 2], column[:3, 2])
-    good = (heights > floor + 0.05).all(axis=1) & (np.linalg.norm(across, axis=1) > 0.25)
+    good = (heights > 0.05).all(axis=1) & (np.linalg.norm(across, axis=1) > 0.25)
     return q[good][:count]
 
 
-def experiment_of(
-    arm: Arm, plan: PosePlan, *, hold: float = 0.6, rows: int | None = None, speed: float = 0.5
-) -> Experiment:
-    """The experiment that visits the poses, standing ``hold`` s at each.
+def experiment_of(arm: Arm, plan: PosePlan, *, rows: int | None = None) -> Experiment:
+    """The experiment that visits the poses, standing ``HOLD`` s at each.
 
     rows: the tracker's memory; the rate is then chosen so that the whole run fits into it.
     """
     full = []
     for joint in arm.joints:
         fastest = 1.0 if joint.motor_speed_limit is None else joint.motor_speed_limit / abs(joint.gear)
-        full.append(min(fastest, 2.0) * speed)
+        full.append(min(fastest, 2.0) * SPEED)
     segments: list[Segment] = []
     start = [0.0] * len(arm)
     low, high = limits_of(arm)
@@ -129,9 +123,9 @@ def experiment_of(
     duration = 0.0
     at = np.array(start)
     for q in plan.q:
-        segments += [Move(type="move", to=[round(float(v), 6) for v in q]), Hold(type="hold", duration=hold)]
+        segments += [Move(type="move", to=[round(float(v), 6) for v in q]), Hold(type="hold", duration=HOLD)]
         way = np.abs(q - at)
-        duration += hold + float(np.max(np.maximum(way / full + np.array(full) / 2.0, 2 * np.sqrt(way / 2.0))))
+        duration += HOLD + float(np.max(np.maximum(way / full + np.array(full) / 2.0, 2 * np.sqrt(way / 2.0))))
         at = q
     return Experiment(
         name=f"{len(plan.q)} poses for calibration",
@@ -156,10 +150,10 @@ def _greedy(information: Array, count: int) -> list[int]:
     return chosen
 
 
-def _exchange(information: Array, chosen: list[int], passes: int = 2) -> list[int]:
+def _exchange(information: Array, chosen: list[int]) -> list[int]:
     """Every selected pose in turn is taken out and the best of all put in."""
     chosen = list(chosen)
-    for _ in range(passes):
+    for _ in range(2):
         changed = False
         for k in range(len(chosen)):
             rest = [c for i, c in enumerate(chosen) if i != k]

@@ -64,7 +64,7 @@ def test_out_of_reach_names_the_target(arms) -> None:
 
 
 def test_cube_points_lie_in_a_diagonal_plane() -> None:
-    points = cube_points([0.5, 0.1, 0.8], 0.5)
+    points = cube_points([0.5, 0.1, 0.8])
     assert (
         np.abs(np.linalg.det(np.column_stack((points[1] - points[0], points[2] - points[0], points[3] - points[0]))))
         < 1e-12
@@ -79,8 +79,8 @@ def test_cube_report_shows_errors_and_overshoot(arms) -> None:
     posture = posture_of(nominal)
     centre = forward(nominal, posture)[:3, 3]
     targets = cube_targets(nominal, centre, 0.5, posture)
-    np.testing.assert_allclose(forward(nominal, targets)[:, :3, 3], cube_points(centre, 0.5), atol=1e-8)
-    demand = demand_of(cube_experiment(targets, 0.5))
+    np.testing.assert_allclose(forward(nominal, targets)[:, :3, 3], cube_points(centre), atol=1e-8)
+    demand = demand_of(cube_experiment(targets))
     t = np.arange(0, demand.duration, 0.01)
     q = demand(t)
     xyz = corrected_forward(model, q)[:, :3, 3]
@@ -90,9 +90,9 @@ def test_cube_report_shows_errors_and_overshoot(arms) -> None:
     for first, _ in stops[1:]:
         way = xyz[first + 1] - xyz[first - 15]
         run.xyz[first + 5 : first + 9] += 2e-3 * way / np.linalg.norm(way)
-    report = cube_report(run, forward(nominal, q)[:, :3, 3], xyz, 0.5)
+    report = cube_report(run, forward(nominal, q)[:, :3, 3], xyz)
     assert report is not None
     assert report.before.min() > 1e-3
     assert report.after.max() < 1e-6
     np.testing.assert_allclose(report.overshoot, 2e-3, rtol=0.1)
-    assert cube_report(Run("still", t[:50], q[:50], xyz[:50]), xyz[:50], xyz[:50], 0.5) is None
+    assert cube_report(Run("still", t[:50], q[:50], xyz[:50]), xyz[:50], xyz[:50]) is None
