@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 from arm_io.types import Progress
-from arm_model import Arm
+from arm_model import Arm, EffectTerm
+from arm_model.effects import CATALOGUE, coupled
 from diagnosis.cause import Cause
 from diagnosis.current_diagnosis import Recordings
 from diagnosis.measurements.demands.wrist_coupling import wrist_coupling
@@ -42,12 +44,13 @@ class OtherInstruments:
 
 def measure(arm: Arm, recordings: Recordings, cleaned: Screened, progress: Progress) -> OtherInstruments:
     """What tracker, link encoders and setpoints show."""
-    angles = [q for _, q, _ in cleaned.samples]
-    tracked = tracked_causes(arm, *recordings, angles=angles, progress=progress)
     progress("comparing motor and link encoders")
-    return OtherInstruments(
-        tracked=tracked,
-        link=link_side(arm, *recordings),
-        events=wrist_coupling(*recordings),
-        judged=has_dynamics(arm),
-    )
+    link = link_side(arm, *recordings)
+    by_links = [cause for cause in (link.causes if link else ()) if CATALOGUE[cause.effect].coupling]
+    by_demands = [] if by_links else wrist_coupling(*recordings)
+    found: Sequence[Cause | Event] = [*by_links, *by_demands]
+    turned = tuple(EffectTerm(one.effect, one.joint, {p.name: p.value for p in one.parameters}) for one in found)
+    # the tracker sees the links where their motors turn them
+    seen = replace(coupled(replace(arm, effects=turned)), effects=arm.effects)
+    tracked = tracked_causes(seen, *recordings, angles=[q for _, q, _ in cleaned.samples], progress=progress)
+    return OtherInstruments(tracked=tracked, link=link, events=by_demands, judged=has_dynamics(arm))

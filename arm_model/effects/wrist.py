@@ -41,7 +41,11 @@ WRIST_COUPLING = Effect(
     shows="a resting joint's motor turns, or is loaded, as another axis moves",
     confused_with={"link_inertia": "slow single moves"},
     per_joint=False,
-    observed_by={Instrument.CURRENT: Observation(), Instrument.DEMAND: Observation()},
+    observed_by={
+        Instrument.CURRENT: Observation(),
+        Instrument.DEMAND: Observation(),
+        Instrument.LINK_ENCODER: Observation(shows="motors turn links of other axes than their own"),
+    },
     excited_by=Excitation.SPEED,
     coupling=True,
 )

@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from arm_model import Arm
+from arm_model.model_file import read_model
 from daq.recording import Recording, open_recording
 from daq.recording.parts import Attachments
 from daq.recording.tables.table import write_table
+from diagnosis import other_instruments
 from diagnosis.measurements.demands.wrist_coupling import wrist_coupling
+from diagnosis.measurements.link_encoders.causes import link_side
+from identification.selection import Split
 
 STEP = 2 * np.pi / 1000 / 76.0
+LINK_STEP = 2 * np.pi / 2**18
 
 
 def _recorded(folder: Path, seed: int, coupling: dict[tuple[int, int], float], overshoot: float = 0.0) -> Recording:
@@ -73,3 +80,40 @@ def test_one_coupling_leaves_the_others_at_zero(tmp_path: Path, only: tuple[int,
     estimated = {p.name: p.value for p in event.parameters}
     assert estimated[f"c{only[0]}{only[1]}"] == pytest.approx(0.05, rel=0.05)
     assert sum(abs(value) for value in estimated.values()) < 0.06
+
+
+def test_link_encoders_tell_the_coupling_without_demands(root: Path, tmp_path: Path) -> None:
+    hidden = {(5, 4): 0.03, (6, 4): -0.02, (6, 5): 0.1}
+    coupling = np.eye(6)
+    for (axis, motor), c in hidden.items():
+        coupling[axis - 1, motor - 1] = c
+    read = []
+    for seed in range(2):
+        r = _recorded(tmp_path, seed, hidden)
+        ql = np.round(r.q @ coupling.T / LINK_STEP) * LINK_STEP
+        path = tmp_path / f"links_{seed}.mcap"
+        write_table(path, r.t, {"q": r.q, "i": r.i, "ql": ql}, Attachments())
+        read.append(open_recording(path))
+    found = link_side(read_model(root / "config" / "models" / "puma560.toml"), read[:1], read[1:])
+    assert found is not None
+    (cause,) = found.causes
+    assert cause.key == ("wrist_coupling", None)
+    assert "joints 5 and 6" in cause.evidence
+    for parameter in cause.parameters:
+        true = hidden[int(parameter.name[1]), int(parameter.name[2])]
+        assert abs(parameter.value - true) < 2 * parameter.std < 0.1 * abs(true)
+    assert found.unexplained == []
+
+
+def test_the_tracker_sees_links_where_all_motors_turn_them(
+    root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen: list[Arm] = []
+    monkeypatch.setattr(other_instruments, "tracked_causes", lambda arm, *sides, **others: seen.append(arm))
+    recordings = Split(*_sides(tmp_path, {(6, 5): 0.1}))
+    arm = read_model(root / "config" / "models" / "puma560.toml")
+    cleaned = SimpleNamespace(samples=[])
+    found = other_instruments.measure(arm, recordings, cleaned, lambda sentence: None)  # type: ignore[arg-type]
+    assert [event.effect for event in found.events] == ["wrist_coupling"]
+    assert seen[0].coupling_matrix[5, 4] == pytest.approx(0.1, abs=0.01)
+    assert arm.coupling_matrix[5, 4] == 0.0

@@ -90,7 +90,9 @@ def _cause(candidate: LinkCandidate, chosen: Chosen, model: LinkEncoders, arm: A
     evidence = (
         delay_sentence(others, model)
         if candidate.definition.delay is not None
-        else _sentence(candidate, before, after, conditional.share, unit)
+        else _sentence(
+            candidate, [int(model.rows.fit.joints[k]) for k in affected], before, after, conditional.share, unit
+        )
     )
     parameters = parameters_of(candidate, chosen, model, arm)
     group = _group(candidate, others, conditional.gain, model, parameters)
@@ -145,11 +147,14 @@ def _group(
     return tuple(group)
 
 
-def _sentence(candidate: LinkCandidate, before: float, after: float, share: float, unit: str) -> str:
-    """Evidence of a cause; the share includes both folds, so it may exceed that of the fall."""
+def _sentence(
+    candidate: LinkCandidate, joints: Sequence[int], before: float, after: float, share: float, unit: str
+) -> str:
+    """Evidence of a cause that shows at these joints; the share of both folds may exceed that of the fall."""
     order = {p.name: candidate.variant[1] for p in candidate.definition.parameters if p.whole}
     shows = candidate.definition.shown(Instrument.LINK_ENCODER, order, {})
     return (
-        f"{shows}: with it, the held-out difference of joint {candidate.joint} falls from {1e3 * before:.3g} to "
+        f"{shows}: with it, the held-out difference of joint{'s' * (len(joints) > 1)} "
+        f"{' and '.join(map(str, joints))} falls from {1e3 * before:.3g} to "
         f"{1e3 * after:.3g} m{unit} rms; it explains {share:.0%} of its square"
     )

@@ -10,6 +10,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -173,7 +174,7 @@ class LinkCandidate(Candidate):
 
     "drag": friction between motor and gear, of a spring; "half_gap" or "by_load": of a gap, as the link is held by
     friction or by its load; "order" or "turn_order": of a wave over the turn of the motor or of the joint; none: of a
-    delay.
+    delay and of couplings.
     """
 
     @property
@@ -183,8 +184,14 @@ class LinkCandidate(Candidate):
 
     @property
     def width(self) -> int:
-        """Coefficients: a wave has a sine and a cosine."""
-        return 2 if self.definition.wave else 1
+        """Coefficients: a wave has a sine and a cosine, a coupling every ratio."""
+        return len(self.turns) or (2 if self.definition.wave else 1)
+
+    @cached_property
+    def turns(self) -> tuple[tuple[int, int], ...]:
+        """Of a coupling, by coefficient: the axis that turns, and the motor that turns it (from 1)."""
+        linear = self.definition.linear if self.definition.coupling else ()
+        return tuple((int(p.name[1]), int(p.name[2])) for p in linear)  # cij
 
     def parameters(self, coefficients: Sequence[float]) -> dict[str, float]:
         """As of every candidate; the coefficient of a spring is its compliance."""
@@ -211,6 +218,7 @@ class LinkCandidate(Candidate):
 def candidates(rows: Rows) -> Iterator[LinkCandidate]:
     """Every candidate with each value of its nonlinear parameter."""
     yield late()
+    yield from couplings(rows)
     for column, joint in enumerate(int(j) for j in rows.joints):
         for effect in observed_by(Instrument.LINK_ENCODER):
             yield from _at_joint(effect, rows, column, joint)
@@ -256,6 +264,12 @@ def late() -> LinkCandidate:
     )
 
 
+def couplings(rows: Rows) -> list[LinkCandidate]:
+    """Axes that turn with other motors than their own, where all of them have both encoders."""
+    named = (LinkCandidate(effect.name, None) for effect in observed_by(Instrument.LINK_ENCODER) if effect.coupling)
+    return [one for one in named if {joint for pair in one.turns for joint in pair} <= set(rows.joints.tolist())]
+
+
 def _gaps(gap: Parameter) -> tuple[float, ...]:
     """First half gaps (rad or m) that are tried: an encoder at the link resolves half of what currents show."""
     return (0.5 * gap.search[0], *gap.search)
@@ -271,6 +285,8 @@ def columns(candidate: LinkCandidate, rows: Rows, k: int) -> Array:
 
     c = 0 where it does not act.
     """
+    if candidate.turns:  # q_link = (1 + C) q
+        return _turned(candidate, rows, int(rows.joints[k]))
     if candidate.joint is None:  # q(t) - q(t - delay)
         return rows.v[:, k, None]
     if rows.joints[k] != candidate.joint:
@@ -286,6 +302,15 @@ def columns(candidate: LinkCandidate, rows: Rows, k: int) -> Array:
         case "order", _:
             return candidate.waves(rows.ratio[k] * q)
     return candidate.waves(q)
+
+
+def _turned(coupling: LinkCandidate, rows: Rows, joint: int) -> Array:
+    """``columns`` of a coupling at a joint (from 1)."""
+    own = [place for place, (axis, _) in enumerate(coupling.turns) if axis == joint]
+    found = np.zeros((rows.rows, coupling.width if own else 0))
+    for place in own:
+        found[:, place] = -rows.q[:, rows.joints == coupling.turns[place][1]][:, 0]
+    return found
 
 
 def turns(rows: Rows, k: int) -> float:

@@ -13,7 +13,7 @@ def delays_by_joint(others: Chosen, model: LinkEncoders) -> Array:
     """(k,) s: the delay of each joint alone, conditional on the other causes."""
     delays = []
     for k, joint in enumerate(int(j) for j in model.whole.joints):
-        own = [s for s in others if s.joint == joint]
+        own = [s for s in others if s.joint in (None, joint)]
         x = np.column_stack([np.ones(model.whole.rows), *(model.columns(s, model.whole, k) for s in [*own, late()])])
         delays.append(float(np.linalg.lstsq(x, model.whole.difference[:, k], rcond=1e-10)[0][-1]))
     return np.array(delays)

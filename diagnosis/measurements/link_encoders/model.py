@@ -175,7 +175,9 @@ class LinkEncoders(CandidateModel[LinkCandidate]):
         best: dict[EffectKey, tuple[float, LinkCandidate]] = {}
         for k, joint in enumerate(int(j) for j in fit.joints):
             x = np.column_stack([np.ones(fit.rows), *(self.columns(c, fit, k) for c in chosen)])
-            basis = np.linalg.qr(x / np.linalg.norm(x, axis=0))[0]
+            length = np.linalg.norm(x, axis=0)
+            # a coupling has ratios that turn other axes
+            basis = np.linalg.qr(x[:, length > 0.0] / length[length > 0.0])[0]
             residual = _off(basis, fit.difference[:, k])
             for candidate in [*everything, *standing_waves(residual, fit, k)]:
                 key = candidate.key
@@ -234,7 +236,9 @@ class LinkEncoders(CandidateModel[LinkCandidate]):
 
     def affected(self, candidate: LinkCandidate) -> list[int]:
         """Columns of the difference (from 0) in which a candidate shows."""
-        return [k for k, joint in enumerate(self.rows.fit.joints) if candidate.joint in (None, joint)]
+        joints: list[int] = self.rows.fit.joints.tolist()
+        own = {axis for axis, _ in candidate.turns} or {candidate.joint or joint for joint in joints}
+        return [k for k, joint in enumerate(joints) if joint in own]
 
     def _ahead(self, candidate: LinkCandidate, chosen: Sequence[LinkCandidate]) -> bool:
         affected = self.affected(candidate)
