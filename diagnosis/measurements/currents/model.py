@@ -17,6 +17,7 @@ from diagnosis.measurements.currents.model_errors import ModelUncertainty
 from diagnosis.measurements.currents.pairs import pair_of
 from diagnosis.measurements.currents.possible import is_physical
 from diagnosis.measurements.currents.refinement import refined
+from diagnosis.measurements.currents.simplification import exchanged
 from diagnosis.measurements.currents.state import Rivals, State, corrected
 from diagnosis.measurements.currents.structure.noise_ratio import joints_above_noise
 from diagnosis.selection.bodies import body_of, link_of
@@ -69,7 +70,7 @@ class Currents(MeasurementModel[Candidate, State]):
         """Every effect at every joint, at the nonlinear parameters that fit best; the largest gain first."""
         self._add_ripples(state.fitted.fit)
         self.library.compute_at_own_joints()
-        best = best_of_each(self.library, self.library.at_own_joint, state.fitted, self._taken(state))
+        best = best_of_each(self.library, self.library.at_own_joint, state.fitted, self.taken(state))
         self.library.compute(best)
         scores = [score(c, self.library[c], state.fitted, state.data.held_out) for c in best]
         scores += [
@@ -148,14 +149,7 @@ class Currents(MeasurementModel[Candidate, State]):
 
         Its rivals are those that gain as much, or that the blocks do not distinguish from it.
         """
-        best = max(admissible, key=lambda one: one.gain)
-        fewest, limits = score.determined, self.limits
-        rivals = [
-            one
-            for one in admissible
-            if (one.gain >= best.gain - self.tolerance(one, best) and one.determined <= fewest)
-            or (one.gain > limits.ambiguity * best.gain and p_value(score.blocks - one.blocks) > limits.ambiguity_p)
-        ]
+        rivals = self._rivals(score, admissible)
         if score.candidate.terms:
             before = next(c for c in state.chosen if c.key == score.candidate.key)
             sharp = refined(score.candidate, self.without(before, state).fitted, self.data.fit)
@@ -167,14 +161,31 @@ class Currents(MeasurementModel[Candidate, State]):
         sharp = refined(score.candidate, state.fitted, self.data.fit)
         return State(self, (*state.chosen, sharp), state.data, {**state.rivals, sharp.key: rivals})
 
+    def _rivals(self, score: Score[Candidate], admissible: Sequence[Score[Candidate]]) -> list[Score[Candidate]]:
+        best = max(admissible, key=lambda one: one.gain)
+        fewest, limits = score.determined, self.limits
+        return [
+            one
+            for one in admissible
+            if (one.gain >= best.gain - self.tolerance(one, best) and one.determined <= fewest)
+            or (one.gain > limits.ambiguity * best.gain and p_value(score.blocks - one.blocks) > limits.ambiguity_p)
+        ]
+
+    def rivals_of(self, candidate: Candidate, state: State) -> list[Score[Candidate]]:
+        """Of a chosen candidate, the candidates that would gain as much in its place."""
+        others = self.without(candidate, state)
+        own = self.conditional(candidate, others, state)
+        every = [one for one in self.scores(others) if one.candidate.key != candidate.key]
+        return self._rivals(own, [own, *(one for one in every if self.admissible(one, others))])
+
     def stalled(self, state: State) -> State | None:
-        """Two effects that hide each other may enter together, or a rival take the place of a cause."""
+        """Two effects that hide each other may enter together, or others take the place of causes."""
         joints = joints_above_noise(state.fitted.held_out, state.data.held_out, self.arm)
-        both = pair_of(self.library, state.fitted, state.data, joints, self._taken(state))
+        both = pair_of(self.library, state.fitted, state.data, joints, self.taken(state))
         if not both:
             # what a law leaves in the fitted recordings alone, another one may explain as well
             in_fit = joints_above_noise(state.fitted.fit, state.data.fit, self.arm)
-            return self._swapped(state, {*joints, *in_fit})
+            return self._swapped(state, {*joints, *in_fit}) or exchanged(state)
         held_out = state.data.held_out
         alone = {c.key: [score(c, self.library[c], state.fitted, held_out)] for c in both}
         return State(self, (*state.chosen, *both), state.data, {**state.rivals, **alone})
@@ -227,7 +238,7 @@ class Currents(MeasurementModel[Candidate, State]):
         best, least = None, self.limits.swapped * sum(state.energy)
         for c in (one for one in state.chosen if one.joint in joints):
             for rival in (one.candidate for one in state.rivals[c.key] if one.candidate.definition.terms):
-                if rival.key in self._taken(state):
+                if rival.key in self.taken(state):
                     continue
                 trial = self.with_terms(replace(state, rivals={**state.rivals, rival.key: ()}), c, rival)
                 # first-order columns screen: only what they show is evaluated exactly
@@ -274,7 +285,7 @@ class Currents(MeasurementModel[Candidate, State]):
         chosen = tuple(body if c.key == body.key else c for c in state.chosen)
         return State(self, chosen, state.data, {**state.rivals, body.key: [*state.rivals[body.key], *rivals]})
 
-    def _taken(self, state: State) -> set[EffectKey]:
+    def taken(self, state: State) -> set[EffectKey]:
         """The excluded, the chosen, and their aliases.
 
         Both together would explain anything, as their difference is the residual itself.

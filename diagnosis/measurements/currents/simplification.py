@@ -1,17 +1,36 @@
-"""Fewer or simpler effects in the place of those that a search chose."""
+"""Other effects in the place of those that a search chose: fewer, simpler ones, or with no more coefficients.
+
+Forward selection takes the law that predicts held-out rows best. Where these hardly move a joint, or move it in one
+way, a law of several coefficients does as well there as two effects that it is none of, and hides both of them. So one
+or two effects take the place of one or two causes of their joint (``exchanged``) if they have no more coefficients,
+predict held-out rows as well, and leave at most half of what the causes leave of the fitted rows: with no more
+coefficients, that is not by chance.
+"""
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
-from arm_model.effects import CATALOGUE, Excitation
+import numpy as np
+
+from arm_model.effects import CATALOGUE, Excitation, same_columns
 from diagnosis.cause import EffectKey
 from diagnosis.measurements.currents.estimates import estimates_of
+from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.measurements.currents.state import State
 from diagnosis.selection.bodies import body_of, is_body
 from diagnosis.selection.candidate import Candidate
+from diagnosis.selection.design import Columns
+from diagnosis.selection.regression import at_joint, best_of_each, fit_gain
+
+if TYPE_CHECKING:
+    from diagnosis.measurements.currents.model import Currents
+
+BEAM = 3
+"""Sets that are fitted to all joints and evaluated exactly, of those that leave least of the fitted rows of a joint."""
 
 
 def simplified(state: State) -> State:
@@ -108,3 +127,71 @@ def _is_inertia(candidate: Candidate, body: Candidate) -> bool:
     """Whether a candidate follows the acceleration as the inertia of a body does."""
     effect = candidate.definition
     return effect.excited_by is Excitation.ACCELERATION and body.definition.body in effect.confused_with
+
+
+def exchanged(state: State) -> State | None:
+    """The state with other causes at a joint; None where none are clearly better."""
+    for joint in sorted({c.joint for c in state.chosen if c.joint is not None}):
+        if _left(state, joint) < state.data.fit.rows:
+            continue  # no more than noise
+        own = [c for c in state.chosen if c.joint == joint]
+        for some in (*itertools.combinations(own, 1), *itertools.combinations(own, 2)):
+            plain = not any(c.body or c.terms for c in some)
+            if plain and (better := _in_place_of(some, joint, state)) is not None:
+                return better
+    return None
+
+
+def _in_place_of(replaced: Sequence[Candidate], joint: int, state: State) -> State | None:
+    """The state with the best other effects in the place of these causes of a joint; None where none are better."""
+    model, kept = state.model, tuple(c for c in state.chosen if c not in replaced)
+    determined = dict(zip(state.chosen, map(np.count_nonzero, state.coefficients)))
+    most = sum(int(determined[c]) + len(c.searched()) for c in replaced)
+    without, enough = model.refitted(kept, state.rivals), LIMITS.swapped * _left(state, joint)
+    gain, rows = without.energy.held_out - state.energy.held_out, state.data.held_out.rows
+    found: list[State] = []
+    for others in _sets(without, joint, most, enough):
+        trial = model.refitted((*kept, *others), {**state.rivals, **{c.key: () for c in others}})
+        tolerance = max(LIMITS.tie * gain * max(1, most - _coefficients(others, model)), LIMITS.tie_floor * rows)
+        as_well = trial.energy.held_out < state.energy.held_out + tolerance
+        if as_well and _left(trial, joint) < enough and all(_tenable(c, trial) for c in others):
+            found.append(trial)
+    if not found:
+        return None
+    best = min(found, key=lambda trial: sum(trial.energy))
+    new = [c for c in best.chosen if c not in kept]
+    return replace(best, rivals={**best.rivals, **{c.key: model.rivals_of(c, best) for c in new}})
+
+
+def _sets(without: State, joint: int, most: int, enough: float) -> Iterator[tuple[Candidate, ...]]:
+    """The best sets of one or two effects of a joint, of so many coefficients at most, that leave ``enough`` of it."""
+    model, fitted, fit = without.model, without.fitted, without.data.fit
+    of_joint = [c for c in model.library if c.joint == joint and not c.unit_amplitude]
+    best = best_of_each(of_joint, model.library.at_own_joint, fitted, model.taken(without))
+    own = {c: at_joint(model.columns(c).fit, joint, fit).x for c in best}
+    pairs = (both for both in itertools.combinations(best, 2) if both[1].effect not in same_columns(both[0].definition))
+    found: list[tuple[float, tuple[Candidate, ...]]] = []
+    for some in (*itertools.combinations(best, 1), *pairs):
+        if (coefficients := _coefficients(some, model)) <= most:
+            x = Columns(np.hstack([own[c] for c in some]), fit.of(joint))
+            left = _left(without, joint) - fit_gain(x, fitted)[0]
+            if left < enough:
+                # of equals, those with the fewest
+                found.append((left + coefficients * LIMITS.tie_floor * fit.rows, some))
+    return (some for _, some in sorted(found, key=lambda one: one[0])[:BEAM])
+
+
+def _coefficients(some: Sequence[Candidate], model: Currents) -> int:
+    """Number of their columns and searched parameters."""
+    return sum(model.columns(c).fit.x.shape[1] + len(c.searched()) for c in some)
+
+
+def _tenable(candidate: Candidate, state: State) -> bool:
+    """Whether a chosen candidate is admissible beside all others."""
+    others = state.model.without(candidate, state)
+    return state.model.admissible(state.model.conditional(candidate, others, state), others)
+
+
+def _left(state: State, joint: int) -> float:
+    """Squared residual of the fitted rows of a joint, in units of the noise variance."""
+    return float(np.sum(state.fitted.fit[state.data.fit.of(joint)] ** 2))

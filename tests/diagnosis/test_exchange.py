@@ -1,0 +1,44 @@
+"""Two effects in the place of a law of many coefficients that held-out rows do not distinguish from them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from daq.recording import Recording, open_recording
+from daq.recording.parts import Attachments
+from daq.recording.tables.table import write_table
+from diagnosis.diagnose import diagnose
+from tests.diagnosis import two_link
+from tests.diagnosis.two_link import COUNTS, DRIVE, RATE, Day, model, motion, torque
+
+HIDDEN = {("current_nonlinearity", 1), ("viscous_friction", 1)}
+CUBIC, VISCOUS = 0.01, -0.5
+
+
+def _recorded(path: Path, seed: int, speed: float | None = None) -> Recording:
+    """The motion ``seed``; joint 1 goes to and fro at one ``speed`` (rad/s) instead, where that is given."""
+    t, q, v, a = motion(seed, 14.0)
+    if speed is not None:
+        v[:, 0] = speed * np.tanh(8.0 * np.sin(2 * np.pi * 0.25 * t)) * np.clip(t - 0.6, 0.0, 1.0)
+        q[:, 0] = q[0, 0] + np.cumsum(v[:, 0]) / RATE
+        a[:, 0] = np.gradient(v[:, 0], t)
+    rng, step = np.random.default_rng(seed + 1), 2 * np.pi / COUNTS
+    current = torque(q, v, a, Day(viscous=(VISCOUS, 0.0))) / DRIVE
+    current[:, 0] -= CUBIC * current[:, 0] ** 3
+    current += 0.01 * rng.normal(size=q.shape)
+    write_table(path, t, {"q": np.round(q / step) * step, "i": current}, Attachments())
+    return open_recording(path)
+
+
+def test_two_effects_are_not_named_as_one_law_with_more_coefficients(
+    root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(two_link, "GRAVITY", 0.0)
+    fit = [_recorded(tmp_path / "fit.mcap", 10)]
+    held_out = [_recorded(tmp_path / "held_out.mcap", 15, 0.4)]
+    found = diagnose(replace(model(root), gravity=(0.0, 0.0, 0.0)), fit, held_out)
+    assert {cause.key for cause in found.causes} == HIDDEN
