@@ -22,7 +22,7 @@ class Series:
 
     label   in the legend, which shows each once; "" keeps it out
     kind    bars: from zero to x, at the rows y of ``Panel.names``; both: a line with dots
-    spread  (k,) two standard deviations: a band about a line, bars at dots; None: none
+    two_std  (k,) two standard deviations: a band about a line, bars at dots; None: none
     joint   whose values they are, where several joints share a panel
     at      (k,) s on the time axis of ``Panel.motion``: when a dot was measured; None: x is that time, or none is
     """
@@ -35,7 +35,7 @@ class Series:
     width: float = 0.8
     dashed: bool = False
     hollow: bool = False
-    spread: Array | None = None
+    two_std: Array | None = None
     joint: int | None = None
     at: Array | None = None
 

@@ -128,12 +128,12 @@ def _series(axis: Axes, one: Series, dates: bool) -> None:
         style |= {"mfc": "none"} if one.hollow else {}
     if one.kind == "dots":
         style |= {"ls": "none"}
-    if one.spread is not None and one.kind != "line":
-        axis.errorbar(x, y, one.spread, capsize=2, elinewidth=0.8, **style)
+    if one.two_std is not None and one.kind != "line":
+        axis.errorbar(x, y, one.two_std, capsize=2, elinewidth=0.8, **style)
         return
     axis.plot(x, y, **style)
-    if one.spread is not None:
-        axis.fill_between(x, y - one.spread, y + one.spread, color=one.colour, alpha=0.25, lw=0)
+    if one.two_std is not None:
+        axis.fill_between(x, y - one.two_std, y + one.two_std, color=one.colour, alpha=0.25, lw=0)
 
 
 def _dates(seconds: Any) -> list[datetime]:

@@ -132,7 +132,7 @@ def _series(one: Series, panel: Panel, arrays: Arrays, points: int) -> Table:
     table = {
         "x": arrays.put(one.x[kept], exact=in_order or panel.log_x or panel.dates),
         "y": arrays.put(y, exact=panel.log_y),
-        "spread": None if one.spread is None else arrays.put(one.spread[kept]),
+        "two_std": None if one.two_std is None else arrays.put(one.two_std[kept]),
         "at": None if one.at is None else arrays.put(one.at[kept], exact=True),
     }
     words = {name: getattr(one, name) for name in ("label", "colour", "kind", "width", "dashed", "hollow", "joint")}

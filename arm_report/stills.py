@@ -117,7 +117,9 @@ def _scales(panel: Panel) -> tuple[Scale, Scale]:
     )
     if panel.names:
         return x, Scale(low=len(panel.names) - 0.5, high=-0.5)
-    ends = [one.y + side * (one.spread if one.spread is not None else 0.0) for one in panel.series for side in (-1, 1)]
+    ends = [
+        one.y + side * (one.two_std if one.two_std is not None else 0.0) for one in panel.series for side in (-1, 1)
+    ]
     return x, scale_of([*ends, *marked["y"]], panel.y_range, log=panel.log_y, linear=None, dates=False)
 
 
@@ -195,8 +197,8 @@ def _series(one: Series, place: Place, detail: float) -> Iterator[str]:
     kept = extremes(one.y, rows_per_bucket(len(one.y), max(LEAST_POINTS, int(detail * most))))
     x, y = one.x[kept], one.y[kept]
     points = place.points(x, y)
-    if one.spread is not None:
-        low, high = (place.points(x, y + side * one.spread[kept]) for side in (-1.0, 1.0))
+    if one.two_std is not None:
+        low, high = (place.points(x, y + side * one.two_std[kept]) for side in (-1.0, 1.0))
         if one.kind == "line":
             both = np.vstack([high, low[::-1]])
             yield f'<path d="{_line(both[np.isfinite(both).all(axis=1)])}z" fill="{one.colour}" opacity=".25"/>'

@@ -9,8 +9,8 @@ if TYPE_CHECKING:
     from comparison.from_recordings import compare_recordings
     from comparison.outcome import Comparison, Threshold
     from comparison.significance import moderate
-    from comparison.stored.diagnosed_causes import cause_in_words
     from comparison.stored.from_results import Stored, compare_results, estimates_of, read_result
+    from diagnosis import in_words
 else:
     __getattr__ = lazy(__name__)
 
@@ -21,10 +21,10 @@ __all__ = [
     "Quantity",
     "Stored",
     "Threshold",
-    "cause_in_words",
     "compare_recordings",
     "compare_results",
     "estimates_of",
+    "in_words",
     "moderate",
     "read_result",
 ]

@@ -22,7 +22,7 @@ from typing import Any
 from arm_fleet.tasks.task import BY_LIMIT, PASSING, Outcome, State, Task
 from arm_io import InputError, check_folder, check_plain, make_folder, read_file
 from arm_io.handles import folder_to_disk, to_disk
-from comparison import cause_in_words
+from comparison import in_words
 
 RECORD = "record.json"
 SCHEMA = "armscope.fleet.record/1"
@@ -57,7 +57,7 @@ class TaskLine:
 def line_of(record: Record) -> TaskLine:
     """The line of a record."""
     value, key = record["value"], record["key"]
-    causes = ", ".join(cause_in_words((one["effect"], one["joint"])) for one in value.get("causes", []))
+    causes = ", ".join(in_words((one["effect"], one["joint"])) for one in value.get("causes", []))
     report = next((f"results/{key}/{name}" for name in REPORTS if name in record["files"]), "")
     return TaskLine(
         record["arm"],

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections import Counter
 from collections.abc import Callable, Mapping
 
 from arm_model.rigid_body.inertia import PARAMETERS
-from arm_model.symbolic.printing import ATOM, POWER, PRODUCT, SUM
-from arm_model.symbolic.tape import Expr, Node, Tape, needed
+from arm_model.symbolic.printing import ATOM, POWER, PRODUCT, SUM, Term, written
+from arm_model.symbolic.tape import Expr, Node, Tape
 
 _MOMENTS = {"mass": "m", "mx": "mx", "my": "my", "mz": "mz"}
 _OF_JOINT = {
@@ -78,24 +77,12 @@ def output_symbol(name: str) -> str:
 
 def equations(tape: Tape, outputs: Mapping[str, Expr], symbols: Callable[[str], str] = symbol) -> str:
     """align* with t_1, t_2, ... for what is used more than once, then the outputs (LaTeX -> expression)."""
-    order = needed(tape, outputs.values())
-    uses = Counter(a for index in order for a in tape.nodes[index].arguments)
-    uses.update(expr.index for expr in outputs.values())
-    lines: list[str] = []
-    text: dict[int, tuple[str, int]] = {}
-    for index in order:
-        node = tape.nodes[index]
-        text[index] = _value(node, [text[a] for a in node.arguments], symbols)
-        if uses[index] > 1 and node.operation not in ("const", "input"):
-            name = f"t_{{{len(lines) + 1}}}"
-            lines.append(f"{name} &= {text[index][0]}")
-            text[index] = name, ATOM
-    lines += [f"{name} &= {text[expr.index][0]}" for name, expr in outputs.items()]
+    common, values = written(tape, outputs, lambda node, terms: _value(node, terms, symbols), "t_{{{}}}".format)
+    lines = [f"{name} &= {value}" for name, value in [*common, *values.items()]]
     return "\\begin{align*}\n" + " \\\\\n".join(lines) + "\n\\end{align*}\n"
 
 
-def _value(node: Node, values: list[tuple[str, int]], symbols: Callable[[str], str]) -> tuple[str, int]:
-    """LaTeX of one operation and how tightly it binds."""
+def _value(node: Node, values: list[Term], symbols: Callable[[str], str]) -> Term:
     plain = [value for value, _ in values]
     match node.operation:
         case "const":
@@ -130,7 +117,7 @@ def _value(node: Node, values: list[tuple[str, int]], symbols: Callable[[str], s
     return rf"\{node.operation}\left({plain[0]}\right)", ATOM
 
 
-def _bound(value: tuple[str, int], at_least: int) -> str:
+def _bound(value: Term, at_least: int) -> str:
     return value[0] if value[1] >= at_least else rf"\left({value[0]}\right)"
 
 

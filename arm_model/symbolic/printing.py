@@ -7,15 +7,17 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from arm_model.rigid_body.inertia import PARAMETERS
-from arm_model.symbolic.tape import Expr, Tape, needed
+from arm_model.symbolic.tape import Expr, Node, Tape, needed
 
 _INFIX = {"add": ("+", 1), "sub": ("-", 1), "mul": ("*", 2), "div": ("/", 2)}
 SUM, PRODUCT, POWER, ATOM = 1, 2, 3, 4
 """How strongly a printed expression binds: what binds less than its surroundings stands in parentheses."""
+Term = tuple[str, int]
+"""Source of an expression, and how strongly it binds."""
 
 
 def shown(name: str) -> str:
@@ -54,6 +56,30 @@ C = Language(
 )
 
 
+def written(
+    tape: Tape,
+    outputs: Mapping[str, Expr],
+    value: Callable[[Node, list[Term]], Term],
+    name: Callable[[int], str],
+) -> tuple[list[tuple[str, str]], dict[str, str]]:
+    """((name, source) of what is used more than once, in order; source of each output in terms of these).
+
+    value: source of one operation on these; name: of the k-th common part, from 1.
+    """
+    order = needed(tape, outputs.values())
+    uses = Counter(a for index in order for a in tape.nodes[index].arguments)
+    uses.update(expr.index for expr in outputs.values())
+    common: list[tuple[str, str]] = []
+    terms: dict[int, Term] = {}
+    for index in order:
+        node = tape.nodes[index]
+        terms[index] = value(node, [terms[a] for a in node.arguments])
+        if uses[index] > 1 and node.operation not in ("const", "input"):
+            common.append((name(len(common) + 1), terms[index][0]))
+            terms[index] = common[-1][0], ATOM
+    return common, {name: terms[expr.index][0] for name, expr in outputs.items()}
+
+
 def assignments(
     tape: Tape, outputs: Mapping[str, Expr], language: Language = PYTHON, names: Mapping[str, str] | None = None
 ) -> tuple[list[str], dict[str, str]]:
@@ -61,31 +87,17 @@ def assignments(
 
     ``names`` renames inputs: input of the tape -> text in the source.
     """
-    order = needed(tape, outputs.values())
-    uses = Counter(a for index in order for a in tape.nodes[index].arguments)
-    uses.update(expr.index for expr in outputs.values())
-    lines: list[str] = []
-    text: dict[int, tuple[str, int]] = {}
-    for index in order:
-        value = _value(tape, index, text, language, names or {})
-        if uses[index] > 1 and tape.nodes[index].operation not in ("const", "input"):
-            name = f"t{len(lines) + 1}"
-            lines.append(language.assign.format(name=name, value=value[0]))
-            value = (name, ATOM)
-        text[index] = value
-    return lines, {name: text[expr.index][0] for name, expr in outputs.items()}
+    common, values = written(
+        tape, outputs, lambda node, terms: _value(node, terms, language, names or {}), "t{}".format
+    )
+    return [language.assign.format(name=name, value=source) for name, source in common], values
 
 
-def _value(
-    tape: Tape, index: int, text: Mapping[int, tuple[str, int]], language: Language, names: Mapping[str, str]
-) -> tuple[str, int]:
-    """Source of one node and how tightly it binds."""
-    node = tape.nodes[index]
+def _value(node: Node, values: list[Term], language: Language, names: Mapping[str, str]) -> Term:
     if node.operation == "const":
         return repr(node.value), ATOM if node.value >= 0 else SUM
     if node.operation == "input":
         return names.get(node.name, node.name), ATOM
-    values = [text[a] for a in node.arguments]
     if node.operation in _INFIX:
         sign, binds = _INFIX[node.operation]
         left = _bound(values[0], binds)
@@ -98,7 +110,7 @@ def _value(
     return f"{language.functions[node.operation]}({', '.join(value for value, _ in values)})", ATOM
 
 
-def _bound(value: tuple[str, int], at_least: int) -> str:
+def _bound(value: Term, at_least: int) -> str:
     return value[0] if value[1] >= at_least else f"({value[0]})"
 
 

@@ -21,10 +21,10 @@ function fitted(word, room) {
 /** Series of a panel on one x axis, as uPlot takes them: [x, y1, y2, ...], with the instant of every dot. */
 function aligned(panel) {
   const tables = panel.series.map((one) => {
-    const x = array(one.x), y = array(one.y), at = array(one.at), spread = array(one.spread);
+    const x = array(one.x), y = array(one.y), at = array(one.at), two_std = array(one.two_std);
     const order = one.kind === "line" ? null : x.map((_, k) => k).filter((k) => x[k] !== null).sort((a, b) => x[a] - x[b]);
     const pick = (values) => (values && order ? order.map((k) => values[k]) : values);
-    return { x: pick(x), y: pick(y), at: pick(at), spread: pick(spread) };
+    return { x: pick(x), y: pick(y), at: pick(at), two_std: pick(two_std) };
   });
   const data = apart(tables);
   return { data, tables };
@@ -192,11 +192,11 @@ class PanelView {
     if (low === null || low === undefined) return panel.y_range ?? (panel.log_y ? [0.1, 1] : [-1, 1]);
     if (panel.log_y) return [low / 1.4, high * 1.4];
     for (const one of panel.series) {
-      const spread = array(one.spread);
-      if (spread && !this.hidden?.(one)) array(one.y).forEach((y, k) => {
-        if (y === null || spread[k] === null) return;
-        low = Math.min(low, y - spread[k]);
-        high = Math.max(high, y + spread[k]);
+      const two_std = array(one.two_std);
+      if (two_std && !this.hidden?.(one)) array(one.y).forEach((y, k) => {
+        if (y === null || two_std[k] === null) return;
+        low = Math.min(low, y - two_std[k]);
+        high = Math.max(high, y + two_std[k]);
       });
     }
     for (const level of panel.levels) if (level.axis === "y" && level.label) [low, high] = [Math.min(low, level.value), Math.max(high, level.value)];
@@ -244,20 +244,20 @@ class PanelView {
         ctx.fillStyle = shade(one.colour);
         x.forEach((value, k) => ctx.fillRect(Math.min(pos(0, "x"), pos(value, "x")), pos(y[k], "y") - thick / 2, Math.abs(pos(value, "x") - pos(0, "x")), thick));
       }
-      if (one.spread === null || this.hidden?.(one)) return;
-      const { x, y, spread } = this.tables[n];
+      if (one.two_std === null || this.hidden?.(one)) return;
+      const { x, y, two_std } = this.tables[n];
       ctx.fillStyle = ctx.strokeStyle = shade(one.colour);
       ctx.globalAlpha = one.kind === "line" ? 0.25 : 0.9;
       ctx.beginPath();
-      const known = x.map((_, k) => k).filter((k) => x[k] !== null && y[k] !== null && spread[k] !== null);
+      const known = x.map((_, k) => k).filter((k) => x[k] !== null && y[k] !== null && two_std[k] !== null);
       if (one.kind === "line") {
-        known.forEach((k) => ctx.lineTo(pos(x[k], "x"), pos(y[k] + spread[k], "y")));
-        known.reverse().forEach((k) => ctx.lineTo(pos(x[k], "x"), pos(y[k] - spread[k], "y")));
+        known.forEach((k) => ctx.lineTo(pos(x[k], "x"), pos(y[k] + two_std[k], "y")));
+        known.reverse().forEach((k) => ctx.lineTo(pos(x[k], "x"), pos(y[k] - two_std[k], "y")));
         ctx.fill();
       } else {
         for (const k of known) {
-          ctx.moveTo(pos(x[k], "x"), pos(y[k] + spread[k], "y"));
-          ctx.lineTo(pos(x[k], "x"), pos(y[k] - spread[k], "y"));
+          ctx.moveTo(pos(x[k], "x"), pos(y[k] + two_std[k], "y"));
+          ctx.lineTo(pos(x[k], "x"), pos(y[k] - two_std[k], "y"));
         }
         ctx.lineWidth = devicePixelRatio;
         ctx.stroke();
@@ -311,13 +311,13 @@ class PanelView {
       const x = plot.data[0][k], away = Math.hypot(plot.valToPos(x, "x") - left, one.kind === "line" ? 0 : plot.valToPos(value, "y") - top);
       if (one.kind === "dots" && away > SNAP && !this.byKey) return;
       const row = this.tables[n].from ? this.tables[n].from[k] : k;
-      const spread = this.tables[n].spread?.[row];
+      const two_std = this.tables[n].two_std?.[row];
       if (this.panel.names.length) lines.push(el("div", {}, `${this.panel.names[value]}: ${digits(x)}`));
       else if (one.label || this.panel.series.length === 1) {
         const mark = el("i");
         mark.style.background = shade(one.colour);
         const name = one.label || named(this.panel.y)[0];
-        lines.push(el("div", {}, mark, `${name} ${digits(value)}${spread ? ` ± ${digits(spread)}` : ""} ${named(this.panel.y)[1]}`));
+        lines.push(el("div", {}, mark, `${name} ${digits(value)}${two_std ? ` ± ${digits(two_std)}` : ""} ${named(this.panel.y)[1]}`));
       }
       if (away < closest.distance) Object.assign(closest, { distance: away, x, at: this.tables[n].at?.[row] ?? null });
     });

@@ -83,7 +83,7 @@ def _curve(joint: int, points: list[Change]) -> Panel:
         for side, colour in (("before", BEFORE), ("after", AFTER)):
             values = np.array([sign * float(getattr(one, side)) for one in one_way])
             two_std = np.array([2 * float(getattr(one, f"std_{side}")) for one in one_way])
-            series.append(Series(x=speed, y=values, spread=two_std, kind="both", colour=colour, label=side, width=1.0))
+            series.append(Series(x=speed, y=values, two_std=two_std, kind="both", colour=colour, label=side, width=1.0))
     return Panel(
         series=tuple(series),
         title=f"joint {joint}",

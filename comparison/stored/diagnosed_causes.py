@@ -91,7 +91,7 @@ def entries_of(
 def _why_missing(key: Key, name: str, table: Mapping[str, Any]) -> str:
     """Why a parameter of a cause that a diagnosis does not name is unknown there; "" where it is zero."""
     reason = _blind(table, key)
-    return reason or ("" if name in size_parameters(key[0]) else f"{cause_in_words(key)} is not named")
+    return reason or ("" if name in size_parameters(key[0]) else f"{in_words(key)} is not named")
 
 
 def cause_sentences(
@@ -111,7 +111,7 @@ def cause_sentences(
         sized = [_quantity(key, name, "").name for name in size_parameters(key[0])]
         sure = any(name in significant for name in sized)
         note = f", but it is {reason} there" if reason else "" if sure or not sized else ", not significantly"
-        found.append(f"Cause {verb}: {cause_in_words(key)}{note}")
+        found.append(f"Cause {verb}: {in_words(key)}{note}")
     return found
 
 
@@ -123,7 +123,7 @@ def _blind(table: Mapping[str, Any], key: Key) -> str:
     for cause in table.get("causes") or ():
         for member in cause.get("group") or ():
             if (member.get("effect"), member.get("joint")) == key:
-                return f"indistinguishable from {cause_in_words((cause['effect'], cause['joint']))}"
+                return f"indistinguishable from {in_words((cause['effect'], cause['joint']))}"
     return ""
 
 
@@ -132,13 +132,8 @@ def _quantity(key: Key, name: str, unit: str) -> Quantity:
     head = "" if joint is None else f"joint{joint}."
     return Quantity(
         name=f"{head}{effect}.{name}",
-        words=f"{name.replace('_', ' ')} of {cause_in_words(key)}",
+        words=f"{name.replace('_', ' ')} of {in_words(key)}",
         unit=unit,
         kind="cause",
         joint=joint,
     )
-
-
-def cause_in_words(key: Key) -> str:
-    """``backlash of joint 2``, of an effect and its joint."""
-    return in_words(key)

@@ -35,7 +35,7 @@ def _panel(histories: Histories, one: Movement) -> Panel:
             Series(
                 x=_seconds(histories, days),
                 y=fitted[:, 0],
-                spread=2 * fitted[:, 1],
+                two_std=2 * fitted[:, 1],
                 colour=AFTER if one.significant else MEASURED,
                 label="fitted trend",
                 width=1.2,
@@ -43,7 +43,7 @@ def _panel(histories: Histories, one: Movement) -> Panel:
             Series(
                 x=_seconds(histories, history.days),
                 y=np.asarray(history.values, float),
-                spread=2 * np.asarray(history.std, float),
+                two_std=2 * np.asarray(history.std, float),
                 kind="dots",
                 colour=AFTER,
                 label="results, two standard deviations",

@@ -64,9 +64,9 @@ def likelihood(steps: Steps, ratio: float) -> tuple[float, float]:
     """Log likelihood of the prediction errors at the best scale of the noise, and that scale."""
     squares, logs, count = 0.0, 0.0, 0
     for score, seen in steps:
-        _, error, spread = prediction_errors(score, seen, ratio)
-        squares += float(np.sum(error**2 / spread))
-        logs += float(np.sum(np.log(spread)))
+        _, error, variance = prediction_errors(score, seen, ratio)
+        squares += float(np.sum(error**2 / variance))
+        logs += float(np.sum(np.log(variance)))
         count += len(error)
     scale = squares / max(count, 1)
     return -0.5 * (count * np.log(max(scale, 1e-300)) + logs), scale

@@ -66,7 +66,7 @@ def over_time(result: Distortion) -> Chart:
         line = Series(
             x=path.t[finite],
             y=path.value[finite],
-            spread=2 * path.std[finite],
+            two_std=2 * path.std[finite],
             colour=AFTER,
             label=f"{result.parameter} ± 2 std",
             width=1.3,
@@ -94,14 +94,14 @@ def against(result: Distortion) -> Chart:
         value = np.concatenate([path.value[path.seen] for path in result.paths])
         std = np.concatenate([path.std[path.seen] for path in result.paths])
         shown = x + (0.15 * np.random.default_rng(0).uniform(-1, 1, len(x)) if name == "direction" else 0.0)
-        middle, mean, spread = _means(x, value, std)
+        middle, mean, band = _means(x, value, std)
         unit = f", {result.drive.unit(UNITS[name])}" if UNITS[name] else ""
         share = explained.get(name)
         panels.append(
             Panel(
                 series=(
                     Series(x=shown, y=value, kind="dots", colour=PALE_AFTER),
-                    Series(x=middle, y=mean, spread=spread, kind="both", colour=AFTER, label="mean ± 2 std", width=1.2),
+                    Series(x=middle, y=mean, two_std=band, kind="both", colour=AFTER, label="mean ± 2 std", width=1.2),
                 ),
                 levels=(Level(value=result.model, colour=BEFORE, dashed=True, label="model"),),
                 title="" if share is None else f"explains {share.share:.0%} (p = {share.p:.2g})",
@@ -137,8 +137,8 @@ def _means(x: Array, value: Array, std: Array) -> tuple[Array, Array, Array]:
     places = [np.flatnonzero(bins == k) for k in np.unique(bins)]
     middle = np.array([x[k].mean() for k in places])
     mean = np.array([np.average(value[k], weights=std[k] ** -2) for k in places])
-    spread = np.array([2 * std[k].mean() for k in places])
-    return middle, mean, spread
+    two_std = np.array([2 * std[k].mean() for k in places])
+    return middle, mean, two_std
 
 
 def _page(result: Distortion) -> Report:

@@ -112,7 +112,7 @@ class Question:
         predicted = np.zeros((length, len(self.rivals)))
         for k, rival in enumerate(self.rivals):
             if rival.best is not None:
-                predicted[:, k] = columns_of(rival.best, side).spread(rival.coefficients, length)
+                predicted[:, k] = columns_of(rival.best, side).contribution(rival.coefficients, length)
         equations = []
         for rival in self.rivals:
             of_rival = []

@@ -84,8 +84,8 @@ class Columns:
         product: Array = self.x.T @ values[self.where]
         return product
 
-    def spread(self, coefficients: Array, length: int) -> Array:
-        """x coefficients, (length,)."""
+    def contribution(self, coefficients: Array, length: int) -> Array:
+        """(length,) x coefficients, over all rows of ``y``."""
         values = np.zeros(length)
         values[self.where] = self.x @ coefficients
         return values

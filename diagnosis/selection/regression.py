@@ -107,7 +107,7 @@ def chance(pair: Pair, c: Array, fall: Array, fitted: Fitted, held_out: Dataset,
     p, gain = p_value(blocks), float(blocks.sum())
     large = min(LARGE * np.count_nonzero(c), LARGEST) * held_out.rows
     if p > SPARSE_P and gain > 0.0 and (sparse or gain > large):
-        predicted = pair.held_out.spread(c, len(held_out.y))
+        predicted = pair.held_out.contribution(c, len(held_out.y))
         p = min(p, shift_p_value(by_recording(predicted, held_out), by_recording(fitted.held_out, held_out)))
     return p
 
@@ -127,7 +127,7 @@ def gain_of(pair: Pair, fitted: Fitted, held_out: Dataset) -> tuple[Array, Array
 def residual_with(pair: Pair, c: Array, fitted: Fitted, held_out: Dataset) -> Array:
     """(M,) held-out residual with columns of coefficients c (k,) added and the fitted ones refitted."""
     inside = pair.fit.dot(fitted.basis).T @ c
-    residual: Array = fitted.held_out - pair.held_out.spread(c, len(held_out.y)) + fitted.to_held_out @ inside
+    residual: Array = fitted.held_out - pair.held_out.contribution(c, len(held_out.y)) + fitted.to_held_out @ inside
     return residual
 
 

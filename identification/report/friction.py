@@ -146,7 +146,7 @@ def _lines(band: FrictionBand) -> Iterator[Series]:
     yield Series(
         x=band.speed,
         y=band.torque,
-        spread=2 * band.std,
+        two_std=2 * band.std,
         kind="both" if band.curve else "line",
         colour=colour,
         label=name,

@@ -108,8 +108,8 @@ def test_a_page_of_many_charts_stays_small(long: Chart, monkeypatch: pytest.Monk
 def test_charts_are_written_as_pictures_and_the_json_last(tmp_path: Path) -> None:
     x = np.array([1.0, 2.0, 3.0])
     series = (
-        Series(x=x, y=x, spread=0.1 * x, kind="both", colour=AFTER, label="a"),
-        Series(x=x, y=x, spread=x, colour=BEFORE, label="b"),
+        Series(x=x, y=x, two_std=0.1 * x, kind="both", colour=AFTER, label="a"),
+        Series(x=x, y=x, two_std=x, colour=BEFORE, label="b"),
     )
     bars = Series(x=np.array([30.0, -2.0]), y=np.array([0.0, 1.0]), kind="bars", colour=AFTER)
     panels = (

@@ -56,9 +56,9 @@ def test_a_gap_interrupts_a_line() -> None:
 
 
 def test_every_kind_of_panel_is_well_formed() -> None:
-    spread = np.full(50, 0.1)
+    band = np.full(50, 0.1)
     kinds = [
-        Series(x=X, y=X, colour=AFTER, kind=kind, spread=spread, label=f"<{kind}>") for kind in ("line", "dots", "both")
+        Series(x=X, y=X, colour=AFTER, kind=kind, two_std=band, label=f"<{kind}>") for kind in ("line", "dots", "both")
     ]
     bars = Series(x=np.array([3.0, -1.0]), y=np.array([0.0, 1.0]), colour=BEFORE, kind="bars")
     many = np.linspace(-1.0, 1.0, 5000)

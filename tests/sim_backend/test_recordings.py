@@ -8,8 +8,8 @@ import numpy as np
 from mcap.reader import make_reader
 
 from daq.recording import open_recording
-from sim_backend.rig.slow_disk import slow_disk
 from tests.sim_backend.recordings import record
+from tests.sim_backend.slow_disk import slow_disk
 from tests.sim_backend.test_chain import _experiment
 
 

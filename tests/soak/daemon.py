@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 from armscope.cli import main
-from sim_backend.rig.slow_disk import slow_disk
+from tests.sim_backend.slow_disk import slow_disk
 
 
 def delay_by(file: Path) -> float:

@@ -87,7 +87,7 @@ def bounded(data: Split[Dataset], free: Sequence[Split[Columns]]) -> tuple[Split
             kept.append(pair)
             continue
         fit, held_out = (
-            replace(side, y=side.y - columns.spread(np.array([SHARPEST]), len(side.y)))
+            replace(side, y=side.y - columns.contribution(np.array([SHARPEST]), len(side.y)))
             for side, columns in zip(data, pair)
         )
         data = Split(fit, held_out, data.two_fold)

@@ -34,7 +34,7 @@ def estimates_of(state: State) -> list[list[Estimate]]:
         x.append(np.column_stack([columns.dense(len(fit.y)), *slopes]))
         places.append(slice(first, first + x[-1].shape[1]))
         unknown.append(np.array([*(candidate.largest(k) for k in range(len(c))), *values]))
-        explained += columns.spread(c, len(fit.y))
+        explained += columns.contribution(c, len(fit.y))
     x += [pair.fit.dense(len(fit.y)) for pair in model.free]
     design = np.hstack(x)
     covariance = cluster_covariance(
@@ -65,6 +65,6 @@ def _slopes(candidate: Candidate, columns: Columns, c: Array, state: State) -> t
     for name in candidate.searched():
         value = dict(candidate.shape)[name]
         moved = columns_of(candidate.at(name, 1.02 * value), fit)
-        slopes.append((moved.spread(c, len(fit.y)) - columns.spread(c, len(fit.y))) / (0.02 * value))
+        slopes.append((moved.contribution(c, len(fit.y)) - columns.contribution(c, len(fit.y))) / (0.02 * value))
         values.append(value)
     return slopes, values

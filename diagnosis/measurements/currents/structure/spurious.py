@@ -109,7 +109,7 @@ def _compensating(state: State) -> list[Candidate]:
     for joint in sorted({c.joint for c in state.chosen if c.joint}):
         rows = held_out.of(joint)
         energy = {
-            c: float(np.sum(state.model.columns(c).held_out.spread(own, len(held_out.y))[rows] ** 2))
+            c: float(np.sum(state.model.columns(c).held_out.contribution(own, len(held_out.y))[rows] ** 2))
             for c, own in zip(state.chosen, state.coefficients)
         }
         foreign = any(energy[c] > held_out.rows for c in state.chosen if c.joint != joint)
@@ -121,7 +121,7 @@ def _compensating(state: State) -> list[Candidate]:
 def _cancelling(own: Sequence[Candidate], state: State) -> float:
     """Sum of the energies of what some of the chosen explain, over the energy of the sum; 1 if independent."""
     contributions = [
-        state.model.columns(c).fit.spread(coefficients, len(state.fitted.fit))
+        state.model.columns(c).fit.contribution(coefficients, len(state.fitted.fit))
         for c, coefficients in zip(state.chosen, state.coefficients)
         if c in own
     ]
