@@ -17,13 +17,22 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
+from arm_io import InputError
 from arm_io.types import Array
 from arm_model import Arm
 from arm_model.system import inverse_dynamics
 from experiment import Experiment, demand_of
 from identification.experiment_design.fourier_series import Series, Shapes, fourier_motion
-from identification.experiment_design.keep_clear import SMALLEST, clear_share, clear_start, is_clear, none_is_clear
+from identification.experiment_design.keep_clear import (
+    DRAWN,
+    SMALLEST,
+    clear_poses,
+    clear_share,
+    is_clear,
+    none_is_clear,
+)
 from identification.experiment_design.limits import Limits
 from identification.regression.base_parameters import BaseParameters, structural_base
 from identification.regression.model_parameters import model_columns, model_values
@@ -35,6 +44,7 @@ TWENTY_SECONDS = Series()
 CLOSE = 0.98  # of a limit: what may hide between the instants looked at
 TOGETHER = 16  # candidates judged at a time
 PRODUCT = 1e-11  # least eigenvalue of A^T A over its largest: above it, rounding changes a singular value by 1e-5
+STILL = 0.02  # of a motion that is within the other limits: below it, the arm as good as stands
 ROWS = 160  # instants at which a candidate is judged
 
 
@@ -51,7 +61,8 @@ def design_excitation(
     """The best of ``candidates`` motions: random ones first, then steps from the best that shrink when they fail.
 
     The same seed gives the same motion. ``progress`` is called with the share done and the best score so far, in words.
-    InputError where no motion keeps clear of what ``limits.pairs`` names.
+    InputError where no motion keeps clear of what ``limits.pairs`` names, where the limits of torque do not let the arm
+    move, and where no motion shows all base parameters.
     """
     limits = limits or Limits.of(arm)
     base = structural_base(arm)
@@ -79,6 +90,8 @@ def design_excitation(
         elif generation >= generations // 5:
             step = max(0.9 * step, 0.02)
         progress(generation / generations, f"{criterion} {_shown(best_score, criterion)}")
+    if not np.isfinite(best_score):
+        raise _none_found(task, candidates)
     return _checked(task, best)
 
 
@@ -142,13 +155,29 @@ def _random(task: _Task, random: np.random.Generator) -> Array:
     harmonics = task.series.harmonics
     proposal = random.standard_normal((len(task.arm), 1 + 2 * harmonics))
     proposal[:, 1:] /= np.tile(np.arange(1, harmonics + 1), 2)
-    if task.limits.pairs is not None:
-        low, high = task.limits.position.T
-        quarter = (high - low) / 4
-        start = clear_start(task.limits.pairs, low + quarter, high - quarter, random)
-        if start is not None:
-            proposal[:, 0] = np.arctanh(np.clip((start - (low + high) / 2) / quarter, -0.999, 0.999))
+    pairs = task.limits.pairs
+    low, high = task.limits.position.T
+    quarter = (high - low) / 4
+    if pairs is not None or not _held(task, _start(task, proposal[None]))[0]:
+        poses = low + quarter + (high - low - 2 * quarter) * random.random((DRAWN, len(low)))
+        possible = np.flatnonzero(_held(task, poses) & (True if pairs is None else clear_poses(pairs, poses)))
+        if len(possible):
+            middle = (low + high) / 2
+            proposal[:, 0] = np.arctanh(np.clip((poses[possible[0]] - middle) / quarter, -0.999, 0.999))
     return np.asarray(proposal)
+
+
+def _start(task: _Task, proposals: Array) -> Array:
+    """(m, n) the poses about which the proposals (m, n, 1 + 2 harmonics) move."""
+    low, high = task.limits.position.T
+    return np.asarray((low + high) / 2 + 0.5 * (high - low) / 2 * np.tanh(proposals[:, :, 0]))
+
+
+def _held(task: _Task, poses: Array) -> NDArray[np.bool_]:
+    """Which of the poses (k, n) the motors hold within the limits of torque."""
+    rest = np.zeros_like(poses)
+    weight = np.abs(inverse_dynamics(task.arm, poses, rest, rest))
+    return np.asarray((weight <= CLOSE * task.limits.torque).all(axis=1))
 
 
 def _checked(task: _Task, proposal: Array) -> Experiment:
@@ -160,19 +189,18 @@ def _checked(task: _Task, proposal: Array) -> Experiment:
         if task.limits.pairs is None or is_clear(demand_of(found), task.limits.pairs):
             return found
         share *= 0.95
-    assert task.limits.pairs is not None
-    low, high = task.limits.position.T
-    raise none_is_clear(task.limits.pairs, low + (high - low) / 4, high - (high - low) / 4)
+    raise _not_clear(task)
 
 
 def _feasible(task: _Task, proposals: Array) -> tuple[Array, Array, Array]:
     """The proposals (m, n, 1 + 2 harmonics) scaled into the limits.
 
-    Returns start (m, n), coefficients (m, n, 2 harmonics), and whether each is clear of the space (m,).
+    Returns start (m, n), coefficients (m, n, 2 harmonics), and whether each can be followed and is clear of the space
+    (m,).
     """
     limits, shapes = task.limits, task.shapes
     low, high = limits.position.T
-    start = (low + high) / 2 + 0.5 * (high - low) / 2 * np.tanh(proposals[:, :, 0])
+    start = _start(task, proposals)
     weights = proposals[:, :, 1:]
     q, qd, qdd = shapes.motions(np.zeros_like(start), weights)
     room = np.minimum(
@@ -191,14 +219,49 @@ def _feasible(task: _Task, proposals: Array) -> tuple[Array, Array, Array]:
 def _within_torque(task: _Task, start: Array, q: Array, qd: Array, qdd: Array, scale: Array) -> Array:
     """The scales (m, n) of motions (m, k, n) made smaller until the motors can follow.
 
-    All joints calm down together, since they feel each other.
+    All joints calm down together, since they feel each other. 0 where the motors hardly hold the arm.
     """
-    scale, over = scale.copy(), np.ones(len(scale), bool)
+    share = np.ones(len(scale))
+    over = share > 0
     while over.any():
-        asked = scale[over][:, None, :]
+        asked = share[over, None, None] * scale[over][:, None, :]
         states = (start[over][:, None, :] + q[over] * asked, qd[over] * asked, qdd[over] * asked)
         torque = inverse_dynamics(task.arm, *(each.reshape(-1, q.shape[2]) for each in states))
         worst = np.abs(torque).reshape(-1, *q.shape[1:]).max(axis=1)
-        over[over] = (worst > CLOSE * task.limits.torque).any(axis=1) & (scale[over].max(axis=1) >= 1e-3)
-        scale[over] *= 0.85
-    return scale
+        over[over] = (worst > CLOSE * task.limits.torque).any(axis=1)
+        share[over] *= 0.85
+        share[share < STILL] = 0.0
+        over &= share > 0
+    return scale * share[:, None]
+
+
+def _none_found(task: _Task, candidates: int) -> InputError:
+    """Why no candidate was worth anything."""
+    random = np.random.default_rng(0)
+    proposals = np.stack([_random(task, random) for _ in range(DRAWN)])
+    start, _, possible = _feasible(task, proposals)
+    if possible.any():
+        return InputError(
+            "excite",
+            f"none of {candidates} motions within the limits shows all base parameters; raise the limits of position "
+            "and speed, --duration or --candidates",
+        )
+    slow = 1e-3 * task.limits.speed * np.sign(random.standard_normal(start.shape))  # against friction
+    needed = np.abs(inverse_dynamics(task.arm, start, slow, np.zeros_like(start)))
+    heavy = needed > CLOSE * task.limits.torque
+    if not heavy.any() and task.limits.pairs is not None:
+        return _not_clear(task)
+    joint = int(np.argmax(heavy.sum(axis=0)))
+    unit = "N m" if task.arm.joints[joint].revolute else "N"
+    return InputError(
+        "excite",
+        f"no motion is within the limits of torque: to move slowly, joint {joint + 1} needs "
+        f"{np.median(needed[:, joint]):.3g} {unit} in half of the poses, and may use {task.limits.torque[joint]:.3g}; "
+        "correct torque_limit, masses or friction of the model, or the limits of the rig",
+    )
+
+
+def _not_clear(task: _Task) -> InputError:
+    assert task.limits.pairs is not None
+    low, high = task.limits.position.T
+    return none_is_clear(task.limits.pairs, low + (high - low) / 4, high - (high - low) / 4)

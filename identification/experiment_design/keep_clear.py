@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from arm_clearance import Pairs, nearest
 from arm_io import InputError
@@ -12,16 +13,14 @@ from experiment import Demand
 RESERVE = 1e-3
 """M beyond what must be kept, so that a check of the same motion agrees."""
 DRAWN = 64
-"""Start poses that are drawn for a candidate; the first that is clear is taken."""
+"""Start poses that are drawn for a candidate; the first that is clear, and that the motors hold, is taken."""
 SHRINK, SMALLEST = 0.8, 0.1
 """Factor by which a motion is shrunk about its start pose until it is clear, and the share at which it is given up."""
 
 
-def clear_start(pairs: Pairs, low: Array, high: Array, random: np.random.Generator) -> Array | None:
-    """(n,) a pose between low and high (n,) that is clear; None where none of ``DRAWN`` is."""
-    poses = low + (high - low) * random.random((DRAWN, len(low)))
-    clear = np.flatnonzero(_room(pairs, poses) >= RESERVE)
-    return None if not len(clear) else np.asarray(poses[clear[0]])
+def clear_poses(pairs: Pairs, poses: Array) -> NDArray[np.bool_]:
+    """Which of the poses (k, n) are clear."""
+    return np.asarray(_room(pairs, poses) >= RESERVE)
 
 
 def clear_share(pairs: Pairs, start: Array, way: Array) -> float:

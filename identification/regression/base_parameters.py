@@ -24,6 +24,8 @@ from identification.regression.model_parameters import Friction, column_names, l
 from identification.regression.qr import pivoted_triangle, triangle_of
 
 NEGLIGIBLE = 1e-8  # of the size of a column: a smaller remainder counts as rounding
+ROUNDED = 1e-5
+"""The same of structure: what an angle shows that a file has rounded (1.5708 for a right angle), no motor feels."""
 GENERIC_ARMS = 2
 """Arms beside the model: a dependence between columns that holds on all of them is one of structure."""
 SIZE = 0.1
@@ -160,7 +162,7 @@ def structural_base(arm: Arm, friction: Friction = "symmetric") -> BaseParameter
     # what lifts has a weight, an offset only beside it: sums of masses and rotors read better than sums of offsets
     last = {f"joint{j + 1}.offset" for j in range(len(arm)) if lifts(arm, j)}
     order = sorted(reading_order(tuple(names)), key=lambda column: names[column] in last)
-    return base_parameters(np.concatenate(columns).reshape(-1, len(names)), names, order=order)
+    return base_parameters(np.concatenate(columns).reshape(-1, len(names)), names, order=order, negligible=ROUNDED)
 
 
 def _generic_arms(arm: Arm, random: np.random.Generator) -> Iterator[Arm]:

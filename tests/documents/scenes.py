@@ -37,10 +37,10 @@ def lay_out(document: str, folder: Path) -> None:
 def _everyday(folder: Path) -> None:
     """RIG, MODEL, EXP and recordings of a worn Puma, as the synopses call them; the shipped files, patient."""
     shutil.copytree(CONFIG, folder / "config")
-    for name in ("puma560_sim", "puma560_worn"):
-        path = folder / f"config/{name}.toml"
+    for path in (folder / "config").glob("*.toml"):
         # the machine of a test may be busy, and no arm is behind these rigs
-        path.write_text("watchdog = 20.0\n" + path.read_text())
+        if "watchdog" not in read_toml(path):
+            path.write_text("watchdog = 20.0\n" + path.read_text())
     rig = read_toml(CONFIG / "puma560_sim.toml")
     rig |= {"name": f"documents {os.getpid()}", "watchdog": 20.0, "model": str(NOMINAL)}
     (folder / "RIG.toml").write_text(tomli_w.dumps(rig | {"zenoh": {"endpoint": free_endpoint()}}))

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from arm_model.description import Arm, EffectTerm
-from arm_model.model_file import read_model
+from arm_model.model_file import read_model, write_model
 from arm_model.system.dynamics import inverse_dynamics
 from armscope.cli import run
 from daq.rig.preflight import check_motion
@@ -123,3 +123,42 @@ def test_effects_of_the_model_count(root: Path) -> None:
     still, found = (design_excitation(arm, candidates=count, seed=1) for count in (1, 96))
     scores = of_experiments(arm, base, [still, found], limits, "d")
     assert np.isfinite(scores).all() and scores[1] > scores[0]
+
+
+def rounded(root: Path, digits: int) -> Arm:
+    """A Puma whose angles between axes are written with so many digits."""
+    arm = read_model(root / "config/models/puma560.toml")
+    return replace(arm, joints=tuple(replace(joint, alpha=round(joint.alpha, digits)) for joint in arm.joints))
+
+
+def test_right_angles_that_a_file_has_rounded_are_right_angles(root: Path) -> None:
+    """What 1.5708 for pi / 2 would show is 4e-6 of a torque, which no motion shows."""
+    exact = read_model(root / "config/models/puma560.toml")
+    assert structural_base(rounded(root, 5)).names == structural_base(exact).names
+    np.testing.assert_array_equal(structural_base(rounded(root, 5)).kept, structural_base(exact).kept)
+
+
+def test_motors_that_hold_the_arm_in_some_poses_only_move_it_there(root: Path) -> None:
+    arm = weak(read_model(root / "config/models/puma560.toml"), 0.4)
+    demand = demand_of(design_excitation(arm, candidates=64))
+    q = demand(np.linspace(0.0, demand.duration, 2000))
+    assert np.all(np.ptp(q, axis=0) > 0.02)
+
+
+def test_motors_too_weak_to_hold_the_arm_are_named(
+    root: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    write_model(tmp_path / "weak.toml", weak(read_model(root / "config/models/puma560.toml"), 0.0005))
+    out = tmp_path / "motion.toml"
+    assert run(["excite", "--model", str(tmp_path / "weak.toml"), "--out", str(out), "--candidates", "32"]) == 2
+    said = capfd.readouterr().err.splitlines()[-1]
+    assert said.startswith("error: excite: no motion is within the limits of torque: to move slowly, joint 2 needs ")
+    assert not out.exists()
+
+
+def weak(arm: Arm, share: float) -> Arm:
+    """An arm whose second motor has a share of the torque that holds it stretched out."""
+    still = np.zeros((1, len(arm)))
+    weight = float(np.abs(inverse_dynamics(arm, still, still, still)).max())
+    first, second, *rest = arm.joints
+    return replace(arm, joints=(first, replace(second, torque_limit=share * weight), *rest))

@@ -106,6 +106,10 @@ class Source(Protocol):
         """Text of the last row's time; "" where it is unknown."""
         ...
 
+    def unit_of(self, time: str) -> TimeUnit | None:
+        """The unit of a column of times, where the file itself says it."""
+        ...
+
 
 class Exact(Sequence[str]):
     """Numbers (n,) as the texts that read back as the same numbers, made when they are asked for."""
@@ -135,7 +139,8 @@ def read_blocks(
     """The rows of a source, a bounded number at a time. InputError names row and column, and what would be right.
 
     joints   that the rig has; None: as many as the table has columns q1, q2, ...
-    unit     of the column t; None: what ``mapping`` says, else s, and InputError where it looks like another
+    unit     of the column t, where the file does not say it itself; None: what ``mapping`` says, else s, and
+             InputError where it looks like another
     mapping  which column is which; None: the columns have our names
     """
     path, rows = source.path, 0
@@ -145,6 +150,7 @@ def read_blocks(
         unit = unit or mapping.time_unit
     count = joints_of(path, [one.name for one in picked], joints, keep_extra, source.where)
     time = next(one.column for one in picked if one.name == "t")
+    unit = source.unit_of(time) or unit
     times = TimeColumn(path, unit, source.last_time(time), source.word)
     empty = {one.name for one in picked if JOINT_COLUMN.fullmatch(one.name)}
     for chunk in source.chunks([one.column for one in picked], time):

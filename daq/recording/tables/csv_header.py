@@ -15,6 +15,7 @@ from typing import TextIO
 
 from arm_io import InputError
 from daq.recording.messages.row_format import JOINT_TOPICS
+from daq.recording.tables.csv_text import COMMENT, MOST_COMMENTS, names_line
 
 MOST_JOINTS = 64
 LONGEST_HEADER = 1 << 16
@@ -26,14 +27,17 @@ _KNOWN = "t, q1.., i1.., qref1.., ql1.., v1.., temp1.., x, y, z"
 _NAMES = "the first line must name the columns: t (s), q1 (rad or m), i1 (A), .."
 
 
-def read_header(path: str | Path, file: TextIO, separator: str = ",") -> list[str]:
-    """The names in the first line of an open table.
+def read_header(path: str | Path, file: TextIO, separator: str = ",") -> tuple[list[str], int]:
+    """The names of the columns of an open table, and how many lines stand before its first row.
 
-    InputError where that is too long, or separated otherwise than by ``separator``.
+    InputError where the names are too long, or separated otherwise than by ``separator``.
     """
-    line = file.readline(LONGEST_HEADER + 1)
-    if not line.strip("\ufeff \r\n") and not file.readline(1):
+    lines = [file.readline(LONGEST_HEADER + 1)]
+    if not lines[0].strip("\ufeff \r\n") and not file.readline(1):
         raise InputError(path, f"is empty; {_NAMES}")
+    while lines[-1].lstrip().startswith(COMMENT) and len(lines) <= MOST_COMMENTS:
+        lines.append(file.readline(LONGEST_HEADER + 1))
+    line, before = names_line(lines)
     if len(line) > LONGEST_HEADER:
         raise InputError(path, f"line 1: is longer than {LONGEST_HEADER} characters; it must name the columns")
     names = [name.strip() for name in next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])]
@@ -47,7 +51,7 @@ def read_header(path: str | Path, file: TextIO, separator: str = ",") -> list[st
         names.pop()
     if len(names) > 1 and all(map(_is_number, names)):
         raise InputError(path, f"line 1: has numbers; {_NAMES}")
-    return names
+    return names, before
 
 
 def _is_number(text: str) -> bool:

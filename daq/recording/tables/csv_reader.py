@@ -12,17 +12,17 @@ from typing import TextIO
 import numpy as np
 
 from arm_io import InputError
-from arm_io.files import open_regular
 from arm_io.progress import report
 from arm_io.types import Array
 from daq.recording.tables.columns import Chunk, Table, read_blocks
 from daq.recording.tables.csv_header import read_header
+from daq.recording.tables.csv_text import last_line, open_text
 from daq.recording.tables.csv_time import TimeUnit
+from daq.recording.tables.instants import in_ns, is_instant
 from daq.recording.tables.mapping import Mapping
 
 BLOCK_CHARACTERS = 1 << 20
 """Of the text that is read at once."""
-_TAIL = 1 << 16
 
 
 def read_csv(
@@ -51,6 +51,8 @@ class CsvSource:
     """A CSV as a source of columns (``daq.recording.tables.columns.Source``).
 
     separator, decimal  as ``Mapping`` has them
+    A first column without a name, as pandas writes the numbers of its rows, is left out; where it has instants and no
+    other column is the time, it is t.
     InputError where it cannot be read, or its first line is too long or separated otherwise.
     """
 
@@ -62,17 +64,28 @@ class CsvSource:
         self.path, self._separator, self._decimal = Path(path), separator, decimal
         try:
             with self._open() as file:
-                self.names: list[str] = read_header(path, file, separator)
+                self._all, self._before = read_header(path, file, separator)
+            with self._open() as file:
+                first = self._first_row(file)
         except (OSError, UnicodeDecodeError, csv.Error) as error:
             raise _unreadable(path, error) from None
+        self._instants = {name for name, cell in zip(self._all, first) if is_instant(cell)}
+        if len(self._all) > 1 and not self._all[0] and "" in self._instants and "t" not in self._all:
+            self._all[0] = "t"
+            self._instants.add("t")
+        self._unnamed = len(self._all) > 1 and not self._all[0]
+        self.names: list[str] = self._all[1:] if self._unnamed else self._all
 
     def chunks(self, needed: Sequence[str], time: str) -> Iterator[Chunk]:
-        """All lines in their order."""
-        places = {name: self.names.index(name) for name in needed}
+        """All lines in their order; instants as ns since 1970."""
+        places = {name: self._all.index(name) for name in needed}
         try:
             with self._open() as file:
-                read_header(self.path, file, self._separator)
+                for _ in range(self._before):
+                    file.readline()
                 for lines, cells, plain in self._blocks(file):
+                    if time in self._instants:
+                        cells[places[time]] = in_ns(self.path, time, lines, cells[places[time]])
                     columns = {
                         name: _numbers(self.path, name, lines, cells[place], plain=plain)
                         for name, place in places.items()
@@ -83,19 +96,34 @@ class CsvSource:
 
     def last_time(self, time: str) -> str:
         """The text in the column of times of the last line; "" where it is unknown."""
-        with os.fdopen(open_regular(self.path), "rb") as file:
-            file.seek(max(file.seek(0, os.SEEK_END) - _TAIL, 0))
-            lines = file.read().decode(errors="replace").split("\n")
-        cells = next((line for line in reversed(lines) if line.strip()), "").split(self._separator)
-        column = self.names.index(time)
-        return cells[column].strip().replace(self._decimal, ".") if column < len(cells) else ""
+        cells = last_line(self.path).split(self._separator)
+        column = self._all.index(time)
+        if column >= len(cells):
+            return ""
+        cell = cells[column].strip().replace(self._decimal, ".")
+        return in_ns(self.path, time, [0], [cell])[0] if is_instant(cell) else cell
+
+    def unit_of(self, time: str) -> TimeUnit | None:
+        """Ns, where the column has instants."""
+        return TimeUnit.NS if time in self._instants else None
+
+    def notes(self) -> list[str]:
+        """What was left out."""
+        return ["the first column has no name, as numbers of rows have none: left out"] if self._unnamed else []
 
     def _open(self) -> TextIO:
-        return os.fdopen(open_regular(self.path), encoding="utf-8-sig", newline="")
+        return open_text(self.path)
+
+    def _first_row(self, file: TextIO) -> list[str]:
+        """Cells of the first row, empty where there is none."""
+        for _ in range(self._before):
+            file.readline()
+        line = file.readline(BLOCK_CHARACTERS)
+        return [cell.strip() for cell in next(csv.reader([line], delimiter=self._separator), [])]
 
     def _blocks(self, file: TextIO) -> Iterator[tuple[list[int], list[tuple[str, ...]], bool]]:
         """The number of each line with cells, the cells by column, and whether all of them read as they look."""
-        line, width, size = 1, len(self.names), os.fstat(file.fileno()).st_size
+        line, width, size = self._before, len(self._all), os.fstat(file.fileno()).st_size
         while text := file.readlines(BLOCK_CHARACTERS):
             reader = csv.reader(text, delimiter=self._separator, skipinitialspace=self._separator == " ")
             rows = [(line + reader.line_num, row) for row in reader if row]
@@ -138,7 +166,9 @@ def _number(path: str | Path, name: str, line: int, cell: str) -> float:
     try:
         value = float(cell.replace("_", "?") or "nan")
     except ValueError:
-        raise InputError(path, f"line {line}, column {name}: {cell!r} is no number") from None
+        raise InputError(
+            path, f"line {line}, column {name}: {cell!r} is no number; a missing sample is an empty cell"
+        ) from None
     if np.isinf(value):
         raise InputError(path, f"line {line}, column {name}: {cell!r} is not finite; a missing sample is an empty cell")
     return value

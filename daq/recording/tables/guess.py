@@ -14,6 +14,7 @@ from arm_io import InputError
 from arm_io.files import read_head
 from arm_io.types import Array
 from daq.recording.tables.csv_header import LONGEST_HEADER
+from daq.recording.tables.csv_text import SAMPLE, encoding_of, names_line
 from daq.recording.tables.mapping import Mapping
 
 KNOWN: dict[str, dict[str, dict[str, str]]] = {
@@ -52,8 +53,8 @@ _WORDS = {
     "qref": rf"(({POSITION})?[ _.]*(ref|reference|demand|demanded|target|setpoint|desired|des|cmd|command)[ _.]*"
     rf"({POSITION})?|q_d|soll[ _.-]*(wert|position|winkel)?)",
     "ql": r"(link|load|output)[ _.]*(side)?[ _.]*(q|pos|position|angle|encoder)",
-    "i": r"(i|cur|curr|currents?|motor[ _.]*currents?|actual[ _.]*current|tau(_J)?|torques?|effort|actual[ _.]*torque"
-    r"|strom|motorstrom|drehmoment)",
+    "i": r"(i|joint[ _.]*(currents?|torques?|efforts?)|cur|curr|currents?|motor[ _.]*currents?|actual[ _.]*current"
+    r"|tau(_J)?|torques?|effort|actual[ _.]*torque|strom|motorstrom|drehmoment)",
     "v": r"(v|volt|voltage|motor[ _.]*voltage)",
     "temp": r"(temp|temperature|motor[ _.]*temperature)",
     "q": r"(q|pos|positions?|angles?|winkel|theta|joint|axis|actual[ _.]*(q|pos|position)"
@@ -65,8 +66,6 @@ _COMMA = re.compile(r"\s*-?\d+,\d+(e-?\d+)?\s*")
 _Series = tuple[tuple[str, ...], str]
 """Columns, one per joint, and their unit as it is written; "" without."""
 _BETWEEN = "[ _./:-]+"
-SAMPLE = 1 << 16
-"""Bytes of a text that a guess is made from."""
 
 
 def guess(names: Sequence[str], columns: dict[str, Array] | None = None, joints: Sequence[str] = ()) -> Mapping | None:
@@ -89,10 +88,13 @@ def guess_csv(path: str | Path, joints: Sequence[str] = ()) -> Mapping | None:
     """
     head = read_head(path, SAMPLE)
     # lines end as Python's files have it: \n, \r\n, or \r
-    with io.StringIO(head.decode("utf-8-sig", errors="replace"), newline=None) as text:
+    with io.StringIO(head.decode(encoding_of(path), errors="replace"), newline=None) as text:
         lines = [line.strip() for line in text.read().split("\n")]
     # the last line of a part of a text is part of a line
     lines = lines if len(head) < SAMPLE else lines[:-1]
+    if lines:
+        header, before = names_line(lines)
+        lines = [header, *lines[before:]]
     if not lines or len(lines[0]) > LONGEST_HEADER:
         raise InputError(path, f"line 1: must name the columns, in at most {LONGEST_HEADER} characters")
     for separator in ";\t|, ":
@@ -126,7 +128,7 @@ def _known(names: Sequence[str], table: dict[str, dict[str, str]]) -> Mapping | 
 
 def _from_words(names: Sequence[str], numbers: dict[str, Array], joints: Sequence[str]) -> Mapping | None:
     """The columns whose names are words for a signal and numbers, or words and names of joints."""
-    time = [(name, found) for name in names if (found := _TIME.fullmatch(name.strip()))]
+    time = _times(names, numbers)
     columns: dict[str, Any] = {}
     units: dict[str, str] = {}
     taken: set[str] = set()
@@ -157,6 +159,17 @@ def _from_words(names: Sequence[str], numbers: dict[str, Array], joints: Sequenc
     if re.search("tau|torque|effort|drehmoment", " ".join(columns["i"]), re.IGNORECASE):
         units.setdefault("i", "N m")
     return Mapping.model_validate({"columns": columns, "units": units})
+
+
+def _times(names: Sequence[str], numbers: dict[str, Array]) -> list[tuple[str, re.Match[str]]]:
+    """Columns whose names are words for the time; else fields of structures, where all that are have the same times."""
+    found = [(name, match) for name in names if (match := _TIME.fullmatch(name.strip()))]
+    if found:
+        return found
+    fields = [(name, match) for name in names if (match := _TIME.fullmatch(name.rpartition(".")[2].strip()))]
+    first, *others = [numbers.get(name) for name, _ in fields] or [None]
+    same = first is not None and all(one is not None and np.array_equal(one, first) for one in others)
+    return fields if same else []
 
 
 def _of_joints(names: Sequence[str], word: str) -> tuple[list[str], str, int] | None:

@@ -14,6 +14,8 @@ from arm_io.files import open_regular, read_head
 from arm_io.optional import optional
 from daq.recording.messages.row_format import JOINT_TOPICS
 from daq.recording.tables.columns import Chunk, Exact
+from daq.recording.tables.csv_header import MOST_JOINTS
+from daq.recording.tables.csv_time import TimeUnit
 from daq.recording.tables.mapping import Mapping
 from daq.recording.tables.matlab_writer import EXTRA, EXTRA_NAMES
 
@@ -24,10 +26,9 @@ class MatlabSource:
     """A .mat file as a source of columns (``daq.recording.tables.columns.Source``).
 
     A vector of n numbers is a column of its name; a matrix q (n, J) or (J, n) is q1 to qJ. Fields of a structure are
-    named STRUCTURE.FIELD; if the file has one structure and nothing else, they have their own names. n is the length of
-    the longest vector; a column of a matrix without any number is left out. The columns of ``EXTRA`` have the names in
-    ``EXTRA_NAMES``, where that is there. InputError where it cannot be read, or has
-    no vector.
+    named STRUCTURE.FIELD (``_flat``); if the file has one structure and nothing else, they have their own names. n is
+    the length of the longest vector; a column of a matrix without any number is left out. The columns of ``EXTRA`` have
+    the names in ``EXTRA_NAMES``, where that is there. InputError where it cannot be read, or has no vector.
     """
 
     word, where = "row", ""
@@ -69,6 +70,10 @@ class MatlabSource:
         """Of the last row."""
         return Exact(self._column(self._variables(), time, slice(self.rows - 1, self.rows)))[0]
 
+    def unit_of(self, time: str) -> TimeUnit | None:
+        """A .mat file says none."""
+        return None
+
     def _column(self, variables: dict[str, Any], name: str, part: slice) -> Any:
         variable, column, flat = self._places[name]
         values = variables[variable]
@@ -102,14 +107,47 @@ def _of_v5(path: Path) -> dict[str, Any]:
 
     found: dict[str, Any] = {}
     for name, value in loadmat(path, struct_as_record=True).items():
-        if value is None or name.startswith("__"):
-            continue
-        if value.dtype.names and value.size == 1:
-            found |= {f"{name}.{field}": value[field].flat[0] for field in value.dtype.names}
-        else:
-            found[name] = value
+        if value is not None and not name.startswith("__"):
+            found |= _flat(name, value)
     numbers = {name: value for name, value in found.items() if getattr(value, "dtype", np.dtype("O")).kind in "fiu"}
     return _with_names(numbers, found.get(EXTRA_NAMES))
+
+
+def _flat(name: str, value: Any) -> dict[str, Any]:
+    """A variable, or the fields of a structure as NAME.FIELD, of an array of structures as NAME1.FIELD, ...
+
+    An array of more structures than there are joints has one per sample: its fields are columns. Simulink's structures
+    of time and signals are vectors NAME of their values.
+    """
+    fields = getattr(getattr(value, "dtype", None), "names", None)
+    if not fields:
+        return {name: value}
+    if value.size > MOST_JOINTS:
+        return {f"{name}.{field}": stacked for field in fields if (stacked := _stacked(value[field])) is not None}
+    if {"time", "signals"} <= set(fields) and value.size == 1:
+        return _of_simulink(name, value)
+    found: dict[str, Any] = {}
+    for number, one in enumerate(value.flat, 1):
+        for field in fields:
+            found |= _flat(f"{name}{number if value.size > 1 else ''}.{field}", one[field])
+    return found
+
+
+def _stacked(parts: Any) -> Any:
+    """(n, k) of n structures' fields of k numbers each; None where they are no numbers, or not as many in each."""
+    rows = [np.ravel(part) for part in parts.flat]
+    if len({len(row) for row in rows}) != 1 or any(row.dtype.kind not in "fiu" for row in rows):
+        return None
+    return np.stack(rows)
+
+
+def _of_simulink(name: str, value: Any) -> dict[str, Any]:
+    """What To Workspace writes as 'Structure With Time': its values as NAME, of several signals NAME1, NAME2, .."""
+    signals = value["signals"].flat[0]
+    found = {f"{name}.time": value["time"].flat[0]}
+    for number, signal in enumerate(signals.flat, 1):
+        found[f"{name}{number if signals.size > 1 else ''}"] = signal["values"]
+    return found
 
 
 def _with_names(found: dict[str, Any], cells: Any) -> dict[str, Any]:

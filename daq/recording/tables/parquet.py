@@ -13,6 +13,7 @@ from arm_io import InputError
 from arm_io.files import open_regular
 from arm_io.optional import optional
 from daq.recording.tables.columns import Chunk, Exact
+from daq.recording.tables.csv_time import TimeUnit
 from daq.recording.tables.mapping import Mapping
 
 ROWS = 1 << 14
@@ -21,7 +22,7 @@ ROWS = 1 << 14
 class ParquetSource:
     """A Parquet file as a source of columns (``daq.recording.tables.columns.Source``).
 
-    Numbers of any width; instants (timestamp) become ns since 1970. InputError where it cannot be read.
+    Numbers of any width; instants (timestamp) become ns since 1970, durations ns. InputError where it cannot be read.
     """
 
     word, where = "row", ""
@@ -60,6 +61,14 @@ class ParquetSource:
         except (self._arrow.ArrowException, OSError) as error:
             raise self._broken(error) from None
 
+    def unit_of(self, time: str) -> TimeUnit | None:
+        """Ns of instants and durations."""
+        return TimeUnit.NS if self._is_time(time) else None
+
+    def _is_time(self, name: str) -> bool:
+        types, kind = self._arrow.types, self._types[name]
+        return bool(types.is_timestamp(kind) or types.is_duration(kind))
+
     def _batches(self, columns: list[str]) -> Iterator[Any]:
         """All rows, one row group after the other: read at once, pyarrow holds on to those that have passed."""
         file = self._file()
@@ -69,8 +78,9 @@ class ParquetSource:
     def _numbers(self, name: str, column: Any) -> Any:
         """(n,) int64 of instants and whole numbers without gaps, else float64 with NaN for nulls."""
         types, kind = self._arrow.types, self._types[name]
-        if types.is_timestamp(kind):
-            column = column.cast(self._arrow.timestamp("ns", kind.tz)).cast(self._arrow.int64())
+        if self._is_time(name):
+            exact = self._arrow.timestamp("ns", kind.tz) if types.is_timestamp(kind) else self._arrow.duration("ns")
+            column = column.cast(exact).cast(self._arrow.int64())
         elif not (types.is_integer(kind) or types.is_floating(kind)):
             raise InputError(self.path, f"column {name!r} is of type {kind}; it must hold numbers")
         if column.null_count or types.is_floating(column.type):

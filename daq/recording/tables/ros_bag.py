@@ -20,6 +20,7 @@ from daq.recording.messages.bag_messages import ARRAYS, columns_of, fields_of, p
 from daq.recording.messages.bag_rows import BagRows, Row
 from daq.recording.messages.ros2_messages import JOINT_STATE
 from daq.recording.tables.columns import Chunk, Exact
+from daq.recording.tables.csv_time import TimeUnit
 from daq.recording.tables.mapping import Mapping
 
 LOOK = 50
@@ -103,6 +104,10 @@ class BagSource:
         """The last instant of the bag, ns."""
         with self._reader() as reader:
             return str(reader.end_time)
+
+    def unit_of(self, time: str) -> TimeUnit | None:
+        """Its mapping says it."""
+        return None
 
     def _rows(self, needed: Sequence[str]) -> BagRows:
         positions, efforts = ([f"{self.topic}.{array}.{joint}" for joint in self.joints] for array in ARRAYS[::2])
