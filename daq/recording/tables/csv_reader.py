@@ -15,10 +15,8 @@ from arm_io import InputError
 from arm_io.progress import report
 from arm_io.types import Array
 from daq.recording.tables.columns import Chunk, Table, read_blocks
-from daq.recording.tables.csv_header import read_header
-from daq.recording.tables.csv_text import last_line, open_text
-from daq.recording.tables.csv_time import TimeUnit
-from daq.recording.tables.instants import in_ns, is_instant
+from daq.recording.tables.csv_header import last_line, open_text, read_header
+from daq.recording.tables.csv_time import TimeUnit, in_ns, is_instant
 from daq.recording.tables.mapping import Mapping
 
 BLOCK_CHARACTERS = 1 << 20

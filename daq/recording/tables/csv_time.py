@@ -7,6 +7,7 @@ another unit is asked about.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from decimal import Decimal
 from enum import StrEnum
@@ -37,6 +38,10 @@ ENOUGH = 20
 SLOWEST, FURTHEST = 0.01, 0.05
 """rad/s (m/s), rad (m): an arm that goes further than the second is nowhere as slow as the first; in ms it would be."""
 ROS_SECONDS = 1 << 31
+_INSTANT = re.compile(
+    r"(?P<local>\d{4}-\d\d-\d\d[T ]\d\d:\d\d(:\d\d(\.\d{1,9})?)?) ?(?P<zone>Z|UTC|[+-]\d\d(:?\d\d)?)?", re.ASCII
+)
+"""2026-03-01 10:00:00.125+01:00 and the like (ISO 8601)."""
 
 
 class TimeColumn:
@@ -136,3 +141,35 @@ def _ask(path: str | Path, t: Array) -> None:
         )
     if len(t) >= ENOUGH and (step := float(np.median(np.diff(t)))) >= SLOW:
         raise InputError(path, f"t goes by {step:g} from row to row; is it in s? Give --time-unit s, ms, us or ns")
+
+
+def is_instant(cell: str) -> bool:
+    """Whether a cell has a date and a time of day."""
+    return _INSTANT.fullmatch(cell.strip().strip('"')) is not None
+
+
+def in_ns(path: str | Path, name: str, lines: Sequence[int], cells: Sequence[str]) -> tuple[str, ...]:
+    """The cells of a column as texts of whole ns since 1970; without a zone, of UTC.
+
+    InputError names the line of a cell that is none.
+    """
+    found = [_INSTANT.fullmatch(cell.strip()) for cell in cells]
+    for line, cell, one in zip(lines, cells, found):
+        if one is None:
+            raise InputError(path, f"line {line}, column {name}: {cell.strip()!r} is no date and time, as others are")
+    matches = [one for one in found if one is not None]
+    try:
+        local = np.array([one["local"] for one in matches], "datetime64[ns]").astype(np.int64)
+    except ValueError as error:
+        raise InputError(path, f"column {name}: {error}") from None
+    zones = {zone: _offset(zone) for zone in {one["zone"] for one in matches}}
+    return tuple(str(int(ns) - zones[one["zone"]]) for ns, one in zip(local, matches))
+
+
+def _offset(zone: str | None) -> int:
+    """Ns by which clocks of the zone are ahead of UTC."""
+    if zone in (None, "Z", "UTC"):
+        return 0
+    digits = zone[1:].replace(":", "")
+    minutes = int(digits[:2]) * 60 + int(digits[2:] or 0)
+    return (-1 if zone[0] == "-" else 1) * minutes * 60 * 10**9

@@ -13,8 +13,7 @@ import numpy as np
 from arm_io import InputError
 from arm_io.files import read_head
 from arm_io.types import Array
-from daq.recording.tables.csv_header import LONGEST_HEADER
-from daq.recording.tables.csv_text import SAMPLE, encoding_of, names_line
+from daq.recording.tables.csv_header import LONGEST_HEADER, SAMPLE, encoding_of, names_line
 from daq.recording.tables.mapping import Mapping
 
 KNOWN: dict[str, dict[str, dict[str, str]]] = {
