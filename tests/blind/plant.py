@@ -12,7 +12,7 @@ All values at the joint: motor angle over gear ratio, torque times gear ratio.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
@@ -123,26 +123,35 @@ def _unmodelled(p, j, link, linkd):  # type: ignore[no-untyped-def]
     return torque + p.cross_torque[j] * np.sin(angle)
 
 
-class Scratch(NamedTuple):
-    """Scratch arrays of a step.
+def _scratch(p: Plant) -> dict[str, Array]:
+    """Scratch arrays of a step, by name.
 
     Where a joint has a gear error, x is its motor and q its link before the wrist's coupling.
     """
+    n = len(p.mass)
+    by_joint = ("q", "qd", "d", "dd", "link", "linkd", "rest", "bias", "rhs", "unit", "column")
+    return {
+        # d: dq/dx; dd: the part of q'' that speed makes; rest and still stay zero
+        **{name: np.zeros(n) for name in by_joint},
+        "still": np.zeros(3),
+        "turns": np.column_stack([np.zeros((n, 2)), np.cos(p.dh[:, 3]), np.sin(p.dh[:, 3])]),
+        "links": np.zeros((n, 6)),
+        "mass": np.zeros((n, n)),  # mass matrix of the links
+        "felt": np.zeros((n, n)),  # coupling^T mass coupling
+        "a": np.zeros((n, n)),
+    }
 
-    q: Array  # (n,)
-    qd: Array
-    d: Array  # d q / d x
-    dd: Array  # the part of q'' that speed makes
-    link: Array
-    linkd: Array
-    rest: Array  # zeros
-    turns: Array  # (n, 4)
-    links: Array  # (n, 6)
-    mass: Array  # (n, n) mass matrix of the links
-    felt: Array  # (n, n) coupling^T mass coupling
-    bias: Array
-    a: Array  # (n, n)
-    rhs: Array
+
+def _record(values: dict[str, Any]) -> np.void:
+    """All of them in one piece of memory, which compiled functions hand on as one pointer.
+
+    Handing on fifty arrays is half of the time that it takes to compile them.
+    """
+    arrays = {name: np.asarray(value, dtype=float) for name, value in values.items()}
+    record = np.zeros(1, [(name, float, value.shape) for name, value in arrays.items()])
+    for name, value in arrays.items():
+        record[name] = value
+    return record[0]
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -175,7 +184,7 @@ def _inertias(p, x, w):  # type: ignore[no-untyped-def]
     """Mass matrix at a state, also as the motors feel it through the coupling."""
     n = len(p.mass)
     _links(p, x, w)
-    mass_matrix(p.dh, w.turns, p.mass, p.com, p.inertia, w.mass)
+    mass_matrix(p.dh, w.turns, p.mass, p.com, p.inertia, w)
     for i in range(n):
         for j in range(i + 1):
             s = 0.0
@@ -258,8 +267,15 @@ def _cholesky_solve(a, b, n):  # type: ignore[no-untyped-def]
         b[i] /= a[i, i]
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
-def run(p, demand, settle, substeps):  # type: ignore[no-untyped-def]
+def links_inertia(p: Plant, pose: Array) -> Array:
+    """Mass matrix (n, n) of the links alone where the motors stand at ``pose`` (n,)."""
+    x, scratch = np.zeros((5, len(pose))), _record(_scratch(p))
+    x[0] = pose
+    _inertias(_record(p._asdict()), x, scratch)
+    return np.array(scratch["mass"])
+
+
+def run(p: Plant, demand: Array, settle: int, substeps: int) -> tuple[Array, Array, Array]:
     """The closed loop. demand (steps, n): demanded motor angles at every servo period.
 
     ``settle`` servo periods at demand[0] first.
@@ -268,13 +284,13 @@ def run(p, demand, settle, substeps):  # type: ignore[no-untyped-def]
     rad. Runge-Kutta 4 with ``substeps`` steps a servo period; the current follows its demand through an exact
     first-order lag.
     """
+    return _run(_record(p._asdict()), _record(_scratch(p)), demand, settle, substeps)
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _run(p, w, demand, settle, substeps):  # type: ignore[no-untyped-def]
+    """As ``run``; w: scratch arrays."""
     steps, n = demand.shape
-    turns, square = np.zeros((n, 4)), np.zeros((3, n, n))
-    turns[:, 2], turns[:, 3] = np.cos(p.dh[:, 3]), np.sin(p.dh[:, 3])
-    v = np.zeros((9, n))
-    w = Scratch(
-        v[0], v[1], v[2], v[3], v[4], v[5], v[6], turns, np.zeros((n, 6)), square[0], square[1], v[7], square[2], v[8]
-    )
     x = np.zeros((5, n))
     k1, k2, k3, k4 = np.zeros((5, n)), np.zeros((5, n)), np.zeros((5, n)), np.zeros((5, n))
     for j in range(n):

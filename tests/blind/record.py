@@ -18,8 +18,7 @@ from experiment import Experiment, demand_of
 from tests.blind.hide import Hidden, Signals, hide_in_plant, hide_in_signals
 from tests.blind.instruments import rows_of
 from tests.blind.laboratory import WHITE, Laboratory
-from tests.blind.plant import Plant, run
-from tests.blind.rigid_body import mass_matrix, turned
+from tests.blind.plant import Plant, links_inertia, run
 
 MODEL = Path(__file__).resolve().parents[2] / "config" / "models" / "puma560.toml"
 SETPOINTS = 0.028
@@ -51,18 +50,12 @@ def nominal_plant(model: Path = MODEL) -> Plant:
     torque_per_ampere = gear * column("torque_constant")
     dh = np.array([[0.0, joint["d"], joint["a"], joint["alpha"]] for joint in joints])
     gravity = np.array(table["gravity"])
-    mass, com, inertia = column("mass"), column("com"), column("inertia")
-    matrix, turns = np.empty((n, n)), np.column_stack([np.zeros((n, 2)), np.cos(dh[:, 3]), np.sin(dh[:, 3])])
-    turned(dh, np.array(control["inertia_pose"], float), turns)
-    mass_matrix(dh, turns, mass, com, inertia, matrix)
-    felt = np.diag(matrix) + rotor
-    wn = np.array(control["natural_frequency"])
     zero, one = np.zeros(n), np.ones(n)
-    return Plant(
+    plant = Plant(
         dh=dh,
-        mass=mass,
-        com=com,
-        inertia=inertia,
+        mass=column("mass"),
+        com=column("com"),
+        inertia=column("inertia"),
         gravity=gravity,
         gear=gear,
         rotor=rotor,
@@ -109,15 +102,22 @@ def nominal_plant(model: Path = MODEL) -> Plant:
         rub_to=zero,
         harness=np.zeros((n, n)),
         relay=zero,
-        kp=wn**2 * felt,
-        ki=control["integral_rate"] * wn**2 * felt,
-        kd=2 * control["damping_ratio"] * wn * felt,
+        kp=zero,
+        ki=zero,
+        kd=zero,
         nominal_torque_per_ampere=torque_per_ampere,
         current_limit=column("torque_limit") / torque_per_ampere,
         velocity_reference=1.0,
         velocity_bandwidth=control["velocity_bandwidth"],
         current_lag=control["current_lag"],
         servo_period=control["servo_period"],
+    )
+    felt = np.diag(links_inertia(plant, np.array(control["inertia_pose"], float))) + rotor
+    wn = np.array(control["natural_frequency"])
+    return plant._replace(
+        kp=wn**2 * felt,
+        ki=control["integral_rate"] * wn**2 * felt,
+        kd=2 * control["damping_ratio"] * wn * felt,
     )
 
 

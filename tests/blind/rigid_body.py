@@ -84,13 +84,15 @@ def newton_euler(dh, turns, mass, com, inertia, gravity, qd, qdd, tau, work):  #
 
 
 @numba.njit(cache=True, error_model="numpy")
-def mass_matrix(dh, turns, mass, com, inertia, matrix):  # type: ignore[no-untyped-def]
-    """Mass matrix (n, n) of the links alone, by columns (Walker & Orin, 1982, method 1)."""
+def mass_matrix(dh, turns, mass, com, inertia, w):  # type: ignore[no-untyped-def]
+    """Mass matrix (n, n) of the links alone into ``w.mass``, by columns (Walker & Orin, 1982, method 1).
+
+    w: scratch, of which ``still`` (3,), ``rest`` and ``unit`` (n,) are zeros.
+    """
     n = len(mass)
-    work, still, rest, unit, column = np.empty((n, 6)), np.zeros(3), np.zeros(n), np.zeros(n), np.empty(n)
     for j in range(n):
-        unit[j] = 1.0
-        newton_euler(dh, turns, mass, com, inertia, still, rest, unit, column, work)
-        unit[j] = 0.0
+        w.unit[j] = 1.0
+        newton_euler(dh, turns, mass, com, inertia, w.still, w.rest, w.unit, w.column, w.links)
+        w.unit[j] = 0.0
         for i in range(n):
-            matrix[i, j] = column[i]
+            w.mass[i, j] = w.column[i]
