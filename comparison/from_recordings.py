@@ -15,7 +15,9 @@ from comparison.change import Change, Estimate, Quantity
 from comparison.circumstances import circumstances, warmer
 from comparison.current_limits import limit_changes
 from comparison.friction_drift import assumed, friction_drift
-from comparison.joint_fit.fewest_changes import AcceptedChange, Recorded, fewest_changes
+from comparison.joint_fit.delays import delay_between, put_back
+from comparison.joint_fit.fewest_changes import AcceptedChange, fewest_changes
+from comparison.joint_fit.search import Recorded
 from comparison.outcome import Comparison
 from comparison.quantities import friction_maps, values_quantities
 from comparison.regression import Fitted, Structure
@@ -43,10 +45,15 @@ def compare_recordings(
     motions, _, runs = motions_of(recordings, [], arm, progress)
     is_before = np.array([True] * len(before) + [False] * len(after))
     separate = separate_regressions(arm, recordings, motions, is_before, progress)
-    progress("changes")
     drift = friction_drift(separate.structure, separate.mean_values(), warmer(recordings, is_before, len(arm)))
-    alone = _separate_changes(separate, drift)
     joint = _in_joint_band(separate, recordings, motions, drift, progress)
+    progress("delay of the currents")
+    if delay := delay_between(joint):
+        motions = put_back(motions, is_before, delay)
+        separate = separate_regressions(arm, recordings, motions, is_before, progress)
+        joint = replace(_in_joint_band(separate, recordings, motions, drift, progress), delay=delay)
+    progress("changes")
+    alone = _separate_changes(separate, drift)
     progress("the fewest changes")
     decided, added, accepted = fewest_changes(joint, alone)
     return Comparison(

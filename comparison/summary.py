@@ -104,9 +104,8 @@ def summaries(
     found    by the joint fit; added: changes of effects beyond the model
     """
     significant = [change for change in changes if change.significant]
-    # where the arm is acts on values that a regression of one recording has no column for
-    placed = any(one.tested.hypothesis.added is not None and one.tested.hypothesis.added.placed for one in found)
-    if placed or is_before.all() or not is_before.any():
+    # of where the arm is, and when its currents are read, a regression of one recording has no column
+    if any(_of_whole_arm(one) for one in found) or is_before.all() or not is_before.any():
         return list(_by_joint_fit(found, [*significant, *(one for one in added if one.significant)]))
     seen = _seen(fits, is_before, changes[len(changes) - structure.size :])
     of_all = [*significant, *(one for one in added if one.significant)]
@@ -126,6 +125,11 @@ def summaries(
     single += scales if sum(one is not None for one in scales) == 1 else []
     stated = [one for one in single if one is not None]
     return [max(stated, key=lambda one: len(one.explains))] if stated else list(_by_joint_fit(found, of_all))
+
+
+def _of_whole_arm(one: AcceptedChange) -> bool:
+    added = one.tested.hypothesis.added
+    return added is not None and (added.placed or added.timed)
 
 
 def _seen(fits: Sequence[Fitted], is_before: NDArray[np.bool_], changes: Sequence[Change]) -> _Changes:
@@ -247,8 +251,8 @@ def _by_joint_fit(found: Sequence[AcceptedChange], significant: Sequence[Change]
         what, added = tested.hypothesis.what, tested.hypothesis.added
         if joint is None:
             names = [each.name for each in of if added is not None and each.name.startswith(f"{added.effect}.")]
-            if names:
-                yield _tilt(tested, names, len(of))
+            if added is not None and names:
+                yield (_skew if added.timed else _tilt)(tested, names, len(of))
         elif what == "scale":
             names = [each.name for each in of if each.name in one.quantities or each.joint == joint]
             if (summary := _scale_found(joint, tested, names, len(of) - len(names))) is not None:
@@ -278,6 +282,22 @@ def _tilt(tested: Tested, explains: Sequence[str], of: int) -> Summary:
         parameters={"roll": roll, "pitch": pitch},
         explains=tuple(explains),
         sentence=sentence,
+    )
+
+
+def _skew(tested: Tested, explains: Sequence[str], of: int) -> Summary:
+    """Another delay between currents and angles."""
+    (delay,), (std,) = tested.seen_by(tested.hypothesis.directions.T)
+    when = "later" if delay > 0.0 else "earlier"
+    return Summary(
+        effect="time_skew",
+        joint=None,
+        parameters={"delay": (float(delay), float(std), "s")},
+        explains=tuple(explains),
+        sentence=(
+            f"Currents are read {1e3 * abs(delay):.3g} +- {2e3 * std:.2g} ms {when} than before, beside the angles: "
+            f"explains {_all(len(explains), of)}"
+        ),
     )
 
 

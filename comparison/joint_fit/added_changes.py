@@ -66,7 +66,7 @@ def _changes(arm: Arm, one: Tested, log_corrected: float, values: Array, covaria
     by, along = places @ one.changes, places @ one.directions
     changed = along @ one.covariance @ along.T
     judged = float(np.exp(one.log_p)), min(1.0, float(np.exp(log_corrected)))
-    if added.placed:
+    if added.placed or added.timed:
         yield from _of_place(arm, added, by, changed, judged)
         return
     if not added.wave:
@@ -85,6 +85,10 @@ def _of_place(arm: Arm, added: Added, by: Array, spread: Array, judged: tuple[fl
     stds = np.sqrt(np.maximum(np.diag(spread), 0.0))
     clear = np.abs(by) > SIGNIFICANT_STDS * stds
     clear[int(np.argmax(np.abs(by) / np.maximum(stds, 1e-300)))] = True
+    if added.timed:
+        quantity = _quantity(added, "delay", "delay of the currents behind the angles, from what it was", "s")
+        yield _change(quantity, 0.0, float(by[0]), np.array([0.0, stds[0]]), judged)
+        return
     unit = "rad" if added.joint is None or arm.joints[added.joint - 1].revolute else "m"
     for k, parameter in enumerate(added.definition.parameters):
         words = (

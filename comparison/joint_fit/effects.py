@@ -69,6 +69,11 @@ class Added:
         """Whether it is an error of where the model has the arm: of its base, or of the zero of an encoder."""
         return self.definition.change is not None
 
+    @property
+    def timed(self) -> bool:
+        """Whether it is an error of when the currents were read."""
+        return self.definition.delay is not None
+
     def near(self, other: Added) -> bool:
         """Whether both are ripples of one joint that a travel of one turn hardly distinguishes."""
         if not (self.wave and other.wave) or self.joint != other.joint:
@@ -92,11 +97,15 @@ class Added:
         return [Values(dict.fromkeys(names, 0.0) | {names[0]: 1.0} | dict(self.held))]
 
 
+SKEW = Added("time_skew", None)
+"""Currents that are read later or earlier than the angles."""
+
+
 def always(arm: Arm, motions: Sequence[Motion]) -> list[Added]:
     """The tilt of the base; zeros, springs, elastic gears and gaps of every joint, but those that the model has."""
     centre = np.mean([arm.link_angles(motion.q).mean(axis=0) for motion in motions], axis=0)
     modelled = {(term.name, term.joint) for term in arm.effects}
-    effects = [Added("base_tilt", None)]
+    effects = [Added("base_tilt", None), SKEW]
     for joint in range(1, len(arm) + 1):
         effects.append(Added("joint_zero_offset", joint))
         effects.append(Added("gravity_spring", joint, {"rest_angle": float(centre[joint - 1])}))
@@ -104,7 +113,8 @@ def always(arm: Arm, motions: Sequence[Motion]) -> list[Added]:
         effects += [Added("joint_compliance", joint, held, tries=len(elastic)) for held in elastic]
         gaps = [{"half_gap": gap, "contact_stiffness": 1e5, "contact_damping": DAMPING} for gap in HALF_GAPS]
         effects += [Added("backlash", joint, held, tries=len(gaps)) for held in gaps]
-    return [one for one in effects if (one.effect, one.joint) not in modelled]
+    # delays that the model has are taken out of what is read
+    return [one for one in effects if one == SKEW or (one.effect, one.joint) not in modelled]
 
 
 def added_rows(every: Sequence[Added], arm: Arm, motion: Motion) -> Array:
@@ -129,6 +139,8 @@ def torque_of(one: Added, arm: Arm, motion: Motion, load: Array, inertia: Array)
     """
     if one.placed:
         return _misplaced(one, arm, motion)
+    if one.timed:
+        return -np.gradient(motion.torque, motion.dt, axis=0)[..., None]
     assert one.joint is not None
     j, effect = one.joint - 1, one.definition
     motor = Signals(q=arm.link_angles(motion.q)[:, j], motor=arm.joints[j].ratio * motion.q[:, j])

@@ -14,46 +14,18 @@ from numpy.typing import NDArray
 from arm_io.types import Array
 from comparison.change import Change
 from comparison.joint_fit.added_changes import added_changes
-from comparison.joint_fit.effects import Added, added_rows, always, with_columns
-from comparison.joint_fit.hypotheses import Hypothesis, chance, hypotheses, point_masses, single_values, size_with
-from comparison.joint_fit.joint_regression import JointRegression, joint_regression
-from comparison.joint_fit.ripples import ripples
-from comparison.joint_fit.selection import rivals_of, selected, with_one_mass
-from comparison.joint_fit.tested import Tested, residuals_of, shared_values, tested
+from comparison.joint_fit.effects import Added
+from comparison.joint_fit.hypotheses import Hypothesis, chance, single_values, size_with
+from comparison.joint_fit.search import JointFit, Recorded, searched
+from comparison.joint_fit.selection import rivals_of
+from comparison.joint_fit.tested import Tested, shared_values, tested
 from comparison.quantities import friction_maps
-from comparison.regression import Fitted, Rows, Structure
-from identification.preprocessing.signals import Motion
+from comparison.regression import Structure
 
 CONFIRMED = 0.05
 """Probability by chance in the shared regression, times the number of hypotheses, of a change that single regressions
 call significant."""
 NOT_SHOWN = "not shown by the regression of all recordings together"
-
-
-@dataclass(frozen=True)
-class Recorded:
-    """The recordings in the band of the joint fit, and what each says alone.
-
-    is_before (n,) True for recordings of the side before
-    drift  (c, d) as of ``friction_drift``
-    """
-
-    structure: Structure
-    motions: Sequence[Motion]
-    rows: Sequence[Rows]
-    fits: Sequence[Fitted]
-    is_before: NDArray[np.bool_]
-    drift: Array
-
-
-@dataclass(frozen=True)
-class _Joint:
-    """The joint fit with the columns of some effects beyond the model, its hypotheses, and those that entered."""
-
-    fit: JointRegression
-    added: Sequence[Added]
-    every: Sequence[Hypothesis]
-    found: Sequence[Tested]
 
 
 @dataclass(frozen=True)
@@ -76,7 +48,7 @@ def fewest_changes(
 
     changes: by regressions of single recordings; the last of them are those of the values.
     """
-    joint = _searched(recorded)
+    joint = searched(recorded)
     structure, found = recorded.structure, joint.found
     chances = _chances(structure, joint, found)
     values, covariance = shared_values(joint.fit, _model(structure, joint.added), found)
@@ -107,53 +79,6 @@ def fewest_changes(
     return decided, added_changes(structure, joint.every, found, values, covariance), causes
 
 
-def _searched(recorded: Recorded) -> _Joint:
-    """With ripples that stand out of what a fit without them leaves.
-
-    First those that all recordings have alike, then those that differ, without any change and with those found.
-    """
-    arm, motions, after = recorded.structure.arm, recorded.motions, ~recorded.is_before
-    joint, rows = _with(recorded, recorded.rows, [], always(arm, motions))
-    for common in (True, False):
-        alternatives = [[], joint.found] if joint.found else [[]]
-        residuals = [residuals_of(joint.fit, found) for found in alternatives]
-        proposed = [one for e in residuals for one in ripples(arm, motions, e, after, common=common)]
-        if proposed:
-            joint, rows = _with(recorded, rows, joint.added, proposed)
-    return _without_rivals(recorded, joint, rows)
-
-
-def _without_rivals(recorded: Recorded, joint: _Joint, rows: Sequence[Rows]) -> _Joint:
-    """Without the ripples that are nearly those found, beside which nothing says how large these were before."""
-    waves = [one.hypothesis.added for one in joint.found if one.hypothesis.added and one.hypothesis.added.wave]
-    rivals = {k for k, one in enumerate(joint.added) if one not in waves and any(one.near(other) for other in waves)}
-    if not rivals:
-        return joint
-    added, columns, first = [], list(range(recorded.structure.size)), recorded.structure.size
-    for k, one in enumerate(joint.added):
-        places = range(first, first := first + len(one.units))
-        if k not in rivals:
-            # it was chosen among theirs, too
-            more = sum(joint.added[k].tries for k in rivals if one in waves and joint.added[k].near(one))
-            added.append(replace(one, tries=one.tries + more))
-            columns += places
-    data = [replace(part, columns=part.columns[:, columns]) for part in rows]
-    return _with(recorded, data, added, [])[0]
-
-
-def _with(
-    recorded: Recorded, rows: Sequence[Rows], added: Sequence[Added], proposed: Sequence[Added]
-) -> tuple[_Joint, list[Rows]]:
-    """The joint fit of ``rows``, which have the columns of those ``added``, with those of the others ``proposed``."""
-    structure, fits, is_before = recorded.structure, recorded.fits, recorded.is_before
-    new = [one for k, one in enumerate(proposed) if all(not one.same(other) for other in [*added, *proposed[:k]])]
-    data = [with_columns(part, added_rows(new, structure.arm, motion)) for part, motion in zip(rows, recorded.motions)]
-    all_added = [*added, *new]
-    tried, points = hypotheses(structure, all_added), point_masses(structure, all_added)
-    fit = joint_regression(structure, data, fits, is_before, recorded.drift)
-    return _Joint(fit, all_added, [*tried, *points], with_one_mass(fit, tried, points, selected(fit, tried))), data
-
-
 def _model(structure: Structure, added: Sequence[Added]) -> Array:
     return np.pad(structure.model(), (0, size_with(structure, added) - structure.size))
 
@@ -174,7 +99,7 @@ def _maps(structure: Structure, variance: Array, size: int, by_scale: Array) -> 
 
 
 def _chances(
-    structure: Structure, joint: _Joint, found: Sequence[Tested], names: Collection[str] | None = None
+    structure: Structure, joint: JointFit, found: Sequence[Tested], names: Collection[str] | None = None
 ) -> dict[str, float]:
     """Name of a quantity (None: all) -> logarithm of its chance beside what was found."""
     singles = [*(one for one in joint.every if one.quantity), *single_values(structure, joint.added)]
@@ -200,7 +125,7 @@ def _shared_chance(change: Change, chances: dict[str, float], every: Sequence[Hy
 
 
 def _with_reasons(
-    decided: Sequence[Change], changes: Sequence[Change], structure: Structure, joint: _Joint
+    decided: Sequence[Change], changes: Sequence[Change], structure: Structure, joint: JointFit
 ) -> list[Change]:
     """Those that only regressions of single recordings call significant with the reason why they are not.
 

@@ -75,7 +75,7 @@ def with_one_mass(
         return list(found)
     point = max(likely, key=_akaike_gain).hypothesis
     others = selected(fit, [*every, point], [point])
-    if len(others) >= len(found) or _akaike(fit, others) >= _akaike(fit, found):
+    if len(others) >= len(found) or akaike(fit, others) >= akaike(fit, found):
         return list(found)
     surest = min(one.log_p for one in found)
     return [replace(one, log_p=min(one.log_p, surest)) if one.hypothesis is point else one for one in others]
@@ -106,7 +106,7 @@ def _is_part(one: Hypothesis, of: Hypothesis) -> bool:
     return bool(np.allclose(within, one.directions, atol=1e-9 * np.abs(one.directions).max()))
 
 
-def _akaike(fit: JointRegression, found: Sequence[Tested]) -> float:
+def akaike(fit: JointRegression, found: Sequence[Tested]) -> float:
     """Akaike's criterion: squared residual over the noise with the changes ``found``, and 2 per coefficient."""
     squares = sum(float(np.sum(residual**2)) for residual in residuals_of(fit, found))
     return squares + 2 * sum(one.hypothesis.directions.shape[1] for one in found)
@@ -166,7 +166,7 @@ def _is_possible(fit: JointRegression, one: Tested) -> bool:
     The constant torque that a spring may have is, alone, an asymmetry of friction.
     """
     added = one.hypothesis.added
-    if added is None or added.wave or added.placed:
+    if added is None or added.wave or added.placed or added.timed:
         return True
     place = int(np.argmax(one.hypothesis.directions[:, 0]))
     if added.definition.spring is None:

@@ -69,6 +69,7 @@ def record(
     tilt: tuple[float, float] = (0.0, 0.0),
     zeros: Sequence[float] = (),
     reach: float = 1.0,
+    late: float = 0.0,
 ) -> Recording:
     """Encoders of 1e-5 rad; currents with white noise of 10 mA and as much that is correlated over 20 rows.
 
@@ -79,13 +80,16 @@ def record(
     tilt         rad by which the base is turned about its x, then about its y axis
     zeros        (J,) rad that the encoders read where the links are at 0
     reach        factor of the motion of joint 1
+    late         s by which the currents are read later than the encoders
     """
     t = np.arange(int(rate * seconds)) / rate
-    q, qd, qdd = motion(t, len(arm), seed, speed)
-    for each in (q, qd, qdd):
+    q, qd, qdd = motion(t - late, len(arm), seed, speed)
+    seen = motion(t, len(arm), seed, speed)[0]
+    for each in (q, qd, qdd, seen):
         each[:, 0] *= reach
     if resting is not None:
-        q[:, resting], qd[:, resting], qdd[:, resting] = q[0, resting], 0.0, 0.0
+        q[:, resting], qd[:, resting], qdd[:, resting] = seen[0, resting], 0.0, 0.0
+        seen[:, resting] = seen[0, resting]
     roll, pitch = (Rotation.from_euler(axis, angle) for axis, angle in zip("xy", tilt))
     level = arm.gravity
     # what the base feels: the world's gravity seen from the turned frame
@@ -100,7 +104,7 @@ def record(
     i = torque / arm.joint_array("drive_constant")
     i[:, 0] = np.clip(i[:, 0], -limit, limit)
     i += 0.01 * white + 0.01 * lfilter([np.sqrt(1 - 0.95**2)], [1, -0.95], driven, axis=0)
-    read = q + np.asarray(zeros) if len(zeros) else q
+    read = seen + np.asarray(zeros) if len(zeros) else seen
     signals = {"q": np.round(read / 1e-5) * 1e-5, "i": i}
     if temp is not None:
         signals["temp"] = np.full_like(q, temp)

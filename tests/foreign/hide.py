@@ -129,7 +129,7 @@ TURNING = {"gear_ripple", "backlash", "joint_compliance", "encoder_ripple", "joi
 """Hidden at revolute joints only."""
 UNCOUPLED = {"backlash", "joint_compliance", "joint_zero_offset", "gear_ripple", "encoder_ripple", "gravity_spring"}
 """Not hidden at the joints of a coupling."""
-SENSED = {"mains_hum", "time_skew", "dropped_trigger", "missed_counts"}
+SENSED = {"mains_hum", "dropped_trigger", "missed_counts"}
 """Defects of the log that no quantity of ``compare`` speaks of: it is not asked for them."""
 COUNTED = {"dropped_trigger", "missed_counts", "current_limit", "encoder_ripple"}
 """Events, which are there or not whatever the noise, and errors of angles, which no torque shows."""

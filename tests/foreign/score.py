@@ -43,6 +43,7 @@ QUANTITIES = {
     "joint_compliance": {"joint_compliance"},
     "backlash": {"backlash"},
     "current_limit": {"current_limit"},
+    "time_skew": {"time_skew"},
 }
 """Hidden effect -> the effects of whose quantities ``compare`` may say that they changed."""
 SCALES = {"torque_constant", "current_gain"}
@@ -216,7 +217,8 @@ def is_of(change: Mapping[str, Any], hidden: Hidden) -> bool:
     """
     at_joint = hidden.joint is None or change["joint"] == hidden.joint
     if hidden.effect in QUANTITIES:
-        return at_joint and change["name"].split(".")[1] in QUANTITIES[hidden.effect]
+        of = change["name"].removeprefix(f"joint{change['joint']}.").partition(".")[0]
+        return at_joint and of in QUANTITIES[hidden.effect]
     if hidden.effect in SCALES:
         return at_joint
     if hidden.effect in FRICTION:

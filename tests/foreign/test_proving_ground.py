@@ -113,6 +113,12 @@ def test_a_change_counts_as_the_effect_only_where_it_says_so(
     assert is_of(change, Hidden(effect, 2, {})) is right
 
 
+@pytest.mark.parametrize(("quantity", "joint", "right"), [("time_skew.delay", None, True), ("link2.mx", 2, False)])
+def test_a_change_of_the_whole_arm_counts_by_its_name(quantity: str, joint: int | None, right: bool) -> None:
+    change = {"name": quantity, "kind": "effect", "joint": joint}
+    assert is_of(change, Hidden("time_skew", None, {})) is right
+
+
 def _named(*groups: list[tuple[str, int | None]]) -> Outcome:
     """The score of a diagnosis that names these groups, each printed by all of its members; hidden: a tilt."""
     causes = [

@@ -1,0 +1,113 @@
+"""The search for what changed: the joint fit with effects that are always looked for, and ripples that stand out.
+
+Currents that are read d later show the torque of d before. To first order this changes them by -d times the derivative
+of the torque, which is a column of the joint fit (``SKEW``). Of milliseconds of a fast motion that is not enough, and
+motions of the side after come with their torques put back by a delay that is known (``delays``). So that the
+coefficient is still the whole delay, the column times the delay is added to their torques again: these are then late by
+a delay whose effect is of first order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_io.types import Array
+from comparison.joint_fit.effects import SKEW, Added, added_rows, always, with_columns
+from comparison.joint_fit.hypotheses import Hypothesis, hypotheses, point_masses
+from comparison.joint_fit.joint_regression import JointRegression, joint_regression
+from comparison.joint_fit.ripples import ripples
+from comparison.joint_fit.selection import selected, with_one_mass
+from comparison.joint_fit.tested import Tested, residuals_of
+from comparison.regression import Fitted, Rows, Structure
+from identification.preprocessing.signals import Motion
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """The recordings in the band of the joint fit, and what each says alone.
+
+    is_before (n,) True for recordings of the side before
+    drift  (c, d) as of ``friction_drift``
+    delay  s by which the torques of the side after are put back
+    """
+
+    structure: Structure
+    motions: Sequence[Motion]
+    rows: Sequence[Rows]
+    fits: Sequence[Fitted]
+    is_before: NDArray[np.bool_]
+    drift: Array
+    delay: float = 0.0
+
+
+@dataclass(frozen=True)
+class JointFit:
+    """The joint fit with the columns of some effects beyond the model, its hypotheses, and those that entered."""
+
+    fit: JointRegression
+    added: Sequence[Added]
+    every: Sequence[Hypothesis]
+    found: Sequence[Tested]
+
+
+def searched(recorded: Recorded) -> JointFit:
+    """With ripples that stand out of what a fit without them leaves.
+
+    First those that all recordings have alike, then those that differ, without any change and with those found.
+    """
+    arm, motions, after = recorded.structure.arm, recorded.motions, ~recorded.is_before
+    joint, rows = first_fit(recorded)
+    for common in (True, False):
+        alternatives = [[], joint.found] if joint.found else [[]]
+        residuals = [residuals_of(joint.fit, found) for found in alternatives]
+        proposed = [one for e in residuals for one in ripples(arm, motions, e, after, common=common)]
+        if proposed:
+            joint, rows = with_added(recorded, rows, joint.added, proposed)
+    return _without_rivals(recorded, joint, rows)
+
+
+def first_fit(recorded: Recorded) -> tuple[JointFit, list[Rows]]:
+    """Without ripples; and the rows with the columns of all effects in it."""
+    first = always(recorded.structure.arm, recorded.motions)
+    if recorded.delay == 0.0:
+        return with_added(recorded, recorded.rows, [], first)
+    late = list(recorded.rows)
+    for k in map(int, np.flatnonzero(~recorded.is_before)):
+        rate = added_rows([SKEW], recorded.structure.arm, recorded.motions[k])[:, 0]
+        late[k] = replace(late[k], y=late[k].y + recorded.delay * rate)
+    return with_added(recorded, late, [], first)
+
+
+def _without_rivals(recorded: Recorded, joint: JointFit, rows: Sequence[Rows]) -> JointFit:
+    """Without the ripples that are nearly those found, beside which nothing says how large these were before."""
+    waves = [one.hypothesis.added for one in joint.found if one.hypothesis.added and one.hypothesis.added.wave]
+    rivals = {k for k, one in enumerate(joint.added) if one not in waves and any(one.near(other) for other in waves)}
+    if not rivals:
+        return joint
+    added, columns, first = [], list(range(recorded.structure.size)), recorded.structure.size
+    for k, one in enumerate(joint.added):
+        places = range(first, first := first + len(one.units))
+        if k not in rivals:
+            # it was chosen among theirs, too
+            more = sum(joint.added[k].tries for k in rivals if one in waves and joint.added[k].near(one))
+            added.append(replace(one, tries=one.tries + more))
+            columns += places
+    data = [replace(part, columns=part.columns[:, columns]) for part in rows]
+    return with_added(recorded, data, added, [])[0]
+
+
+def with_added(
+    recorded: Recorded, rows: Sequence[Rows], added: Sequence[Added], proposed: Sequence[Added]
+) -> tuple[JointFit, list[Rows]]:
+    """The joint fit of ``rows``, which have the columns of those ``added``, with those of the others ``proposed``."""
+    structure, fits, is_before = recorded.structure, recorded.fits, recorded.is_before
+    new = [one for k, one in enumerate(proposed) if all(not one.same(other) for other in [*added, *proposed[:k]])]
+    data = [with_columns(part, added_rows(new, structure.arm, motion)) for part, motion in zip(rows, recorded.motions)]
+    all_added = [*added, *new]
+    tried, points = hypotheses(structure, all_added), point_masses(structure, all_added)
+    fit = joint_regression(structure, data, fits, is_before, recorded.drift)
+    return JointFit(fit, all_added, [*tried, *points], with_one_mass(fit, tried, points, selected(fit, tried))), data
