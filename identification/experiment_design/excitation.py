@@ -41,6 +41,7 @@ Criterion = Literal["d", "condition"]
 Progress = Callable[[float, str], None]
 
 TWENTY_SECONDS = Series()
+ROUNDED = 1e-5  # of a column: what an angle that a file has rounded shows (1.5708 for a right angle), no motor feels
 CLOSE = 0.98  # of a limit: what may hide between the instants looked at
 TOGETHER = 16  # candidates judged at a time
 PRODUCT = 1e-11  # least eigenvalue of A^T A over its largest: above it, rounding changes a singular value by 1e-5
@@ -65,7 +66,7 @@ def design_excitation(
     move, and where no motion shows all base parameters.
     """
     limits = limits or Limits.of(arm)
-    base = structural_base(arm)
+    base = structural_base(arm, negligible=ROUNDED)
     random = np.random.default_rng(seed)
     # sixty a period of the fastest harmonic, fades included
     rows = int(60 * (series.harmonics * series.fundamental * series.duration + 4))

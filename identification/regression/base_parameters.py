@@ -24,8 +24,6 @@ from identification.regression.model_parameters import Friction, column_names, l
 from identification.regression.qr import pivoted_triangle, triangle_of
 
 NEGLIGIBLE = 1e-8  # of the size of a column: a smaller remainder counts as rounding
-ROUNDED = 1e-5
-"""The same of structure: what an angle shows that a file has rounded (1.5708 for a right angle), no motor feels."""
 GENERIC_ARMS = 2
 """Arms beside the model: a dependence between columns that holds on all of them is one of structure."""
 SIZE = 0.1
@@ -140,10 +138,11 @@ def reading_order(names: tuple[str, ...]) -> list[int]:
     return sorted(range(len(names)), key=rank)
 
 
-def structural_base(arm: Arm, friction: Friction = "symmetric") -> BaseParameters:
+def structural_base(arm: Arm, friction: Friction = "symmetric", *, negligible: float = NEGLIGIBLE) -> BaseParameters:
     """What any motion of this arm could show: base parameters from random states within its limits.
 
     Columns of effects depend on the other parameters, so that arms with other bodies decide too (``_generic_arms``).
+    negligible as ``base_parameters`` has it.
     """
     # Where friction only turns about, Coulomb's magnitudes and an offset are not the same: let it turn at once.
     arm = replace(arm, joints=tuple(replace(joint, sign_velocity=1e-7) for joint in arm.joints))
@@ -162,7 +161,7 @@ def structural_base(arm: Arm, friction: Friction = "symmetric") -> BaseParameter
     # what lifts has a weight, an offset only beside it: sums of masses and rotors read better than sums of offsets
     last = {f"joint{j + 1}.offset" for j in range(len(arm)) if lifts(arm, j)}
     order = sorted(reading_order(tuple(names)), key=lambda column: names[column] in last)
-    return base_parameters(np.concatenate(columns).reshape(-1, len(names)), names, order=order, negligible=ROUNDED)
+    return base_parameters(np.concatenate(columns).reshape(-1, len(names)), names, order=order, negligible=negligible)
 
 
 def _generic_arms(arm: Arm, random: np.random.Generator) -> Iterator[Arm]:

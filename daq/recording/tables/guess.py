@@ -46,6 +46,9 @@ _TIME = re.compile(
     r"(?:[ _]*[\[(]?(?P<unit>s|sec|ms|us|ns)[\])]?)?",
     re.IGNORECASE,
 )
+PLOTJUGGLER_TIME = "__time"
+_OF_TOPIC = re.compile(r"(?P<topic>/.+)/(?P<joint>[^/]+)/(?P<field>position|effort)")
+_DEMANDS = re.compile(r"demand|command|desired|reference|target|setpoint", re.IGNORECASE)
 POSITION = "q|pos|positions?|angles?|joint|winkel"
 _JOINT = "joint|axis|achse|gelenk"
 _WORDS = {
@@ -77,7 +80,7 @@ def guess(names: Sequence[str], columns: dict[str, Array] | None = None, joints:
         mapping = _known(names, table)
         if mapping is not None:
             return mapping
-    return _from_words(names, columns or {}, joints)
+    return _from_topics(names, joints) or _from_words(names, columns or {}, joints)
 
 
 def guess_csv(path: str | Path, joints: Sequence[str] = ()) -> Mapping | None:
@@ -123,6 +126,31 @@ def _known(names: Sequence[str], table: dict[str, dict[str, str]]) -> Mapping | 
     if not {"t", "q", "i"} <= set(columns):
         return None
     return Mapping.model_validate({"columns": columns, "units": table.get("units", {})})
+
+
+def _from_topics(names: Sequence[str], joints: Sequence[str]) -> Mapping | None:
+    """Of PlotJuggler's TOPIC/JOINT/position, TOPIC/JOINT/effort; a topic of demands with the same joints is qref."""
+    topics: dict[str, dict[str, dict[str, str]]] = {}
+    for name in names:
+        if match := _OF_TOPIC.fullmatch(name):
+            topics.setdefault(match["topic"], {}).setdefault(match["joint"], {})[match["field"]] = name
+    moved = {
+        topic: [joint for joint, fields in found.items() if {"position", "effort"} <= set(fields)]
+        for topic, found in topics.items()
+    }
+    topic = max(moved, key=lambda one: len(moved[one]), default="")
+    if PLOTJUGGLER_TIME not in names or not (there := moved.get(topic)):
+        return None
+    order = [joint for joint in joints if joint in there] if set(joints) & set(there) else there
+    columns: dict[str, Any] = {
+        "t": PLOTJUGGLER_TIME,
+        "q": [topics[topic][joint]["position"] for joint in order],
+        "i": [topics[topic][joint]["effort"] for joint in order],
+    }
+    for other, found in topics.items():
+        if _DEMANDS.search(other) and all("position" in found.get(joint, {}) for joint in order):
+            columns["qref"] = [found[joint]["position"] for joint in order]
+    return Mapping.model_validate({"columns": columns, "units": {"i": "N m"}})
 
 
 def _from_words(names: Sequence[str], numbers: dict[str, Array], joints: Sequence[str]) -> Mapping | None:
