@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import re
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -12,6 +13,7 @@ import pytest
 from scipy.io import savemat
 
 import armscope
+from arm_model import read_model
 from armscope.cli import run
 
 T = np.arange(40) * 0.005
@@ -166,11 +168,34 @@ def test_structures_of_matlab(kind: str) -> None:
     ],
 )
 def test_what_is_no_table_is_said(make: Callable[[Path], object], why: str, capfd: pytest.CaptureFixture[str]) -> None:
-    import re
-
     make(Path("table.csv"))
     assert run(["import", "table.csv", "--out", "run.mcap"]) == 2
     said = capfd.readouterr().err
     assert said.startswith("error: table.csv: ") and said.count("\n") == 1
     assert re.search(why, said), said
     assert not Path("run.mcap").exists()
+
+
+def of_plotjuggler(order: list[int], joints: list[str]) -> str:
+    """A JointState with a gripper beside the arm, and demands of another topic, as PlotJuggler exports them."""
+    columns = {"__time": 1772409599.5 + T, "/joint_states/header/stamp": T}
+    for j in order:
+        name = f"/joint_states/{joints[j]}/"
+        columns |= {f"{name}effort": I[:, j], f"{name}position": Q[:, j], f"{name}velocity": 0 * T}
+    columns |= {"/joint_states/finger/position": 0 * T}
+    columns |= {f"/arm/joint_demands/{joints[j]}/position": Q[:, j] + 0.1 for j in order}
+    rows = [",".join(columns), *(",".join(f"{value:.17g}" for value in row) for row in zip(*columns.values()))]
+    return "\n".join(rows) + "\n"
+
+
+def test_columns_of_plotjuggler_have_topics_and_names_of_joints(root: Path) -> None:
+    """In the order of the model's joints, not of the alphabet; the finger has no effort, and is none of the arm's."""
+    Path("table.csv").write_text(of_plotjuggler([1, 0], ["shoulder", "elbow"]))
+    own = root / "examples/own_arm/arm.urdf"
+    first, second = (joint.name for joint in read_model(own).joints)
+    Path("arm.urdf").write_text(own.read_text().replace(f'"{first}"', '"shoulder"').replace(f'"{second}"', '"elbow"'))
+    run = read("table.csv", "--model", "arm.urdf", "--guess")
+    np.testing.assert_allclose(run.t, T, atol=1e-6)  # ten digits of the seconds since 1970
+    np.testing.assert_array_equal(run.q, Q)
+    np.testing.assert_array_equal(run.i, I)
+    np.testing.assert_allclose(run.qref, Q + 0.1)

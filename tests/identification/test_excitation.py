@@ -132,8 +132,8 @@ def rounded(root: Path, digits: int) -> Arm:
 
 
 def test_right_angles_that_a_file_has_rounded_are_right_angles(root: Path) -> None:
-    """What 1.5708 for pi / 2 would show is 4e-6 of a torque, which no motion shows."""
-    exact, near = read_model(root / "config/models/puma560.toml"), rounded(root, 5)
+    """What 1.570796 for pi / 2 would show is 3e-7 of a torque, which no motion shows."""
+    exact, near = read_model(root / "config/models/puma560.toml"), rounded(root, 6)
     assert len(structural_base(near)) > len(structural_base(exact))
     one, other = (demand_of(design_excitation(arm, candidates=32)) for arm in (exact, near))
     t = np.linspace(0.0, one.duration, 500)
