@@ -203,8 +203,8 @@ class Cause:
     @property
     def next_orders(self) -> tuple[str, ...]:
         """Next-order terms of its law that it has: ``hardening`` of a spring."""
-        effect, named = CATALOGUE[self.effect], {p.name for p in self.parameters}
-        return tuple(term for term in effect.terms if effect.of_term(term).name in named)
+        effect, names = CATALOGUE[self.effect], {p.name for p in self.parameters}
+        return tuple(term for term in effect.terms if effect.of_term(term).name in names)
 
     @property
     def key(self) -> EffectKey:
@@ -223,11 +223,11 @@ class Cause:
         """The other jumps of the recording that has the largest, which is in ``parameters``, as effects of a model."""
         if len(self.encoder_jumps) < 2:
             return ()
-        own = {p.name: float(p.value) for p in self.parameters}
-        largest = max(self.encoder_jumps, key=lambda one: abs(one.counts))
-        others = [one for one in self.encoder_jumps if one.file == largest.file and one is not largest]
-        told = [{**own, "counts": float(one.counts), "time": one.time} for one in others]
-        return tuple(EffectTerm(self.effect, self.joint, values) for values in told)
+        largest_values = {p.name: float(p.value) for p in self.parameters}
+        largest = max(self.encoder_jumps, key=lambda jump: abs(jump.counts))
+        further = [jump for jump in self.encoder_jumps if jump.file == largest.file and jump is not largest]
+        jumps = [{**largest_values, "counts": float(jump.counts), "time": jump.time} for jump in further]
+        return tuple(EffectTerm(self.effect, self.joint, values) for values in jumps)
 
     @property
     def _rising(self) -> tuple[EffectTerm, ...]:
@@ -300,17 +300,19 @@ def merge(causes: Sequence[Cause], tracked: Sequence[Cause]) -> list[Cause]:
     A cause that both name has the parameters of the tracker. An ambiguity group of the tracker that contains a cause of
     the currents is that cause.
     """
-    named = {cause.key: cause for cause in causes}
-    alone = []
-    for seen in tracked:
-        same = next((named[key] for key in seen.group if key in named), None)
-        if same is None:
-            alone.append(seen)
+    by_key = {cause.key: cause for cause in causes}
+    only_tracked = []
+    for of_tracker in tracked:
+        counterpart = next((by_key[key] for key in of_tracker.group if key in by_key), None)
+        if counterpart is None:
+            only_tracked.append(of_tracker)
             continue
-        parameters = seen.parameters if same.key == seen.key else same.parameters
-        sentence = f"{same.evidence}; the tracker agrees: {seen.evidence}"
-        named[same.key] = replace(same, parameters=parameters, group=(same.key,), separate_by=None, evidence=sentence)
-    return [*alone, *named.values()]
+        parameters = of_tracker.parameters if counterpart.key == of_tracker.key else counterpart.parameters
+        sentence = f"{counterpart.evidence}; the tracker agrees: {of_tracker.evidence}"
+        by_key[counterpart.key] = replace(
+            counterpart, parameters=parameters, group=(counterpart.key,), separate_by=None, evidence=sentence
+        )
+    return [*only_tracked, *by_key.values()]
 
 
 def extend(arm: Arm, causes: Sequence[Cause]) -> Arm:

@@ -94,7 +94,7 @@ def with_confidence(causes: Sequence[Cause], noise_ratios: Mapping[int, float], 
 
     What no case of the bank shows is stated with no larger confidence than was counted anywhere.
     """
-    found = []
+    rated = []
     largest = max((gain_of(cause) for cause in causes if cause.signal in SIGNALS), default=1.0)
     for cause in causes:
         if cause.signal in SIGNALS:
@@ -104,8 +104,8 @@ def with_confidence(causes: Sequence[Cause], noise_ratios: Mapping[int, float], 
             )
         else:
             cause = replace(cause, confidence=min(cause.confidence, _table()["most"]))
-        found.append(cause)
-    return found
+        rated.append(cause)
+    return rated
 
 
 def calibrated_confidence(support: Support) -> float:

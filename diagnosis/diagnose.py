@@ -125,9 +125,9 @@ def _check_motions(arm: Arm, fit: Sequence[Recording], held_out: Sequence[Record
 def on_uniform_grid(recordings: Recordings, cleaned: Screened) -> tuple[Recordings, Screened]:
     """Both with equally spaced rows, as filters and differences take them."""
     fit, held_out = even(recordings.fit), even(recordings.held_out)
-    samples = [even_samples(one) for one in cleaned.samples]
-    known = [known_noise(t, q, one) for (t, q, _), one in zip(cleaned.samples, cleaned.known)]
-    on_grids = replace(cleaned, recordings=(*fit, *held_out), samples=samples, known=known)
+    samples = [even_samples(recorded) for recorded in cleaned.samples]
+    known_noises = [known_noise(t, q, known) for (t, q, _), known in zip(cleaned.samples, cleaned.known)]
+    on_grids = replace(cleaned, recordings=(*fit, *held_out), samples=samples, known=known_noises)
     return Split(fit, held_out, recordings.two_fold), on_grids
 
 
@@ -140,8 +140,8 @@ def extended_model(
     idle = idle_limits(causes, extended, recordings, currents.state.data)
     if not idle:
         return causes, extended
-    kept = [event for event in events if (event.effect, event.joint) not in idle]
-    return _extended_with(kept, arm, instruments, currents, recordings)
+    remaining = [event for event in events if (event.effect, event.joint) not in idle]
+    return _extended_with(remaining, arm, instruments, currents, recordings)
 
 
 def _extended_with(
@@ -170,8 +170,8 @@ def _with_confidence(
 ) -> list[Cause]:
     """The causes with their confidence, by what remains at their joints over the noise."""
     held_out, residual = currents.state.data.held_out, currents.state.fitted.held_out
-    found = ratios(held_out.runs, residual) if instruments.judged else []
-    return with_confidence(causes, {one.joint: one.ratio for one in found}, len(unexplained))
+    noise_ratios = ratios(held_out.runs, residual) if instruments.judged else []
+    return with_confidence(causes, {one.joint: one.ratio for one in noise_ratios}, len(unexplained))
 
 
 def _replaced(as_found: Arm, extended: Arm) -> Iterator[str]:
@@ -190,9 +190,9 @@ def _warnings(arm: Arm, instruments: OtherInstruments, currents: CurrentDiagnosi
         yield from not_held_out(state.fitted.fit, state.data.fit, of_currents, known_to(state).fit)
     else:
         yield f"{arm.name} has neither masses nor friction: its {recorded_signals(arm)} were not judged"
-    for known, what in ((arm.uncertainty, "parameters are"), (arm.kinematic_uncertainty, "geometry is")):
-        if known is not None and not known.parameters:
-            yield f"the model names {known.file}, which is not beside it: its {what} taken for exact"
+    for uncertainty, subject in ((arm.uncertainty, "parameters are"), (arm.kinematic_uncertainty, "geometry is")):
+        if uncertainty is not None and not uncertainty.parameters:
+            yield f"the model names {uncertainty.file}, which is not beside it: its {subject} taken for exact"
     if instruments.judged and arm.uncertainty is not None and not arm.uncertainty.near_rest:
         yield (
             f"friction near rest was not judged: {arm.uncertainty.file} does not say what the model left there; "

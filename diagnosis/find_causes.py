@@ -102,9 +102,9 @@ def _repeated_search(search: Search) -> CurrentDiagnosis:
     """The search, repeated with whatever is found beside it."""
     recordings, progress, given = search.recordings, search.progress, search.excluded
     currents = _with_confirmed_triggers(search)
-    while currents.axis is None and (other := other_smoothing(currents.state, currents.causes)) is not None:
+    while currents.axis is None and (smoothing := other_smoothing(currents.state, currents.causes)) is not None:
         # searched again with that smoothing velocity, and without the law that explained nothing else
-        search = replace(search, model=other.of(search.model), excluded=search.excluded | {other.cause})
+        search = replace(search, model=smoothing.of(search.model), excluded=search.excluded | {smoothing.cause})
         currents = _with_confirmed_triggers(search)
     progress("judging friction near rest")
     friction = friction_near_rest(currents, recordings, given)
@@ -120,14 +120,14 @@ def _repeated_search(search: Search) -> CurrentDiagnosis:
     progress("searching for transmission resonances in closed loop")
     resonance = resonance_in_loop(currents, recordings) if has_dynamics(search.model) else None
     # of a gap that the arm has, residuals know how uncertain they are while teeth meet
-    found = (resonance,) if resonance else gaps(currents, search.excluded)
-    if not found:
+    found_gaps = (resonance,) if resonance else gaps(currents, search.excluded)
+    if not found_gaps:
         return replace(currents, undetermined=undetermined)
     # ... and with what was found
-    search = search.knowing(found, ((effect, one.joint) for effect in transmissions() for one in found))
-    terms = [term for term in currents.state.terms if (term.name, term.joint) not in {one.key for one in found}]
+    search = search.knowing(found_gaps, ((effect, one.joint) for effect in transmissions() for one in found_gaps))
+    terms = [term for term in currents.state.terms if (term.name, term.joint) not in {one.key for one in found_gaps}]
     residuals = confirmed(realigned(search.residuals(), terms), terms)
-    return replace(_searched(search, residuals), near_rest=near_rest, transmissions=found)
+    return replace(_searched(search, residuals), near_rest=near_rest, transmissions=found_gaps)
 
 
 def _with_lost_rows(search: Search, currents: CurrentDiagnosis) -> tuple[Search, CurrentDiagnosis]:

@@ -43,14 +43,14 @@ def isolated_by_currents(
     causes = list(instruments.link.causes)
     for place, cause in enumerate(causes):
         motor = _motor_angles(instruments.link.held_out, cause)
-        rivals = [other for name, joint in cause.group if joint == cause.joint for other in _as(cause, name, motor)]
+        rivals = [rival for name, joint in cause.group if joint == cause.joint for rival in _as(cause, name, motor)]
         if not rivals:
             continue
         progress("comparing currents with the waves of both encoders")
         runs = residuals_of(extend(arm, [one for one in instruments.known if one is not cause]), screened).runs
-        own, *of_rivals = (_squared_residual(runs, one.terms) for one in (cause, *rivals))
+        of_cause, *of_rivals = (_squared_residual(runs, one.terms) for one in (cause, *rivals))
         best = int(np.argmin([one.sum() for one in of_rivals]))
-        if p_value(own - of_rivals[best]) < SIGNIFICANT:
+        if p_value(of_cause - of_rivals[best]) < SIGNIFICANT:
             causes[place] = _estimated_by_both(rivals[best], runs)
     return replace(instruments, link=replace(instruments.link, causes=causes))
 
@@ -70,8 +70,8 @@ def _as(cause: Cause, name: str, motor: Array) -> list[Cause]:
     if cause.signal is not Signal.LINK_ANGLE or not effect.wave or effect.deflection is None or rival.angle is None:
         return []
     values = {p.name: p.value for p in cause.parameters}
-    whole = next(p.name for p in rival.parameters if p.whole)
-    held = {whole: float(round(values[whole]))}
+    order = next(p.name for p in rival.parameters if p.whole)
+    held = {order: float(round(values[order]))}
     signals = Signals(motor=motor)
     target = effect.deflection(Values({p.name: values.get(p.name, 0.0) for p in effect.parameters}), signals)
     columns = np.column_stack([rival.angle(unit, signals) for unit in units(rival, held)])
@@ -98,10 +98,10 @@ def _estimated_by_both(cause: Cause, runs: Sequence[Run]) -> Cause:
         term = EffectTerm(cause.effect, cause.joint, solved(effect, held, of.tolist()))
         return np.concatenate([_weighted(run, [term]).ravel() for run in runs])
 
-    here = residual(c)
-    columns = np.stack([(residual(c + step * one) - here) / step for one in np.eye(2)], axis=1)
-    change = -np.linalg.lstsq(columns, here, rcond=None)[0]
-    of_currents = cluster_covariance(columns, [here + columns @ change], _blocks(runs))
+    at_estimate = residual(c)
+    columns = np.stack([(residual(c + step * one) - at_estimate) / step for one in np.eye(2)], axis=1)
+    change = -np.linalg.lstsq(columns, at_estimate, rcond=None)[0]
+    of_currents = cluster_covariance(columns, [at_estimate + columns @ change], _blocks(runs))
     turned = np.column_stack([along, [-along[1], along[0]]])
     of_links = turned @ np.diag([amplitude.std**2, (amplitude.value * phase.std) ** 2]) @ turned.T
     both = np.linalg.inv(np.linalg.inv(of_currents) + np.linalg.inv(of_links))

@@ -48,8 +48,8 @@ def measure(arm: Arm, recordings: Recordings, cleaned: Screened, progress: Progr
     link = link_side(arm, *recordings)
     by_links = [cause for cause in (link.causes if link else ()) if CATALOGUE[cause.effect].coupling]
     by_demands = [] if by_links else wrist_coupling(*recordings)
-    found: Sequence[Cause | Event] = [*by_links, *by_demands]
-    turned = tuple(EffectTerm(one.effect, one.joint, {p.name: p.value for p in one.parameters}) for one in found)
+    by_others: Sequence[Cause | Event] = [*by_links, *by_demands]
+    turned = tuple(EffectTerm(one.effect, one.joint, {p.name: p.value for p in one.parameters}) for one in by_others)
     # the tracker sees the links where their motors turn them
     seen = replace(coupled(replace(arm, effects=turned)), effects=arm.effects)
     tracked = tracked_causes(seen, *recordings, angles=[q for _, q, _ in cleaned.samples], progress=progress)

@@ -32,13 +32,13 @@ def friction_near_rest(currents: CurrentDiagnosis, recordings: Recordings, exclu
     for one in currents.selection.unexplained.structures:
         if one.joint is not None and one.against in TWO_FACED:
             nuisance.setdefault(one.joint, []).append(Variable(one.against))
-    found = friction_causes(
+    at_rest = friction_causes(
         state.data.map(lambda part: part.runs), state.terms, taken, tuple(currents.library), nuisance
     )
     if currents.arm.uncertainty is not None:
-        return found
-    in_loop = _in_loop(currents, recordings, [*taken, *(cause.key for cause in found.causes)])
-    return replace(found, causes=[*found.causes, *in_loop])
+        return at_rest
+    in_loop = _in_loop(currents, recordings, [*taken, *(cause.key for cause in at_rest.causes)])
+    return replace(at_rest, causes=[*at_rest.causes, *in_loop])
 
 
 def _in_loop(currents: CurrentDiagnosis, recordings: Recordings, taken: Sequence[EffectKey]) -> list[Cause]:
@@ -56,8 +56,8 @@ def _in_loop(currents: CurrentDiagnosis, recordings: Recordings, taken: Sequence
     ]
     again = {cause.key: cause for cause in currents.causes if cause.joint in joints and has_state(cause.effect)}
     others = [cause for cause in currents.causes if cause.key not in again]
-    found = friction_in_loop(extend(currents.base, others), every, joints, set(taken) - set(again))
-    return [with_estimates_of(cause, again[cause.key]) if cause.key in again else cause for cause in found]
+    in_loop = friction_in_loop(extend(currents.base, others), every, joints, set(taken) - set(again))
+    return [with_estimates_of(cause, again[cause.key]) if cause.key in again else cause for cause in in_loop]
 
 
 def resonance_in_loop(currents: CurrentDiagnosis, recordings: Recordings) -> Cause | None:
@@ -78,10 +78,10 @@ def rows_lost_in_loop(currents: CurrentDiagnosis, recordings: Recordings) -> Los
     if currents.axis or currents.arm.uncertainty is not None or not currents.library:
         return None
     arm = with_smoothing_velocities(extend(currents.base, currents.causes), recordings.fit)
-    found = lost_in_loop(arm, recordings.fit, recordings.held_out, [i for _, _, i in currents.residuals.samples])
+    lost = lost_in_loop(arm, recordings.fit, recordings.held_out, [i for _, _, i in currents.residuals.samples])
     put_back = {loss.recording for loss in currents.residuals.losses}
-    losses = [loss for loss in found.losses if loss.recording not in put_back] if found else []
-    return replace(found, losses=losses) if found and losses else None
+    losses = [loss for loss in lost.losses if loss.recording not in put_back] if lost else []
+    return replace(lost, losses=losses) if lost and losses else None
 
 
 def gaps(currents: CurrentDiagnosis, excluded: Set[EffectKey]) -> tuple[Cause, ...]:
@@ -91,8 +91,8 @@ def gaps(currents: CurrentDiagnosis, excluded: Set[EffectKey]) -> tuple[Cause, .
     """
     if currents.axis:
         return ()
-    found = tuple(one for one in currents.causes if CATALOGUE[one.effect].gap is not None)
+    chosen_gaps = tuple(cause for cause in currents.causes if CATALOGUE[cause.effect].gap is not None)
     if currents.arm.uncertainty is not None or not currents.library:
-        return found
+        return chosen_gaps
     state, taken = currents.state, {*excluded, *(cause.key for cause in currents.causes)}
-    return (*found, *chattering_gaps(state.data.map(lambda part: part.runs), state.terms, taken))
+    return (*chosen_gaps, *chattering_gaps(state.data.map(lambda part: part.runs), state.terms, taken))

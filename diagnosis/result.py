@@ -77,11 +77,11 @@ class Diagnosis:
     @property
     def _searched(self) -> set[Instrument]:
         """Instruments whose effects would have been found."""
-        found = {Instrument.RAW}
+        instruments = {Instrument.RAW}
         if self.judged:
-            found |= {Instrument.SINGLE_AXIS} if self.axis else {Instrument.CURRENT, Instrument.LAG}
+            instruments |= {Instrument.SINGLE_AXIS} if self.axis else {Instrument.CURRENT, Instrument.LAG}
         if self.link:
-            found.add(Instrument.LINK_ENCODER)
+            instruments.add(Instrument.LINK_ENCODER)
         if self.tracked and self.tracked.rms:
-            found.add(Instrument.TRACKER)
-        return found
+            instruments.add(Instrument.TRACKER)
+        return instruments

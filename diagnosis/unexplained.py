@@ -32,7 +32,7 @@ def unexplained_structure(
 ) -> list[Structure]:
     """Everything above the noise that no cause explains, of any instrument and in closed loop."""
     state, of_currents = currents.state, unexplained_of_currents(instruments, currents)
-    found = [
+    structures = [
         *(one for one in of_currents if currents.shortage is None or one.joint not in currents.shortage.joints),
         *(in_fit_alone(state, of_currents, known_to(state).fit) if instruments.judged else []),
         *(instruments.link.unexplained if instruments.link else []),
@@ -42,8 +42,8 @@ def unexplained_structure(
             for oscillation in cleaned.oscillating
         ),
     ]
-    reported = [one.joint for one in (*of_currents, *found)]
-    return [*found, *_in_loop(verified, recordings, state.data, reported)]
+    reported = [one.joint for one in (*of_currents, *structures)]
+    return [*structures, *_in_loop(verified, recordings, state.data, reported)]
 
 
 def unexplained_of_currents(instruments: OtherInstruments, currents: CurrentDiagnosis) -> list[Structure]:
@@ -52,8 +52,9 @@ def unexplained_of_currents(instruments: OtherInstruments, currents: CurrentDiag
         return [Structure(Signal.CURRENT, 1, "position", currents.axis.wave.share)]
     if not instruments.judged:
         return []
-    found = currents.selection.unexplained.structures
-    return [*found, *(one for one in currents.undetermined if one.joint not in {other.joint for other in found})]
+    structures = currents.selection.unexplained.structures
+    joints = {structure.joint for structure in structures}
+    return [*structures, *(structure for structure in currents.undetermined if structure.joint not in joints)]
 
 
 def _in_loop(
@@ -68,23 +69,28 @@ def _in_loop(
     def spread(side: str) -> list[list[Compared]]:
         looped = [(r, run) for r, run in zip(sides[side], runs[side]) if has_demand(r)]
         return spreads(
-            extended, [r for r, _ in looped], [run for _, run in looped], [one for _, one in verified.compared[side]]
+            extended,
+            [r for r, _ in looped],
+            [run for _, run in looped],
+            [after for _, after in verified.compared[side]],
         )
 
-    found = clear_errors(verified.compared, runs, reported, spread, left_over_rms(extended))
-    return with_oscillations(found, (after for several in verified.compared.values() for _, after in several), extended)
+    errors = clear_errors(verified.compared, runs, reported, spread, left_over_rms(extended))
+    return with_oscillations(
+        errors, (after for several in verified.compared.values() for _, after in several), extended
+    )
 
 
 def undetectable(instruments: OtherInstruments, currents: CurrentDiagnosis) -> list[Undetectable]:
     """Effects that these recordings could not show."""
-    told = [
+    of_instruments = [
         *currents.causes,
         *currents.held,
         *currents.per_recording,
         *instruments.known,
         *currents.outside_selection,
     ]
-    shown = {cause.key for cause in told} | instruments.tracked.shown
+    shown = {cause.key for cause in of_instruments} | instruments.tracked.shown
     of_currents = undetectable_by_currents(
         currents.library, currents.ripples, currents.state.data.held_out, shown, currents.arm
     )

@@ -37,8 +37,8 @@ def variable_in_words(name: str, arm: Arm, joint: int | None) -> str:
     """A variable that a residual of joint ``joint`` (from 1) depends on: ``torque of joint 3`` for its current."""
     if joint is None or not name.startswith("current"):
         return name
-    other = name.partition(" of joint ")[2].partition(" ")[0]
-    return recorded_quantity(arm.joints[int(other or joint) - 1]) + name.removeprefix("current")
+    other_joint = name.partition(" of joint ")[2].partition(" ")[0]
+    return recorded_quantity(arm.joints[int(other_joint or joint) - 1]) + name.removeprefix("current")
 
 
 def readable(unit: str, values: Sequence[float]) -> tuple[float, str]:

@@ -198,8 +198,8 @@ def _changed(run: Run, arm: Arm, effect: Effect, joint: int | None, unit: Values
     def expected(step: float) -> Array:
         assert effect.change is not None
         small = Values({k: (v * step if any(p.name == k for p in effect.linear) else v) for k, v in unit.items()})
-        other = effect.change(arm, joint, small)
-        return inverse_dynamics(other, run.q, run.v, run.a) / other.joint_array("drive_constant")
+        changed = effect.change(arm, joint, small)
+        return inverse_dynamics(changed, run.q, run.v, run.a) / changed.joint_array("drive_constant")
 
     change = 4 * expected(STEP) - expected(2 * STEP) - 3 * run.along
     change[:, np.abs(change).max(axis=0) < ROUNDING * np.abs(run.along).max(axis=0)] = 0.0
@@ -216,7 +216,7 @@ def _link_columns(run: Run, arm: Arm, joint: int) -> Array:
 
 def _coupled(run: Run, arm: Arm, unit: Values) -> Array:
     """link = (K + C) motor: links displaced by C q, torques returned by C^T; K the couplings of the model."""
-    change, whole = np.zeros_like(run.current), slice(0, len(arm))
+    change, all_joints = np.zeros_like(run.current), slice(0, len(arm))
     constant, back = arm.joint_array("drive_constant"), np.linalg.inv(arm.coupling_matrix)
     at_links = run.rigid @ back
     for name, value in unit.items():
@@ -228,7 +228,7 @@ def _coupled(run: Run, arm: Arm, unit: Values) -> Array:
         # a turn of link i alone is this turn of the motors
         for k in np.flatnonzero(back[:, i]):
             by = value * back[k, i]
-            change += _moved(run, int(k), whole, by * run.q[:, j], by * run.v[:, j], by * run.a[:, j])
+            change += _moved(run, int(k), all_joints, by * run.q[:, j], by * run.v[:, j], by * run.a[:, j])
         change[:, j] += value * at_links[:, i] / constant[j]
     return change
 
@@ -270,5 +270,5 @@ def own_skews(joint: Joint) -> list[float]:
     if total <= 0.0:
         return []
     skews = [(positive - negative) / total, (positive - negative + 2.0 * joint.offset) / total]
-    found = [skew for skew in skews if LEAST_SKEW < abs(skew) < 1.0]
-    return found[:1] if len(found) == 2 and abs(found[0] - found[1]) < LEAST_SKEW else found
+    possible = [skew for skew in skews if LEAST_SKEW < abs(skew) < 1.0]
+    return possible[:1] if len(possible) == 2 and abs(possible[0] - possible[1]) < LEAST_SKEW else possible

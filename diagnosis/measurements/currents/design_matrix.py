@@ -79,19 +79,19 @@ def bounded(data: Split[Dataset], free: Sequence[Split[Columns]]) -> tuple[Split
 
     In their place, the step is taken out of the data.
     """
-    kept = []
+    bounded_candidates = []
     for pair in free:
         x, y = pair.fit.x[:, 0], data.fit.y[pair.fit.where]
         size = float(x @ x)
         if size == 0.0 or (x @ y) / size - SMOOTHING_STDS / np.sqrt(size) < IMPOSSIBLE:
-            kept.append(pair)
+            bounded_candidates.append(pair)
             continue
         fit, held_out = (
             replace(side, y=side.y - columns.contribution(np.array([SHARPEST]), len(side.y)))
             for side, columns in zip(data, pair)
         )
         data = Split(fit, held_out, data.two_fold)
-    return data, kept
+    return data, bounded_candidates
 
 
 def free_columns(side: Dataset, arm: Arm) -> list[Columns]:
@@ -148,9 +148,9 @@ class Library(Mapping[Candidate, Pair]):
             of_key.setdefault(candidate.key, []).append(candidate)
         new = ([c for c in shapes if c not in self._own] for shapes in of_key.values() if len(shapes) > 1)
         grids = [grid for grid in new if grid]
-        found = in_parallel(lambda grid: [columns_at_joint(c, self._data.fit) for c in grid], grids)
-        for grid, own in zip(grids, found):
-            self._own |= zip(grid, own)
+        of_grids = in_parallel(lambda grid: [columns_at_joint(c, self._data.fit) for c in grid], grids)
+        for grid, of_grid in zip(grids, of_grids):
+            self._own |= zip(grid, of_grid)
 
     def compute(self, candidates: Iterable[Candidate]) -> None:
         """Columns of several candidates at all rows, on all cores."""
@@ -159,9 +159,9 @@ class Library(Mapping[Candidate, Pair]):
             if self._known[candidate] is None:
                 of_effect.setdefault(candidate.effect, []).append(candidate)
         items = [(shapes, side) for side in self._data for shapes in of_effect.values()]
-        found = in_parallel(lambda item: [columns_of(c, item[1]) for c in item[0]], items)
+        of_grids = in_parallel(lambda item: [columns_of(c, item[1]) for c in item[0]], items)
         for k, shapes in enumerate(of_effect.values()):
-            pairs = zip(found[k], found[len(of_effect) + k])
+            pairs = zip(of_grids[k], of_grids[len(of_effect) + k])
             self._known |= {c: Split(fit, held_out, self._data.two_fold) for c, (fit, held_out) in zip(shapes, pairs)}
 
     def in_held_out(self, candidate: Candidate) -> Columns:

@@ -80,12 +80,12 @@ def undetectable_by_currents(
 def undetectable_without_warming(arm: Arm, data: Split[Dataset], known: Set[EffectKey]) -> list[Undetectable]:
     """Friction over temperature of joints with a sensor, where recordings are too much alike in temperature."""
     (effect,) = (name for name in CATALOGUE if depends(name))
-    instead, found = INSTEAD[CATALOGUE[effect].excited_by], []
+    instead, undetectable = INSTEAD[CATALOGUE[effect].excited_by], []
     for joint, drive in enumerate(arm.joints, 1):
         why = "" if drive.temperature is None else not_warmed(data.fit.runs, data.held_out.runs, joint)
         if why and (effect, joint) not in known:
-            found.append(Undetectable(effect, joint, why, instead.format(f"joint {joint}")))
-    return found
+            undetectable.append(Undetectable(effect, joint, why, instead.format(f"joint {joint}")))
+    return undetectable
 
 
 def _turns(side: Dataset, arm: Arm, joint: int) -> float:
@@ -133,8 +133,8 @@ def _did(need: Excitation, joint: int | None, side: Dataset, arm: Arm) -> str:
         change = f"changed by at most {rounded(np.ptp(gravity), 2)} {drive.unit('N m')}"
         return f"the gravity torque of joint {joint} {change if np.abs(gravity).max() > 1e-6 else 'is zero'}"
     if need is Excitation.CURRENT:
-        most = f"{rounded(np.abs(current).max(), 2)} {drive.command_unit}"
-        return f"the {recorded_quantity(drive)} of joint {joint} was at most {most}"
+        largest = f"{rounded(np.abs(current).max(), 2)} {drive.command_unit}"
+        return f"the {recorded_quantity(drive)} of joint {joint} was at most {largest}"
     if need is Excitation.ACCELERATION:
         return f"the acceleration of joint {joint} was at most {rounded(np.abs(a).max(), 2)} {drive.unit('rad/s2')}"
     return (

@@ -48,24 +48,24 @@ class ModelUncertainty:
 
 def model_uncertainty(arm: Arm, data: Split[Dataset]) -> ModelUncertainty | None:
     """What is known of an arm, as these recordings feel it; None where nothing is stated."""
-    known = arm.uncertainty
-    if known is None or not (known.parameters or any(known.left_over)):
+    uncertainty = arm.uncertainty
+    if uncertainty is None or not (uncertainty.parameters or any(uncertainty.left_over)):
         return None
-    root = known.directions
+    root = uncertainty.directions
 
     def felt(side: Dataset) -> Array:
-        runs = [run.whiten(_columns(run, known.parameters) @ root) for run in side.runs]
+        runs = [run.whiten(_columns(run, uncertainty.parameters) @ root) for run in side.runs]
         return np.concatenate(runs).transpose(1, 0, 2).reshape(-1, root.shape[1])
 
-    return ModelUncertainty(data.map(felt), _left_over(known.left_over, data))
+    return ModelUncertainty(data.map(felt), _left_over(uncertainty.left_over, data))
 
 
 def parameter_std(run: Run) -> Array:
     """(m, n) A: std of the currents that the arm of a run predicts, by what is known of its parameters; 0: exact."""
-    known = run.arm.uncertainty
-    if known is None or not known.parameters:
+    uncertainty = run.arm.uncertainty
+    if uncertainty is None or not uncertainty.parameters:
         return np.zeros_like(run.q)
-    return np.asarray(np.linalg.norm(_columns(run, known.parameters) @ known.directions, axis=-1))
+    return np.asarray(np.linalg.norm(_columns(run, uncertainty.parameters) @ uncertainty.directions, axis=-1))
 
 
 def _left_over(left_over: Sequence[float], data: Split[Dataset]) -> Array:
@@ -83,11 +83,11 @@ def _columns(run: Run, names: Sequence[str]) -> Array:
     place = {name: k for k, name in enumerate(every)}
     columns = np.empty((*run.q.shape, len(names)))
     for k, name in enumerate(names):
-        own = [place[one] for one in (name, f"{name}_positive", f"{name}_negative") if one in place]
-        if own:
+        places = [place[entry] for entry in (name, f"{name}_positive", f"{name}_negative") if entry in place]
+        if places:
             # friction follows the speed in the band of comparison
             from_motion = slow if name.startswith("link") or name.endswith(".rotor_inertia") else brisk
-            columns[..., k] = from_motion[..., own].sum(axis=-1)
+            columns[..., k] = from_motion[..., places].sum(axis=-1)
         else:
             columns[..., k] = _slope(run, name)
     return columns * run.powered / bent.joint_array("drive_constant")[:, None]
@@ -113,8 +113,10 @@ class Significance:
     @cached_property
     def _weight(self) -> Array:
         """(N + M,) of every row."""
-        left = np.zeros(len(self._data.fit.y) // self._data.fit.rows) if self._known is None else self._known.left_over
-        return np.concatenate([np.repeat(1.0 / np.sqrt(1.0 + left), side.rows) for side in self._data])
+        left_over = (
+            np.zeros(len(self._data.fit.y) // self._data.fit.rows) if self._known is None else self._known.left_over
+        )
+        return np.concatenate([np.repeat(1.0 / np.sqrt(1.0 + left_over), side.rows) for side in self._data])
 
     def _stack(self, pair: Pair) -> Array:
         """(N + M, k) weighted columns in both sets."""
@@ -143,8 +145,8 @@ class Significance:
         if self._known is None:
             exact = np.ones(len(self._data.fit.y) // self._data.fit.rows)
             return Split(exact, exact)
-        left = self._known.left_over
-        return self._known.shares(self._data).map(lambda share: np.sqrt(1.0 + left + share))
+        left_over = self._known.left_over
+        return self._known.shares(self._data).map(lambda share: np.sqrt(1.0 + left_over + share))
 
     def chance(self, pair: Pair) -> float:
         """Probability that columns (k of them) look as they do without the effect that they are of."""
@@ -157,7 +159,7 @@ class Significance:
             return total
         fit, held_out = self._data
         parts, rows = np.split(own, [len(fit.y)]), fit.rows + held_out.rows
-        for joint, left in enumerate(self._known.left_over.tolist(), 1):
+        for joint, left_over in enumerate(self._known.left_over.tolist(), 1):
             at = [part[side.of(joint)] for part, side in zip(parts, self._data)]
-            total += ALIASED_SHARE * rows * left / (1.0 + left) * sum(one.T @ one for one in at)
+            total += ALIASED_SHARE * rows * left_over / (1.0 + left_over) * sum(one.T @ one for one in at)
         return total

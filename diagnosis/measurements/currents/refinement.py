@@ -49,18 +49,18 @@ def gauss_newton_refined(state: State) -> State:
     model, coefficients, basis = state.model, state.coefficients, state.fitted.basis
     if not exists(model.arm, state.terms):
         return state
-    here = dataset_with(model.data.fit, state.terms)
+    at_estimate = dataset_with(model.data.fit, state.terms)
 
     def slope_of(place: tuple[int, str]) -> Array:
         k, name = place
         value = dict(state.chosen[k].shape)[name]
         step = 0.02 * value
         moved = [c.at(name, value + step) if n == k else c for n, c in enumerate(state.chosen)]
-        return (dataset_with(model.data.fit, terms(moved, coefficients)) - here) / step
+        return (dataset_with(model.data.fit, terms(moved, coefficients)) - at_estimate) / step
 
     slope = np.stack(in_parallel(slope_of, searched), axis=1)
     slope -= basis @ (basis.T @ slope)
-    change = -np.linalg.lstsq(slope, here - basis @ (basis.T @ here), rcond=1e-3)[0]
+    change = -np.linalg.lstsq(slope, at_estimate - basis @ (basis.T @ at_estimate), rcond=1e-3)[0]
     better = list(state.chosen)
     for (k, name), by in zip(searched, change):
         value = dict(better[k].shape)[name]

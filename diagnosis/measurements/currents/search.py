@@ -71,11 +71,11 @@ def without_spurious(state: State, bases: Bases) -> Selection:
 
     bases: of the recordings of the state.
     """
-    found = _with_unexplained(state, bases)
-    while withdrawn := spurious(found.state, found.unexplained, bases):
+    selection = _with_unexplained(state, bases)
+    while withdrawn := spurious(selection.state, selection.unexplained, bases):
         state = corrected(replace(state, chosen=tuple(c for c in state.chosen if c not in withdrawn)))
-        found = _with_unexplained(state, bases)
-    return found
+        selection = _with_unexplained(state, bases)
+    return selection
 
 
 def _with_unexplained(state: State, bases: Bases) -> Selection:

@@ -50,8 +50,8 @@ class Shortage:
 def shortage(selection: Selection) -> Shortage | None:
     """What the structures that a search left unexplained may be, had more been recorded; None where they are not."""
     state, model = selection.state, selection.state.model
-    left = sorted({structure.joint for structure in selection.unexplained.structures if structure.joint})
-    if not left:
+    unexplained_joints = sorted({structure.joint for structure in selection.unexplained.structures if structure.joint})
+    if not unexplained_joints:
         return None
     scores = model.scores(state)
     q = stats.false_discovery_control(np.array([score.p for score in scores]))
@@ -59,15 +59,17 @@ def shortage(selection: Selection) -> Shortage | None:
     short = [
         (score, chance, joints)
         for score, chance in zip(scores, q.tolist())
-        if (joints := tuple(one for one in left if score.by_joint[one - 1] > NEARLY_ALL * energy[one - 1]))
+        if (
+            joints := tuple(one for one in unexplained_joints if score.by_joint[one - 1] > NEARLY_ALL * energy[one - 1])
+        )
         and chance >= (model.fdr(score) or 1.0)
         and _unanimous(score)
         and model.admissible(score, state)
     ]
     if not short:
         return None
-    most = max(len(joints) for _, _, joints in short)
-    short = [one for one in short if len(one[2]) == most]
+    longest = max(len(joints) for _, _, joints in short)
+    short = [one for one in short if len(one[2]) == longest]
     best = max(score.gain for score, _, _ in short)
     # the simplest of those that explain what is left at as many joints, and nearly as much
     score, _, joints = min(

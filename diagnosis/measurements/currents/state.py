@@ -96,9 +96,9 @@ class State:
         return Significance(self.data, chosen, model.uncertain)
 
 
-def _harm(explained: Array, left: Array) -> float:
+def _harm(explained: Array, remaining: Array) -> float:
     """Squared residual that a column costs: where it explains ``explained`` (rows,) and leaves ``left`` (rows,)."""
-    return float(left @ left - (left + explained) @ (left + explained))
+    return float(remaining @ remaining - (remaining + explained) @ (remaining + explained))
 
 
 def terms(chosen: Sequence[Candidate], coefficients: Sequence[Array]) -> list[EffectTerm]:

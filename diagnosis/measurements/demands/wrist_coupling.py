@@ -112,18 +112,18 @@ def wrist_coupling(fit: Sequence[Recording], held_out: Sequence[Recording]) -> l
     parts = ", ".join(
         f"{-100 * c:.1f} % of the angle of motor {m} at axis {axis}" for (axis, m), (c, _) in coefficients.items()
     )
-    most = max(coupled, key=lambda axis_result: axis_result.before**2 - axis_result.after**2)
+    strongest = max(coupled, key=lambda axis_result: axis_result.before**2 - axis_result.after**2)
     sentence = (
         f"motors deviate from the demands of their own axes by {parts}: with it, the held-out difference of motor "
-        f"{most.axis} and demand "
-        f"falls from {most.before:.3g} to {most.after:.3g} rad rms"
+        f"{strongest.axis} and demand "
+        f"falls from {strongest.before:.3g} to {strongest.after:.3g} rad rms"
     )
     every = tuple(range(len(fit) + len(held_out)))
     gain = Gain(
-        before=most.before,
-        after=most.after,
+        before=strongest.before,
+        after=strongest.after,
         unit="rad",
-        joint=most.axis,
+        joint=strongest.axis,
         p=max(axis_result.p for axis_result in coupled),
     )
     return [
@@ -158,8 +158,8 @@ def _coupled_axis(fit: Sequence[Recording], held_out: Sequence[Recording], axis:
     significant = np.abs(values[OWN:]) > LIMITS.stds * std
     if not significant.any():
         return None
-    named = tuple(m for m, there in zip(motors, significant) if there)
-    return CoupledAxis(axis, named, values[OWN:][significant], std[significant], before, after, p)
+    turning = tuple(m for m, there in zip(motors, significant) if there)
+    return CoupledAxis(axis, turning, values[OWN:][significant], std[significant], before, after, p)
 
 
 def _rows(recordings: Sequence[Recording], axis: int, motors: Sequence[int]) -> _Rows:
@@ -170,8 +170,8 @@ def _rows(recordings: Sequence[Recording], axis: int, motors: Sequence[int]) -> 
         demand = r.qref[:, axis - 1]
         speed = np.gradient(demand, r.dt)
         direction = speed / np.hypot(speed, 0.01 * max(float(np.max(np.abs(speed))), 1e-9))
-        own = [demand, speed, np.gradient(speed, r.dt), direction]
-        x = np.column_stack([*own, *(-r.q[:, m - 1] for m in motors)])
+        basis = [demand, speed, np.gradient(speed, r.dt), direction]
+        x = np.column_stack([*basis, *(-r.q[:, m - 1] for m in motors)])
         y = r.q[:, axis - 1] - demand
         columns.append(x - x.mean(axis=0))
         differences.append(y - y.mean())

@@ -85,7 +85,7 @@ def _cause(candidate: LinkCandidate, chosen: Chosen, model: LinkEncoders, arm: A
     affected = model.affected(candidate)
     residuals = [model.residual(some, *model.rows)[:, affected] for some in (others, chosen)]
     before, after = (float(np.sqrt(np.mean(values**2))) for values in residuals)
-    most = affected[int(np.argmax(np.sum(residuals[0] ** 2 - residuals[1] ** 2, axis=0)))]
+    strongest = affected[int(np.argmax(np.sum(residuals[0] ** 2 - residuals[1] ** 2, axis=0)))]
     unit = arm.joints[int(model.rows.fit.joints[affected[0]]) - 1].unit("rad")
     evidence = (
         delay_sentence(others, model)
@@ -110,7 +110,7 @@ def _cause(candidate: LinkCandidate, chosen: Chosen, model: LinkEncoders, arm: A
         after=after,
         group=group,
         evidence=evidence,
-        felt_at=int(model.rows.fit.joints[most]),
+        felt_at=int(model.rows.fit.joints[strongest]),
         unit=unit,
         signal=Signal.LINK_ANGLE,
         of_arm=candidate.definition.observed_by[Instrument.LINK_ENCODER].of_arm,

@@ -266,8 +266,9 @@ def late() -> LinkCandidate:
 
 def couplings(rows: Rows) -> list[LinkCandidate]:
     """Axes that turn with other motors than their own, where all of them have both encoders."""
-    named = (LinkCandidate(effect.name, None) for effect in observed_by(Instrument.LINK_ENCODER) if effect.coupling)
-    return [one for one in named if {joint for pair in one.turns for joint in pair} <= set(rows.joints.tolist())]
+    effects = (effect for effect in observed_by(Instrument.LINK_ENCODER) if effect.coupling)
+    of_effects = (LinkCandidate(effect.name, None) for effect in effects)
+    return [one for one in of_effects if {joint for pair in one.turns for joint in pair} <= set(rows.joints.tolist())]
 
 
 def _gaps(gap: Parameter) -> tuple[float, ...]:
@@ -306,11 +307,11 @@ def columns(candidate: LinkCandidate, rows: Rows, k: int) -> Array:
 
 def _turned(coupling: LinkCandidate, rows: Rows, joint: int) -> Array:
     """``columns`` of a coupling at a joint (from 1)."""
-    own = [place for place, (axis, _) in enumerate(coupling.turns) if axis == joint]
-    found = np.zeros((rows.rows, coupling.width if own else 0))
-    for place in own:
-        found[:, place] = -rows.q[:, rows.joints == coupling.turns[place][1]][:, 0]
-    return found
+    places = [place for place, (axis, _) in enumerate(coupling.turns) if axis == joint]
+    columns = np.zeros((rows.rows, coupling.width if places else 0))
+    for place in places:
+        columns[:, place] = -rows.q[:, rows.joints == coupling.turns[place][1]][:, 0]
+    return columns
 
 
 def turns(rows: Rows, k: int) -> float:
@@ -347,7 +348,7 @@ def _play(q: Array, half_gap: float, starts: tuple[int, ...]) -> Array:
     out = np.empty_like(q)
     begun = set(starts)
     d, before = 0.0, q[0]
-    for row, here in enumerate(q.tolist()):
-        d = 0.0 if row in begun else min(max(d + here - before, -half_gap), half_gap)
-        out[row], before = d, here
+    for row, angle in enumerate(q.tolist()):
+        d = 0.0 if row in begun else min(max(d + angle - before, -half_gap), half_gap)
+        out[row], before = d, angle
     return out

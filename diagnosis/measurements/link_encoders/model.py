@@ -123,12 +123,12 @@ class LinkEncoders(CandidateModel[LinkCandidate]):
                     np.tile(side.blocks(self.limits.block_seconds), len(side.joints)),
                 )
             )
-        y, both, known, block = zip(*parts)
+        y, columns, errors_of_model, block = zip(*parts)
         joints, width = len(self.rows.fit.joints), candidate.width
-        free = np.hstack([block_diag(*(one[:, :joints] for one in both)), np.concatenate(both)[:, joints:-width]])
+        free = np.hstack([block_diag(*(one[:, :joints] for one in columns)), np.concatenate(columns)[:, joints:-width]])
         blocks = np.concatenate([block[0], block[1] + int(block[0].max()) + 1])
-        evidence = Evidence(np.concatenate(y), free, np.concatenate(known), blocks)
-        return evidence.chance(np.concatenate(both)[:, -width:])
+        evidence = Evidence(np.concatenate(y), free, np.concatenate(errors_of_model), blocks)
+        return evidence.chance(np.concatenate(columns)[:, -width:])
 
     def allowed(self, chosen: Chosen, rows: Rows) -> Array:
         """(k,) times the noise that differences may be by errors of the load behind ``chosen``: 1 if it is exact."""
@@ -237,8 +237,8 @@ class LinkEncoders(CandidateModel[LinkCandidate]):
     def affected(self, candidate: LinkCandidate) -> list[int]:
         """Columns of the difference (from 0) in which a candidate shows."""
         joints: list[int] = self.rows.fit.joints.tolist()
-        own = {axis for axis, _ in candidate.turns} or {candidate.joint or joint for joint in joints}
-        return [k for k, joint in enumerate(joints) if joint in own]
+        axes = {axis for axis, _ in candidate.turns} or {candidate.joint or joint for joint in joints}
+        return [k for k, joint in enumerate(joints) if joint in axes]
 
     def _ahead(self, candidate: LinkCandidate, chosen: Sequence[LinkCandidate]) -> bool:
         affected = self.affected(candidate)

@@ -21,14 +21,14 @@ def single_estimates(chosen: Chosen, model: LinkEncoders) -> list[SingleEstimate
 
     One entry where there is one recording, split by time.
     """
-    found = []
+    estimates = []
     for rows in model.recordings:
         x, values = model.stacked(chosen, rows), model.fitted(chosen, rows)
         residual = model.response(rows) - x @ values
         block = np.tile(rows.blocks(BLOCK_SECONDS), len(rows.joints))
         covariance = cluster_covariance(x, [residual], block) + np.diag((SAME * values) ** 2)
-        found.append(SingleEstimate(rows.names[0], values, covariance))
-    return found
+        estimates.append(SingleEstimate(rows.names[0], values, covariance))
+    return estimates
 
 
 def contradicted(chosen: Chosen, model: LinkEncoders) -> LinkCandidate | None:

@@ -102,12 +102,12 @@ def friction_causes(
     tests = len(joints) * len(friction_near_rest())
     all_runs, arm = [*runs.fit, *runs.held_out], runs.fit[0].arm
     recordings = observations(all_runs, terms)
-    found = in_parallel(
+    by_joint = in_parallel(
         lambda joint: _of_joint(near_rest(recordings, joint, nuisance.get(joint, ())), library, tests),
         [joint for joint in joints if _open(arm, joint, taken)],
     )
     return Friction(
-        [one for one in found if isinstance(one, Cause)], [one for one in found if isinstance(one, Structure)]
+        [one for one in by_joint if isinstance(one, Cause)], [one for one in by_joint if isinstance(one, Structure)]
     )
 
 
@@ -163,12 +163,12 @@ def _of_joint(every: Sequence[NearRest], library: Sequence[Candidate], tests: in
 def _determined(law: Law, parameters: Sequence[Estimate], deviations: float) -> bool:
     """Whether the recordings determine a law: its coefficients differ from zero, the others end where they may."""
     assert law.effect is not None
-    effect, found = CATALOGUE[law.effect], {parameter.name: parameter for parameter in parameters}
-    if any(found[p.name].value < deviations * found[p.name].std for p in effect.linear):
+    effect, by_name = CATALOGUE[law.effect], {parameter.name: parameter for parameter in parameters}
+    if any(by_name[p.name].value < deviations * by_name[p.name].std for p in effect.linear):
         return False
-    for name in set(found) & set(law.values[0]):
+    for name in set(by_name) & set(law.values[0]):
         tried = [values[name] for values in law.values]
-        if not min(tried) / LIMITS.beyond <= found[name].value <= max(tried) * LIMITS.beyond:
+        if not min(tried) / LIMITS.beyond <= by_name[name].value <= max(tried) * LIMITS.beyond:
             return False
     return True
 

@@ -79,8 +79,8 @@ def _products(every: Sequence[NearRest], law: Law) -> tuple[Array, Array, Array]
     """(recordings, T) of residual and column, each: squares of the first, both, squares of the second."""
     y = [one.residual - offset for one, offset in zip(every, law.offset)]
     yy, xy, xx = (
-        np.array([np.sum(a * b, axis=1) for a, b in zip(left, right)])
-        for left, right in ((y, y), (law.column, y), (law.column, law.column))
+        np.array([np.sum(a * b, axis=1) for a, b in zip(first, second)])
+        for first, second in ((y, y), (law.column, y), (law.column, law.column))
     )
     return yy, xy, xx
 

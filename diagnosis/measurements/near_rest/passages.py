@@ -162,11 +162,11 @@ def observation(run: Run, effects: Sequence[EffectTerm]) -> Observation:
 
 def _model_std(run: Run) -> Array:
     """(m, n) A, see ``Observation``: parameters within their covariance, and what the model left near rest."""
-    known = run.arm.uncertainty
-    if known is None:
+    uncertainty = run.arm.uncertainty
+    if uncertainty is None:
         return np.zeros_like(run.q)
-    left = [np.nan if value is None else value for value in known.near_rest] or [np.nan] * len(run.arm)
-    return np.hypot(parameter_std(run), np.array(left) / run.arm.joint_array("drive_constant"))
+    near_rest = [np.nan if value is None else value for value in uncertainty.near_rest] or [np.nan] * len(run.arm)
+    return np.hypot(parameter_std(run), np.array(near_rest) / run.arm.joint_array("drive_constant"))
 
 
 def near_rest(recordings: Sequence[Observation], joint: int, nuisance: Collection[Variable] = ()) -> list[NearRest]:
@@ -179,8 +179,8 @@ def near_rest(recordings: Sequence[Observation], joint: int, nuisance: Collectio
         for recording in recordings
         if known_speed(recording, joint) and np.isfinite(recording.model_std[:, joint - 1]).all()
     )
-    found = [_of_run(one, joint) for one in judged]
-    return [_with_nuisance(one, nuisance) for one in found if one.rows.any()]
+    of_runs = [_of_run(one, joint) for one in judged]
+    return [_with_nuisance(one, nuisance) for one in of_runs if one.rows.any()]
 
 
 def _with_nuisance(one: NearRest, variables: Collection[Variable]) -> NearRest:
@@ -263,13 +263,13 @@ def standstill_rows(v: Array, rate: float) -> NDArray[np.bool_]:
     return _longer(np.abs(v) < STANDS, STANDS_FOR * rate)
 
 
-def _longer(here: NDArray[np.bool_], rows: float) -> NDArray[np.bool_]:
+def _longer(flags: NDArray[np.bool_], rows: float) -> NDArray[np.bool_]:
     """Where ``here`` holds for more than so many rows on end."""
-    label, count = ndimage.label(here)
+    label, count = ndimage.label(flags)
     length = np.bincount(label, minlength=count + 1)
-    return np.asarray(here & (length[label] > rows))
+    return np.asarray(flags & (length[label] > rows))
 
 
-def _spread(here: NDArray[np.bool_], rows: float) -> NDArray[np.bool_]:
+def _spread(flags: NDArray[np.bool_], rows: float) -> NDArray[np.bool_]:
     """``here`` and so many rows before and after."""
-    return np.asarray(ndimage.maximum_filter1d(here.astype(np.uint8), 2 * int(rows) + 1) > 0)
+    return np.asarray(ndimage.maximum_filter1d(flags.astype(np.uint8), 2 * int(rows) + 1) > 0)

@@ -83,9 +83,9 @@ def rise_at_rest(cause: Cause, every: Sequence[NearRest]) -> RiseAtRest:
     effect = CATALOGUE[cause.effect]
     measured = break_aways(every, effect, values) if every else BreakAways(*np.zeros((4, 0)))
     shortest, longest = (float(of(measured.rested)) if len(measured.rested) else 0.0 for of in (np.min, np.max))
-    found = RiseAtRest(unit=unit, rests=len(measured.rested), shortest=shortest, longest=longest)
-    if found.rests < FEWEST or longest < VARIES * shortest:
-        return found
+    result = RiseAtRest(unit=unit, rests=len(measured.rested), shortest=shortest, longest=longest)
+    if result.rests < FEWEST or longest < VARIES * shortest:
+        return result
     x = np.column_stack([np.ones_like(measured.rested), np.log10(measured.rested)])
     # one break-away scatters by more than the noise of its rows
     weight = 1.0 / np.maximum(measured.std, np.median(measured.std))
@@ -94,12 +94,12 @@ def rise_at_rest(cause: Cause, every: Sequence[NearRest]) -> RiseAtRest:
     residual = (measured.height - x @ solved) * weight
     covariance = np.linalg.inv(weighted.T @ weighted) * float(residual @ residual) / (len(x) - 2)
     rise, std = float(solved[1]), float(np.sqrt(covariance[1, 1]))
-    found = replace(found, value=rise, std=float(np.hypot(std, effect.model_error * rise)))
-    if not found.determined:
-        return found
+    result = replace(result, value=rise, std=float(np.hypot(std, effect.model_error * rise)))
+    if not result.determined:
+        return result
     level = values[effect.linear[0].name]
     reference = float(np.clip(10.0 ** ((level - float(solved[0])) / rise), shortest, longest))
-    return replace(found, reference=reference, slip=FORGETS * float(np.median(measured.slid)))
+    return replace(result, reference=reference, slip=FORGETS * float(np.median(measured.slid)))
 
 
 @dataclass(frozen=True)
@@ -140,10 +140,10 @@ def _heights(
     for one in every:
         w = width * one.run.arm.joints[one.joint - 1].sign_velocity
         shape = one.of(one.of_law(effect, unit, w))
-        rest = one.residual + level * one.of(one.of_law(effect, unit)) - one.of(one.smoothed(np.array([w]))[:, 0])
+        remaining = one.residual + level * one.of(one.of_law(effect, unit)) - one.of(one.smoothed(np.array([w]))[:, 0])
         shapes.append(shape)
-        parts.append(rest)
-        energy += float(np.sum((rest - level * shape) ** 2))
+        parts.append(remaining)
+        energy += float(np.sum((remaining - level * shape) ** 2))
     shown = [(shapes[rest.of][rest.shows], parts[rest.of][rest.shows]) for rest in rests]
     size = np.array([max(float(shape @ shape), 1e-12) for shape, _ in shown])
     heights = np.array([float(shape @ part) for shape, part in shown]) / size
@@ -160,9 +160,9 @@ def _rests(number: int, one: NearRest, ends: float) -> Iterator[Rest]:
     for k in range(count):
         part = stands[k]
         until = stands[k + 1].start if k + 1 < count else len(one.v)
-        here = (place >= part.stop) & (place < min(until, part.stop + BREAKS_AWAY * rate))
+        after_rest = (place >= part.stop) & (place < min(until, part.stop + BREAKS_AWAY * rate))
         rests = np.flatnonzero(still[part])
-        if part.start > 0 and here.any() and len(rests):
+        if part.start > 0 and after_rest.any() and len(rests):
             speed = np.abs(one.v[part.stop : until])
             over = int(np.argmax(speed > ends)) or len(speed)
-            yield Rest(number, (rests[-1] + 1 - rests[0]) / rate, here, float(np.sum(speed[:over])) / rate)
+            yield Rest(number, (rests[-1] + 1 - rests[0]) / rate, after_rest, float(np.sum(speed[:over])) / rate)

@@ -209,9 +209,11 @@ def _deviations(candidate: Candidate, others: Chosen, model: SingleAxis) -> tupl
 def _group(score: Score[Candidate], chosen: Chosen, model: SingleAxis) -> tuple[str, ...]:
     """The ambiguity group of a cause: itself, and effects that explain as much with no more coefficients."""
     others = model.without(score.candidate, chosen)
-    named, group = {c.effect for c in chosen}, [score.candidate.effect]
+    effects, group = {c.effect for c in chosen}, [score.candidate.effect]
     for rival in model.best(others):
-        simpler = rival.effect not in named and model.columns(rival, model.rows.fit).shape[1] <= len(score.coefficients)
+        simpler = rival.effect not in effects and model.columns(rival, model.rows.fit).shape[1] <= len(
+            score.coefficients
+        )
         enough = LIMITS.ambiguity * score.gain
         if simpler and model.is_physical(rival, others) and model.score(rival, others).gain > enough:
             group.append(rival.effect)

@@ -172,10 +172,10 @@ def waves(residual: Array, rows: Rows, count: int = 3) -> list[Candidate]:
     At least FEWEST_WAVES in the travel, and at most as many as the filter passes at the fastest stroke.
     """
     travel, speed = float(np.ptp(rows.q)), max(float(np.max(np.abs(s.v))) for s, _ in rows.parts)
-    most = COMPARE_BAND * travel / max(speed, 1e-12)
-    if most < FEWEST_WAVES or len(residual) == 0:
+    highest = COMPARE_BAND * travel / max(speed, 1e-12)
+    if highest < FEWEST_WAVES or len(residual) == 0:
         return []
-    cycles = np.arange(FEWEST_WAVES, most, 0.2)
+    cycles = np.arange(FEWEST_WAVES, highest, 0.2)
     place = (rows.q - rows.q.min()) / travel
     power = np.array([abs(np.sum(residual * np.exp(-2j * np.pi * n * place))) ** 2 for n in cycles])
     peaks = np.flatnonzero((power[1:-1] > power[:-2]) & (power[1:-1] >= power[2:])) + 1

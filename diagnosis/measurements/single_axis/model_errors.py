@@ -58,13 +58,13 @@ class ModelErrors:
 
 def model_errors(arm: Arm, samples: Split[Samples], rows: Split[Rows], block_seconds: float) -> ModelErrors | None:
     """Of an arm of one joint whose ``rows`` these samples are; None where nothing is stated."""
-    known = arm.uncertainty
-    if known is None or not known.parameters:
+    uncertainty = arm.uncertainty
+    if uncertainty is None or not uncertainty.parameters:
         return None
-    values = np.array([parameter(arm, name) for name in known.parameters])
+    values = np.array([parameter(arm, name) for name in uncertainty.parameters])
     directions = []
-    for step in known.directions.T:
-        moved = with_parameters(arm, dict(zip(known.parameters, (values + step).tolist())))
+    for step in uncertainty.directions.T:
+        moved = with_parameters(arm, dict(zip(uncertainty.parameters, (values + step).tolist())))
         directions.append([rows_of(moved, side, block_seconds).residual for side in samples])
     changes = [
         np.column_stack(

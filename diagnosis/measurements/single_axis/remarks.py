@@ -12,8 +12,8 @@ from diagnosis.units import recorded_quantity
 def remarks(axis: AxisSide, drive: Joint) -> Iterator[str]:
     """Sentences on the axis with this joint."""
     if axis.causes:
-        left = f"{axis.causes[-1].after:.3g} {drive.command_unit} rms"
-        yield f"{left} of the held-out {recorded_quantity(drive)} below 60 Hz remain unexplained"
+        remaining = f"{axis.causes[-1].after:.3g} {drive.command_unit} rms"
+        yield f"{remaining} of the held-out {recorded_quantity(drive)} below 60 Hz remain unexplained"
     if axis.wave:
         length = f"{axis.wave.length:.4g} rad" if drive.revolute else f"{1e3 * axis.wave.length:.2f} mm"
         yield (

@@ -301,5 +301,5 @@ def _strays(outliers: Sequence[Sequence[Outliers]], names: Sequence[Sequence[str
 
 
 def _rms(residual: Array) -> float:
-    kept = residual[good(residual)]
-    return float(np.sqrt(np.mean(kept**2)))
+    seen = residual[good(residual)]
+    return float(np.sqrt(np.mean(seen**2)))

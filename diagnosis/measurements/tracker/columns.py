@@ -216,7 +216,7 @@ def fitted(
     """
     parameters = _parameters(arm, chosen, survey)
     scale = np.concatenate([np.zeros(0), *(c.scales for c in chosen if not c.names)])
-    points, own = points_of(chosen, side), len(scale)
+    points, terms = points_of(chosen, side), len(scale)
     if steps is not None:
         of_zeros = np.tile(zero_scales(steps), len(np.unique(side.of)))
         points, scale = _with_zeros(points, side), np.concatenate((scale, of_zeros))
@@ -240,8 +240,8 @@ def fitted(
         prior = np.concatenate((parameters.scale[parameters.free], scale))
         root = prior[:, None] * parameters.prior_root(len(scale))
         covariance = _widened(covariance, root, correlated)
-    kept = len(parameters.free) + own
-    trimmed = replace(estimate, extension=estimate.extension[:own], covariance=covariance[:kept, :kept])
+    count = len(parameters.free) + terms
+    trimmed = replace(estimate, extension=estimate.extension[:terms], covariance=covariance[:count, :count])
     return State(tuple(chosen), parameters, trimmed, correlated)
 
 
@@ -254,9 +254,9 @@ def _beyond_known(parameters: Parameters, estimate: Fit) -> Array:
     count = len(parameters.free)
     inverse = np.linalg.inv(parameters.prior_root()) / parameters.scale[parameters.free]
     unit = inverse @ (estimate.values - parameters.chain.values)[parameters.free]
-    left, axes = np.linalg.eigh(inverse @ estimate.covariance[:count, :count] @ inverse.T)
-    seen = left < INFORMATIVE
-    off = np.abs(axes[:, seen].T @ unit) / np.sqrt(1.0 - left[seen])
+    eigenvalues, axes = np.linalg.eigh(inverse @ estimate.covariance[:count, :count] @ inverse.T)
+    seen = eigenvalues < INFORMATIVE
+    off = np.abs(axes[:, seen].T @ unit) / np.sqrt(1.0 - eigenvalues[seen])
     return np.asarray(axes[:, seen][:, off > stats.norm.isf(BY_CHANCE / 2 / max(count, 1))])
 
 
@@ -309,12 +309,12 @@ def _parameters(arm: Arm, chosen: Sequence[TrackedCandidate], survey: Survey) ->
 
 def _with_known(parameters: Parameters, arm: Arm) -> Parameters:
     """Also what is known of the arm's geometry is free, within its covariance: beside it, candidates are errors."""
-    known, scale = arm.kinematic_uncertainty, parameters.scale
-    if known is None or not known.parameters:
+    uncertainty, scale = arm.kinematic_uncertainty, parameters.scale
+    if uncertainty is None or not uncertainty.parameters:
         return parameters
-    where = [parameters.chain.names.index(name) for name in known.parameters]
+    where = [parameters.chain.names.index(name) for name in uncertainty.parameters]
     covariance = np.diag(scale**2)
-    covariance[np.ix_(where, where)] += known.matrix
+    covariance[np.ix_(where, where)] += uncertainty.matrix
     wider = np.sqrt(np.diag(covariance))
     over = np.where(wider > 0.0, wider, 1.0)
     correlation, free = covariance / np.outer(over, over), np.flatnonzero(wider)

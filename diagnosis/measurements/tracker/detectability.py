@@ -54,9 +54,9 @@ def undetectable_by_tracker(
 
     level: m, std that the points leave undetermined; moves: see ``sizes``.
     """
-    invisible, here = [], only_tracked()
+    invisible, tracked_only = [], only_tracked()
     for candidate, size in moves.items():
-        if candidate.effect in here and candidate.key not in known and size < LIMITS.detectable * level:
+        if candidate.effect in tracked_only and candidate.key not in known and size < LIMITS.detectable * level:
             where = f" at joint {candidate.joint}" if candidate.joint else ""
             by = f"by {1e3 * size:.2g} mm rms" if size > 1e-3 * level else "negligibly"
             why = (
@@ -88,10 +88,10 @@ def _typical_squares(
     largest = 0.0
     for k, typical in enumerate(_typical(candidate)[0]):
         in_fit, in_held_out = (c[:, :, k].ravel() * typical for c in columns)
-        taken = np.linalg.solve(
+        refitted = np.linalg.solve(
             free[0].T @ free[0] + nothing.estimate.noise**2 * np.eye(free[0].shape[1]), free[0].T @ in_fit
         )
-        largest = max(largest, float(np.mean((in_held_out - free[1] @ taken) ** 2)))
+        largest = max(largest, float(np.mean((in_held_out - free[1] @ refitted) ** 2)))
     return largest
 
 
@@ -112,22 +112,22 @@ def structure(
     Of a residual far above the noise that no variable predicts, the size. Empty where the residual is noise.
     ``beside``: the residuals beside the encoders' zeros, of which waves and drifts are.
     """
-    of_time = (over_time(side, left, level) for side, left in zip(reversed(sides), reversed(without_zeros)))
+    of_time = (over_time(side, residual, level) for side, residual in zip(reversed(sides), reversed(without_zeros)))
     times = next(filter(None, of_time), [])
     return times or _against(sides, residuals, level)
 
 
 def _against(sides: Sequence[Side], residuals: Sequence[Array], level: float) -> list[Structure]:
     """The variable that predicts most of the held-out residual."""
-    kept = [good(residual) for residual in residuals]
-    fit, held_out = (residual[keep] for residual, keep in zip(residuals, kept))
+    seen = [good(residual) for residual in residuals]
+    fit, held_out = (residual[keep] for residual, keep in zip(residuals, seen))
     total = float(np.sum(held_out**2))
     if np.sqrt(np.mean(held_out**2)) < LIMITS.structure_noise * level:
         return []
     best: Structure | None = None
     generator = np.random.default_rng(0)
-    block = np.unique(sides[1].block[kept[1]], return_inverse=True)[1]
-    for (name, x_fit), (_, x) in zip(*(_variables(side, keep) for side, keep in zip(sides, kept))):
+    block = np.unique(sides[1].block[seen[1]], return_inverse=True)[1]
+    for (name, x_fit), (_, x) in zip(*(_variables(side, keep) for side, keep in zip(sides, seen))):
         predicted = predicted_by_bins(x_fit, fit, x, BINS)
         share = 1.0 - float(np.sum((held_out - predicted) ** 2)) / total
         if share > LIMITS.structure_share and (best is None or share > best.share):

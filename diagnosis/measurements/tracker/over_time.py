@@ -33,12 +33,15 @@ def over_time(side: Side, residual: Array, level: float) -> list[Structure]:
     level: m, noise of a coordinate.
     """
     keep = good(residual)
-    energy, found = float(np.sum(residual[keep] ** 2)), list[_TimeStructure]()
+    energy, structures = float(np.sum(residual[keep] ** 2)), list[_TimeStructure]()
     for recording in np.unique(side.of):
-        own = keep & (side.of == recording)
-        if own.sum() > 2 * NEIGHBOURS:
-            found += [*_waves(side.t[own], residual[own], level), *_drifts(side.t[own], residual[own], level)]
-    kinds = [[one for one in found if one.drifts == drifts] for drifts in (False, True)]
+        of_recording = keep & (side.of == recording)
+        if of_recording.sum() > 2 * NEIGHBOURS:
+            structures += [
+                *_waves(side.t[of_recording], residual[of_recording], level),
+                *_drifts(side.t[of_recording], residual[of_recording], level),
+            ]
+    kinds = [[one for one in structures if one.drifts == drifts] for drifts in (False, True)]
     return [
         Structure(Signal.TRACKER, None, one.against, min(1.0, one.energy / energy), one.size)
         for one in (max(kind, key=lambda each: each.energy) for kind in kinds if kind)

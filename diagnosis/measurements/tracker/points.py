@@ -100,14 +100,14 @@ def side_of(
     """
     parts: list[Side] = []
     outliers, noises = [], []
-    most = max(1, MOST // len(recordings))
+    limit = max(1, MOST // len(recordings))
     for index, (recording, q, at) in enumerate(zip(recordings, angles, nominal, strict=True)):
         xyz = points_of(recording)
         assert xyz is not None
         rows = _rows(recording.t, q, xyz, xyz - at)
         outliers.append(rows.outliers)
         noises.append(rows.noise)
-        parts.append(_part(loaded(arm, setup_of(recording).payload), rows, index, most, parts))
+        parts.append(_part(loaded(arm, setup_of(recording).payload), rows, index, limit, parts))
     names = ("q", "xyz", "v", "load", "holding", "motor", "t", "block", "of")
     side = Side(
         **{name: np.concatenate([getattr(part, name) for part in parts]) for name in names},
@@ -116,9 +116,9 @@ def side_of(
     return side, outliers, float(np.median(noises))
 
 
-def _part(arm: Arm, rows: _Rows, index: int, most: int, before: Sequence[Side]) -> Side:
+def _part(arm: Arm, rows: _Rows, index: int, limit: int, before: Sequence[Side]) -> Side:
     usable = np.flatnonzero(np.isfinite(rows.xyz).all(axis=1))
-    usable = usable[:: max(1, -(-len(usable) // most))]
+    usable = usable[:: max(1, -(-len(usable) // limit))]
     q, v, a = rows.q[usable], rows.v[usable], rows.a[usable]
     bare = replace(described(arm), effects=())
     late = q - latency(arm) * v

@@ -30,12 +30,14 @@ def residual_without_zeros(state: State, side: Side, steps: Array, level: float)
     chain = state.parameters.chain.at(state.values)
     every = position_jacobian(chain, state.points(side).bent(state.estimate.extension))[1]
     columns = (every[:, :, chain.joint_steps()] @ side.coupling) * zero_scales(steps)
-    kept = good(residual)
+    seen = good(residual)
     for recording in np.unique(side.of):
-        own = side.of == recording
-        fitted = columns[own & kept].reshape(-1, columns.shape[2])
+        of_recording = side.of == recording
+        fitted = columns[of_recording & seen].reshape(-1, columns.shape[2])
         normal = fitted.T @ fitted + level**2 * np.eye(fitted.shape[1])
-        residual[own] -= columns[own] @ np.linalg.solve(normal, fitted.T @ residual[own & kept].ravel())
+        residual[of_recording] -= columns[of_recording] @ np.linalg.solve(
+            normal, fitted.T @ residual[of_recording & seen].ravel()
+        )
     return residual
 
 

@@ -126,9 +126,9 @@ def _waves(bases: Bases, residual: Array, arm: Arm, joint: int) -> Iterator[Shap
     """The strongest ripples over the motor's angle, alone and times direction, and over the angles of two joints."""
     fit, held_out = bases.fit, bases.held_out
     over, ratio = 1.0 / fit.at_joint("deviation", joint), arm.joints[joint - 1].ratio
-    weighted, own = residual[fit.of(joint)] * over, fit.at_joint("q", joint)
+    weighted, angle = residual[fit.of(joint)] * over, fit.at_joint("q", joint)
     for direction in (_everywhere, partial(_direction, joint=joint, width=arm.joints[joint - 1].sign_velocity)):
-        ripple = _ripple(weighted * direction(fit), own * ratio)
+        ripple = _ripple(weighted * direction(fit), angle * ratio)
         if ripple is not None:
             yield _wave("motor angle", fit, held_out, joint, {joint: ripple * ratio}, direction)
     for other in range(1, len(arm) + 1):
@@ -182,13 +182,13 @@ def _ripple(weighted: Array, motor: Array) -> float | None:
     return float(cycles[in_band][int(np.argmax(power[in_band]))])
 
 
-def _plane_wave(weighted: Array, own: Array, other: Array) -> tuple[float, float]:
+def _plane_wave(weighted: Array, angle: Array, other_angle: Array) -> tuple[float, float]:
     """c and d, rad/rad, of the strongest wave sin(c own + d other) that depends on both angles.
 
     own, other: ``harmonics_of`` the angles.
     """
     steps = len(WAVE_STEPS)
-    products = ((own * weighted) @ other.T).reshape(2, steps, 2, steps)
+    products = ((angle * weighted) @ other_angle.T).reshape(2, steps, 2, steps)
     cc, cs, sc, ss = products[0, :, 0], products[0, :, 1], products[1, :, 0], products[1, :, 1]
     power = np.concatenate([np.hypot(cc + ss, cs - sc), np.hypot(cc - ss, cs + sc)])
     c = np.concatenate([-WAVE_STEPS, WAVE_STEPS])
@@ -208,8 +208,8 @@ def _past(fit: Dataset, held_out: Dataset, arm: Arm, joint: int) -> Iterator[Sha
         return
     pair = []
     for side, of_side in zip((fit, held_out), currents):
-        kept = [_play(current, np.array(PLAYS) * travel) - current[:, None] for current in of_side]
-        pair.append(Functions(np.concatenate(kept), (np.ones(side.rows),), side, joint))
+        plays = [_play(current, np.array(PLAYS) * travel) - current[:, None] for current in of_side]
+        pair.append(Functions(np.concatenate(plays), (np.ones(side.rows),), side, joint))
     yield Shape("current and its past", Split(pair[0], pair[1]), np.ones(held_out.rows, bool))
 
 

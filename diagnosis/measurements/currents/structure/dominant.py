@@ -26,15 +26,15 @@ def dominant(state: State) -> list[Candidate]:
 
     One per joint, or the ripples of a joint together: a wheel and a motor make several orders.
     """
-    found = []
+    dominating = []
     for joint in sorted({c.joint for c in state.chosen if c.joint}):
         own = [c for c in state.chosen if c.joint == joint]
         ripples = [c for c in own if c.definition.wave]
         alone = [*([c] for c in own if c not in ripples), *([ripples] if ripples else [])]
         share, best = max(((explained_alone(several, state), several) for several in alone), key=lambda one: one[0])
         if share > state.model.limits.dominant:
-            found += best
-    return found
+            dominating += best
+    return dominating
 
 
 def of_own_variable(candidate: Candidate, variables: Iterable[str]) -> bool:
@@ -72,8 +72,8 @@ def explained_alone(own: Sequence[Candidate], state: State) -> float:
         (state.data.fit, without.fit, alone.fit, allowed.fit[joint - 1]),
         (state.data.held_out, without.held_out, alone.held_out, allowed.held_out[joint - 1]),
     ):
-        excess, left = (_excess(y, side, joint, times) for y in (before, after))
-        shares.append(1.0 - left / excess if excess > 0.0 else 0.0)
+        excess, remaining = (_excess(y, side, joint, times) for y in (before, after))
+        shares.append(1.0 - remaining / excess if excess > 0.0 else 0.0)
     return min(shares)
 
 
@@ -83,8 +83,8 @@ def remainder_of(candidate: Candidate, state: State) -> float:
     without = state.model.without(candidate, state).fitted
     side = state.data.held_out
     allowed = state.significance.allowed.held_out[candidate.joint - 1]
-    excess, left = (_excess(y, side, candidate.joint, allowed) for y in (without.held_out, state.fitted.held_out))
-    return float(np.sqrt(left / excess)) if excess > 0.0 else 0.0
+    excess, remaining = (_excess(y, side, candidate.joint, allowed) for y in (without.held_out, state.fitted.held_out))
+    return float(np.sqrt(remaining / excess)) if excess > 0.0 else 0.0
 
 
 def _excess(whitened: Array, side: Dataset, joint: int, allowed: float) -> float:

@@ -55,20 +55,20 @@ def likely_variable(data: Split[Dataset], residual: Split[Array], arm: Arm, join
     (``LIMITS.likely_share``).
     """
     every = joined(data, residual)
-    own = every.of(joint)
-    y, block = every.y[own], every.block[own]
+    rows = every.of(joint)
+    y, block = every.y[rows], every.block[rows]
     fold = block // FOLD_BLOCKS % FOLDS
-    best, most = None, LIMITS.likely_share * float(np.sum(y**2))
+    best, best_gain = None, LIMITS.likely_share * float(np.sum(y**2))
     for name, x, bends in _functions(every, y, fold, arm, joint):
         fall = y**2 - (y - _predicted(x, y, fold, bends)) ** 2
         gain = float(fall.sum())
-        if gain > most and p_value(np.bincount(block, weights=fall).astype(float)) < LIMITS.likely_p:
-            best, most = (name, x, bends), gain
+        if gain > best_gain and p_value(np.bincount(block, weights=fall).astype(float)) < LIMITS.likely_p:
+            best, best_gain = (name, x, bends), gain
     if best is None:
         return None
     (fit, held_out), (name, x, bends) = data, best
     pair = Split(Columns(x[: fit.rows], fit.of(joint)), Columns(x[fit.rows :], held_out.of(joint)))
-    return Likely(name, pair, most / float(np.sum(y**2)), bends)
+    return Likely(name, pair, best_gain / float(np.sum(y**2)), bends)
 
 
 def share_kept(likely: Likely, own: Pair, others: Sequence[Pair], data: Split[Dataset]) -> float:
@@ -135,9 +135,9 @@ def _penalty(x: Array, bends: Array | None) -> Array:
 
 def _by_folds(x: Array, y: Array, fold: NDArray[np.intp], penalty: Array) -> Array:
     """(rows,) of each fold from the coefficients in the others, with a ``penalty`` (k, k)."""
-    predicted, here = np.zeros_like(y), [fold == k for k in range(FOLDS)]
-    grams, toward = [x[k].T @ x[k] for k in here], [x[k].T @ y[k] for k in here]
-    whole = sum(grams)
-    for k, rows in enumerate(here):
-        predicted[rows] = x[rows] @ np.linalg.lstsq(whole - grams[k] + penalty, sum(toward) - toward[k], rcond=None)[0]
+    predicted, in_fold = np.zeros_like(y), [fold == k for k in range(FOLDS)]
+    grams, toward = [x[k].T @ x[k] for k in in_fold], [x[k].T @ y[k] for k in in_fold]
+    total = sum(grams)
+    for k, rows in enumerate(in_fold):
+        predicted[rows] = x[rows] @ np.linalg.lstsq(total - grams[k] + penalty, sum(toward) - toward[k], rcond=None)[0]
     return predicted

@@ -27,10 +27,10 @@ def noise_ratio(residual: Array, side: Dataset, joint: int) -> float:
     Only rows count in which the noise is that of the instruments. Noise correlated over longer than the initial
     standstill is underestimated; it is as large in the quietest seconds as in all others, and then the ratio is 1.
     """
-    known = side.comparable(joint)
-    if not known.any():
+    comparable = side.comparable(joint)
+    if not comparable.any():
         return 1.0
-    own, block = residual[side.of(joint)], side.block[side.of(joint)]
-    ratio = float(np.sqrt(np.mean(own[known] ** 2)))
-    quiet = float(quiet_noise(own[:, None], known[:, None], block)[0])
+    of_joint, block = residual[side.of(joint)], side.block[side.of(joint)]
+    ratio = float(np.sqrt(np.mean(of_joint[comparable] ** 2)))
+    quiet = float(quiet_noise(of_joint[:, None], comparable[:, None], block)[0])
     return ratio if ratio > LIMITS.far_above_noise or ratio > 1.5 * quiet else min(ratio, 1.0)

@@ -103,10 +103,10 @@ def _splines_of(x: Array, x_held_out: Array, *, same: bool) -> Splines | None:
     knots = (np.quantile(x, np.linspace(0.0, 1.0, KNOTS)) + np.linspace(x.min(), x.max(), KNOTS)) / 2
     if np.any(np.diff(knots) <= 0.0):
         return None  # practically constant
-    known = (x_held_out >= knots[0]) & (x_held_out <= knots[-1])
+    in_range = (x_held_out >= knots[0]) & (x_held_out <= knots[-1])
     in_fit = splines_at(x, knots)
-    in_held_out = (in_fit if same else splines_at(x_held_out, knots)) * known[:, None]
-    return Splines(in_fit, in_held_out, known, bends_of(knots))
+    in_held_out = (in_fit if same else splines_at(x_held_out, knots)) * in_range[:, None]
+    return Splines(in_fit, in_held_out, in_range, bends_of(knots))
 
 
 def splines_at(x: Array, knots: Array) -> Array:

@@ -29,8 +29,8 @@ from diagnosis.selection.regression import score, with_columns
 
 def spurious(state: State, unexplained: Unexplained, bases: Bases) -> list[Candidate]:
     """Chosen candidates that name parts of the structure that they leave unexplained; empty where none does."""
-    kept = dominant(state)
-    return _superfluous(state, unexplained, kept) or _outdone(state, kept, bases) or _compensating(state)
+    dominating = dominant(state)
+    return _superfluous(state, unexplained, dominating) or _outdone(state, dominating, bases) or _compensating(state)
 
 
 def _superfluous(state: State, unexplained: Unexplained, kept: Container[Candidate]) -> list[Candidate]:

@@ -58,11 +58,11 @@ def unexplained_structure(
     """
     joints = range(1, len(arm) + 1)
     bases.compute(arm)
-    found = in_parallel(lambda joint: structures_at(joint, data, bases, fitted, arm, significance), joints)
+    by_joint = in_parallel(lambda joint: structures_at(joint, data, bases, fitted, arm, significance), joints)
     return Unexplained(
-        [structure for structures, _, _ in found for structure in structures],
-        [pair for _, pairs, _ in found for pair in pairs],
-        {joint: likely for joint, (_, _, likely) in zip(joints, found) if likely},
+        [structure for structures, _, _ in by_joint for structure in structures],
+        [pair for _, pairs, _ in by_joint for pair in pairs],
+        {joint: likely for joint, (_, _, likely) in zip(joints, by_joint) if likely},
     )
 
 
@@ -73,16 +73,16 @@ def structures_at(
     structures: list[Structure] = []
     pairs: list[Pair] = []
     fit, held_out = data
-    known = np.ones(held_out.rows, bool)
+    judged = np.ones(held_out.rows, bool)
     shapes = list(shapes_of(bases, fitted.fit, arm, joint))
     for _ in range(LIMITS.structures):
-        best = _strongest(shapes, with_columns(fitted, pairs), data, joint, significance, known, bases.unseen)
+        best = _strongest(shapes, with_columns(fitted, pairs), data, joint, significance, judged, bases.unseen)
         if best is None:
             break
         shape, share = best
         structures.append(Structure(Signal.CURRENT, joint, shape.name, share))
         pairs.append(shape.pair)
-        known &= shape.known
+        judged &= shape.known
         shapes = [one for one in shapes if one.name != shape.name]
     conditional = with_columns(fitted, pairs).held_out
     ratio = noise_ratio(conditional, held_out, joint)
@@ -95,8 +95,8 @@ def structures_at(
         return [], [], likely
     if likely is not None:
         rows = held_out.of(joint)
-        left = float(np.sum(conditional[rows] ** 2)) / float(np.sum(fitted.held_out[rows] ** 2))
-        if not pairs or 1.0 - likely.share < LIMITS.swapped * left:
+        remaining = float(np.sum(conditional[rows] ** 2)) / float(np.sum(fitted.held_out[rows] ** 2))
+        if not pairs or 1.0 - likely.share < LIMITS.swapped * remaining:
             return [Structure(Signal.CURRENT, joint, likely.variable, likely.share)], [], likely
     if not pairs:
         against = wave_of(fitted.held_out, held_out, joint) or NO_VARIABLE
