@@ -59,16 +59,17 @@ def clear_errors(
     compared: Mapping[str, Sequence[tuple[Compared, Compared]]],
     runs: Mapping[str, Sequence[Run]],
     reported: Sequence[int | None],
-    spread: Callable[[str], Sequence[Sequence[Compared]]] = lambda _: (),
-    left: LeftOver | None = None,
+    sampled: Callable[[str], Sequence[Sequence[Compared]]] = lambda _: (),
+    left_over: LeftOver | None = None,
 ) -> list[Structure]:
     """What the closed loop leaves clearly above the noise, at joints (from 1) that are not ``reported`` already.
 
     compared, runs: by "fit" and "held_out", each recording in closed loop without the causes and with all of them, and
-    all recordings. spread: of a side, what the uncertainty of the model makes of the loops with all causes
-    (``model_errors.spreads``); left: what it left on healthy recordings. Limits are above the noise and these together.
+    all recordings. sampled: of a side, what the uncertainty of the model makes of the loops with all causes
+    (``model_errors.spreads``); left_over: what it left on healthy recordings. Limits are above the noise
+    and these together.
     """
-    found: dict[tuple[int, str], tuple[float, str]] = {}
+    clear: dict[tuple[int, str], tuple[float, str]] = {}
     for side, several in compared.items():
         if not several:
             continue
@@ -79,18 +80,20 @@ def clear_errors(
         ratios = _ratios(several, *noise)
         if not any(np.any(ratio > most) for _, most, ratio in ratios):
             continue
-        drawn = [_ratios([(one, one) for one in loops], *noise) for loops in spread(side)]
+        drawn = [_ratios([(one, one) for one in loops], *noise) for loops in sampled(side)]
         for band, (against, most, of_joints) in enumerate(ratios):
-            known = [one[band][2] ** 2 for one in drawn]
-            healthy = np.zeros(len(of_joints)) if left is None else left[band] / _noise_of(band, several, *noise)
-            allowed = np.sqrt(1.0 + healthy**2 + (np.mean(known, axis=0) if known else 0.0))
+            squares = [one[band][2] ** 2 for one in drawn]
+            healthy = (
+                np.zeros(len(of_joints)) if left_over is None else left_over[band] / _noise_of(band, several, *noise)
+            )
+            allowed = np.sqrt(1.0 + healthy**2 + (np.mean(squares, axis=0) if squares else 0.0))
             for joint, (ratio, times) in enumerate(zip(of_joints.tolist(), allowed.tolist()), 1):
                 key = joint, against
-                if joint not in reported and ratio > max(most * times, found.get(key, (0.0, ""))[0]):
-                    found[key] = ratio, side
+                if joint not in reported and ratio > max(most * times, clear.get(key, (0.0, ""))[0]):
+                    clear[key] = ratio, side
     return [
         Structure(Signal.CLOSED_LOOP, joint, against, 0.0, f"{ratio:.1f} times the noise, in {SIDES[side]} recordings")
-        for (joint, against), (ratio, side) in sorted(found.items())
+        for (joint, against), (ratio, side) in sorted(clear.items())
     ]
 
 
@@ -102,7 +105,7 @@ def _noise_of(band: int, several: Pairs, noise: Array, white: Sequence[Array]) -
     if band == 0:
         return noise
     rates = [rate_of(one.t) for _, one in several]
-    return np.asarray(np.mean([_in_band(own, _sections(rate)) for own, rate in zip(white, rates)], axis=0))
+    return np.asarray(np.mean([_in_band(noise, _sections(rate)) for noise, rate in zip(white, rates)], axis=0))
 
 
 def _ratios(several: Pairs, noise: Array, white: Sequence[Array]) -> list[tuple[str, float, Array]]:
@@ -183,10 +186,10 @@ def _in_band(white: Array, sections: Array) -> Array:
     return np.asarray(np.maximum(white * np.sqrt(np.mean(np.abs(response) ** 4)), 1e-12))
 
 
-def _of_blocks(values: Array, known: NDArray[np.bool_], rows: int) -> Array:
+def _of_blocks(values: Array, measured: NDArray[np.bool_], rows: int) -> Array:
     """(blocks, n) mean squares of values (m, n) over blocks of ``rows``; NaN where too few rows are known."""
     blocks = len(values) // rows
     shape = blocks, rows, values.shape[1]
-    squares, weight = (part[: blocks * rows].reshape(shape) for part in (values**2 * known, known.astype(float)))
+    squares, weight = (part[: blocks * rows].reshape(shape) for part in (values**2 * measured, measured.astype(float)))
     counted = weight.sum(axis=1)
     return np.where(counted >= LEAST_SHARE * rows, squares.sum(axis=1) / np.maximum(counted, 1.0), np.nan)

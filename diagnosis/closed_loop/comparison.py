@@ -80,12 +80,12 @@ class Compared:
 
     def measured(self, signal: str) -> NDArray[np.bool_]:
         """(m, n): whether ``current`` or ``angle`` was measured; of a current at a row without angles, it was not."""
-        found = np.ones(self.current.shape, bool)
+        rows = np.ones(self.current.shape, bool)
         since = self.t - self.t[0]
         for start, end, joint in self.unmeasured:
             if joint is None or signal == "current":
-                found[(since > start) & (since < end), slice(None) if joint is None else joint - 1] = False
-        return found
+                rows[(since > start) & (since < end), slice(None) if joint is None else joint - 1] = False
+        return rows
 
     def difference(self, signal: str) -> Array:
         """(m, n) measured less simulated ``current`` (A) or ``angle`` (rad); 0 in rows that were not measured."""
@@ -233,8 +233,10 @@ def _smoothing_error(arm: Arm, moving: Sequence[int], recording: Recording) -> A
     except InputError:  # a spring that the model has no rotor for
         return None
     rate = 1.0 / recording.dt
-    apart = recording.i - recorded(carrying, motion).current
-    return np.stack([np.sum(low_pass(one, COMPARE_BAND, rate)[kept(rate)] ** 2, axis=0) for one in apart])
+    differences = recording.i - recorded(carrying, motion).current
+    return np.stack(
+        [np.sum(low_pass(difference, COMPARE_BAND, rate)[kept(rate)] ** 2, axis=0) for difference in differences]
+    )
 
 
 def refuted(

@@ -145,13 +145,13 @@ def lag_costs(arm: Arm, recording: Recording, current: Array) -> LagCosts | None
     measured, simulated = (
         CubicSpline(t, zero_phase(band_sections(rate), signal[:, moving])) for signal in (current, shown)
     )
-    each, most = round(PIECE / COARSE), round(LONGEST / COARSE)
-    rows = np.arange(pieces * each) * COARSE + END + LONGEST
-    here = measured(rows)
-    around = simulated(np.arange(-most, len(rows) + most) * COARSE + rows[0] - behind)
-    shifts = np.arange(-most, most + 1)
-    energy = np.stack([_energy(here - around[most - by : most - by + len(rows)], pieces) for by in shifts])
-    lags = np.arange(-most * COARSE, (most + 0.5 * FINE / COARSE) * COARSE, FINE)
+    step, reach = round(PIECE / COARSE), round(LONGEST / COARSE)
+    rows = np.arange(pieces * step) * COARSE + END + LONGEST
+    measured_rows = measured(rows)
+    around = simulated(np.arange(-reach, len(rows) + reach) * COARSE + rows[0] - behind)
+    shifts = np.arange(-reach, reach + 1)
+    energy = np.stack([_energy(measured_rows - around[reach - by : reach - by + len(rows)], pieces) for by in shifts])
+    lags = np.arange(-reach * COARSE, (reach + 0.5 * FINE / COARSE) * COARSE, FINE)
     energy = np.maximum(CubicSpline(shifts * COARSE, energy)(lags), 1e-12 * energy.max())
     usual = np.median(energy, axis=1).min(axis=0)
     return LagCosts(

@@ -75,12 +75,12 @@ def friction_in_loop(
         return []
     laws = [effect for effect in friction_near_rest() if has_state(effect.name)]
     near = {effect.name for effect in friction_near_rest()}
-    found = []
+    causes = []
     for joint in joints:
         if max(arm.joints[joint - 1].rest_friction) == 0.0 or any((name, joint) in taken for name in near):
             continue
-        found += [_judged(arm, usable, joint, effect, len(joints) * len(laws)) for effect in laws]
-    return [cause for cause in found if cause is not None]
+        causes += [_judged(arm, usable, joint, effect, len(joints) * len(laws)) for effect in laws]
+    return [cause for cause in causes if cause is not None]
 
 
 def has_state(effect: str) -> bool:
@@ -103,11 +103,11 @@ def with_estimates_of(cause: Cause, other: Cause) -> Cause:
     )
 
 
-def _mean(one: Estimate, other: Estimate) -> Estimate:
-    weights = np.array([one.std, other.std]) ** -2.0
-    apart = abs(one.value - other.value) / float(np.hypot(one.std, other.std))
-    value = float(np.average([one.value, other.value], weights=weights))
-    return replace(one, value=value, std=max(1.0, apart) / float(np.sqrt(weights.sum())))
+def _mean(first: Estimate, second: Estimate) -> Estimate:
+    weights = np.array([first.std, second.std]) ** -2.0
+    deviations = abs(first.value - second.value) / float(np.hypot(first.std, second.std))
+    value = float(np.average([first.value, second.value], weights=weights))
+    return replace(first, value=value, std=max(1.0, deviations) / float(np.sqrt(weights.sum())))
 
 
 @dataclass(frozen=True)
@@ -215,15 +215,15 @@ def _judged(arm: Arm, recordings: Sequence[Recording], joint: int, effect: Effec
     chance = tests * p_value(_gains(turned[0], held[0], tried.seconds))
     if after[0] > LIMITS.left * before[0] or after[1] > LIMITS.current * before[1] or chance > LIMITS.significant:
         return None
-    stiffness, found = tried.values[_stiffness(effect)], _estimates(arm, recordings, joint, effect, tried)
-    if not stiffness.min() < found[0].value < stiffness.max():
+    stiffness, estimates = tried.values[_stiffness(effect)], _estimates(arm, recordings, joint, effect, tried)
+    if not stiffness.min() < estimates[0].value < stiffness.max():
         return None
     rms = [float(np.sqrt(side[0] / sum(map(len, held[0])))) for side in (before, after)]
     unit = drive.unit("rad")
     return Cause(
         effect=effect.name,
         joint=joint,
-        parameters=found,
+        parameters=estimates,
         confidence=confidence_of(min(1.0, chance)),
         before=rms[0],
         after=rms[1],

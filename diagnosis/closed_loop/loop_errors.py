@@ -128,16 +128,19 @@ def noise_floor(arm: Arm, recordings: Sequence[Recording], missed: Sequence[Arra
 
     missed: (m, n) A per recording, by the loops of ``arm``.
     """
-    noise, known = _noise_in_band(recordings), arm.uncertainty
-    if known is None:
+    noise, uncertainty = _noise_in_band(recordings), arm.uncertainty
+    if uncertainty is None:
         return noise
-    stated = np.array(known.in_loop or [0.0] * len(arm)) / arm.joint_array("drive_constant")
-    apart = [
-        np.mean(np.concatenate([loop_errors(other, r)[0] - own for r, own in zip(recordings, missed)]) ** 2, axis=0)
-        for other in sampled_arms(arm)
+    stated = np.array(uncertainty.in_loop or [0.0] * len(arm)) / arm.joint_array("drive_constant")
+    by_uncertainty = [
+        np.mean(
+            np.concatenate([loop_errors(sampled, r)[0] - nominal for r, nominal in zip(recordings, missed)]) ** 2,
+            axis=0,
+        )
+        for sampled in sampled_arms(arm)
     ]
     # the loop of an arm that was drawn may not be stable
-    known_to = [one for one in apart if np.isfinite(one).all()] or [np.zeros(len(arm))]
+    known_to = [one for one in by_uncertainty if np.isfinite(one).all()] or [np.zeros(len(arm))]
     return np.asarray(np.sqrt(noise**2 + stated**2 + np.mean(known_to, axis=0)))
 
 

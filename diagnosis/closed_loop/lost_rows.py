@@ -53,25 +53,25 @@ def lost_in_loop(
     currents: (m, n) A of fitted, then held-out recordings, with rows put back that are known to be lost.
     """
     recordings, of_fit = [*fit, *held_out], len(fit)
-    found = _lost(arm, recordings[:of_fit], currents[:of_fit], 0)
-    if not found:
+    losses = _lost(arm, recordings[:of_fit], currents[:of_fit], 0)
+    if not losses:
         return None
-    found += _lost(arm, recordings[of_fit:], currents[of_fit:], of_fit)
-    return LostInLoop([loss for loss, _, _ in found], _gain(found))
+    losses += _lost(arm, recordings[of_fit:], currents[of_fit:], of_fit)
+    return LostInLoop([loss for loss, _, _ in losses], _gain(losses))
 
 
 def _lost(
     arm: Arm, recordings: Sequence[Recording], currents: Sequence[Array], first: int
 ) -> list[tuple[DroppedTriggers, LagCosts, Change]]:
     """What each recording lost, with what shows it; ``first``: number of the first recording."""
-    found = []
+    losses = []
     for number, (recording, current) in enumerate(zip(recordings, currents), first):
         if (costs := lag_costs(arm, recording, current)) is None:
             continue
         change = costs.change()
         if (loss := _of_change(number, change, recording.dt)) is not None:
-            found.append((loss, costs, change))
-    return found
+            losses.append((loss, costs, change))
+    return losses
 
 
 def _of_change(recording: int, change: Change, period: float) -> DroppedTriggers | None:
@@ -86,14 +86,14 @@ def _of_change(recording: int, change: Change, period: float) -> DroppedTriggers
     return DroppedTriggers(recording, row, row_std, count, max(std, abs(rows - count), 0.05), period)
 
 
-def _gain(found: Sequence[tuple[DroppedTriggers, LagCosts, Change]]) -> Gain:
+def _gain(losses: Sequence[tuple[DroppedTriggers, LagCosts, Change]]) -> Gain:
     """What the change of lag explains of the first recording in closed loop, at the joint where that is most.
 
     With the probability that all recordings gain as much by chance: above 10 Hz, errors of one piece tell nothing of
     the next.
     """
-    _, costs, change = found[0]
-    most = int(np.argmax(change.gain))
-    before, after = (float(np.sqrt(np.mean(one[:, most]) / PIECE)) for one in costs.energies(change))
-    gains = [np.subtract(*own.costs(its)).sum(axis=1) for _, own, its in found]
-    return Gain(before=before, after=after, unit="A", joint=int(costs.joints[most]), p=p_value(np.concatenate(gains)))
+    _, costs, change = losses[0]
+    j = int(np.argmax(change.gain))
+    before, after = (float(np.sqrt(np.mean(one[:, j]) / PIECE)) for one in costs.energies(change))
+    gains = [np.subtract(*costs_of_one.costs(its)).sum(axis=1) for _, costs_of_one, its in losses]
+    return Gain(before=before, after=after, unit="A", joint=int(costs.joints[j]), p=p_value(np.concatenate(gains)))

@@ -26,13 +26,13 @@ SEED = 0
 
 def sampled_arms(arm: Arm, count: int = DRAWS) -> list[Arm]:
     """Arms as the uncertainty of ``arm`` has them; empty where it states nothing of its parameters."""
-    known = arm.uncertainty
-    if known is None or not known.parameters:
+    uncertainty = arm.uncertainty
+    if uncertainty is None or not uncertainty.parameters:
         return []
-    root, random = known.directions, np.random.default_rng(SEED)
-    values = np.array([parameter(arm, name) for name in known.parameters])
+    root, random = uncertainty.directions, np.random.default_rng(SEED)
+    values = np.array([parameter(arm, name) for name in uncertainty.parameters])
     return [
-        with_parameters(arm, dict(zip(known.parameters, (values + root @ draw).tolist())))
+        with_parameters(arm, dict(zip(uncertainty.parameters, (values + root @ draw).tolist())))
         for draw in random.standard_normal((count, root.shape[1]))
     ]
 
@@ -44,10 +44,10 @@ def spreads(
 
     nominal: the loops of ``arm``. An arm whose loop is not stable is left out.
     """
-    found = []
-    for other in sampled_arms(arm):
+    loops_of_arms = []
+    for sampled in sampled_arms(arm):
         try:
-            loops = [compare(recording, other, run) for recording, run in zip(recordings, runs)]
+            loops = [compare(recording, sampled, run) for recording, run in zip(recordings, runs)]
         except InputError:  # no body, or no friction, has the values that were drawn
             continue
         both = [
@@ -56,8 +56,8 @@ def spreads(
             if loop is not None
         ]
         if len(both) == len(nominal):
-            found.append(both)
-    return found
+            loops_of_arms.append(both)
+    return loops_of_arms
 
 
 def left_over_rms(arm: Arm) -> tuple[Array, Array] | None:
@@ -65,9 +65,9 @@ def left_over_rms(arm: Arm) -> tuple[Array, Array] | None:
 
     None where it states nothing.
     """
-    known = arm.uncertainty
-    if known is None:
+    uncertainty = arm.uncertainty
+    if uncertainty is None:
         return None
     constant, nothing = arm.joint_array("drive_constant"), np.zeros(len(arm))
-    along, in_loop = (np.array(one) if one else nothing for one in (known.left_over, known.in_loop))
+    along, in_loop = (np.array(one) if one else nothing for one in (uncertainty.left_over, uncertainty.in_loop))
     return along / constant, in_loop / constant

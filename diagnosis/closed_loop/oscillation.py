@@ -53,11 +53,11 @@ def oscillation(compared: Sequence[Compared], joint: int, band: tuple[float, flo
     powers = [_power(alike, of, joint) for of in ("current", "angle")]
     frequency: Array = np.asarray(np.fft.rfftfreq(_segment(alike[0]), 1.0 / _rate(alike[0])), float)
     inside = (frequency >= band[0]) & (frequency <= min(band[1], 0.45 * _rate(alike[0])))
-    found = peak(frequency, powers[0], inside)
-    if found is None:
+    line = peak(frequency, powers[0], inside)
+    if line is None:
         return None
-    at, here = found
-    current, angle = (float(np.sqrt(2.0 * power[here].sum() * frequency[1])) for power in powers)
+    at, bins = line
+    current, angle = (float(np.sqrt(2.0 * power[bins].sum() * frequency[1])) for power in powers)
     return Oscillation(at, current, angle)
 
 
@@ -75,21 +75,24 @@ def _power(compared: Sequence[Compared], of: str, joint: int) -> Array:
     return np.asarray(np.average(of_each, axis=0, weights=[one.measured(of)[:, joint - 1].sum() for one in compared]))
 
 
-def _words(own: Oscillation, arm: Arm, joint: int) -> str:
+def _words(oscillating: Oscillation, arm: Arm, joint: int) -> str:
     """``it oscillates at 5.3 Hz, with amplitudes of 120 mA and 0.034 mrad``; no oscillation is what setpoints make."""
     drive = arm.joints[joint - 1]
     sizes = []
-    for size, unit in ((own.current, drive.command_unit), (own.angle, drive.unit("rad"))):
-        factor, said = readable(unit, (size,))
-        sizes.append(f"{rounded(size * factor, 2)} {said}")
-    if _at_setpoints(own.frequency, arm):
+    for size, unit in ((oscillating.current, drive.command_unit), (oscillating.angle, drive.unit("rad"))):
+        factor, shown = readable(unit, (size,))
+        sizes.append(f"{rounded(size * factor, 2)} {shown}")
+    if _at_setpoints(oscillating.frequency, arm):
         return (
-            f"most of it at {own.frequency:.1f} Hz ({sizes[0]}), {_times(own.frequency, arm)} the rate of the "
-            "setpoints: the servo answers them otherwise than the model's; check its gains, and the joint for a spring"
+            f"most of it at {oscillating.frequency:.1f} Hz ({sizes[0]}), "
+            f"{_times(oscillating.frequency, arm)} the rate of the setpoints: the servo answers them otherwise "
+            "than the model's; check its gains, and the joint for a spring"
         )
-    if own.angle < LEAST_ANGLE:
-        return f"it oscillates at {own.frequency:.1f} Hz, with an amplitude of {sizes[0]}, and the angle does not"
-    return f"it oscillates at {own.frequency:.1f} Hz, with amplitudes of {sizes[0]} and {sizes[1]}"
+    if oscillating.angle < LEAST_ANGLE:
+        return (
+            f"it oscillates at {oscillating.frequency:.1f} Hz, with an amplitude of {sizes[0]}, and the angle does not"
+        )
+    return f"it oscillates at {oscillating.frequency:.1f} Hz, with amplitudes of {sizes[0]} and {sizes[1]}"
 
 
 def _at_setpoints(frequency: float, arm: Arm) -> bool:

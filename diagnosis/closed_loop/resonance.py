@@ -106,8 +106,8 @@ def transmission_resonance(
     if other_servos and promising:
         # gains that were found without the spring make up for some of it
         _, trial = promising[0]
-        beside = with_servo_gains(trial.added_to(arm), [r for r, _ in searched])
-        arm = replace(arm, controller=beside.controller)
+        with_gains = with_servo_gains(trial.added_to(arm), [r for r, _ in searched])
+        arm = replace(arm, controller=with_gains.controller)
         searched = [(r, loop_errors(arm, r)[0]) for r, _ in searched]
         promising = _promising(arm, [trial.joint], searched, noise, near)
     # one that explains its own joint may be refuted at the others
@@ -124,15 +124,15 @@ def _promising(
 
     searched: recordings, with what the loops of the arm miss.
     """
-    found = [
+    shares = [
         trial_score
         for joint in joints
         if arm.joints[joint - 1].rotor_inertia > 0.0  # without a rotor no mass remains on the side of the motor
         for effect in transmissions()
         if (trial_score := _searched(arm, effect, joint, searched, noise, near)) is not None
     ]
-    most = max((share for share, _ in found), default=0.0)
-    return sorted(found, key=lambda one: (one[0] < most - LIMITS.tie, len(one[1].values), -one[0]))
+    largest = max((share for share, _ in shares), default=0.0)
+    return sorted(shares, key=lambda one: (one[0] < largest - LIMITS.tie, len(one[1].values), -one[0]))
 
 
 def _missed(arm: Arm, recordings: Sequence[Recording]) -> tuple[list[Array], Array, Array]:
@@ -206,8 +206,8 @@ def _first(effect: Effect) -> dict[str, Sequence[float]]:
     """First values of every parameter: those of its search, the longest thinned to at most LANES combinations."""
     grid: dict[str, Sequence[float]] = {p.name: p.search for p in effect.parameters if p.search}
     longest = max(grid, key=lambda name: len(grid[name]))
-    others = math.prod(len(values) for name, values in grid.items() if name != longest)
-    stride = -(-len(grid[longest]) * others // LANES)
+    combinations = math.prod(len(values) for name, values in grid.items() if name != longest)
+    stride = -(-len(grid[longest]) * combinations // LANES)
     return grid | {longest: grid[longest][::stride]}
 
 

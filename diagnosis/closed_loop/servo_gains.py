@@ -37,12 +37,12 @@ def with_servo_gains(arm: Arm, recordings: Sequence[Recording]) -> Arm:
     for _ in range(STEPS):
         tried = [scaled(arm, logarithm + by[:, None]) for by in np.vstack([np.zeros(2), STEP * np.eye(2)])]
         errors = iter(in_parallel(_error, list(itertools.product(tried, recordings))))
-        here, *moved = (np.concatenate([next(errors) for _ in recordings]) for _ in tried)
-        if not all(np.isfinite(one).all() for one in (here, *moved)):
+        at_gains, *moved = (np.concatenate([next(errors) for _ in recordings]) for _ in tried)
+        if not all(np.isfinite(one).all() for one in (at_gains, *moved)):
             return arm
         for j in range(len(arm)):
-            slopes = np.stack([one[:, j] - here[:, j] for one in moved], axis=1) / STEP
-            step = -np.linalg.lstsq(slopes, here[:, j], rcond=None)[0]
+            slopes = np.stack([one[:, j] - at_gains[:, j] for one in moved], axis=1) / STEP
+            step = -np.linalg.lstsq(slopes, at_gains[:, j], rcond=None)[0]
             logarithm[:, j] += np.clip(step, -FARTHEST, FARTHEST)
     return scaled(arm, logarithm) if np.all(np.abs(logarithm) < np.log(MOST)) else arm
 

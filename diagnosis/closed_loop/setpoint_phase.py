@@ -28,14 +28,14 @@ def lag_of(measured: Array, simulated: Array, rate: float) -> float:
     by a parabola.
     """
     fine = FINE * rate
-    most = min(round(LARGEST_LAG * fine), FINE * (len(measured) - 1))
+    reach = min(round(LARGEST_LAG * fine), FINE * (len(measured) - 1))
     size = fft.next_fast_len(2 * len(measured), real=True)
     spectrum = fft.rfft(measured, size, axis=0) * np.conj(fft.rfft(simulated, size, axis=0))
     together = FINE * fft.irfft(spectrum, FINE * size, axis=0)
-    alike = np.concatenate([together[-most - 1 :], together[: most + 2]])
+    alike = np.concatenate([together[-reach - 1 :], together[: reach + 2]])
     squares = np.sum(measured**2 + simulated**2, axis=0) - 2.0 * alike
     near = -np.sum(np.log(np.maximum(squares, 0.0) + len(measured)), axis=1)
     k = 1 + int(np.argmax(near[1:-1]))
     before, at, after = near[k - 1 : k + 2]
     bend = before - 2 * at + after
-    return float((k - most - 1 + (0.5 * (before - after) / bend if bend < 0.0 else 0.0)) / fine)
+    return float((k - reach - 1 + (0.5 * (before - after) / bend if bend < 0.0 else 0.0)) / fine)

@@ -66,7 +66,7 @@ def shares_of(paths: Sequence[Path], memory: float) -> tuple[Share, ...]:
     length = max(1, round(max(1.0, 3 * memory) / STEP))
     blocks = np.array_split(np.arange(len(value)), max(1, len(value) // length))
     names, alike = set.intersection(*(set(p.against) for p in paths)), float(np.mean([p.alike for p in paths]))
-    found = []
+    shares = []
     for name in paths[0].against:
         if name not in names:
             continue
@@ -82,8 +82,8 @@ def shares_of(paths: Sequence[Path], memory: float) -> tuple[Share, ...]:
         )
         beyond = (share - chance.mean()) / max(1.0 - chance.mean(), 1e-9)
         p = (1 + int(np.sum(chance >= share))) / (DRAWS + 1)
-        found.append(Share(name, max(float(beyond), 0.0), float(chance.mean()), p, _binned(score, seen, bins, alike)))
-    return tuple(sorted(found, key=lambda one: -one.share))
+        shares.append(Share(name, max(float(beyond), 0.0), float(chance.mean()), p, _binned(score, seen, bins, alike)))
+    return tuple(sorted(shares, key=lambda one: -one.share))
 
 
 def _binned(score: Array, seen: Array, bins: NDArray[np.intp], alike: float) -> float:

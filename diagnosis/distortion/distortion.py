@@ -96,16 +96,16 @@ def named_parameter(arm: Arm, name: str) -> tuple[str, int]:
 
     InputError for a parameter that the arm does not have.
     """
-    found = re.fullmatch(r"(link|joint)(\d+)\.(.+)", name)
-    if not found:
+    match = re.fullmatch(r"(link|joint)(\d+)\.(.+)", name)
+    if not match:
         raise InputError(
             "--distort",
             f"{name!r} is not a parameter; must be one such as joint2.viscous, link3.mass or joint1.torque_constant",
         )
-    kind, number, rest = found.groups()
-    own = f"joint{number}.{rest}" if kind == "link" and rest in JOINT_SIDE else name
-    parameter(arm, own)
-    return own, int(number)
+    kind, number, quantity = match.groups()
+    name_in_model = f"joint{number}.{quantity}" if kind == "link" and quantity in JOINT_SIDE else name
+    parameter(arm, name_in_model)
+    return name_in_model, int(number)
 
 
 def distort(arm: Arm, name: str, runs: Sequence[Run], recordings: Sequence[Recording]) -> Distortion:
@@ -114,21 +114,21 @@ def distort(arm: Arm, name: str, runs: Sequence[Run], recordings: Sequence[Recor
     ``recordings``: for temperatures that they may contain.
     InputError: a parameter that the motion does not excite, or not for long enough.
     """
-    own, joint = named_parameter(arm, name)
-    model = parameter(arm, own)
+    full_name, joint = named_parameter(arm, name)
+    model = parameter(arm, full_name)
     pairs = [(run, recording) for run, recording in zip(runs, recordings) if run.powered]
-    columns = [_column(run, own, model) for run, _ in pairs]
+    columns = [_column(run, full_name, model) for run, _ in pairs]
     residuals = _residuals([run for run, _ in pairs], columns, arm)
     steps = [_steps(run, *both) for (run, _), *both in zip(pairs, residuals, columns)]
     information = float(sum(seen.sum() for _, seen in steps))
     if information <= 0.0:
-        raise InputError("--distort", f"{own} does not affect these recordings; must be excited by the motion")
+        raise InputError("--distort", f"{full_name} does not affect these recordings; must be excited by the motion")
     if predicted(steps) < LEAST_PREDICTED:
         shown = sum(int(np.sum(seen > 0.0)) for _, seen in steps) * STEP
         raise InputError(
             "--distort",
-            f"{own} affects {shown:.1f} s of these recordings, which is too short to say how it varies; must be excited"
-            f" by the motion for longer than {GAP:g} s",
+            f"{full_name} affects {shown:.1f} s of these recordings, which is too short to say how it varies; must be "
+            f"excited by the motion for longer than {GAP:g} s",
         )
     constant = float(sum(score.sum() for score, _ in steps)) / information
     ratio, scale = strength(steps)
@@ -148,10 +148,10 @@ def distort(arm: Arm, name: str, runs: Sequence[Run], recordings: Sequence[Recor
         paths = paths_of(ratio, scale)
     drive = arm.joints[joint - 1]
     return Distortion(
-        own,
+        full_name,
         joint,
         drive,
-        drive.unit(UNITS.get(own.rpartition(".")[2], "")),
+        drive.unit(UNITS.get(full_name.rpartition(".")[2], "")),
         model,
         paths,
         float(np.sqrt(scale * ratio / STEP)),
@@ -187,9 +187,9 @@ def _residuals(runs: Sequence[Run], columns: Sequence[Array], arm: Arm) -> list[
         return np.split(values.reshape(-1, side.rows).T, ends)
 
     # near standstill the parameter has no column: what it does there would be taken for what is free
-    known = _flat(comparable_rows(run).astype(float) for run in runs)
-    y, none = known * side.y, np.empty((len(side.y), 0))
-    free = np.column_stack([none, *(one.dense(len(y)) for one in free_columns(side, arm))]) * known[:, None]
+    comparable = _flat(comparable_rows(run).astype(float) for run in runs)
+    y, none = comparable * side.y, np.empty((len(side.y), 0))
+    free = np.column_stack([none, *(one.dense(len(y)) for one in free_columns(side, arm))]) * comparable[:, None]
     own = _flat(columns)
     always = free @ np.linalg.lstsq(np.column_stack([own, free]), y, rcond=None)[0][1:]
     hidden = np.zeros_like(y)

@@ -77,13 +77,13 @@ def strength(steps: Steps) -> tuple[float, float]:
     typical = 1.0 / np.median(np.concatenate([seen[seen > 0] for _, seen in steps]))
     grid = np.log(typical) + np.arange(-14.0, 7.0)
     best = int(np.argmax([likelihood(steps, float(np.exp(value)))[0] for value in grid]))
-    found = optimize.minimize_scalar(
+    minimum = optimize.minimize_scalar(
         lambda value: -likelihood(steps, float(np.exp(value)))[0],
         bounds=(grid[best] - 1.0, grid[best] + 1.0),
         method="bounded",
         options={"xatol": 0.05},
     )
-    ratio = float(np.exp(found.x))
+    ratio = float(np.exp(minimum.x))
     return ratio, likelihood(steps, ratio)[1]
 
 

@@ -69,14 +69,14 @@ def separation(
 ) -> Separation:
     """The experiment for the ambiguity group of a cause; ``rig``: limits in addition to those of the model."""
     keys = [key for key in cause.group if _shapes(result, key)]
-    others = _nuisances(result, set(cause.group))
+    nuisances = _nuisances(result, set(cause.group))
     nothing = Separation(None, 0.0, separated_by(cause.group), 0)
     # predictions of currents do not discriminate what encoders, a tracker or a closed loop show
     if len(keys) < 2 or cause.signal is not Signal.CURRENT or _aliased({effect for effect, _ in keys}):
         return nothing
-    rivals = [rival_of(_shapes(result, key), others, result.fit, result.arm) for key in keys]
+    rivals = [rival_of(_shapes(result, key), nuisances, result.fit, result.arm) for key in keys]
     joints = sorted({felt for _, joint in keys if (felt := joint or cause.felt_at)})
-    return _best(Question(rivals, others, result.fit, result.arm), result, joints, rig, progress) or nothing
+    return _best(Question(rivals, nuisances, result.fit, result.arm), result, joints, rig, progress) or nothing
 
 
 def _aliased(effects: set[str]) -> bool:
@@ -119,11 +119,13 @@ def _best(
             progress(Step("discriminating experiment", tried - 1, detail=f"motion {tried}"))
             far = [distance for distance in distances.values() if distance >= ENOUGH]
             together = tuple(pair for pair, distance in distances.items() if distance < ENOUGH)
-            found = _Discrimination(len(far), min(far or distances.values()), kind, visited, trial, together)
+            discrimination = _Discrimination(len(far), min(far or distances.values()), kind, visited, trial, together)
             same = (best.kind, best.visited) == (kind, visited)
             # an experiment that takes more work must discriminate more pairs, not the same better
-            if found.pairs > best.pairs or (same and found.pairs == best.pairs and found.distance > best.distance):
-                best = found
+            if discrimination.pairs > best.pairs or (
+                same and discrimination.pairs == best.pairs and discrimination.distance > best.distance
+            ):
+                best = discrimination
     return _described(best, best.trial, tried) if best.pairs and best.trial else None
 
 
@@ -142,14 +144,14 @@ def _tried(question: Question, stage: Stage, joints: Sequence[int], kind: Kind) 
             yield trial, distances
 
 
-def _described(found: _Discrimination, trial: Trial, tried: int) -> Separation:
+def _described(discrimination: _Discrimination, trial: Trial, tried: int) -> Separation:
     words = f"{trial.words} ({demand_of(trial.experiment).duration:.0f} s in all)"
-    if not found.visited:
+    if not discrimination.visited:
         words = further(words)
-    if found.together:
-        pairs = ", ".join(f"{in_words(one)} and {in_words(other)}" for one, other in found.together)
+    if discrimination.together:
+        pairs = ", ".join(f"{in_words(first)} and {in_words(second)}" for first, second in discrimination.together)
         words += f"; it does not discriminate {pairs}"
-    return Separation(trial.experiment.model_copy(update={"description": words}), found.distance, words, tried)
+    return Separation(trial.experiment.model_copy(update={"description": words}), discrimination.distance, words, tried)
 
 
 def further(words: str) -> str:
@@ -167,8 +169,8 @@ def stage_of(result: Diagnosis, joints: Sequence[int], rig: Limits | None, visit
     poses = [start]
     if len(inside):
         load = drive_rigid_torque(result.arm, inside, 0 * inside, 0 * inside)[:, joints[0] - 1]
-        here = drive_rigid_torque(result.arm, start[None], 0 * start[None], 0 * start[None])[0, joints[0] - 1]
-        poses.append(inside[int(np.argmax(np.abs(load - here)))])
+        torque = drive_rigid_torque(result.arm, start[None], 0 * start[None], 0 * start[None])[0, joints[0] - 1]
+        poses.append(inside[int(np.argmax(np.abs(load - torque)))])
     return Stage(result.arm, start, np.array(poses), limits)
 
 

@@ -296,9 +296,9 @@ def _vertical(stage: Stage, pose: Array, joint: int) -> list[float]:
 
 
 def _excitations(stage: Stage) -> Iterator[Trial]:
-    for found, pace in zip(stage.excitations, ("slow", "brisk")):
-        pose = np.array(found.start)
-        moving = [segment.model_dump() for segment in found.segment if segment.type == "fourier"]
+    for series, pace in zip(stage.excitations, ("slow", "brisk")):
+        pose = np.array(series.start)
+        moving = [segment.model_dump() for segment in series.segment if segment.type == "fourier"]
         name = f"excitation of all joints ({pace})"
         joints = tuple(range(1, len(stage.arm) + 1))
         words = "all joints together in a sum of sines, 10 s"

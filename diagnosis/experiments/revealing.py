@@ -83,8 +83,8 @@ def _tried(
 
     Each with the effect-to-noise ratios. It starts from the recorded pose whose load of the joint differs most.
     """
-    named = {trial.experiment.name: trial for trial in of_joint(stage, stage.poses[-1], joint)}
-    trial = next((named[name] for one in (family, OTHERWISE) if (name := f"joint {joint} {one}") in named), None)
+    trials = {trial.experiment.name: trial for trial in of_joint(stage, stage.poses[-1], joint)}
+    trial = next((trials[name] for one in (family, OTHERWISE) if (name := f"joint {joint} {one}") in trials), None)
     if trial is None:
         return
     strengths = _strengths(trial, stage, noise, effects)
@@ -118,9 +118,9 @@ def _best(one: Undetectable, tried: Sequence[tuple[Trial, dict[EffectKey, float]
     if not able:
         return DetectionExperiment(one)
     # the first of those that are said alike: less would be rounding
-    trial, most = max(able, key=lambda pair: round(pair[1], 2))
+    trial, largest = max(able, key=lambda pair: round(pair[1], 2))
     motion = trial.words.removeprefix(f"joint {one.joint} ")
-    words = f"none of the motions tried for this joint suffices ({motion}: {times_noise(most)})"
+    words = f"none of the motions tried for this joint suffices ({motion}: {times_noise(largest)})"
     effect = CATALOGUE[one.effect]
     # the catalogue names instruments that show effects of gravity without a motion
     by_links = Instrument.LINK_ENCODER in effect.observed_by and effect.excited_by is not Excitation.GRAVITY

@@ -176,7 +176,7 @@ def predicted_run(trial: Trial, stage: Stage, noise: Array) -> Run | None:
         out = [(q[:, j - 1].min() < low[j - 1]) or (q[:, j - 1].max() > high[j - 1]) for j in moved]
         if over.any() or fast.any() or any(out):
             return None
-    known = KnownNoise(steps=np.zeros(len(arm)), residual=noise)
-    run = residual_run(experiment.name, arm, t, q, current, powered=not setup.drives_off, known=known)
+    noise_known = KnownNoise(steps=np.zeros(len(arm)), residual=noise)
+    run = residual_run(experiment.name, arm, t, q, current, powered=not setup.drives_off, known=noise_known)
     expected = run.along * run.powered  # another filter on the motion would discriminate equal effects
     return replace(run, current=expected, current_rate=run.rate(expected))

@@ -118,18 +118,18 @@ def _thrusters(arm: Arm, model: BaseWrench, chosen: Chosen) -> list[ThrusterTest
     spread = np.sqrt(np.diag(covariance(model.rows.fit, values, free, model.scale)))
     seen = excited(model.rows.fit, free, model.scale)
     at = {model.names[column]: k for k, column in enumerate(free)}
-    found = []
+    thrusters = []
     for k, names in enumerate(ways, 1):
         if not all(seen[at[name]] for name in names):
-            found.append(ThrusterTest(thruster=k, verdict="not excited"))
+            thrusters.append(ThrusterTest(thruster=k, verdict="not excited"))
             continue
-        known = {name: (float(values[free[at[name]]]), float(spread[at[name]])) for name in names}
-        off = {name: abs(value - model.nominal[free[at[name]]]) for name, (value, _) in known.items()}
-        p = float(min(1.0, min(2 * stats.norm.sf(off[name] / known[name][1]) for name in names) * len(gains)))
+        estimates = {name: (float(values[free[at[name]]]), float(spread[at[name]])) for name in names}
+        off = {name: abs(value - model.nominal[free[at[name]]]) for name, (value, _) in estimates.items()}
+        p = float(min(1.0, min(2 * stats.norm.sf(off[name] / estimates[name][1]) for name in names) * len(gains)))
         zone = f"thruster{k}.dead_zone"
         faulty = (p < SOUND and max(off.values()) > SMALLEST) or zone in chosen
-        ahead, astern = known[names[0]], known[names[-1]]
-        found.append(
+        ahead, astern = estimates[names[0]], estimates[names[-1]]
+        thrusters.append(
             ThrusterTest(
                 thruster=k,
                 verdict="differs" if faulty else "sound",
@@ -139,7 +139,7 @@ def _thrusters(arm: Arm, model: BaseWrench, chosen: Chosen) -> list[ThrusterTest
                 p=p,
             )
         )
-    return found
+    return thrusters
 
 
 def _ways(k: int, chosen: Chosen) -> tuple[str, ...]:

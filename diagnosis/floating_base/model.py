@@ -65,11 +65,11 @@ class BaseWrench(CandidateModel[str]):
     @property
     def block(self) -> Index:
         """(k,) of the same rows, the number of their block, from 0."""
-        first, found = 0, []
+        first, blocks = 0, []
         for _, judged in self.folds:
-            found.append(judged.block + first)
+            blocks.append(judged.block + first)
             first += int(judged.block.max()) + 1
-        return np.concatenate(found)
+        return np.concatenate(blocks)
 
     def best(self, chosen: Sequence[str]) -> list[str]:
         """Every parameter that is not chosen, nor a part of one."""
@@ -99,9 +99,9 @@ class BaseWrench(CandidateModel[str]):
         """Wrench of a candidate's change, as a share of that of the thrusters in its largest degree of freedom."""
         held, at = self.rows.held_out, self.names.index(name)
         values = self.values(entered(name, without))
-        other = values.copy()
-        other[at] = self.nominal[at]
-        wrenches = held.residual(values) - held.residual(other), held.thrust_wrench(values)
+        unchanged = values.copy()
+        unchanged[at] = self.nominal[at]
+        wrenches = held.residual(values) - held.residual(unchanged), held.thrust_wrench(values)
         change, thrust = (np.sqrt(np.mean(one**2, axis=0)) for one in wrenches)
         return float(np.max(change / np.maximum(thrust, self.scale)))
 
@@ -116,8 +116,8 @@ class BaseWrench(CandidateModel[str]):
 
 def contained(name: str, state: Chosen) -> bool:
     """Whether it is the gain of a thruster of which a direction is in the state."""
-    head, _, rest = name.partition(".")
-    return rest == "gain" and any(f"{head}.{way}" in state for way in ONE_WAY)
+    head, _, quantity = name.partition(".")
+    return quantity == "gain" and any(f"{head}.{way}" in state for way in ONE_WAY)
 
 
 def entered(name: str, state: Chosen) -> Chosen:

@@ -34,14 +34,14 @@ class BaseCause:
     @property
     def title(self) -> str:
         """What differs, in words."""
-        head, _, rest = self.name.partition(".")
-        words = rest.replace("_", " ")
+        head, _, quantity = self.name.partition(".")
+        words = quantity.replace("_", " ")
         if self.name.startswith("thruster"):
             number = head.removeprefix("thruster")
             return {
                 "forward": f"thruster {number}, weak forwards",
                 "reverse": f"thruster {number}, weak in reverse",
-            }.get(rest, f"{words} of thruster {number}")
+            }.get(quantity, f"{words} of thruster {number}")
         for kind in ("added mass", "linear drag", "quadratic drag"):
             if words.startswith(kind):
                 return f"{kind} in {words.removeprefix(kind).strip()}"
@@ -65,14 +65,14 @@ class BaseCause:
         return f"{self.title} is {self.value:.4g} {self.unit}, the model has {self.nominal:.4g}"
 
     def _of_thruster(self) -> str:
-        head, _, rest = self.name.partition(".")
+        head, _, quantity = self.name.partition(".")
         number = head.removeprefix("thruster")
-        if rest == "dead_zone":
+        if quantity == "dead_zone":
             return (
                 f"thruster {number} gives nothing for demands up to {self.value:.3g} N, the model has "
                 f"{self.nominal:.3g} N"
             )
-        way = {"gain": "", "forward": " forwards", "reverse": " in reverse"}[rest]
+        way = {"gain": "", "forward": " forwards", "reverse": " in reverse"}[quantity]
         return f"thruster {number} gives {self.value:.0%} of its demand{way}, the model has {self.nominal:.0%}"
 
     def to_json(self) -> dict[str, Any]:

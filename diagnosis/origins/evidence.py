@@ -85,13 +85,13 @@ def _at(
     findings = [_finding(cause, arm, several) for cause in causes if cause.joint == place]
     if place is None:
         # one cause that several joints show together (a hum of the rig) is a finding of the arm already
-        named = {cause.effect for cause in causes if cause.joint is not None}
-        alike = [name for name, yes in several.items() if yes and name in named and CATALOGUE[name].per_joint]
+        of_joints = {cause.effect for cause in causes if cause.joint is not None}
+        alike = [name for name, yes in several.items() if yes and name in of_joints and CATALOGUE[name].per_joint]
         findings += [_shared(name, causes, arm) for name in alike]
         findings += [of_arm for cause in causes if (of_arm := _of_arm(cause)) is not None]
-    here = {effect for one in findings for effect in one.effects}
-    here |= {effect for cause in causes for effect, joint in cause.group if joint == place}
-    return Evidence(joint=place, findings=tuple(findings), absent=searched - here)
+    effects = {effect for one in findings for effect in one.effects}
+    effects |= {effect for cause in causes for effect, joint in cause.group if joint == place}
+    return Evidence(joint=place, findings=tuple(findings), absent=searched - effects)
 
 
 def _finding(cause: Cause, arm: Arm, several: Mapping[str, bool]) -> Finding:
@@ -168,8 +168,8 @@ def _qualifiers(cause: Cause, arm: Arm) -> Iterator[tuple[str, bool]]:
         turns, teeth = _orders(cycles, joint), _tooth_orders(joint)
         yield "first_order", 1 in turns
         yield "second_order", 2 in turns
-        known = any(abs(cycles - order) < SAME_ORDER * order for order in teeth)
-        yield "tooth_order", known if teeth else max(turns, default=0) >= TOOTHED
+        of_known_teeth = any(abs(cycles - order) < SAME_ORDER * order for order in teeth)
+        yield "tooth_order", of_known_teeth if teeth else max(turns, default=0) >= TOOTHED
 
 
 def _orders(cycles: float, joint: Joint) -> list[int]:

@@ -110,8 +110,8 @@ def _settled(
         selection = trial.selection
         # what the others explain is not the recordings' own
         values = values_per_recording(several, state, selection.state.terms)
-        if len(kept := [own.candidate for own in values if own.contradict]) < len(several):
-            return _settled(kept, selection.state.terms, state, runs, search) if kept else None
+        if len(contradicting := [own.candidate for own in values if own.contradict]) < len(several):
+            return _settled(contradicting, selection.state.terms, state, runs, search) if contradicting else None
         if (
             noise_alone(selection.state)
             and not selection.unexplained.structures

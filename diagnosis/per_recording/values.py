@@ -89,7 +89,7 @@ def contradicted(state: State) -> Candidate | None:
 
 
 def promising(
-    state: State, most: int = 2, given: Sequence[Candidate] = (), others: Sequence[EffectTerm] = ()
+    state: State, limit: int = 2, given: Sequence[Candidate] = (), others: Sequence[EffectTerm] = ()
 ) -> list[Candidate]:
     """Settable effects that explain most by values of their own, where one value for all explains much less.
 
@@ -108,14 +108,14 @@ def promising(
         more = own.gains.sum() - (0.0 if given else _common_gain(state.model.columns(c), state, missed))
         return own if more > MATTERS * rows and exists_in_all(own, state) else None
 
-    found = [own for own in in_parallel(judged, tried) if own is not None]
-    best = max((float(own.gains.sum()) for own in found), default=0.0)
+    contradicting = [own for own in in_parallel(judged, tried) if own is not None]
+    best = max((float(own.gains.sum()) for own in contradicting), default=0.0)
 
     def rank(own: ValuesPerRecording) -> tuple[int, float]:
         gain = float(own.gains.sum())
         return (0, len(own.alone[0].values)) if gain > (1 - EQUAL) * best else (1, -gain)
 
-    return [own.candidate for own in sorted(found, key=rank)[:most]]
+    return [own.candidate for own in sorted(contradicting, key=rank)[:limit]]
 
 
 def noise_alone(state: State) -> bool:
@@ -163,12 +163,12 @@ def _values(
                 y = _flat(with_own(run, (*others, *terms))) + x @ values
             except InputError:
                 break
-        whole, block = _alone(run, x, y, unknown), np.tile(run.block, run.q.shape[1])
+        projected, block = _alone(run, x, y, unknown), np.tile(run.block, run.q.shape[1])
         for own, place, bend in zip(found, places, bends):
             rest = np.delete(x, np.arange(x.shape[1])[place], axis=1)
             # of what was there to explain: the corrections of values that nothing has are large
             without = first - rest @ scaled_lstsq(rest, first, INDEPENDENT)
-            alone = SingleEstimate(run.name, whole.values[place], whole.covariance[place, place])
+            alone = SingleEstimate(run.name, projected.values[place], projected.covariance[place, place])
             covariance = alone.covariance
             if bend:
                 slopes = np.column_stack([by[k] @ alone.values for _, by in bend])
@@ -278,12 +278,12 @@ def _flat(run: Run) -> Array:
 
 def _of_runs(pairs: Sequence[Pair], state: State) -> list[Array]:
     """(n * rows, k) columns of each recording, the fitted ones first."""
-    found = []
+    parts = []
     for part, columns in zip(state.model.data, zip(*pairs)):
-        whole = np.hstack([own.dense(len(part.y)) for own in columns]).reshape(-1, part.rows, _width(pairs))
+        columns_of_all = np.hstack([own.dense(len(part.y)) for own in columns]).reshape(-1, part.rows, _width(pairs))
         ends = np.cumsum([len(run.t) for run in part.runs])[:-1]
-        found += [rows.reshape(-1, rows.shape[2]) for rows in np.split(whole, ends, axis=1)]
-    return found
+        parts += [rows.reshape(-1, rows.shape[2]) for rows in np.split(columns_of_all, ends, axis=1)]
+    return parts
 
 
 def _width(pairs: Sequence[Pair]) -> int:
@@ -292,11 +292,11 @@ def _width(pairs: Sequence[Pair]) -> int:
 
 def _residuals(state: State) -> list[Array]:
     """(n * rows,) of each recording: its residual as the chosen are fitted to it."""
-    found = []
+    residuals = []
     for part in state.data:
         ends = np.cumsum([len(run.t) for run in part.runs])[:-1]
-        found += [rows.ravel() for rows in np.split(part.y.reshape(-1, part.rows), ends, axis=1)]
-    return found
+        residuals += [rows.ravel() for rows in np.split(part.y.reshape(-1, part.rows), ends, axis=1)]
+    return residuals
 
 
 def _alone(run: Run, x: Array, y: Array, unknown: Array) -> SingleEstimate:
@@ -316,9 +316,9 @@ def _predicted_gains(x: Array, y: Array, without: Array, block: NDArray[np.intp]
     """(blocks,) fall of the squared residual ``without`` in every second block by coefficients from the others."""
     gains = np.zeros(int(block.max()) + 1)
     for fold in (0, 1):
-        here = block % 2 == fold
-        left = y[here] - x[here] @ scaled_lstsq(x[~here], y[~here], INDEPENDENT)
-        gains += np.bincount(block[here], without[here] ** 2 - left**2, len(gains))
+        in_fold = block % 2 == fold
+        residual = y[in_fold] - x[in_fold] @ scaled_lstsq(x[~in_fold], y[~in_fold], INDEPENDENT)
+        gains += np.bincount(block[in_fold], without[in_fold] ** 2 - residual**2, len(gains))
     return gains
 
 

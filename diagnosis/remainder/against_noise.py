@@ -61,7 +61,7 @@ def ratios(runs: Sequence[Run], whitened: Array) -> list[JointNoise]:
     without any is left out. Of a joint whose residual is exactly 0, as where all of it lies in what is free in its
     recording (``Run.own_directions``), the error and its ratio are 0.
     """
-    data, found = dataset_of(runs), []
+    data, joint_noises = dataset_of(runs), []
     for j, joint in enumerate(runs[0].arm.joints):
         sure = data.comparable(j + 1)
         if not sure.any():
@@ -72,7 +72,7 @@ def ratios(runs: Sequence[Run], whitened: Array) -> list[JointNoise]:
         # noise that is as large in the quietest seconds is the floor, though the standstill shows less of it
         floor = error / ratio if ratio > 0.0 else float(np.sqrt(np.mean(deviation[sure] ** 2)))
         limit = LIMITS.above_noise
-        found.append(
+        joint_noises.append(
             JointNoise(joint=j + 1, error=error, floor=floor, ratio=ratio, limit=limit, unit=joint.command_unit)
         )
-    return found
+    return joint_noises

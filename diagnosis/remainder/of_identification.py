@@ -96,19 +96,19 @@ class Remainder:
 
 def remainders(state: State, structures: Sequence[Structure]) -> list[Remainder]:
     """Of every joint that is above the noise without unexplained structure; none where the model states nothing."""
-    model, found = state.model, list[Remainder]()
+    model, result = state.model, list[Remainder]()
     if model.uncertain is None or model.arm.uncertainty is None:
-        return found
+        return result
     exact = Significance(state.data, [*model.free, *(model.columns(c) for c in state.chosen)], None)
     variables = model.arm.uncertainty.against or ("",) * len(model.arm)
     reported, bases = {structure.joint for structure in structures}, Bases(*state.data)
-    for joint, (left, before) in enumerate(zip(model.uncertain.left_over.tolist(), variables), 1):
+    for joint, (remaining, before) in enumerate(zip(model.uncertain.left_over.tolist(), variables), 1):
         sides = zip(state.data, (state.fitted.fit, state.fitted.held_out))
         if joint in reported or max(noise_ratio(y, side, joint) for side, y in sides) <= LIMITS.above_noise:
             continue
         against = _variable(structures_at(joint, state.data, bases, state.fitted, model.arm, exact)[0])
-        found.append(Remainder(joint=joint, against=against, before=(1.0 + left) ** 0.5, before_against=before))
-    return found
+        result.append(Remainder(joint=joint, against=against, before=(1.0 + remaining) ** 0.5, before_against=before))
+    return result
 
 
 def _variable(structures: Sequence[Structure]) -> str:

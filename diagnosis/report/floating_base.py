@@ -71,13 +71,13 @@ def _asked(result: BaseDiagnosis) -> str:
 
 def verdict(result: BaseDiagnosis) -> str:
     """The first sentence."""
-    named = ", ".join(cause.title for cause in result.causes)
+    titles = ", ".join(cause.title for cause in result.causes)
     if result.verdict == "consistent":
         return "Consistent: the held-out recordings contradict no parameter of the vehicle, thruster or arm."
     if result.verdict == "explained":
-        return f"Explained by {named}."
-    found = f" beside {named}" if named else ""
-    return f"Unexplained structure in {', '.join(result.unexplained)}{found}: no candidate explains it."
+        return f"Explained by {titles}."
+    beside = f" beside {titles}" if titles else ""
+    return f"Unexplained structure in {', '.join(result.unexplained)}{beside}: no candidate explains it."
 
 
 def _summary(result: BaseDiagnosis) -> Markup:

@@ -179,12 +179,14 @@ def _gain(cause: Cause) -> str:
     factor, unit = readable(cause.unit, (cause.before, cause.after))
     less = f", {rounded(cause.before / cause.after)} times smaller" if 0.0 < cause.after < cause.before else ""
     sure = "" if len(cause.group) == 1 else " that this cause, or one indistinguishable from it, is present"
-    known = f" It is {remains(cause)}." if cause.deviations else ""
-    beside = "".join(f" {said[:1].upper()}{said[1:]}." for said in (rise_at_rest(cause), remainder(cause)) if said)
+    beyond_model = f" It is {remains(cause)}." if cause.deviations else ""
+    sentences = "".join(
+        f" {sentence[:1].upper()}{sentence[1:]}." for sentence in (rise_at_rest(cause), remainder(cause)) if sentence
+    )
     before, after = (rounded(factor * value) for value in (cause.before, cause.after))
     return (
         f"Held-out error of {where}: {before} {unit} without it, {after} {unit} with it{less}. "
-        f"Confidence {cause.confidence:.0%}{sure}.{known}{beside}"
+        f"Confidence {cause.confidence:.0%}{sure}.{beyond_model}{sentences}"
     )
 
 

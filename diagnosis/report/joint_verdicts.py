@@ -104,5 +104,5 @@ def _verdict(result: Diagnosis, joint: int) -> str:
     """As that of the whole, of the causes and structures at one joint."""
     if any(structure.joint == joint and structure.signal is not Signal.TRACKER for structure in result.unexplained):
         return "unexplained"
-    named = any(joint in (cause.joint, cause.felt_at) or joint in cause.of_joints for cause in result.causes)
-    return "explained" if named else "consistent"
+    has_cause = any(joint in (cause.joint, cause.felt_at) or joint in cause.of_joints for cause in result.causes)
+    return "explained" if has_cause else "consistent"

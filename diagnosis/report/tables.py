@@ -41,8 +41,8 @@ def errors(result: Diagnosis, table: dict[str, Any], extended: bool) -> Markup |
         values = [held["before"], held["after"], s["noise_rms"]]
         factor, unit = readable(s["unit"], values)
         texts = [rounded(factor * v) for v in (values if extended else values[1:])]
-        named = variable_in_words(s["signal"], result.arm, s["joint"]) if s["joint"] else "tracked points"
-        rows.append([named, str(s["joint"] or ""), *texts, unit])
+        signal = variable_in_words(s["signal"], result.arm, s["joint"]) if s["joint"] else "tracked points"
+        rows.append([signal, str(s["joint"] or ""), *texts, unit])
     if not rows:
         return None
     head = ["signal", "joint", *(["before", "after"] if extended else ["error"]), "noise", "unit"]
@@ -104,26 +104,26 @@ def undetectable_table(table: dict[str, Any]) -> Markup | None:
         joints.setdefault((", ".join(effects), why, experiment), []).append(joint)
     rows, last = list(_still(still)), ("", "")
     for (names, why, experiment), of_effects in joints.items():
-        here = names, experiment
+        row = names, experiment
         # once for all joints of an effect
-        texts = ["" if one == before else one for one, before in zip(here, last)]
+        texts = ["" if one == before else one for one, before in zip(row, last)]
         if texts[0]:
-            texts[1] = here[1]
+            texts[1] = row[1]
         rows.append([texts[0], ", ".join(of_effects), why, texts[1] or "as above"])
-        last = here
+        last = row
     return arm_report.table(rows, ("effect", "joint", "reason", "detection experiment"), (1,))
 
 
 def _still(rows: Sequence[dict[str, Any]]) -> Iterator[list[str]]:
     """One row per joint that stood: all effects together, and the experiments for them, without how much each shows."""
     for joint in dict.fromkeys(one["joint"] for one in rows):
-        here = [one for one in rows if one["joint"] == joint]
+        of_joint = [one for one in rows if one["joint"] == joint]
         experiments = []
-        for one in here:
+        for one in of_joint:
             motion, _, file = one["experiment"].rpartition("; ")
-            named = file.startswith("show_")
-            experiments.append(f"{motion.rpartition(': ')[0]}; {file}" if named else one["experiment"])
-        effects = ", ".join(in_words((one["effect"], None)) for one in here)
+            shows = file.startswith("show_")
+            experiments.append(f"{motion.rpartition(': ')[0]}; {file}" if shows else one["experiment"])
+        effects = ", ".join(in_words((one["effect"], None)) for one in of_joint)
         yield [effects, str(joint), f"joint {joint} stood still", "; ".join(dict.fromkeys(experiments))]
 
 

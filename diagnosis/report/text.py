@@ -40,6 +40,6 @@ def _over_noise(result: Diagnosis, table: dict[str, Any]) -> list[str]:
     for row in rows:
         before, after = (rounded(row["noise_ratio"][when], 2) for when in ("before", "after"))
         sizes[row["joint"]] = before if before == after else f"{before} -> {after}"
-    what = recorded_quantities(result.arm)
+    quantities = recorded_quantities(result.arm)
     each = "; ".join(f"joint {joint}: {size}" for joint, size in sizes.items())
-    return [f"held-out residual {what} over the noise floor of the instruments: {each}"]
+    return [f"held-out residual {quantities} over the noise floor of the instruments: {each}"]

@@ -106,9 +106,9 @@ def place(arm: Arm, signal: str, joint: int | None) -> str:
     """``the current of joint 2``, or its torque or force, where recordings have that."""
     if not joint:
         return f"the {signal}'s points"
-    what = recorded_quantity(arm.joints[joint - 1])
-    what = {Signal.CLOSED_LOOP: f"{what} in closed loop", Signal.CURRENT: what}.get(Signal(signal), signal)
-    return f"the {what} of joint {joint}"
+    quantity = recorded_quantity(arm.joints[joint - 1])
+    quantity = {Signal.CLOSED_LOOP: f"{quantity} in closed loop", Signal.CURRENT: quantity}.get(Signal(signal), signal)
+    return f"the {quantity} of joint {joint}"
 
 
 def against(arm: Arm, signal: str, joint: int | None, variable: str) -> str:
@@ -132,8 +132,8 @@ def remainder(cause: Cause) -> str:
     """``beside it, 14 % of its excess is unexplained, against position``; empty where nothing is."""
     if cause.remainder is None:
         return ""
-    known = [name for name in cause.remainder.against if name != NO_VARIABLE]
-    depends = f", against {' and '.join(known)}" if known else f", against {NO_VARIABLE}"
+    variables = [name for name in cause.remainder.against if name != NO_VARIABLE]
+    depends = f", against {' and '.join(variables)}" if variables else f", against {NO_VARIABLE}"
     return f"beside it, {100 * cause.remainder.share:.0f} % of its excess is unexplained{depends}"
 
 
@@ -150,8 +150,8 @@ def rise_at_rest(cause: Cause) -> str:
         )
     over = f"(std {rounded(rise.std, 2)}; {rise.rests} rests of {rise.shortest:.2g} to {rise.longest:.2g} s)"
     if not rise.determined:
-        most = max(rise.value, 0.0) + 2 * rise.std
-        return f"its level rises by less than {rounded(most, 2)} {rise.unit} for ten times the time at rest {over}"
+        largest = max(rise.value, 0.0) + 2 * rise.std
+        return f"its level rises by less than {rounded(largest, 2)} {rise.unit} for ten times the time at rest {over}"
     return f"its level rises by {rounded(rise.value, 3)} {rise.unit} for ten times the time at rest {over}"
 
 
@@ -217,8 +217,8 @@ def remains(cause: Cause) -> str:
     """How much of a cause's significance remains with the parameters of the model free; empty for an exact model."""
     if cause.deviations is None:
         return ""
-    exact, known = cause.deviations
-    return f"{known:.1f} standard deviations from zero ({exact:.1f} if the model were exact)"
+    exact, uncertain = cause.deviations
+    return f"{uncertain:.1f} standard deviations from zero ({exact:.1f} if the model were exact)"
 
 
 def gain(cause: Cause) -> str:

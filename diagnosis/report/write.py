@@ -196,10 +196,10 @@ def _add_detection_experiments(out: Path, table: dict[str, Any], showing: Sequen
             row["experiment"] += f"; show_{written.index(one.experiment) + 1}.toml"
 
 
-def _heading(cause: Cause, found: Separation) -> str:
+def _heading(cause: Cause, separation: Separation) -> str:
     members = ", ".join(map(in_words, cause.group))
     return (
-        f"Discriminates {members}.\n{found.words[:1].upper()}{found.words[1:]}.\n"
-        f"Discrimination distance: {found.distance:.0f} standard deviations of the noise,\n"
-        f"the largest of {found.tried} motions."
+        f"Discriminates {members}.\n{separation.words[:1].upper()}{separation.words[1:]}.\n"
+        f"Discrimination distance: {separation.distance:.0f} standard deviations of the noise,\n"
+        f"the largest of {separation.tried} motions."
     )

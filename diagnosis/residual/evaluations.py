@@ -51,9 +51,9 @@ class Evaluations:
         if self.shown is None or self.filtered is None:
             filtered = low_pass(shown, COMPARE_BAND, rate)[rows].copy()
         else:
-            others = np.flatnonzero((shown != self.shown).any(axis=0))
+            changed = np.flatnonzero((shown != self.shown).any(axis=0))
             filtered = self.filtered.copy()
-            if len(others):
-                filtered[:, others] = low_pass(shown[:, others], COMPARE_BAND, rate)[rows]
+            if len(changed):
+                filtered[:, changed] = low_pass(shown[:, changed], COMPARE_BAND, rate)[rows]
         self.shown, self.filtered = shown, filtered
         return filtered

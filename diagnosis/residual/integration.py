@@ -41,11 +41,11 @@ def _free_motion(square: Array, decay: Array, step: float) -> tuple[Array, Array
     w^2 = square - decay^2. Where it is negative the motion is the sum of two exponentials, written without cancelling.
     step s, decay 1/s, square 1/s2.
     """
-    rest = square - decay**2
-    w = np.sqrt(np.maximum(np.abs(rest), 1e-9))
+    remaining = square - decay**2
+    w = np.sqrt(np.maximum(np.abs(remaining), 1e-9))
     shrink = np.exp(-decay * step)
     even, odd = shrink * np.cos(w * step), shrink * np.sin(w * step) / w
-    creeps = rest < 0.0
+    creeps = remaining < 0.0
     if creeps.any():
         w, decay, square = w[creeps], decay[creeps], square[creeps]
         slow, quick = np.exp(-square / (decay + w) * step), np.exp(-(decay + w) * step)

@@ -18,11 +18,15 @@ def load_errors(arm: Arm, q: Array, v: Array, a: Array) -> Array:
 
     q, v, a (m, n) rad (m) and per second; r = 0 where the model states nothing of its masses.
     """
-    known = arm.uncertainty
-    masses = [k for k, name in enumerate(known.parameters) if name.startswith("link")] if known is not None else []
-    if known is None or not masses:
+    uncertainty = arm.uncertainty
+    masses = (
+        [k for k, name in enumerate(uncertainty.parameters) if name.startswith("link")]
+        if uncertainty is not None
+        else []
+    )
+    if uncertainty is None or not masses:
         return np.empty((*q.shape, 0))
     columns, names = regressor(described(arm), q, v, a)
-    of_masses = [list(names).index(known.parameters[k]) for k in masses]
-    root = known.directions[masses]
+    of_masses = [list(names).index(uncertainty.parameters[k]) for k in masses]
+    root = uncertainty.directions[masses]
     return np.asarray(columns[..., of_masses] @ root[:, np.any(root != 0.0, axis=0)])

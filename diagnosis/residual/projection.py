@@ -21,5 +21,5 @@ def orthogonal_to(basis: Array, values: Array) -> Array:
     """Values (m, n) or (m, n, k) perpendicular to a basis (m n, r); exactly 0 where nothing is left of them."""
     flat = values.reshape(len(basis), -1)
     residual = flat - basis @ (basis.T @ flat)
-    kept = np.linalg.norm(residual, axis=0) > DEPENDENT * np.linalg.norm(flat, axis=0)
-    return np.asarray((residual * kept).reshape(values.shape))
+    independent = np.linalg.norm(residual, axis=0) > DEPENDENT * np.linalg.norm(flat, axis=0)
+    return np.asarray((residual * independent).reshape(values.shape))

@@ -221,14 +221,14 @@ class Run:
     @cached_property
     def _unseen(self) -> list[tuple[slice, int, Array, Array]]:
         """Rows, joint, orthonormal directions (r, k) of what folds there, and the share by which these count less."""
-        found, of_unseen = [], unbounded(self.setpoints, rate_of(self.raw[0]))
+        directions, of_unseen = [], unbounded(self.setpoints, rate_of(self.raw[0]))
         matters = self.folded.any(axis=0) | self.rippled.any(axis=(0, 2))
         for part, j in itertools.product(self.parts, np.flatnonzero(matters).tolist()):
             over, t = 1.0 / self.deviation[part, j], self.t[part] - self.t[part][0]
             folded, rippled = self.folded[part, j] * over, self.rippled[part, j] * over[:, None]
             ahead = lead_of(self.folded[part, j], rate_of(self.t[part])) * over * of_unseen
-            found.append((part, j, *unseen_directions(folded, ahead, rippled, t)))
-        return found
+            directions.append((part, j, *unseen_directions(folded, ahead, rippled, t)))
+        return directions
 
 
 def merged(runs: Sequence[Run]) -> Run:

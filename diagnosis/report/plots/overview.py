@@ -99,17 +99,17 @@ def _current_chart(picture: str, result: Diagnosis, cause: Cause, joint: int) ->
     side = dataset_of(result.held_out)
     name = view_of(cause.effect)
     x = dict(variables(side, result.arm, joint))[name]
-    deviation, known = side.at_joint("deviation", joint), side.comparable(joint)
-    noise = float(np.sqrt(np.mean(side.at_joint("instruments", joint)[known] ** 2))) if known.any() else 0.0
-    residuals = [(y[side.of(joint)] * deviation)[known] for y in (side.y, result.residual.held_out)]
+    deviation, comparable = side.at_joint("deviation", joint), side.comparable(joint)
+    noise = float(np.sqrt(np.mean(side.at_joint("instruments", joint)[comparable] ** 2))) if comparable.any() else 0.0
+    residuals = [(y[side.of(joint)] * deviation)[comparable] for y in (side.y, result.residual.held_out)]
     largest = max((float(np.abs(values).max()) for values in residuals if len(values)), default=1.0)
     factor, unit = readable(result.arm.joints[joint - 1].command_unit, [largest])
-    at = held_out_time(result)[known]
+    at = held_out_time(result)[comparable]
     room = 1.05 * factor * largest or 1.0
     quantity, against = recorded_quantity(result.arm.joints[joint - 1]), variable_in_words(name, result.arm, joint)
     panels = tuple(
         Panel(
-            series=(Series(x=x[known], y=factor * values, kind="dots", colour=colour, label=title, at=at),),
+            series=(Series(x=x[comparable], y=factor * values, kind="dots", colour=colour, label=title, at=at),),
             zones=(Zone(low=-2 * factor * noise, high=2 * factor * noise, label="noise, two std"),),
             title=title,
             x=f"{against} of joint {joint}, {unit_of(result, joint, name)}",

@@ -74,10 +74,10 @@ def against_all(result: Diagnosis, joint: int, held_out: Sequence[Recording]) ->
                 motion=HELD_OUT,
             )
         )
-    what = recorded_quantity(result.arm.joints[joint - 1])
+    quantity = recorded_quantity(result.arm.joints[joint - 1])
     return Chart(
         name=f"joint_{joint}",
-        title=f"joint {joint}: measured minus predicted {what}, in units of the noise std",
+        title=f"joint {joint}: measured minus predicted {quantity}, in units of the noise std",
         panels=tuple(panels),
         columns=3,
         height=2.35,
@@ -89,13 +89,13 @@ def left_against(result: Diagnosis, joint: int, name: str) -> Chart | None:
 
     None for a variable that has no rows of its own.
     """
-    found = dict(variables(dataset_of(result.held_out), result.arm, joint))
-    if name not in found:
+    of_variables = dict(variables(dataset_of(result.held_out), result.arm, joint))
+    if name not in of_variables:
         return None
     _, after, sure = in_noise(result, joint)
     at = held_out_time(result)[sure]
     panel = Panel(
-        series=_cloud(found[name][sure], after[sure], at, (PALE_AFTER, AFTER), "residual"),
+        series=_cloud(of_variables[name][sure], after[sure], at, (PALE_AFTER, AFTER), "residual"),
         zones=(Zone(low=-2.0, high=2.0, label="noise, two std"),),
         x=_with_unit(result, joint, name),
         y=f"residual of joint {joint} over noise",

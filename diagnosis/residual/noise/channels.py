@@ -77,8 +77,8 @@ def _mean_of_noise(power: Array) -> float:
     mean = float(np.median(power)) / np.log(2.0)
     inside = 1.0 - CLIPPED / np.expm1(CLIPPED)
     for _ in range(ROUNDS):
-        kept = power[power < CLIPPED * mean]
-        if not len(kept) or (less := float(kept.mean()) / inside) > SETTLED * mean:
+        noise_bins = power[power < CLIPPED * mean]
+        if not len(noise_bins) or (less := float(noise_bins.mean()) / inside) > SETTLED * mean:
             break
         mean = less
     return mean

@@ -126,10 +126,10 @@ def _refined(steps: Array, multiples: Array) -> Array:
     """
     count = 1
     while True:
-        taken = multiples[:count]
-        whole = np.maximum(np.rint(taken / steps[:, None]), 0.0)
-        squares = np.sum(whole**2, axis=1)
-        steps = np.where(squares > 0.0, whole @ taken / np.where(squares > 0.0, squares, 1.0), steps)
+        chosen = multiples[:count]
+        counts = np.maximum(np.rint(chosen / steps[:, None]), 0.0)
+        squares = np.sum(counts**2, axis=1)
+        steps = np.where(squares > 0.0, counts @ chosen / np.where(squares > 0.0, squares, 1.0), steps)
         if count >= 4 * len(multiples):
             return steps
         count *= 2
