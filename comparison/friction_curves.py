@@ -62,8 +62,8 @@ def peak_speed(motion: Motion, joint: int, direction: float) -> float:
     moving = np.concatenate([[False], velocity > 0, [False]])
     edges = np.flatnonzero(np.diff(moving.astype(np.int8))).reshape(-1, 2)
     # A movement is interrupted where it is not certain, too: only peaks some way apart count.
-    apart = int(0.1 / motion.dt)
-    peaks = sorted(float(velocity[start:stop].max()) for start, stop in edges if stop - start > apart)
+    separation = int(0.1 / motion.dt)
+    peaks = sorted(float(velocity[start:stop].max()) for start, stop in edges if stop - start > separation)
     return peaks[-EXCURSIONS] if len(peaks) >= EXCURSIONS else 0.0
 
 

@@ -168,11 +168,11 @@ def _quantities(separate: SeparateRegressions) -> tuple[list[Quantity], Array]:
 def _estimate(name: str, fitted: Fitted, maps: Array) -> Estimate:
     """The quantities of one recording; NaN where a value that they need is not shown."""
     seen = np.isfinite(fitted.values)
-    whole = ~(np.nan_to_num(maps, nan=1.0)[:, ~seen] != 0).any(axis=1) & np.isfinite(maps).all(axis=1)
+    determined = ~(np.nan_to_num(maps, nan=1.0)[:, ~seen] != 0).any(axis=1) & np.isfinite(maps).all(axis=1)
     clean = np.nan_to_num(maps)
-    values = np.where(whole, clean @ np.nan_to_num(fitted.values), np.nan)
+    values = np.where(determined, clean @ np.nan_to_num(fitted.values), np.nan)
     raw = np.sqrt(np.maximum(np.sum(clean @ fitted.covariance * clean, axis=1), 0.0))
-    raw = np.where(whole, raw, np.nan)
+    raw = np.where(determined, raw, np.nan)
     return Estimate(source=name, values=values, std=fitted.widened * raw, raw=raw, freedom=fitted.freedom)
 
 

@@ -44,7 +44,7 @@ class Threshold:
 
     def exceeded(self, changes: Sequence[Change]) -> list[Change]:
         """The significant changes above the threshold; one of a value that was zero before is above any share."""
-        found = []
+        exceeding = []
         for one in changes:
             if one.significant:
                 relative = one.relative
@@ -52,8 +52,8 @@ class Threshold:
                 if self.relative:
                     size = float("inf") if relative is None else abs(relative[0])
                 if size > self.size:
-                    found.append(one)
-        return found
+                    exceeding.append(one)
+        return exceeding
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -86,8 +86,8 @@ class Comparison:
     @property
     def significant(self) -> list[Change]:
         """Significant changes, the surest first; friction parameters before points of friction curves."""
-        found = [change for change in self.changes if change.significant]
-        return sorted(found, key=lambda one: (one.quantity.kind == "curve", -abs(one.z or 0.0)))
+        significant = [change for change in self.changes if change.significant]
+        return sorted(significant, key=lambda one: (one.quantity.kind == "curve", -abs(one.z or 0.0)))
 
     @property
     def tested(self) -> int:

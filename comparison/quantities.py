@@ -22,14 +22,14 @@ from identification.result import unit_of
 def values_quantities(structure: Structure) -> list[Quantity]:
     """(c) the values themselves."""
     arm, base = structure.arm, structure.base
-    found = [
+    quantities = [
         parameter_quantity(base.expression(int(row)), unit_of(base.names[column], arm))
         for row, column in zip(structure.rows, structure.kept)
     ]
     points = [
         point_quantity(arm, curve.joint, curve.direction, float(curve.speeds[k])) for curve, k in structure.points
     ]
-    return [*found, *points, *(load_quantity(int(j)) for j in loaded_joints(structure.loads))]
+    return [*quantities, *points, *(load_quantity(int(j)) for j in loaded_joints(structure.loads))]
 
 
 def friction_maps(structure: Structure, variance: Array) -> tuple[list[Quantity], Array]:

@@ -142,8 +142,8 @@ class Structure:
 
 def is_friction(name: str) -> bool:
     """Whether a standard parameter is contained in a friction curve: joint2.viscous_positive, joint2.drag."""
-    head, _, rest = name.partition(".")
-    kind = rest.partition("_")[0].rstrip("0123456789")
+    head, _, quantity = name.partition(".")
+    kind = quantity.partition("_")[0].rstrip("0123456789")
     friction = ("viscous", "coulomb", "curve", "drag", "offset")
     return head.startswith("joint") and not is_effect(name) and kind in friction
 
@@ -164,10 +164,10 @@ def rows_of(structure: Structure, motion: Motion, carrying: Arm, whole: Motion) 
     whole     the motion with all its samples, by which it shows friction or does not (``identification.ripples.wide``)
     """
     arm, base = structure.arm, structure.base
-    found = equations(arm, [motion], "asymmetric")
-    y = found.torque if found.rest is None else found.torque - found.rest
+    rows = equations(arm, [motion], "asymmetric")
+    y = rows.torque if rows.rest is None else rows.torque - rows.rest
     added = base.grouping @ (model_values(carrying, "asymmetric") - model_values(arm, "asymmetric"))
-    y = y - found.columns[:, base.kept] @ added
+    y = y - rows.columns[:, base.kept] @ added
     _, trusted = equation_rows(motion)
     joint, row = np.nonzero(trusted.T)
     compared, own = [], []
@@ -185,8 +185,8 @@ def rows_of(structure: Structure, motion: Motion, carrying: Arm, whole: Motion) 
     joints = loaded_joints(structure.loads)
     by_load = load_columns(carrying, motion, structure.loads) * equation_weight(motion)[:, joints]
     compared.append(np.where(joint[:, None] == joints, parallel_filter(motion, by_load)[row], 0.0))
-    columns = np.concatenate([found.columns[:, structure.kept], *compared], axis=1)
-    return Rows(found, columns, np.concatenate([np.empty((len(y), 0)), *own], axis=1), y)
+    columns = np.concatenate([rows.columns[:, structure.kept], *compared], axis=1)
+    return Rows(rows, columns, np.concatenate([np.empty((len(y), 0)), *own], axis=1), y)
 
 
 def shown_by(rows: Rows, structure: Structure) -> NDArray[np.bool_]:
@@ -196,10 +196,10 @@ def shown_by(rows: Rows, structure: Structure) -> NDArray[np.bool_]:
     # Base parameters come in the order of reading, effects last.
     curves = range(first + links, first + links + len(structure.points))
     order = [*range(first), *curves, *range(first, first + links), *range(curves.stop, first + size)]
-    kept = base_parameters(both, [str(k) for k in range(first + size)], order=order, negligible=EXCITED).kept
-    found = np.zeros(size, bool)
-    found[kept[kept >= first] - first] = True
-    return found
+    independent = base_parameters(both, [str(k) for k in range(first + size)], order=order, negligible=EXCITED).kept
+    shown = np.zeros(size, bool)
+    shown[independent[independent >= first] - first] = True
+    return shown
 
 
 def fit(rows: Rows, shown: NDArray[np.bool_], model: Array, joints: int) -> Fitted:
@@ -212,14 +212,14 @@ def fit(rows: Rows, shown: NDArray[np.bool_], model: Array, joints: int) -> Fitt
     # A column of its own that this recording's other columns contain would make the rest undetermined.
     own = rows.own[:, _independent(rows, shown)]
     columns = np.concatenate([rows.columns[:, shown], own], axis=1)
-    found = least_squares(columns, y, rows.equations.joint, "wls")
-    uncertainty = fit_uncertainty(columns, rows.equations, found)
+    solution = least_squares(columns, y, rows.equations.joint, "wls")
+    uncertainty = fit_uncertainty(columns, rows.equations, solution)
     count, size = int(shown.sum()), len(shown)
     widened = float(stats.t.ppf(0.975, max(uncertainty.blocks - 1, 1)) / stats.norm.ppf(0.975))
     values, covariance, leakage = np.full(size, np.nan), np.zeros((size, size)), np.zeros((size, size))
-    values[shown] = found.values[:count]
+    values[shown] = solution.values[:count]
     covariance[np.ix_(shown, shown)] = uncertainty.covariance[:count, :count] / widened**2
-    weight = found.weight[:, None]
+    weight = solution.weight[:, None]
     plain = np.zeros((size, size))
     plain[np.ix_(shown, shown)] = np.linalg.pinv(uncertainty.information, hermitian=True)[:count, :count]
     of_joint = y[:, None] * (rows.equations.joint[:, None] == np.arange(joints))
@@ -236,7 +236,7 @@ def fit(rows: Rows, shown: NDArray[np.bool_], model: Array, joints: int) -> Fitt
         freedom=max(uncertainty.blocks - 1, 1),
         widened=widened,
         leakage=leakage,
-        residual=found.residual,
+        residual=solution.residual,
         block=uncertainty.block,
     )
 

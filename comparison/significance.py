@@ -130,14 +130,14 @@ def _pooled(side: Sequence[Estimate], scatter: Array) -> Pooled:
     variance = np.where(seen, 1 / np.where(seen, weight, 1.0) + between, np.inf)
     share = 1 / variance
     total = share.sum(axis=0)
-    known = total > 0
-    share = share / np.where(known, total, 1.0)
+    has_freedom = total > 0
+    share = share / np.where(has_freedom, total, 1.0)
     part = share**2 * np.where(seen, variance, 0.0)
     widened = np.array([np.where(s, one.std, 1.0) / np.where(s, one.raw, 1.0) for s, one in zip(seen, side)])
     freedom = np.array([one.freedom for one in side])[:, None]
     sums = (part.sum(axis=0), (part * widened**2).sum(axis=0), (part**2 / freedom).sum(axis=0))
-    raw, std, fourth = (np.where(known, each, np.nan) for each in sums)
-    mean = np.where(known, (share * values).sum(axis=0), np.nan)
+    raw, std, fourth = (np.where(has_freedom, each, np.nan) for each in sums)
+    mean = np.where(has_freedom, (share * values).sum(axis=0), np.nan)
     return Pooled(mean, np.sqrt(std), np.sqrt(raw), raw**2 / fourth)
 
 

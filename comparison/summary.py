@@ -158,12 +158,12 @@ def _fitted(x: Array, seen: _Changes) -> tuple[Array, Array, float, float, int]:
     size = np.linalg.norm(a, axis=0)
     size[size == 0.0] = 1.0
     u, s, vt = np.linalg.svd(a / size, full_matrices=False)
-    kept = s > DEPENDENT * s[0]
-    coefficients = (vt[kept].T @ ((u[:, kept].T @ y) / s[kept])) / size
-    inverse = np.where(kept, 1.0 / np.maximum(s, 1e-300), 1e12) ** 2
+    independent = s > DEPENDENT * s[0]
+    coefficients = (vt[independent].T @ ((u[:, independent].T @ y) / s[independent])) / size
+    inverse = np.where(independent, 1.0 / np.maximum(s, 1e-300), 1e12) ** 2
     covariance = (vt.T * inverse) @ vt / np.outer(size, size)
-    before, after = float(y @ y), float(np.sum((y - u[:, kept] @ (u[:, kept].T @ y)) ** 2))
-    rank = int(kept.sum())
+    before, after = float(y @ y), float(np.sum((y - u[:, independent] @ (u[:, independent].T @ y)) ** 2))
+    rank = int(independent.sum())
     return coefficients, covariance, before / len(y), after / max(len(y) - rank, 1), rank
 
 
@@ -274,8 +274,8 @@ def _tilt(tested: Tested, explains: Sequence[str], of: int) -> Summary:
     roll, pitch = ((float(value), float(std), "rad") for value, std in zip(values, stds))
     size = float(np.hypot(*values))
     std = float(np.hypot(*(values * stds))) / max(size, 1e-300)
-    said = f"{1e3 * size:.3g} +- {2e3 * std:.2g} mrad (roll {1e3 * values[0]:.3g}, pitch {1e3 * values[1]:.3g})"
-    sentence = f"Base tilted by {said}: explains {_all(len(explains), of)}"
+    shown = f"{1e3 * size:.3g} +- {2e3 * std:.2g} mrad (roll {1e3 * values[0]:.3g}, pitch {1e3 * values[1]:.3g})"
+    sentence = f"Base tilted by {shown}: explains {_all(len(explains), of)}"
     return Summary(
         effect="base_tilt",
         joint=None,

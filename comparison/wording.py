@@ -35,16 +35,16 @@ def in_words(expression: str) -> str:
     For a sum of parameters: the first, and the number of others.
     """
     first, *others = expression.replace(" - ", " + ").split(" + ")
-    head, _, rest = first.partition(".")
+    head, _, quantity = first.partition(".")
     number = "".join(c for c in head if c.isdigit())
     if is_effect(first):
-        effect, _, entry = rest.partition(".") if number and "." in rest else (head, "", rest)
+        effect, _, entry = quantity.partition(".") if number and "." in quantity else (head, "", quantity)
         place = f" of joint {number}" if head.startswith("joint") else ""
         words = f"{entry.replace('_', ' ')} of {effect.replace('_', ' ')}{place}"
-    elif rest in WORDS:
-        words = WORDS[rest].format(n=number)
+    elif quantity in WORDS:
+        words = WORDS[quantity].format(n=number)
     else:
-        words = f"inertia {rest.removeprefix('i')} of link {number}"
+        words = f"inertia {quantity.removeprefix('i')} of link {number}"
     return words if not others else f"{words} (with {len(others)} more parameter{'s' * (len(others) > 1)})"
 
 
@@ -58,8 +58,8 @@ def kind_of(name: str) -> Kind:
     """What a standard parameter, or the first of a sum, is."""
     if is_effect(name):
         return "effect"
-    head, _, rest = name.partition(".")
-    return "friction" if head.startswith("joint") and rest.partition("_")[0] in FRICTION else "inertia"
+    head, _, quantity = name.partition(".")
+    return "friction" if head.startswith("joint") and quantity.partition("_")[0] in FRICTION else "inertia"
 
 
 def parameter_quantity(expression: str, unit: str) -> Quantity:

@@ -211,12 +211,12 @@ class Identification:
 
         It is that expected from its noise in the fitted runs and the standard deviations of the parameters.
         """
-        known = [p for p in self.rows(True) if p.prediction_std is not None and p.noise is not None]
-        if not known:
+        predicted = [p for p in self.rows(True) if p.prediction_std is not None and p.noise is not None]
+        if not predicted:
             return self.rms(False, joint, sliding=True)
         return math.hypot(
             *(
-                _rms([each[p.of(joint, True)] for p in known for each in [getattr(p, kind)]])
+                _rms([each[p.of(joint, True)] for p in predicted for each in [getattr(p, kind)]])
                 for kind in ("prediction_std", "noise")
             )
         )
@@ -318,14 +318,14 @@ def unit_of(name: str, arm: Arm) -> str:
     """'link2.mx' -> 'kg m', by the joint's type for what the drive does."""
     if is_effect(name):
         return definition(name).unit
-    head, _, rest = name.partition(".")
-    if head.startswith("link") and rest in COEFFICIENTS:
+    head, _, quantity = name.partition(".")
+    if head.startswith("link") and quantity in COEFFICIENTS:
         return "1"
     if head.startswith("link"):
-        return "kg" if rest == "mass" else "kg m" if rest in ("mx", "my", "mz") else "kg m2"
+        return "kg" if quantity == "mass" else "kg m" if quantity in ("mx", "my", "mz") else "kg m2"
     number = head.removeprefix("joint")
     revolute = not number.isdigit() or arm.joints[int(number) - 1].revolute
-    kind = rest.removeprefix("link_").partition("_")[0]
+    kind = quantity.removeprefix("link_").partition("_")[0]
     if kind in ("rotor", "inertia"):
         return "kg m2" if revolute else "kg"
     if kind == "viscous":

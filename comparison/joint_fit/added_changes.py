@@ -129,11 +129,11 @@ def _of_wave(
     spread = before[1], before[1] + by[1]
     stds = [_along(one, of) for one, of in zip((then, now), spread)]
     change_std = _along(now if sizes[1] > sizes[0] else then, by[1])
-    known = all(size > KNOWN * std for size, std in zip(sizes, stds))
+    amplitudes_known = all(size > KNOWN * std for size, std in zip(sizes, stds))
     phases = [solved(added.definition, added.held, one.tolist(), added.amplitude)["phase"] for one in (then, now)]
     turned = float(np.angle(np.exp(1j * (phases[1] - phases[0]))))
     phase_std = math.hypot(*(std / max(size, 1e-300) for std, size in zip(stds, sizes)))
-    by_phase = known and abs(turned) > SIGNIFICANT_STDS * phase_std
+    by_phase = amplitudes_known and abs(turned) > SIGNIFICANT_STDS * phase_std
     by_size = not by_phase or abs(sizes[1] - sizes[0]) > SIGNIFICANT_STDS * change_std
     entry = f"{name}({cycles:.4g})"
     yield _change(

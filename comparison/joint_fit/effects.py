@@ -193,16 +193,16 @@ def _above_noise(motion: Motion) -> tuple[Array, Array, Array]:
     """
     band = motion.band
     noise = (2.0 * np.pi * band.frequency[:, None]) ** 4 * band.noise_rms**2 / band.frequency[-1]
-    found = [motion.q.copy(), motion.qd.copy(), motion.qdd.copy()]
+    filtered = [motion.q.copy(), motion.qd.copy(), motion.qdd.copy()]
     for j in range(motion.q.shape[1]):
         smooth = ndimage.median_filter(band.density[:, j], LINES)
         lost = np.flatnonzero((smooth < ABOVE * noise[:, j]) & (band.frequency > 0.0))
         cut = float(band.frequency[lost[0]]) if len(lost) else np.inf
         if 2.0 * cut * motion.dt < 0.98:
             low_pass = signal.butter(2, 2.0 * cut * motion.dt, output="sos")
-            for values in found:
+            for values in filtered:
                 values[:, j] = zero_phase(low_pass, values[:, j])
-    return found[0], found[1], found[2]
+    return filtered[0], filtered[1], filtered[2]
 
 
 def _smooth(values: Array, motion: Motion) -> Array:

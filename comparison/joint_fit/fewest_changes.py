@@ -148,9 +148,9 @@ def _with_reasons(
 
 def _most_significant(one: Tested, changes: Sequence[Change], sizes: Array, errors: Array, values: int) -> int:
     """The quantity that shows a hypothesis best: its own, or the value that changes by most deviations."""
-    named = next((k for k, each in enumerate(changes) if each.quantity.name == one.hypothesis.quantity), None)
-    if named is not None and errors[named] > 0.0:
-        return named
+    place = next((k for k, each in enumerate(changes) if each.quantity.name == one.hypothesis.quantity), None)
+    if place is not None and errors[place] > 0.0:
+        return place
     # several values, or a level of friction that is compared in one direction only
     first = len(sizes) - values
     clear = np.abs(sizes[first:]) / np.maximum(errors[first:], 1e-300)

@@ -95,8 +95,8 @@ def single_values(structure: Structure, added: Sequence[Added]) -> list[Hypothes
 
 
 def _unit(structure: Structure, k: int, quantity: Quantity) -> Hypothesis:
-    what = "friction" if quantity.kind == "curve" else quantity.kind
-    return Hypothesis(what, quantity.joint, np.eye(structure.size)[:, k : k + 1], quantity.name)
+    kind = "friction" if quantity.kind == "curve" else quantity.kind
+    return Hypothesis(kind, quantity.joint, np.eye(structure.size)[:, k : k + 1], quantity.name)
 
 
 def _of_friction(structure: Structure) -> Iterator[Hypothesis]:

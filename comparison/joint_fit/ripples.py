@@ -73,9 +73,9 @@ def _named(order: float, arm: Arm, motions: Sequence[Motion], joint: int) -> flo
     """The order, or whole cycles per turn of joint or motor that the travel does not distinguish from it."""
     ratio = arm.joints[joint].ratio
     turns = [ratio, 1.0] if arm.joints[joint].revolute else [ratio]
-    apart = np.pi * CLOSE / 2 / min(float(np.ptp(motion.q[:, joint])) for motion in motions)
+    resolution = np.pi * CLOSE / 2 / min(float(np.ptp(motion.q[:, joint])) for motion in motions)
     for turn in turns:
-        whole = float(np.rint(order / turn)) * turn
-        if whole > 0.0 and abs(whole - order) <= apart:
-            return whole
+        whole_order = float(np.rint(order / turn)) * turn
+        if whole_order > 0.0 and abs(whole_order - order) <= resolution:
+            return whole_order
     return order

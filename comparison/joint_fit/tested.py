@@ -143,18 +143,20 @@ def tested(fit: JointRegression, every: Sequence[Hypothesis], chosen: Sequence[H
 
 def _conditional(fit: JointRegression, chosen: Sequence[Hypothesis]) -> _Conditional:
     inverse, share, m = fit.information()
-    known = np.concatenate([np.empty((len(m), 0)), *(one.directions for one in chosen)], axis=1) / fit.scale[:, None]
+    directions = (
+        np.concatenate([np.empty((len(m), 0)), *(one.directions for one in chosen)], axis=1) / fit.scale[:, None]
+    )
     apart = (
-        np.linalg.pinv(known.T @ m @ known, hermitian=True, rcond=RANK_TOLERANCE) @ known.T
-        if known.shape[1]
-        else known.T
+        np.linalg.pinv(directions.T @ m @ directions, hermitian=True, rcond=RANK_TOLERANCE) @ directions.T
+        if directions.shape[1]
+        else directions.T
     )
     after = fit.rows_after
     scores = fit.x[after].T @ fit.y[after]
-    found = known @ (apart @ (scores - share @ (fit.x.T @ fit.y)))
-    residual = fit.y - np.where(after, fit.x @ found, 0.0)
+    fitted = directions @ (apart @ (scores - share @ (fit.x.T @ fit.y)))
+    residual = fit.y - np.where(after, fit.x @ fitted, 0.0)
     residual = residual - fit.x @ (inverse @ (fit.x.T @ residual))
-    return _Conditional(fit, residual, fit.x[after].T @ residual[after], inverse, share, m, known, apart)
+    return _Conditional(fit, residual, fit.x[after].T @ residual[after], inverse, share, m, directions, apart)
 
 
 def _drift(given: _Conditional) -> Array:
@@ -198,7 +200,7 @@ def _estimates(given: _Conditional, shapes: Sequence[_Shape], drift: Array) -> l
     remaining += fit.x @ (given.inverse @ (fit.total_after @ changed))
     into = sparse.csr_array((np.ones(len(after)), (fit.block, np.arange(len(after)))), (blocks, len(after)))
     drifting = given.m @ fit.drift
-    found: list[_Estimate | None] = []
+    estimates: list[_Estimate | None] = []
     end = 0
     for k, one in enumerate(shapes):
         columns = slice(end, end := end + len(one.size))
@@ -206,8 +208,8 @@ def _estimates(given: _Conditional, shapes: Sequence[_Shape], drift: Array) -> l
         parts = np.asarray(into @ (remaining[:, k, None] * moves)), np.asarray(into @ (shown[:, columns] ** 2))
         white = np.sum(one.along * (given.m @ one.along), axis=0) / one.size**2
         moved = one.along.T @ drifting / one.size[:, None]
-        found.append(_estimate(fit, one, *parts, white, moved) if len(one.size) else None)
-    return found
+        estimates.append(_estimate(fit, one, *parts, white, moved) if len(one.size) else None)
+    return estimates
 
 
 def _estimate(fit: JointRegression, one: _Shape, sums: Array, shown: Array, white: Array, drift: Array) -> _Estimate:
@@ -244,10 +246,10 @@ def _with_scatter(fit: JointRegression, every: Sequence[Hypothesis], raw: Sequen
     # of one recording on each side, nothing says how far the next would differ
     scatter = np.array([of.scatter if fit.recordings > 2 else 0.0 for _, of in pairs])
     freedom = np.full(len(pairs), float(max(fit.recordings - 2, 1)))
-    for what in {one.what for one, _ in pairs}:
-        alike = np.array([one.what == what for one, _ in pairs])
+    for subject in {one.what for one, _ in pairs}:
+        alike = np.array([one.what == subject for one, _ in pairs])
         scatter[alike], freedom[alike] = moderate(scatter[alike], freedom[alike])
-    found = []
+    result = []
     for (one, of), more, degrees in zip(pairs, scatter, freedom):
         covariance, count = of.covariance * max(more, 1.0) + of.drift @ of.drift.T, len(of.shape.coefficients)
         square = float(of.shape.coefficients @ np.linalg.pinv(covariance, hermitian=True) @ of.shape.coefficients)
@@ -255,5 +257,5 @@ def _with_scatter(fit: JointRegression, every: Sequence[Hypothesis], raw: Sequen
         denominator = max(denominator - count + 1, 1.0)
         log_p = float(stats.f.logsf(square / count, count, denominator))
         directions = of.shape.directions * fit.scale[:, None]
-        found.append(Tested(one, directions, of.shape.coefficients, covariance, of.gain, log_p))
-    return found
+        result.append(Tested(one, directions, of.shape.coefficients, covariance, of.gain, log_p))
+    return result

@@ -28,8 +28,8 @@ def overview(result: Comparison) -> Chart:
         for change in result.changes
         if change.z is not None and change.comparable and change.quantity.kind != "curve"
     ]
-    kept = sorted(tested, key=lambda one: -abs(one.z or 0.0))[:MOST]
-    shown = [one for one in tested if one in kept]
+    largest = sorted(tested, key=lambda one: -abs(one.z or 0.0))[:MOST]
+    shown = [one for one in tested if one in largest]
     words = [one.quantity.words for one in shown]
     series = []
     for label, colour in KINDS.items():

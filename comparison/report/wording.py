@@ -52,7 +52,7 @@ def curve_sentence(joint: int, points: list[Change]) -> str:
 
 def curve_sentences(result: Comparison) -> list[str]:
     """One per joint whose friction curve changed anywhere."""
-    found = []
+    sentences = []
     curves = [change.quantity for change in result.changes if change.quantity.kind == "curve"]
     joints = sorted({quantity.joint for quantity in curves if quantity.joint is not None})
     for joint in joints:
@@ -62,8 +62,8 @@ def curve_sentences(result: Comparison) -> list[str]:
             if change.quantity.kind == "curve" and change.quantity.joint == joint and change.comparable
         ]
         if any(point.significant for point in points):
-            found.append(curve_sentence(joint, points))
-    return found
+            sentences.append(curve_sentence(joint, points))
+    return sentences
 
 
 def changed_sentences(result: Comparison) -> list[str]:

@@ -21,7 +21,7 @@ Entry = tuple[float, float | None, str]
 
 def causes_of(path: Path, table: Mapping[str, Any]) -> dict[Key, dict[str, Entry]]:
     """(effect, joint) -> parameter -> value, std, unit. InputError where the file has another layout."""
-    found: dict[Key, dict[str, Entry]] = {}
+    causes: dict[Key, dict[str, Entry]] = {}
     try:
         for cause in table["causes"]:
             entries: dict[str, Entry] = {}
@@ -29,10 +29,10 @@ def causes_of(path: Path, table: Mapping[str, Any]) -> dict[Key, dict[str, Entry
                 std = one["std"]
                 entries[str(name)] = (float(one["value"]), None if std is None else float(std), str(one["unit"]))
             joint = cause["joint"]
-            found[str(cause["effect"]), None if joint is None else int(joint)] = entries
+            causes[str(cause["effect"]), None if joint is None else int(joint)] = entries
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise InputError(path, f"causes: {error} is missing or of another kind") from None
-    return found
+    return causes
 
 
 def size_parameters(effect: str) -> tuple[str, ...]:
@@ -99,10 +99,10 @@ def cause_sentences(
 ) -> list[str]:
     """Which causes one side names and the other does not; ``significant``: names of quantities that changed."""
     causes = [causes_of(path, table) for path, table in zip(paths, tables)]
-    found = []
+    sentences = []
     for key in dict.fromkeys(key for one in causes for key in one):
-        named = [key in cause for cause in causes]
-        earlier, later = any(named[:before]), any(named[before:])
+        has_cause = [key in cause for cause in causes]
+        earlier, later = any(has_cause[:before]), any(has_cause[before:])
         if earlier == later:
             continue
         absent = tables[:before] if later else tables[before:]
@@ -111,8 +111,8 @@ def cause_sentences(
         sized = [_quantity(key, name, "").name for name in size_parameters(key[0])]
         sure = any(name in significant for name in sized)
         note = f", but it is {reason} there" if reason else "" if sure or not sized else ", not significantly"
-        found.append(f"Cause {verb}: {in_words(key)}{note}")
-    return found
+        sentences.append(f"Cause {verb}: {in_words(key)}{note}")
+    return sentences
 
 
 def _blind(table: Mapping[str, Any], key: Key) -> str:

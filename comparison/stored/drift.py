@@ -63,8 +63,8 @@ def stored_drift(
     if max(_days(tables[:before]), _days(tables[before:])) >= DAYS:
         return nothing
     values = np.array([estimate.values for estimate in estimates])
-    known = np.isfinite(values)
-    mean = np.where(known, values, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
+    finite = np.isfinite(values)
+    mean = np.where(finite, values, 0.0).sum(axis=0) / np.maximum(finite.sum(axis=0), 1)
     drift = [_drift(quantity, float(value), tables, arm) for quantity, value in zip(quantities, mean)]
     return np.array(drift, float).reshape(nothing.shape)
 

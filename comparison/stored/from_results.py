@@ -52,10 +52,10 @@ class Stored:
 def read_result(path: Path) -> Stored:
     """identification.json or diagnosis.json, or the folder that holds one; InputError where it is none of them."""
     if path.is_dir():
-        found = [path / name for name in ("identification.json", "diagnosis.json") if (path / name).is_file()]
-        if not found:
+        files = [path / name for name in ("identification.json", "diagnosis.json") if (path / name).is_file()]
+        if not files:
             raise InputError(path, "holds no identification.json, no diagnosis.json and no recording (*.mcap)")
-        path = found[0]
+        path = files[0]
     try:
         table = json.loads(read_text(path))
     except (ValueError, RecursionError) as error:
@@ -78,25 +78,25 @@ def compare_results(before: Sequence[Stored], after: Sequence[Stored]) -> Compar
     """
     everything, side = [*before, *after], len(before)
     check_together(everything)
-    what = everything[0].what
+    kind = everything[0].what
     paths, tables = [one.path for one in everything], [one.table for one in everything]
-    aligned = align(paths, tables, side) if what == "diagnoses" else _align_identified(everything, side)
+    aligned = align(paths, tables, side) if kind == "diagnoses" else _align_identified(everything, side)
     quantities, entries = aligned
     estimates = [estimate_of(one, quantities, mine) for one, mine in zip(everything, entries)]
     drift = stored_drift(tables, everything[0].arm, quantities, estimates, side)
-    found = changes(quantities, estimates[:side], estimates[side:], drift)
+    changed = changes(quantities, estimates[:side], estimates[side:], drift)
     causes: list[str] = []
-    if what == "diagnoses":
-        significant = [one.quantity.name for one in found if one.significant]
+    if kind == "diagnoses":
+        significant = [one.quantity.name for one in changed if one.significant]
         causes = cause_sentences(paths, tables, side, significant)
     return Comparison(
-        what=what,
+        what=kind,
         arm=everything[0].arm,
         before=tuple(str(one.path) for one in before),
         after=tuple(str(one.path) for one in after),
-        changes=found,
+        changes=changed,
         causes=causes,
-        assumptions=[assumed(len(everything), what)] if drift.any() else [],
+        assumptions=[assumed(len(everything), kind)] if drift.any() else [],
         warnings=[
             f"{one.path} keeps weakly excited directions at the model's values: its deviations count "
             f"{PRETEST:.1f}-fold; compare the recordings for a sharper answer"
@@ -152,16 +152,16 @@ def structural_difference(one: Arm, other: Arm, *, nominal: bool = False) -> str
 
 def _identified(result: Stored) -> dict[str, Entry]:
     """Base parameters of an identification that have a deviation. InputError for any other layout."""
-    found: dict[str, Entry] = {}
+    entries: dict[str, Entry] = {}
     try:
         for entry in result.table["base_parameters"]:
             if entry["value"] is not None and entry["std"]:
-                found[str(entry["expression"])] = (float(entry["value"]), float(entry["std"]), str(entry["unit"]))
+                entries[str(entry["expression"])] = (float(entry["value"]), float(entry["std"]), str(entry["unit"]))
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(result.path, f"base_parameters: {error} is missing or of another kind") from None
-    if not found:
+    if not entries:
         raise InputError(result.path, "holds no base parameter with a standard deviation")
-    return found
+    return entries
 
 
 def identified_entries(results: Sequence[Stored]) -> tuple[list[Quantity], list[dict[str, Entry]]]:

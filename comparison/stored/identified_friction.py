@@ -32,8 +32,8 @@ def curved_joints(tables: Sequence[Mapping[str, Any]]) -> set[int]:
 
 def is_replaced(name: str, joints: set[int]) -> bool:
     """Whether friction at speeds stands for a base parameter of one of the joints (from 1)."""
-    head, _, rest = name.partition(".")
-    return head in {f"joint{joint}" for joint in joints} and rest.startswith(("coulomb", "viscous", "curve"))
+    head, _, quantity = name.partition(".")
+    return head in {f"joint{joint}" for joint in joints} and quantity.startswith(("coulomb", "viscous", "curve"))
 
 
 def friction_points(
@@ -68,8 +68,8 @@ def friction_points(
 
 def common_temperature(tables: Sequence[Mapping[str, Any]], joint: int) -> float | None:
     """degC, mean of those at which the friction of a joint (from 1) holds; None where one does not depend on it."""
-    found = [one["temperature"] for table in tables for one in _over_temperature(table, joint)]
-    return float(np.mean(found)) if found and len(found) == len(tables) else None
+    temperatures = [one["temperature"] for table in tables for one in _over_temperature(table, joint)]
+    return float(np.mean(temperatures)) if temperatures and len(temperatures) == len(tables) else None
 
 
 def warmed(table: Mapping[str, Any], joint: int, degc: float, speed: float) -> tuple[float, float]:

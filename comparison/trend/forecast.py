@@ -136,12 +136,12 @@ def _crossing(function: Callable[[float], float], low: float, high: float) -> fl
 
 def limits_of(limits: Sequence[Limit], found: Sequence[Moved]) -> dict[str, tuple[Reach, ...]]:
     """Name of a quantity -> where it stands with each of its limits; InputError: no history has such a quantity."""
-    known = {one.history.quantity.name: one for one in found}
+    moved_by_name = {one.history.quantity.name: one for one in found}
     stands: dict[str, tuple[Reach, ...]] = {}
     for limit in dict.fromkeys(limits):
-        if limit.name not in known:
-            alike = [name for name in known if limit.name.lower() in name.lower()] or list(known)
+        if limit.name not in moved_by_name:
+            alike = [name for name in moved_by_name if limit.name.lower() in name.lower()] or list(moved_by_name)
             hint = ", ".join(alike[:6]) + (" ..." if len(alike) > 6 else "")
             raise InputError("--limit", f"{limit.name} is no quantity of these results; they have {hint}")
-        stands[limit.name] = (*stands.get(limit.name, ()), reach(known[limit.name], limit))
+        stands[limit.name] = (*stands.get(limit.name, ()), reach(moved_by_name[limit.name], limit))
     return stands

@@ -73,14 +73,14 @@ def histories_of(results: Sequence[Stored]) -> Histories:
     results, dates = [results[k] for k in order], [dates[k] for k in order]
     quantities, estimates = estimates_of(results)
     days = np.array([(date - dates[0]).total_seconds() / 86_400 for date in dates])
-    found = []
+    histories = []
     for k, quantity in enumerate(quantities):
         values, std, raw = (
             np.array([getattr(estimate, name)[k] for estimate in estimates]) for name in ("values", "std", "raw")
         )
         there = np.isfinite(values) & np.isfinite(raw) & (raw > 0)
         if there.sum() >= 2:
-            found.append(
+            histories.append(
                 History(
                     quantity=quantity,
                     days=days[there],
@@ -92,7 +92,7 @@ def histories_of(results: Sequence[Stored]) -> Histories:
                 )
             )
     names = tuple(str(result.path) for result in results)
-    return Histories(what=results[0].what, start=dates[0], results=names, histories=found, warnings=warnings)
+    return Histories(what=results[0].what, start=dates[0], results=names, histories=histories, warnings=warnings)
 
 
 def _dates(results: Sequence[Stored]) -> tuple[list[datetime], list[str]]:

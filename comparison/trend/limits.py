@@ -35,10 +35,10 @@ def limits_from(text: str) -> list[Limit]:
         value, share = _number(low, text)
         return [Limit(name, value, share, ("upper" if value > 0 else "lower") if share else None)]
     sides: list[tuple[str, Side]] = [(low, "lower"), (high, "upper")]
-    found = [Limit(name, *_number(number, text), side) for number, side in sides if number]
-    if len(found) == 2 and found[0].relative == found[1].relative and found[0].value >= found[1].value:
+    limits = [Limit(name, *_number(number, text), side) for number, side in sides if number]
+    if len(limits) == 2 and limits[0].relative == limits[1].relative and limits[0].value >= limits[1].value:
         raise InputError("--limit", f"the lower limit must be below the upper one (is {text!r})")
-    return found
+    return limits
 
 
 def _number(text: str, whole: str) -> tuple[float, bool]:

@@ -51,25 +51,25 @@ def select(histories: Sequence[History]) -> list[Moved]:
     tried = [candidates(one) for one in histories]
     fits = [fit(one, ()) for one in histories]
     while True:
-        known = _known(histories, fits)
+        scatters = _known(histories, fits)
         # Tests start from the variance between results of the whole kind: a history's own would contain what moved.
-        usual = [between_of(h, fitted, Scatter(k.value, np.inf)) for h, fitted, k in zip(histories, fits, known)]
+        usual = [between_of(h, fitted, Scatter(k.value, np.inf)) for h, fitted, k in zip(histories, fits, scatters)]
         fits = [fit(h, fitted.terms, between) for h, fitted, between in zip(histories, fits, usual)]
         still = [fit(h, (), between) for h, between in zip(histories, usual)]
-        first = np.array([_smallest(h, f, t, k.freedom)[0] for h, f, t, k in zip(histories, still, tried, known)])
+        first = np.array([_smallest(h, f, t, k.freedom)[0] for h, f, t, k in zip(histories, still, tried, scatters)])
         corrected = np.asarray(stats.false_discovery_control(first)) if len(first) else first
         moved = corrected <= SIGNIFICANT
         level = SIGNIFICANT * float(moved.mean()) if len(first) else 0.0
         added = False
         for k, history in enumerate(histories):
             if moved[k] and len(fits[k].terms) < MOST_TERMS and fits[k].freedom > 0:
-                terms = _extended(history, fits[k], tried[k], known[k].freedom, level)
+                terms = _extended(history, fits[k], tried[k], scatters[k].freedom, level)
                 added = added or set(terms) != set(fits[k].terms)
                 fits[k] = fit(history, terms, fits[k].between)
         if not added:
             break
     fits = [fitted if moves else alone for fitted, alone, moves in zip(fits, still, moved)]
-    return [_moved(*one) for one in zip(histories, fits, first, corrected, known)]
+    return [_moved(*one) for one in zip(histories, fits, first, corrected, scatters)]
 
 
 def _moved(history: History, fitted: Fit, p: float, corrected: float, known: Scatter) -> Moved:
@@ -112,12 +112,12 @@ def _smallest(history: History, fitted: Fit, tried: list[Term], freedom: float) 
 def _known(histories: Sequence[History], fits: Sequence[Fit]) -> list[Scatter]:
     """What is known of the scatter of each history, from all of its kind with the terms found so far."""
     kinds = ["friction" if history.quantity.kind == "curve" else history.quantity.kind for history in histories]
-    found = {}
+    scatters = {}
     for kind in set(kinds):
         of_kind = [fitted for fitted, its in zip(fits, kinds) if its == kind and fitted.freedom > 0]
         if len(of_kind) < FEWEST:
-            found[kind] = FEW
+            scatters[kind] = FEW
         else:
             freedom = np.array([one.freedom for one in of_kind], float)
-            found[kind] = Scatter(*common_scatter(np.array([one.rest for one in of_kind]) / freedom, freedom))
-    return [found[kind] for kind in kinds]
+            scatters[kind] = Scatter(*common_scatter(np.array([one.rest for one in of_kind]) / freedom, freedom))
+    return [scatters[kind] for kind in kinds]

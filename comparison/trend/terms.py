@@ -82,8 +82,8 @@ def fit(history: History, terms: tuple[Term, ...], between: float = 0.0) -> Fit:
     coefficients = covariance @ columns.T @ (history.values / total**2)
     q, _ = np.linalg.qr(columns / history.raw[:, None])
     y = history.values / history.raw
-    rest = float(np.sum((y - q @ (q.T @ y)) ** 2))
-    return Fit(terms, between, coefficients, np.asarray(covariance, float), rest, len(y) - columns.shape[1])
+    residual_energy = float(np.sum((y - q @ (q.T @ y)) ** 2))
+    return Fit(terms, between, coefficients, np.asarray(covariance, float), residual_energy, len(y) - columns.shape[1])
 
 
 def scatter_of(rest: float, freedom: float, known: Scatter) -> tuple[float, float]:
@@ -127,12 +127,12 @@ def tests(history: History, fitted: Fit, tried: list[Term], freedom: float) -> t
     separate = (length > 1e-6 * size) & (degrees >= 0)
     unit = columns / np.where(separate, length, 1.0)
     gain = np.where(separate, (unit.T @ y) ** 2, 0.0)
-    rest = np.maximum(y @ y - gain, 0.0)
+    residual_energy = np.maximum(y @ y - gain, 0.0)
     share = unit**2
     variances = share * (history.raw**2 / total**2)[:, None]
     with np.errstate(divide="ignore", invalid="ignore"):
         welch = np.sum(variances, axis=0) ** 2 / np.sum(variances**2 / history.freedom[:, None], axis=0)
-        t = np.sqrt(gain / np.maximum(_corrected(rest, degrees, freedom), variances.sum(axis=0)))
+        t = np.sqrt(gain / np.maximum(_corrected(residual_energy, degrees, freedom), variances.sum(axis=0)))
     p = 2 * stats.t.sf(t, np.minimum(welch, freedom + degrees))
     return np.where(separate, p, 1.0), gain
 

@@ -23,7 +23,7 @@ def trend_of(results: Sequence[Stored], limits: Sequence[Limit] = (), *, progres
     progress("histories")
     histories = histories_of(results)
     progress("trends")
-    found = select(histories.histories)
-    stands = limits_of(limits, found)
-    movements = [movement_of(one, stands.get(one.history.quantity.name, ())) for one in found]
+    moved = select(histories.histories)
+    stands = limits_of(limits, moved)
+    movements = [movement_of(one, stands.get(one.history.quantity.name, ())) for one in moved]
     return Trend(arm=results[0].arm, histories=histories, movements=movements)

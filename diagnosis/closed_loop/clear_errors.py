@@ -105,7 +105,7 @@ def _noise_of(band: int, several: Pairs, noise: Array, white: Sequence[Array]) -
     if band == 0:
         return noise
     rates = [rate_of(one.t) for _, one in several]
-    return np.asarray(np.mean([_in_band(noise, _sections(rate)) for noise, rate in zip(white, rates)], axis=0))
+    return np.asarray(np.mean([_in_band(level, _sections(rate)) for level, rate in zip(white, rates)], axis=0))
 
 
 def _ratios(several: Pairs, noise: Array, white: Sequence[Array]) -> list[tuple[str, float, Array]]:

@@ -186,9 +186,9 @@ def _checked(task: _Task, proposal: Array) -> Experiment:
     share = 1.0
     (start,), (weights,), (clear,) = _feasible(task, proposal[None])
     while clear and share >= SMALLEST:
-        found = fourier_motion(share * weights, start, task.limits, task.series)
-        if task.limits.pairs is None or is_clear(demand_of(found), task.limits.pairs):
-            return found
+        motion = fourier_motion(share * weights, start, task.limits, task.series)
+        if task.limits.pairs is None or is_clear(demand_of(motion), task.limits.pairs):
+            return motion
         share *= 0.95
     raise _not_clear(task)
 

@@ -37,8 +37,8 @@ def clear_share(pairs: Pairs, start: Array, way: Array) -> float:
 
 def is_clear(demand: Demand, pairs: Pairs) -> bool:
     """Whether a motion is clear at every instant."""
-    found = nearest(demand, pairs)
-    return found is None or found.room >= RESERVE
+    distances = nearest(demand, pairs)
+    return distances is None or distances.room >= RESERVE
 
 
 def none_is_clear(pairs: Pairs, low: Array, high: Array) -> InputError:

@@ -33,20 +33,20 @@ def unit(degree: int) -> str:
 
 def wrench_charts(runs: Sequence[Wrenches]) -> list[Chart]:
     """Per recording: thrust and what the motion takes in each degree of freedom, and their difference."""
-    found = []
+    charts = []
     for number, run in enumerate(runs[:MOST], 1):
         panels: list[Panel] = []
         for k, name in enumerate(DEGREES):
             rms = float(np.sqrt(np.mean(run.after[:, k] ** 2)))
-            taken = Series(x=run.t, y=run.needed[:, k], colour=MEASURED, label="taken by the motion", width=1.8)
+            needed = Series(x=run.t, y=run.needed[:, k], colour=MEASURED, label="taken by the motion", width=1.8)
             given = Series(x=run.t, y=run.thrust[:, k], colour=AFTER, label="thrust")
             off = Series(x=run.t, y=run.after[:, k], colour=BEFORE, label="difference")
             panels += [
-                _over_time(run, (taken, given), name, f"{'force' if k < 3 else 'moment'}, {unit(k)}"),
+                _over_time(run, (needed, given), name, f"{'force' if k < 3 else 'moment'}, {unit(k)}"),
                 _over_time(run, (off,), f"{name}, difference: rms {rms:.3g} {unit(k)}", f"difference, {unit(k)}"),
             ]
         title = f"thrust and the wrench that the motion takes, {run.run.name}"
-        found.append(
+        charts.append(
             Chart(
                 name=f"wrench_{number}",
                 title=title,
@@ -57,12 +57,12 @@ def wrench_charts(runs: Sequence[Wrenches]) -> list[Chart]:
                 height=HEIGHT,
             )
         )
-    return found
+    return charts
 
 
 def residual_charts(runs: Sequence[Wrenches], noise: Array, changed: bool) -> list[Chart]:
     """Per recording: missing thrust over the noise (6,) in each degree of freedom, before and after."""
-    found = []
+    charts = []
     for number, run in enumerate(runs[:MOST], 1):
         panels = []
         for k, name in enumerate(DEGREES):
@@ -75,8 +75,8 @@ def residual_charts(runs: Sequence[Wrenches], noise: Array, changed: bool) -> li
             panels.append(_over_time(run, lines, name, "residual over noise", band))
         title = f"wrench that the motion takes less thrust, over the noise, {run.run.name}"
         name = f"residual_{number}"
-        found.append(Chart(name=name, title=title, panels=tuple(panels), columns=2, shared=True, height=HEIGHT))
-    return found
+        charts.append(Chart(name=name, title=title, panels=tuple(panels), columns=2, shared=True, height=HEIGHT))
+    return charts
 
 
 def parts_chart(run: Wrenches) -> Chart:
@@ -119,7 +119,7 @@ def thruster_chart(arm: Arm, found: Arm, runs: Sequence[Wrenches]) -> Chart | No
 
 def motion_charts(runs: Sequence[Wrenches]) -> list[Chart]:
     """Per recording: where the vehicle was and how it turned, from its first row on."""
-    found = []
+    charts = []
     for number, one in enumerate(runs[:MOST], 1):
         run, t = one.run, _time(one)
         turned = Rotation.from_quat(run.base.attitude[:, [1, 2, 3, 0]])
@@ -141,8 +141,8 @@ def motion_charts(runs: Sequence[Wrenches]) -> list[Chart]:
             )
         ]
         name, title = f"vehicle_{number}", f"motion of the vehicle, {run.name}"
-        found.append(Chart(name=name, title=title, panels=tuple(panels), columns=2, shared=True, height=HEIGHT))
-    return found
+        charts.append(Chart(name=name, title=title, panels=tuple(panels), columns=2, shared=True, height=HEIGHT))
+    return charts
 
 
 def motion_of(arm: Arm, runs: Sequence[Wrenches]) -> Motion:

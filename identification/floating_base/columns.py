@@ -62,8 +62,8 @@ class Rows:
     def thrusts(self, values: Array) -> Array:
         """(k, thrusters) N of each thruster."""
         if self.table is not None:
-            found = [self.table.thrust(k, self._of_thruster(k, values)) for k in range(self.allocation.shape[1])]
-            return np.stack(found, axis=1) if found else np.zeros((len(self.t), 0))
+            by_thruster = [self.table.thrust(k, self._of_thruster(k, values)) for k in range(self.allocation.shape[1])]
+            return np.stack(by_thruster, axis=1) if by_thruster else np.zeros((len(self.t), 0))
         of_thrusters = [k for k, name in enumerate(self.names) if name.startswith("thruster")]
         lengths = (self.allocation**2).sum(axis=0)
         return np.asarray(
@@ -133,8 +133,8 @@ def rows_of(arm: Arm, runs: Sequence[BaseRun], *, faults: bool = False) -> Rows:
 
 def nominal_values(arm: Arm, rows: Rows) -> Array:
     """(p,) parameters of the rows as the model has them."""
-    known = base_parameters(floating(arm)) | nominal_wrench_parameters(arm)
-    return np.array([known[name] for name in rows.names])
+    stated = base_parameters(floating(arm)) | nominal_wrench_parameters(arm)
+    return np.array([stated[name] for name in rows.names])
 
 
 def whitened(rows: Rows, values: Array, scale: Array, free: Sequence[int]) -> tuple[Array, Array]:

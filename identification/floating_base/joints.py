@@ -38,13 +38,13 @@ def arm_parameters(arm: Arm) -> dict[str, float]:
 
 def unit_of_arm(arm: Arm, name: str) -> str:
     """Unit of one of them."""
-    head, _, rest = name.partition(".")
-    if rest in OF_WATER:
-        return OF_WATER[rest]
+    head, _, quantity = name.partition(".")
+    if quantity in OF_WATER:
+        return OF_WATER[quantity]
     if head.startswith("link"):
-        return "kg" if rest == "mass" else "kg m" if rest.startswith("m") else "kg m2"
+        return "kg" if quantity == "mass" else "kg m" if quantity.startswith("m") else "kg m2"
     revolute = arm.joints[int(head.removeprefix("joint")) - 1].revolute
-    return OF_JOINT[rest] if revolute else {"viscous": "N s/m", "coulomb": "N", "rotor_inertia": "kg"}[rest]
+    return OF_JOINT[quantity] if revolute else {"viscous": "N s/m", "coulomb": "N", "rotor_inertia": "kg"}[quantity]
 
 
 def joint_torques(arm: Arm, run: BaseRun) -> Array:
@@ -65,12 +65,12 @@ def joint_rows(arm: Arm, runs: Sequence[BaseRun]) -> Rows:
     values, columns, known, block, first = arm_parameters(arm), [], [], [], 0
     changed = [with_parameters(arm, {name: value + STEP}) for name, value in values.items()]
     for run in runs:
-        taken = joint_torques(arm, run)
-        slopes = np.stack([(joint_torques(other, run) - taken) / STEP for other in changed], axis=-1)
+        torques = joint_torques(arm, run)
+        slopes = np.stack([(joint_torques(other, run) - torques) / STEP for other in changed], axis=-1)
         columns.append(run.compared(slopes))
         # what no parameter is: zero, unless the arm has more than the columns
-        rest = taken - slopes @ np.array(list(values.values()))
-        known.append(run.compared(run.torque - rest))
+        residual = torques - slopes @ np.array(list(values.values()))
+        known.append(run.compared(run.torque - residual))
         block.append(run.block + first)
         first += int(run.block[-1]) + 1
     none = np.zeros((len(arm), 0))

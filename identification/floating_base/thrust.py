@@ -62,12 +62,12 @@ class ThrustTable:
         grid = self.zone[k]
         at = int(np.clip(np.searchsorted(grid, zone, side="right") - 1, 0, len(grid) - 2))
         step = max(float(grid[at + 1] - grid[at]), 1e-12)
-        found, slopes = [], []
+        forces, slopes = [], []
         for part in (self.ahead[:, k], self.astern[:, k]):
             slope = (part[:, at + 1] - part[:, at]) / step
-            found.append(part[:, at] + slope * (zone - grid[at]))
+            forces.append(part[:, at] + slope * (zone - grid[at]))
             slopes.append(slope)
-        return found[0], found[1], slopes[0], slopes[1]
+        return forces[0], forces[1], slopes[0], slopes[1]
 
 
 def zones_of(base: FloatingBase, runs: list[BaseRun]) -> Array:

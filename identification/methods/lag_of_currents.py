@@ -62,10 +62,10 @@ class Lag:
     def __str__(self) -> str:
         """For a person."""
         when = "after" if self.delay > 0 else "before"
-        kept = "in the model as time_skew" if self.stays else "not in the model, the standard deviations allow for it"
+        place = "in the model as time_skew" if self.stays else "not in the model, the standard deviations allow for it"
         return (
             f"currents are read {1e3 * abs(self.delay):.3g} +- {2e3 * self.std:.2g} ms {when} the angles: "
-            f"{kept} (held-out error {self.before:.3g} -> {self.after:.3g} times the noise)"
+            f"{place} (held-out error {self.before:.3g} -> {self.after:.3g} times the noise)"
         )
 
 
@@ -103,10 +103,10 @@ def _alike(lags: Array, std: Array) -> tuple[float, float] | None:
     lags, std = lags[seen], std[seen]
     if len(lags) < 2:
         return None
-    most = int(np.argmax(np.abs(lags) / std))
-    (mean, of_mean), (others, of_others) = _mean(lags, std), _mean(np.delete(lags, most), np.delete(std, most))
+    worst = int(np.argmax(np.abs(lags) / std))
+    (mean, of_mean), (others, of_others) = _mean(lags, std), _mean(np.delete(lags, worst), np.delete(std, worst))
     clear = abs(mean) > max(SIGNIFICANT_STDS * of_mean, LEAST) and abs(others) > SIGNIFICANT_STDS * of_others
-    alike = abs(lags[most] - others) < max(ALIKE * abs(mean), ALIKE_STD * np.hypot(std[most], of_others))
+    alike = abs(lags[worst] - others) < max(ALIKE * abs(mean), ALIKE_STD * np.hypot(std[worst], of_others))
     return (mean, of_mean) if clear and alike else None
 
 
@@ -144,7 +144,7 @@ def judged(shown: tuple[float, float], without: Solution, with_it: Solution) -> 
 def _in_blocks(rows: Equations, residual: Array, noise: Array) -> dict[tuple[int, int], float]:
     """Mean square of the residual over the noise (J,) in every second of every run."""
     keys = zip(rows.run.tolist(), (rows.t // BLOCK_SECONDS).astype(int).tolist())
-    found: dict[tuple[int, int], list[float]] = {}
+    of_block: dict[tuple[int, int], list[float]] = {}
     for key, square in zip(keys, ((residual / noise[rows.joint]) ** 2).tolist()):
-        found.setdefault(key, []).append(square)
-    return {key: float(np.mean(squares)) for key, squares in found.items()}
+        of_block.setdefault(key, []).append(square)
+    return {key: float(np.mean(squares)) for key, squares in of_block.items()}

@@ -90,8 +90,8 @@ def with_load_and_temperature(found: Solution, method: Method, progress: Progres
     stay, why = _justified(found, wider, tried)
     if stay:
         warm = {term.joint - 1 for term in stay if term.joint and term.name in TEMPERATURE}
-        kept = {j: degc for j, degc in tried.references.items() if j in warm}
-        wider = solve(with_terms(found.problem, near, stay, kept), method, progress)
+        references = {j: degc for j, degc in tried.references.items() if j in warm}
+        wider = solve(with_terms(found.problem, near, stay, references), method, progress)
     judged = [*tried.refused, *(_dependence(wider, tried, stay, j, on, why[j]) for j, on in _kinds(tried.terms))]
     return (wider if stay else found), sorted(judged, key=lambda one: (one.joint, one.on))
 
@@ -156,7 +156,7 @@ def _no_temperature(motions: Sequence[Motion], seen: Sequence[Conditions], certa
 
 def _justified(found: Solution, wider: Solution, tried: _Tried) -> tuple[list[EffectTerm], dict[int, str]]:
     """The effects that stay, with those coefficients alone that are clearly not zero, and per joint the reason."""
-    known, joints = _estimates(wider), sorted({j for j, _ in _kinds(tried.terms)})
+    values, joints = _estimates(wider), sorted({j for j, _ in _kinds(tried.terms)})
     residuals, sizes = held_out_residuals(found, wider), friction_sizes(found.problem, found.best)
     stay: list[EffectTerm] = []
     why: dict[int, str] = {}
@@ -171,7 +171,7 @@ def _justified(found: Solution, wider: Solution, tried: _Tried) -> tuple[list[Ef
                 continue
             searched = {p.name for p in CATALOGUE[term.name].nonlinear}
             clear = {name: value for name, value in term.parameters.items() if name in searched}
-            clear |= {name: 0.0 for name in term.parameters if _is_clear(term, name, known)}
+            clear |= {name: 0.0 for name in term.parameters if _is_clear(term, name, values)}
             if len(clear) > len(searched):
                 stay.append(replace(term, parameters=clear))
     return stay, why
@@ -192,14 +192,14 @@ def _estimates(fit: Solution) -> dict[str, tuple[float, float]]:
 
 def _dependence(fit: Solution, tried: _Tried, stay: Sequence[EffectTerm], j: int, on: str, why: str) -> Dependence:
     terms = [term for term in stay if term.joint == j + 1 and _on(term) == on]
-    known = _estimates(fit)
+    values = _estimates(fit)
     stated = {name_of(term, name): value for term in terms for name, value in term.parameters.items()}
     return Dependence(
         joint=j + 1,
         on=on,
         stays=bool(terms),
         why=why,
-        parameters={name.split(".", 1)[1]: known[name] for name in stated if name in known},
-        held={name.split(".", 1)[1]: value for name, value in stated.items() if name not in known},
+        parameters={name.split(".", 1)[1]: values[name] for name in stated if name in values},
+        held={name.split(".", 1)[1]: value for name, value in stated.items() if name not in values},
         temperature=tried.references.get(j) if on == "temperature" else None,
     )

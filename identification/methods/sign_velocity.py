@@ -105,11 +105,11 @@ def sign_velocities_shown(found: Solution, given: Arm) -> dict[int, float]:
     share, std = added_coefficients(found, np.column_stack(lacking))
     shown: dict[int, float] = {}
     for j, one, of_one in zip(levels, share, std, strict=True):
-        now, most = problem.arm.joints[j].sign_velocity, given.joints[j].sign_velocity
-        if now < most or (one > max(LEAST, SIGNIFICANT_STDS * of_one) and of_one > 0.0):
+        now, largest = problem.arm.joints[j].sign_velocity, given.joints[j].sign_velocity
+        if now < largest or (one > max(LEAST, SIGNIFICANT_STDS * of_one) and of_one > 0.0):
             # of the tail w^2 / (2 v^2) a share s is missing: w^2 (1 - s) is left
-            velocity = float(np.clip(now * np.sqrt(max(1.0 - one, 0.0)), SHARPEST * most, most))
-            shown |= {j: velocity} if velocity < most else {}
+            velocity = float(np.clip(now * np.sqrt(max(1.0 - one, 0.0)), SHARPEST * largest, largest))
+            shown |= {j: velocity} if velocity < largest else {}
     return shown
 
 

@@ -111,7 +111,7 @@ def unexplained_channels(
     InputError for a current of which it explains nothing: that of an open input only hums; one in mA follows its joint
     well, and no arm has it beside those of the other joints.
     """
-    found = []
+    channels = []
     for j in np.unique(joint):
         of_joint = joint == j
         explained = 1 - float(np.var(residual[of_joint])) / max(float(np.var(torque[of_joint])), 1e-300)
@@ -136,8 +136,8 @@ def unexplained_channels(
             )
         if explained < DEAD:
             raise InputError(str(where), sentence)
-        found.append(sentence)
-    return found
+        channels.append(sentence)
+    return channels
 
 
 def _explained_alone(columns: Array, torque: Array) -> float:

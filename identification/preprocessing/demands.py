@@ -28,10 +28,10 @@ def demand_of_run(recording: Recording, arm: Arm) -> Demand:
     """
     demands, t = recording.qref, recording.t - recording.t[0]
     assert demands is not None
-    known = [(t[ok], column[ok]) for column in demands.T for ok in [np.isfinite(column)]]
+    samples = [(t[ok], column[ok]) for column in demands.T for ok in [np.isfinite(column)]]
 
     def demand(times: Array) -> Array:
-        return np.column_stack([np.interp(times, stamps, column) for stamps, column in known])
+        return np.column_stack([np.interp(times, stamps, column) for stamps, column in samples])
 
     return Sampled(demand) if tracked_as_recorded(recording, arm) else demand
 

@@ -161,7 +161,7 @@ def readiness_of(recording: Recording, found: Trusted, motion: Motion, arm: Arm)
         warnings.append(
             f"{name}: {recording.ledger.lost} of {recording.ledger.triggers} rows were lost as it was recorded"
         )
-    warnings += [f"{name}: {said}" for said in other_drives(recording, arm)]
+    warnings += [f"{name}: {difference}" for difference in other_drives(recording, arm)]
     warnings += [*found.sentences, *_left_out(name, motion)]
     for entry, joint in zip(joints, arm.joints):
         warnings += _weaknesses(name, entry, motion, joint.torque_limit)
@@ -169,36 +169,36 @@ def readiness_of(recording: Recording, found: Trusted, motion: Motion, arm: Arm)
 
 
 def _left_out(name: str, motion: Motion) -> list[str]:
-    found = []
+    sentences = []
     for reason, counts in motion.excluded.items():
         shares = counts / len(motion.t)
         many = np.flatnonzero(shares > (STANDING if reason == "standstill" else HOLES))
         many = np.array([j for j in many.tolist() if reason != "standstill" or motion.moves(j)], np.intp)
         if reason != "end" and len(many):
             joints = ", ".join(f"joint {k + 1}: {shares[k]:.0%}" for k in many)
-            found.append(f"{name}: rows left out ({reason}) of {joints}")
-    return found
+            sentences.append(f"{name}: rows left out ({reason}) of {joints}")
+    return sentences
 
 
 def _weaknesses(name: str, entry: JointReadiness, motion: Motion, limit: float | None) -> list[str]:
     if entry.used == 0:
         return [f"{name}: joint {entry.joint} never moves: its friction and rotor cannot be seen here"]
-    found = []
+    sentences = []
     lag = entry.lag
     if lag is not None and abs(lag) > 2 * motion.dt and abs(lag) > 0.05 / motion.band.motion:
-        found.append(
+        sentences.append(
             f"{name}: the torque of joint {entry.joint} is {abs(lag) * 1e3:.1f} ms "
             f"{'behind' if lag > 0 else 'ahead of'} its acceleration;"
             " are all channels of the same instant?"
         )
     if entry.torque is not None and entry.torque > FAR_BEYOND:
-        found.append(
+        sentences.append(
             f"{name}: joint {entry.joint} has {entry.torque:.3g} times its torque limit of {limit:g}; are the "
             "currents in A (not mA), and gear and torque_constant those of the drive?"
         )
     elif entry.torque is not None and entry.torque > LIMIT:
-        found.append(f"{name}: joint {entry.joint} reaches its torque limit of {limit:g}")
-    return found
+        sentences.append(f"{name}: joint {entry.joint} reaches its torque limit of {limit:g}")
+    return sentences
 
 
 def lag_of_torque(motion: Motion, j: int) -> float | None:

@@ -40,8 +40,8 @@ def _folded(runs: Sequence[RunReadiness], motions: Sequence[Motion]) -> list[tup
     of_rates: dict[str, list[tuple[str, Motion]]] = {}
     for run, motion in zip(runs, motions):
         setpoints, rate = motion.setpoints, 1 / motion.dt
-        known = unbounded(setpoints, rate)
-        if known or (motion.folded is not None and (whole_rows(setpoints, rate) or _share(motion).max() >= FOLDED)):
+        bounded = unbounded(setpoints, rate)
+        if bounded or (motion.folded is not None and (whole_rows(setpoints, rate) or _share(motion).max() >= FOLDED)):
             times = f"{rate * setpoints.period:.3g} times "
             rates = (
                 f"{rate:.5g} Hz is {'' if times == '1 times ' else times}the rate of the controller's setpoints (every "

@@ -269,9 +269,9 @@ def _power(transients: Array, ripple: Array, t: Array, scale: Array) -> float:
     """Mean squared amplitude of k lines with columns ``transients`` (n, k) or (n, 2 k), each times ``scale`` (k,)."""
     power, least = [], STANDS * np.std(transients[:, 0])
     for stretch in np.array_split(np.arange(len(t)), max(1, int(t[-1] / STRETCH))):
-        here = stretch[np.isfinite(ripple[stretch])]
-        if len(here) > 10 * transients.shape[1] and np.std(transients[here, 0]) > least:
-            amplitude = np.linalg.lstsq(transients[here], ripple[here], rcond=None)[0].reshape(-1, len(scale))
+        rows = stretch[np.isfinite(ripple[stretch])]
+        if len(rows) > 10 * transients.shape[1] and np.std(transients[rows, 0]) > least:
+            amplitude = np.linalg.lstsq(transients[rows], ripple[rows], rcond=None)[0].reshape(-1, len(scale))
             power.append(np.mean(np.sum(amplitude**2, axis=0) * scale**2))
     return float(np.mean(power)) if power else 0.0
 

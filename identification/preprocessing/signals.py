@@ -300,5 +300,5 @@ def _resolution(column: Array) -> float:
     if len(steps) < 10:
         return float(steps.min()) if len(steps) else 0.0
     step = float(np.quantile(steps, 0.02))
-    whole = np.abs(steps / step - np.rint(steps / step)) < 0.05 if step > 0 else np.zeros(1, bool)
-    return step if np.mean(whole) > 0.9 else 0.0
+    multiples = np.abs(steps / step - np.rint(steps / step)) < 0.05 if step > 0 else np.zeros(1, bool)
+    return step if np.mean(multiples) > 0.9 else 0.0

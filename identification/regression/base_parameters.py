@@ -127,12 +127,12 @@ def reading_order(names: tuple[str, ...]) -> list[int]:
     within = {"mx": 0, "my": 1, "izz": 2, "ixx": 3}
 
     def rank(index: int) -> tuple[int, int, int, int]:
-        head, _, rest = names[index].partition(".")
+        head, _, quantity = names[index].partition(".")
         if is_effect(names[index]):
             return (2, 0, index, 0)
         number = int("".join(c for c in head if c.isdigit()) or 0)
         if head.startswith("link"):
-            return (1, last.get(rest, 0), -number, within.get(rest, 4))
+            return (1, last.get(quantity, 0), -number, within.get(quantity, 4))
         return (0, 0, number, 0)
 
     return sorted(range(len(names)), key=rank)

@@ -203,9 +203,9 @@ def _check_friction(problem: Problem, best: Fit, uncertainty: FitUncertainty) ->
         mean = {"viscous": np.mean(speed**2), "coulomb": np.mean(np.abs(speed))}
         weight = np.zeros(len(problem.columns))
         for k, column in enumerate(problem.columns):
-            head, _, rest = problem.base.names[column].partition(".")
+            head, _, quantity = problem.base.names[column].partition(".")
             if head == f"joint{j + 1}" and not is_effect(problem.base.names[column]):
-                weight[k] = mean.get(rest.partition("_")[0], 0.0) * (0.5 if rest.endswith("tive") else 1.0)
+                weight[k] = mean.get(quantity.partition("_")[0], 0.0) * (0.5 if quantity.endswith("tive") else 1.0)
         power[j] = weight @ best.values
         std[j] = float(weight @ uncertainty.covariance @ weight) ** 0.5
     checks.check_signs([recording.path for recording in problem.fit], power, std)
@@ -254,14 +254,14 @@ def predictions_of(
     rows: Equations, predicted: Array, recordings: Sequence[Recording], held_out: bool
 ) -> list[Prediction]:
     """One prediction per recording, of the torques ``predicted`` (rows,)."""
-    found = []
+    predictions = []
     for run, recording in enumerate(recordings):
-        here = rows.run == run
-        seen = (rows.t[here], rows.joint[here], rows.torque[here], predicted[here])
-        found.append(
-            Prediction(recording.path.name, held_out, *seen, None if rows.sliding is None else rows.sliding[here])
+        of_run = rows.run == run
+        seen = (rows.t[of_run], rows.joint[of_run], rows.torque[of_run], predicted[of_run])
+        predictions.append(
+            Prediction(recording.path.name, held_out, *seen, None if rows.sliding is None else rows.sliding[of_run])
         )
-    return found
+    return predictions
 
 
 def _accounted_for(

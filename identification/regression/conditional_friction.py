@@ -49,12 +49,14 @@ class Conditions:
 
 def conditions_of(arm: Arm, motions: Sequence[Motion], j: int, reference: float | None) -> list[Conditions]:
     """Of joint j (from 0) in each motion, its load by ``arm``; ``reference``: degC at which its friction holds."""
-    found = []
+    conditions = []
     for motion in motions:
         load = rigid_torque_along(arm, motion.q, motion.qd, motion.qdd)[:, j]
-        known = None if motion.temperatures is None else motion.temperatures.at(j, motion.t)
-        found.append(Conditions(motion, j, load, None if known is None or reference is None else known - reference))
-    return found
+        temperature = None if motion.temperatures is None else motion.temperatures.at(j, motion.t)
+        conditions.append(
+            Conditions(motion, j, load, None if temperature is None or reference is None else temperature - reference)
+        )
+    return conditions
 
 
 def terms_for(

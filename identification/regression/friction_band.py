@@ -59,7 +59,7 @@ def _between(speed: Array, torque: Array) -> Array:
 def bands_of(problem: Problem, arm: Arm, uncertainty: FitUncertainty) -> list[FrictionBand]:
     """Of every joint that slides in the fitted runs; ``arm``: the one that is written."""
     names = [problem.base.names[k] for k in problem.columns]
-    found = []
+    bands = []
     for j, joint in enumerate(arm.joints):
         v = np.concatenate([np.abs(motion.qd[motion.certain[:, j], j]) for motion in problem.motions])
         if not len(v):
@@ -75,7 +75,7 @@ def bands_of(problem: Problem, arm: Arm, uncertainty: FitUncertainty) -> list[Fr
             # a curve of the model may begin at standstill
             reversing = torque * np.exp(-((speed / (SMEARED * (speed[0] or low))) ** 2))
             std = np.sqrt(std**2 + _between(speed, torque) ** 2 + reversing**2)
-            found.append(
+            bands.append(
                 FrictionBand(
                     joint=j + 1,
                     direction=0 if same else direction,
@@ -85,4 +85,4 @@ def bands_of(problem: Problem, arm: Arm, uncertainty: FitUncertainty) -> list[Fr
                     curve=curve is not None,
                 )
             )
-    return found
+    return bands

@@ -53,13 +53,13 @@ def named(problem: Problem, best: Fit, uncertainty: FitUncertainty, physical: Ar
 def _estimated(problem: Problem, best: Fit, uncertainty: FitUncertainty) -> dict[int, Value]:
     """Excited base parameters by their row among all."""
     base, sizes = problem.base, _sizes(problem, best)
-    found: dict[int, Value] = {}
+    estimated: dict[int, Value] = {}
     for k, row in enumerate(problem.excited):
         column, std = int(base.kept[row]), float(uncertainty.std[k])
         small = std <= IDENTIFIABLE * sizes[k] and not _matters(problem, column, std)
         certain = std <= IDENTIFIABLE * abs(best.values[k]) or small
         why = "" if certain else f"known to {std:.2g} only: these runs excite it too little"
-        found[int(row)] = Value(
+        estimated[int(row)] = Value(
             base.expression(int(row)),
             float(best.values[k]),
             std,
@@ -69,7 +69,7 @@ def _estimated(problem: Problem, best: Fit, uncertainty: FitUncertainty) -> dict
             why,
             float(uncertainty.std_bootstrap[k]),
         )
-    return found
+    return estimated
 
 
 def _matters(problem: Problem, column: int, std: float) -> bool:

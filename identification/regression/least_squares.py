@@ -151,11 +151,11 @@ def weighted_by_joint(columns: Array, y: Array, joint: Joints, triangles: Triang
     noise = _floored(noise)
     parts = [part / noise[j] for part, j in zip(triangles.parts, triangles.joint)]
     values, triangle = _solved(triangle_of(np.concatenate(parts)))
-    whole = values
+    all_values = values
     if kept is not None:  # others at zero: quicker than a copy of the columns that are kept
-        whole = np.zeros(columns.shape[1])
-        whole[kept] = values
-    return Fit(values, 1.0 / noise[joint], y - columns @ whole, triangle)
+        all_values = np.zeros(columns.shape[1])
+        all_values[kept] = values
+    return Fit(values, 1.0 / noise[joint], y - columns @ all_values, triangle)
 
 
 def _solved(triangle: Array) -> tuple[Array, Array]:

@@ -107,23 +107,23 @@ def model_values(arm: Arm, friction: Friction = "symmetric") -> Array:
     for name, value in zip(parameter_names(arm, friction=friction), parameter_vector(arm, friction=friction)):
         if _left_out(arm, name, friction):
             continue
-        head, _, rest = name.partition(".")
+        head, _, quantity = name.partition(".")
         joint = arm.joints[int(head.removeprefix("joint")) - 1] if head.startswith("joint") else None
-        if joint is not None and rest == "offset":
+        if joint is not None and quantity == "offset":
             value += joint.ratio * (joint.coulomb[0] - joint.coulomb[1]) / 2
-        elif joint is not None and rest in ("coulomb_positive", "coulomb_negative"):
-            value += joint.ratio * joint.offset * (1 if rest.endswith("positive") else -1)
+        elif joint is not None and quantity in ("coulomb_positive", "coulomb_negative"):
+            value += joint.ratio * joint.offset * (1 if quantity.endswith("positive") else -1)
         values.append(value)
     return np.array(values + [parameter(arm, name) for name in effect_parameters(arm)])
 
 
 def _left_out(arm: Arm, name: str, friction: Friction) -> bool:
-    head, _, rest = name.partition(".")
-    if rest == "offset":
+    head, _, quantity = name.partition(".")
+    if quantity == "offset":
         return friction == "asymmetric"
-    if rest.startswith("curve"):
-        return follows(arm.joints[int(head.removeprefix("joint")) - 1], rest)
-    if rest != "rotor_inertia":
+    if quantity.startswith("curve"):
+        return follows(arm.joints[int(head.removeprefix("joint")) - 1], quantity)
+    if quantity != "rotor_inertia":
         return False
     return not _has_rotor(arm, int(head.removeprefix("joint")) - 1)
 

@@ -43,8 +43,8 @@ def writable(covariance: Array) -> Array:
 
     Of what three seconds of a weightless arm do not determine, deviations may be beyond any number of physics.
     """
-    most = 0.99 * LARGEST
-    share = np.sqrt(most / np.maximum(np.diag(covariance), most))
+    largest = 0.99 * LARGEST
+    share = np.sqrt(largest / np.maximum(np.diag(covariance), largest))
     return np.asarray(covariance * np.outer(share, share))
 
 
@@ -78,15 +78,15 @@ def _in_model(arm: Arm, name: str) -> dict[str, float]:
     The offset of a joint whose Coulomb friction differs by direction is such a difference; values of a curve that
     follow from others follow.
     """
-    head, _, rest = name.partition(".")
-    if not (head.startswith("joint") and head.removeprefix("joint").isdigit()) or "." in rest:
+    head, _, quantity = name.partition(".")
+    if not (head.startswith("joint") and head.removeprefix("joint").isdigit()) or "." in quantity:
         return {name: 1.0}
     joint = arm.joints[(j := int(head.removeprefix("joint")) - 1)]
-    if rest == "offset" and joint.coulomb[0] != joint.coulomb[1]:
+    if quantity == "offset" and joint.coulomb[0] != joint.coulomb[1]:
         return {f"{head}.coulomb_positive": 1.0, f"{head}.coulomb_negative": -1.0}
-    if rest.startswith("curve") and joint.friction_curve is not None:
+    if quantity.startswith("curve") and joint.friction_curve is not None:
         basis, kept = departures(joint.friction_curve.speed)
-        _, joined, way = rest.partition("_")
+        _, joined, way = quantity.partition("_")
         points = curve_names(j, len(basis), joined + way)
         unit = basis[:, list(kept).index(points.index(name))]
         return {point: float(share) for point, share in zip(points, unit) if share != 0.0}

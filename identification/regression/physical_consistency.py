@@ -242,16 +242,16 @@ def friction_at(arm: Arm, names: Sequence[str], j: int, v: Array, direction: int
     held = {term.name: term.parameters for term in arm.effects if term.joint == j + 1}
     rows = np.zeros((len(v), len(names)))
     for k, name in enumerate(names):
-        head, _, rest = name.partition(".")
-        kind, _, way = rest.partition("_")
+        head, _, quantity = name.partition(".")
+        kind, _, way = quantity.partition("_")
         if head != f"joint{j + 1}":
             continue
         if kind in powers and way in ("", side):
             rows[:, k] = v ** powers[kind]
         elif way in ("", side) and (unit := unit_departure(arm.joints[j], kind, v)) is not None:
             rows[:, k] = unit
-        elif is_effect(name) and (effect := CATALOGUE[rest.split(".")[0]]).friction:
-            linear = {p.name: float(p.name == rest.split(".")[1]) for p in effect.linear}
+        elif is_effect(name) and (effect := CATALOGUE[quantity.split(".")[0]]).friction:
+            linear = {p.name: float(p.name == quantity.split(".")[1]) for p in effect.linear}
             rows[:, k] = effect_friction(effect, {**held[effect.name], **linear}, v, direction)
     return rows
 

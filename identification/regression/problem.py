@@ -189,8 +189,8 @@ def prepare(
     arm = split_arm(arm)
     # Ripples reach to the low-pass's edge, where both sides differ; leaving samples out would fold that onto the
     # motion. Friction is as uncertain in reversals as without effects.
-    known = [CATALOGUE[term.name] for term in arm.effects]
-    smooth = all(effect.conditional or effect.friction or effect.delay is not None for effect in known)
+    effects = [CATALOGUE[term.name] for term in arm.effects]
+    smooth = all(effect.conditional or effect.friction or effect.delay is not None for effect in effects)
     motions = motions if smooth else [*map(with_reversals, motions)]
     warnings = [warning for run in runs for warning in run.warnings]
     warnings += [

@@ -146,10 +146,10 @@ def block_length(rows: Equations, residual: Array) -> float:
     """
     longest, duration = 0.0, 0.0
     for run in np.unique(rows.run):
-        here = rows.run == run
-        duration += float(np.ptp(rows.t[here]))
-        for j in np.unique(rows.joint[here]):
-            of_joint = here & (rows.joint == j)
+        of_run = rows.run == run
+        duration += float(np.ptp(rows.t[of_run]))
+        for j in np.unique(rows.joint[of_run]):
+            of_joint = of_run & (rows.joint == j)
             if of_joint.sum() > 10:
                 longest = max(longest, correlation_time(rows.t[of_joint], residual[of_joint]))
     return float(np.clip(MEMORIES * longest, duration / MOST_BLOCKS, duration / LEAST_BLOCKS))
@@ -192,10 +192,10 @@ def _blocks(rows: Equations, length: float) -> NDArray[np.intp]:
     first = 0
     block = np.zeros(len(rows), np.intp)
     for run in np.unique(rows.run):
-        here = rows.run == run
-        _, number = np.unique((rows.t[here] / max(length, 1e-9)).astype(np.intp), return_inverse=True)
-        block[here] = first + number
-        first = int(block[here].max()) + 1
+        of_run = rows.run == run
+        _, number = np.unique((rows.t[of_run] / max(length, 1e-9)).astype(np.intp), return_inverse=True)
+        block[of_run] = first + number
+        first = int(block[of_run].max()) + 1
     return block
 
 

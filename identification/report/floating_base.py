@@ -55,10 +55,10 @@ def verdict(result: BaseIdentification) -> str:
     """The first sentence: what of the thrusters' wrench model.toml leaves, and what the model left before."""
     after, before = (float(np.max(error / result.thrust_rms)) for error in (result.after_rms, result.before_rms))
     worst = DEGREES[int((result.after_rms / result.thrust_rms).argmax())]
-    known = sum(value.identifiable for value in result.parameters)
+    count = sum(value.identifiable for value in result.parameters)
     return (
         f"Held-out error of model.toml at most {after:.2%} of the thrusters' wrench (in {worst}), of the model as "
-        f"given {before:.2%}. {known} of {len(result.parameters)} parameters are identifiable."
+        f"given {before:.2%}. {count} of {len(result.parameters)} parameters are identifiable."
     )
 
 

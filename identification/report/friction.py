@@ -72,7 +72,7 @@ def _over_speed(result: Identification) -> dict[int, str]:
     """Joint -> what law its friction has over speed, and by what held-out errors."""
     curved = {band.joint: band for band in result.friction_bands if band.curve}
     trials = {trial["joint"]: trial for trial in result.extra.get("friction_trials", [])}
-    said = {}
+    sentences = {}
     for joint in sorted({*curved, *trials}):
         trial, unit = trials.get(joint), result.torque_unit(joint - 1)
         errors = ""
@@ -80,7 +80,7 @@ def _over_speed(result: Identification) -> dict[int, str]:
             errors = f"held-out error while it slides {trial['straight']:.3g} -> {trial['curve']:.3g} {unit}"
         why = "" if trial is None else trial["why"]
         if joint not in curved:
-            said[joint] = (
+            sentences[joint] = (
                 f"friction of joint {joint}: Coulomb and viscous (a curve is not justified: "
                 f"{', '.join(filter(None, (errors, why)))})"
             )
@@ -88,11 +88,11 @@ def _over_speed(result: Identification) -> dict[int, str]:
         speed = curved[joint].speed
         per = "rad/s" if result.arm.joints[joint - 1].revolute else "m/s"
         source = errors or "as in the model"
-        said[joint] = (
+        sentences[joint] = (
             f"friction of joint {joint}: a curve of free shape through {len(speed)} speeds from {speed[0]:.2g} to "
             f"{speed[-1]:.2g} {per} ({source})"
         )
-    return said
+    return sentences
 
 
 def _depends(result: Identification, one: Mapping[str, Any]) -> str:

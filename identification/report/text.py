@@ -24,10 +24,10 @@ def text(result: Identification) -> str:
     Deviations of other kinds (bootstrap, formula) stand in the report and in identification.json.
     """
     base = {value.name for value in result.base}
-    named = [value for value in result.parameters if value.std is not None and ".curve" not in value.name]
-    names = {value.name for value in named}
+    listed = [value for value in result.parameters if value.std is not None and ".curve" not in value.name]
+    names = {value.name for value in listed}
     sums = [value for value in result.base if value.name not in names and ".curve" not in value.name]
-    lines = _table(named, "parameter")
+    lines = _table(listed, "parameter")
     if sums and base:
         lines += _table(sums, "combination")
     lines += [*friction.in_short(result), *ripples.sentences(result)]

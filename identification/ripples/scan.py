@@ -53,8 +53,8 @@ def orders_of(motions: Sequence[Motion], joint: int) -> Array:
     travel = min(float(np.ptp(motion.q[:, joint])) for motion in motions)
     slow = min(float(np.quantile(one, SLOW)) for one in moving)
     fastest = min(motion.band.parallel for motion in motions) / max(slow, 1e-9)
-    apart = CLOSE / travel
-    cycles = np.arange(LEAST_CYCLES / travel, fastest, apart)[:MOST_ORDERS]
+    step = CLOSE / travel
+    cycles = np.arange(LEAST_CYCLES / travel, fastest, step)[:MOST_ORDERS]
     return np.asarray(2 * np.pi * cycles)
 
 

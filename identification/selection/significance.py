@@ -51,8 +51,8 @@ def p_value(gains: Array) -> float:
         return float(log_cosh.sum() - np.exp(log_s) * share)
 
     smallest = float(np.min(size))
-    found = optimize.minimize_scalar(bound, bounds=(-10.0, np.log(40.0 / smallest)), method="bounded")
-    return float(min(1.0, np.exp(found.fun)))
+    minimum = optimize.minimize_scalar(bound, bounds=(-10.0, np.log(40.0 / smallest)), method="bounded")
+    return float(min(1.0, np.exp(minimum.fun)))
 
 
 def shift_p_value(predicted: Sequence[Array], residual: Sequence[Array]) -> float:
@@ -65,13 +65,13 @@ def shift_p_value(predicted: Sequence[Array], residual: Sequence[Array]) -> floa
     be is the stronger evidence. The colour of the residual is kept.
     """
     rng = np.random.default_rng(0)
-    total, here, size = np.zeros(DRAWS), 0.0, 0.0
+    shifted, in_place, size = np.zeros(DRAWS), 0.0, 0.0
     for x, r in zip(predicted, residual):
         spectrum = np.sum(np.conj(np.fft.rfft(x, axis=0)) * np.fft.rfft(r, axis=0), axis=1)
         inner = np.fft.irfft(spectrum, len(x))  # x turned round by k rows, times r
-        here += float(inner[0])
-        total += inner[rng.integers(0, len(x), DRAWS)]
+        in_place += float(inner[0])
+        shifted += inner[rng.integers(0, len(x), DRAWS)]
         size += float(np.sum(x**2))
-    if 2 * here <= size:
+    if 2 * in_place <= size:
         return 1.0
-    return float((1 + np.count_nonzero(total >= here)) / (1 + DRAWS))
+    return float((1 + np.count_nonzero(shifted >= in_place)) / (1 + DRAWS))

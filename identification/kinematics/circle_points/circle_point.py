@@ -75,8 +75,8 @@ class Circle:
         weights = np.linalg.lstsq(columns / scale, angle, rcond=1e-6)[0] / scale
         wave = columns[:, :2] @ weights[:2]
         total = float(np.sum((angle - angle.mean()) ** 2))
-        left = float(np.sum((angle - columns @ weights) ** 2))
-        share = 0.0 if total <= 0 else max(0.0, 1.0 - left / total)
+        residual_energy = float(np.sum((angle - columns @ weights) ** 2))
+        share = 0.0 if total <= 0 else max(0.0, 1.0 - residual_energy / total)
         return (
             float(np.hypot(weights[0], weights[1])),
             float(np.arctan2(weights[1], weights[0])),

@@ -35,7 +35,7 @@ def between_counts(t: Array, q: Array) -> Array:
     if rows < 5:
         return smooth
     there = np.isfinite(q)
-    whole = uniform_filter1d(there.astype(float), rows, axis=0, mode="nearest") > 1 - 0.5 / rows
+    complete = uniform_filter1d(there.astype(float), rows, axis=0, mode="nearest") > 1 - 0.5 / rows
     bridged = np.column_stack(
         [np.interp(t, t[ok], column[ok]) if ok.any() else column for ok, column in zip(there.T, q.T)]
     )
@@ -43,7 +43,7 @@ def between_counts(t: Array, q: Array) -> Array:
     for first, last in pairwise(edges):
         if last - first >= rows:
             local = savgol_filter(bridged[first:last], rows, 3, axis=0)
-            smooth[first:last] = np.where(whole[first:last], local, q[first:last])
+            smooth[first:last] = np.where(complete[first:last], local, q[first:last])
     return smooth
 
 

@@ -118,20 +118,20 @@ def _one_place(table: Cells, values: Array) -> tuple[float, float, float] | None
 def _orientation(table: Cells, suffix: str) -> Array | None:
     """(N, 3) rad rotation vectors of the target's frame in that of the tracker, or None without such columns."""
     there = {kind: [n + suffix for n in kind] for kind in (QUATERNION, VECTOR, ANGLES)}
-    found = [kind for kind, names in there.items() if any(name in table.names for name in names)]
-    if not found:
+    kinds = [kind for kind, names in there.items() if any(name in table.names for name in names)]
+    if not kinds:
         return None
-    if len(found) > 1:
+    if len(kinds) > 1:
         raise table.error(
-            f"columns {there[found[0]][0]} and {there[found[1]][0]} give orientations twice; keep one kind"
+            f"columns {there[kinds[0]][0]} and {there[kinds[1]][0]} give orientations twice; keep one kind"
         )
-    names = there[found[0]]
+    names = there[kinds[0]]
     if missing := [name for name in names if name not in table.names]:
         raise table.error(f"column {missing[0]} is missing; an orientation must be given as {', '.join(names)}")
     values = table.numbers(names)
     good = np.isfinite(values).all(axis=1)
     turn = np.full((len(values), 3), np.nan)
-    if found[0] is QUATERNION:
+    if kinds[0] is QUATERNION:
         length = np.linalg.norm(values[good], axis=1)
         if (np.abs(length - 1.0) > 0.01).any():
             line = int(np.flatnonzero(good)[np.abs(length - 1.0) > 0.01][0]) + 2
@@ -140,7 +140,7 @@ def _orientation(table: Cells, suffix: str) -> Array | None:
         return turn
     _check_unit(table, ", ".join(names), values, 2.0 * np.pi + 0.1, "rad", "degrees")
     if good.any():
-        vector = found[0] is VECTOR
+        vector = kinds[0] is VECTOR
         turns = Rotation.from_rotvec(values[good]) if vector else Rotation.from_euler("xyz", values[good])
         turn[good] = turns.as_rotvec()
     return turn

@@ -76,11 +76,11 @@ def read_cells(path: Path) -> Cells:
         rows = list(csv.reader(io.StringIO(text, newline=""), delimiter=separator))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise InputError(path, f"cannot be read as a CSV table: {getattr(error, 'strerror', None) or error}") from None
-    named = [_name_and_factor(path, cell.strip()) for cell in (rows[0] if rows else [])]
-    names = [name for name, _ in named]
+    columns = [_name_and_factor(path, cell.strip()) for cell in (rows[0] if rows else [])]
+    names = [name for name, _ in columns]
     if repeated := [name for name in names if names.count(name) > 1]:
         raise InputError(path, f"line 1: column {repeated[0]!r} is there twice")
-    return Cells(path, names, rows[1:], {name: factor for name, factor in named if factor != 1.0}, separator)
+    return Cells(path, names, rows[1:], {name: factor for name, factor in columns if factor != 1.0}, separator)
 
 
 def _separator(text: str) -> str:

@@ -57,10 +57,10 @@ def check_new(fitted: Sequence[Poses], held_out: Sequence[Poses]) -> list[str]:
         for before, one in enumerate(every[:number]):
             if rows := _in_common(one, other):
                 both = number >= len(fitted) > before
-                what = "is both fitted and held out" if both else "is given twice"
+                fault = "is both fitted and held out" if both else "is given twice"
                 right = "held-out poses must be measured anew" if both else "give each measurement once"
                 rows_of = f"{rows} of its {len(other.q)} rows are in {one.path}, angles and points"
-                raise InputError(other.path, f"{what}: {rows_of}; {right}")
+                raise InputError(other.path, f"{fault}: {rows_of}; {right}")
     return _again(every[: len(fitted)], every[len(fitted) :])
 
 

@@ -95,13 +95,13 @@ def _moving(run: Run, chain: Chain) -> tuple[Array, Array]:
 
 def find_step(run: Run, chain: Chain, noise: float) -> Shift | None:
     """The largest step of the delay by a whole number of rows within a run, or None."""
-    found = delays(run, chain, noise)
-    if len(found.first) < 6:
+    measured = delays(run, chain, noise)
+    if len(measured.first) < 6:
         return None
-    scatter = max(float(np.median(np.abs(np.diff(found.delay)))), float(np.median(found.std)), 1e-6)
+    scatter = max(float(np.median(np.abs(np.diff(measured.delay)))), float(np.median(measured.std)), 1e-6)
     best: tuple[float, int, float] | None = None
-    for k in range(2, len(found.first) - 1):
-        before, after = found.delay[:k], found.delay[k:]
+    for k in range(2, len(measured.first) - 1):
+        before, after = measured.delay[:k], measured.delay[k:]
         step = float(np.median(after) - np.median(before))
         z = abs(step) / (scatter * np.sqrt(1.0 / len(before) + 1.0 / len(after)))
         if best is None or z > best[0]:
@@ -112,7 +112,11 @@ def find_step(run: Run, chain: Chain, noise: float) -> Shift | None:
     if round(step) == 0:
         return None
     row = _refine(
-        run, chain, int(found.first[max(k - 6, 0)]), int(found.first[min(k + 5, len(found.first) - 1)]), round(step)
+        run,
+        chain,
+        int(measured.first[max(k - 6, 0)]),
+        int(measured.first[min(k + 5, len(measured.first) - 1)]),
+        round(step),
     )
     return _if_better(run, chain, Shift(run.name, row, round(step), step, abs(step) / z))
 
@@ -122,15 +126,15 @@ def find_constant(run: Run, chain: Chain, noise: float) -> Shift | None:
 
     A latency that is no whole number stays a latency.
     """
-    found = delays(run, chain, noise)
-    if len(found.first) < 3:
+    measured = delays(run, chain, noise)
+    if len(measured.first) < 3:
         return None
-    delay = float(np.median(found.delay))
-    std = MAD_TO_STD * float(np.median(np.abs(found.delay - delay))) / np.sqrt(len(found.delay))
-    whole = round(delay)
-    if not 1 <= abs(whole) <= _MOST_ROWS or abs(delay - whole) > 0.2 or std > 0.1:
+    delay = float(np.median(measured.delay))
+    std = MAD_TO_STD * float(np.median(np.abs(measured.delay - delay))) / np.sqrt(len(measured.delay))
+    rows = round(delay)
+    if not 1 <= abs(rows) <= _MOST_ROWS or abs(delay - rows) > 0.2 or std > 0.1:
         return None
-    return _if_better(run, chain, Shift(run.name, 0, whole, delay, std))
+    return _if_better(run, chain, Shift(run.name, 0, rows, delay, std))
 
 
 def _if_better(run: Run, chain: Chain, shift: Shift) -> Shift | None:

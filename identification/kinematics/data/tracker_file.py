@@ -172,9 +172,9 @@ def _follow(a: Array, b: Array, start: float, period: float, most: int) -> _Cloc
             break
         n = min(4 * n, len(a), most)
     mean = float(np.sqrt(np.mean(off**2)))
-    left = 1.0 - float(np.sum(_pair(a, b, offset, drift, period) >= 0)) / min(len(a), len(b))
+    unpaired = 1.0 - float(np.sum(_pair(a, b, offset, drift, period) >= 0)) / min(len(a), len(b))
     # the residual decides only between equals: a start that pairs fewer events with the same agreement
-    return _Clocks(offset, drift, MAD_TO_STD * float(np.median(off)), mean + 1e-3 * period * left)
+    return _Clocks(offset, drift, MAD_TO_STD * float(np.median(off)), mean + 1e-3 * period * unpaired)
 
 
 def _pair(a: Array, b: Array, offset: float, drift: float, period: float) -> Array:
