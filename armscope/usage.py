@@ -26,7 +26,7 @@ COMMANDS: dict[str, str] = {
     "identify": "estimate the parameters of an arm from recordings, with uncertainty and held-out error",
     "diagnose": "detect and isolate errors of a model, extend the model, report the gain on held-out recordings",
     "compare": "detect what changed in an arm between two recordings, results, or groups of them",
-    "trend": "detect what moved over many results of an arm, since when, how fast, and when it reaches a limit",
+    "trend": "detect which parameters of an arm moved over many results, since when, how fast, when they reach a limit",
     "archive": "index the recordings and results in a folder; find, compare, plot and open them",
     "fleet": "run a plan of many arms and nights on Dask: which arms changed, since when, how fast, what to do next",
     "fleet-sim": "simulate recordings of a fleet whose arms wear, with the truth beside them",
