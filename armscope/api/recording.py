@@ -135,7 +135,11 @@ def _through_server(
         place = _place(out, folder, fetch)
         if folder is not None and fetch and out.exists():
             raise InputError(out, "exists already, and no recording is overwritten; give another name")
-        result = _run(server, rig, experiment, place, remote=folder is not None, progress=progress)
+        try:
+            result = _run(server, rig, experiment, place, remote=folder is not None, progress=progress)
+        except InputError as refusal:
+            raise InputError(*(_as_given(text, place, out, folder) for text in (refusal.where, refusal.what))) from None
+        result["ending"]["sentence"] = _as_given(result["ending"]["sentence"], place, out, folder)
         if folder is not None:
             result |= {"endpoint": checked.zenoh.endpoint, "fetched": None}
             if fetch and isinstance(server, RemoteServer):
@@ -144,6 +148,11 @@ def _through_server(
         return Recorded(out, result)
     finally:
         server.close()
+
+
+def _as_given(text: str, place: Path, out: Path, folder: str | None) -> str:
+    """A sentence of the server, which knows the whole path alone, with the path that was given; but for its folder."""
+    return text.replace(str(place), str(out)) if folder is None else text
 
 
 def _place(out: Path, folder: str | None, fetch: bool) -> Path:

@@ -44,3 +44,13 @@ def test_a_folder_that_is_not_there_is_named_as_it_was_given(
     assert run(["record", "--rig", rig, "--experiment", motion, "--out", "none/a.mcap"]) == 2
     said = capfd.readouterr().err.splitlines()[-1]
     assert said == "error: none/a.mcap: cannot be written: there is no folder none"
+
+
+@pytest.mark.skipif(not Path("/proc/self").exists(), reason="needs a folder in which nobody can write")
+def test_a_place_that_cannot_be_written_is_named_as_it_was_given(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir("/proc")
+    rig, motion = "config/puma560_sim.toml", "config/experiments/excitation.toml"
+    assert run(["record", "--rig", rig, "--experiment", motion, "--out", "self/a.mcap"]) == 2
+    assert capfd.readouterr().err.splitlines()[-1].startswith("error: self/a.mcap: cannot be written: ")

@@ -179,3 +179,16 @@ def test_what_cannot_be_written_leaves_nothing(file: Path, tmp_path: Path, capsy
         assert run(["export", str(file), "--out", str(tmp_path / out), *options]) == 2
         assert capsys.readouterr().err.count("\n") == 1
     assert [path.name for path in tmp_path.rglob("*")] == ["bag"]
+
+
+def test_a_bag_for_which_the_disk_is_too_small(
+    file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def full(*_: object) -> None:
+        raise sqlite3.OperationalError("database or disk is full")
+
+    monkeypatch.setattr("rosbags.rosbag2.Writer.write", full)
+    assert run(["export", str(file), "--out", str(tmp_path / "bag"), "--to", "ros2"]) == 2
+    said = capsys.readouterr().err
+    assert said == f"error: {tmp_path / 'bag'}: cannot be written: database or disk is full\n"
+    assert not (tmp_path / "bag").exists()

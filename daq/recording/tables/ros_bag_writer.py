@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import sqlite3
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, Literal
 
-from arm_io import whole_path
+from arm_io import InputError, whole_path
 from arm_io.optional import optional
 from daq.recording.blocks import LongRecording, Message
 
@@ -20,8 +21,11 @@ def write_bag(path: str | Path, recording: LongRecording, storage: Literal["sqli
     bags, types = optional("rosbags.rosbag2", "ros", path), optional("rosbags.typesys", "ros", path)
     plugin = bags.StoragePlugin.MCAP if storage == "mcap" else bags.StoragePlugin.SQLITE3
     store = types.get_typestore(types.Stores.LATEST)
-    with whole_path(path, folder=True) as place, bags.Writer(place, version=9, storage_plugin=plugin) as writer:
-        return _copy(writer, store, recording.messages())
+    try:
+        with whole_path(path, folder=True) as place, bags.Writer(place, version=9, storage_plugin=plugin) as writer:
+            return _copy(writer, store, recording.messages())
+    except sqlite3.Error as error:
+        raise InputError(path, f"cannot be written: {error}") from None
 
 
 def _copy(writer: Any, store: Any, messages: Iterable[Message]) -> list[str]:
