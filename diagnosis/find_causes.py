@@ -36,7 +36,7 @@ from diagnosis.screening.residuals import Residuals, confirmed, realigned, resid
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Dataset
 from diagnosis.selection.harmonics import with_harmonics
-from diagnosis.selection.ripple_orders import of_shafts, order_of
+from diagnosis.selection.ripple_orders import is_of_gravity, of_shafts, order_of
 from diagnosis.verification.held_currents import as_held
 from diagnosis.verification.smoothing_velocity import other_smoothing
 from diagnosis.verification.tenable import tenable_causes
@@ -217,8 +217,8 @@ def _candidates(search: Search, residuals: Residuals) -> list[Candidate]:
     if not has_dynamics(arm):
         return []
     cold = {j for j in range(1, len(arm) + 1) if not_warmed(residuals.runs[:first], residuals.runs[first:], j)}
-    every = (c for c in (*candidates(arm), *of_shafts(arm)) if c.key not in search.excluded)
-    return [c for c in every if not (depends(c.effect) and c.joint in cold)]
+    every = [c for c in (*candidates(arm), *of_shafts(arm)) if c.key not in search.excluded]
+    return [c for c in every if not (is_of_gravity(c, arm) or (depends(c.effect) and c.joint in cold))]
 
 
 def _by_recording(search: Search, currents: CurrentDiagnosis) -> CurrentDiagnosis | None:

@@ -99,6 +99,9 @@ def _zero_offset(arm: Arm, joint: int | None, p: Values) -> Arm:
     return arm
 
 
+FARTHEST = 10.0
+"""m from the flange at which the centre of a payload may be: a moment whose mass nothing shows is none of a payload."""
+
 PAYLOAD = Effect(
     name="payload",
     place=Place.MECHANICS,
@@ -112,9 +115,10 @@ PAYLOAD = Effect(
             "centre of the mass in the frame of the last link",
             signed=True,
             span=Span.MOMENT,
+            most=FARTHEST,
         ),
-        Parameter("y", "m", (0.0, 0.3), False, "", signed=True, span=Span.MOMENT),
-        Parameter("z", "m", (0.0, 0.3), False, "", signed=True, span=Span.MOMENT),
+        Parameter("y", "m", (0.0, 0.3), False, "", signed=True, span=Span.MOMENT, most=FARTHEST),
+        Parameter("z", "m", (0.0, 0.3), False, "", signed=True, span=Span.MOMENT, most=FARTHEST),
         *(
             Parameter(
                 f"i{c}",

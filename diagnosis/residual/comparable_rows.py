@@ -6,6 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_io.types import Array
+from arm_model import Arm
+from arm_model.effects import described
 from diagnosis.residual.run import Run
 
 LARGEST_STD = 3.0
@@ -13,12 +15,27 @@ LARGEST_STD = 3.0
 
 It is larger near standstill, where stiction makes the current indeterminate.
 """
+FRICTION_STD = 1e-3
+"""Std of a joint's friction, over its friction at rest, up to which a row is compared however small the noise is.
+
+Instruments without noise, which simulated recordings may have, would leave no rows.
+"""
 
 
 def comparable_rows(run: Run) -> NDArray[np.bool_]:
     """(m, n): rows of a run that are compared, per joint."""
-    rows: NDArray[np.bool_] = run.deviation < LARGEST_STD * run.instruments
+    known = FRICTION_STD * rest_friction(run.arm)
+    rows: NDArray[np.bool_] = run.deviation < np.maximum(
+        LARGEST_STD * run.instruments, np.hypot(run.instruments, known)
+    )
     return rows
+
+
+def rest_friction(arm: Arm) -> Array:
+    """(n,) A: friction of every joint at rest, of its larger direction."""
+    levels = np.array([max(joint.rest_friction) for joint in arm.joints])
+    friction: Array = levels / described(arm).joint_array("drive_constant")
+    return friction
 
 
 def rms_where(values: Array, rows: NDArray[np.bool_]) -> Array:

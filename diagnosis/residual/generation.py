@@ -18,6 +18,7 @@ from arm_model import Arm
 from arm_model.effects import described
 from arm_model.rigid_body import drive_mass_matrix
 from arm_model.system import mass_matrix_along, rigid_torque_along
+from diagnosis.residual.comparable_rows import rest_friction
 from diagnosis.residual.expected_current import possible_teeth, predicted_current, true_angle
 from diagnosis.residual.filters import (
     COLUMN_BAND,
@@ -137,12 +138,9 @@ def _ripple_of(i: Array, a: Array, rate: float) -> tuple[Array, Array]:
 
 def _friction_std(arm: Arm, v: Array, rate: float) -> Array:
     """(m, n) A: std of friction near standstill, where it is indeterminate; v (k, n): speeds at ``rate`` Hz."""
-    coulomb = np.array([max(joint.rest_friction) for joint in arm.joints]) / described(arm).joint_array(
-        "drive_constant"
-    )
     slowest = ndimage.minimum_filter1d(np.abs(v), int(FRICTION_MEMORY * rate), axis=0)[kept(rate)]
     width = arm.joint_array("sign_velocity")
-    return coulomb * np.maximum(np.exp(-((slowest / CREEP) ** 2)), 1.0 - slowest / np.hypot(slowest, width))
+    return rest_friction(arm) * np.maximum(np.exp(-((slowest / CREEP) ** 2)), 1.0 - slowest / np.hypot(slowest, width))
 
 
 def _teeth_variance(

@@ -118,6 +118,15 @@ def _of_motor(order: float) -> bool:
     return abs(order - round(order)) < 1e-6 * order
 
 
+def is_of_gravity(candidate: Candidate, arm: Arm) -> bool:
+    """Whether a wave of torque repeats once per turn of its joint, as what gravity makes of a body there."""
+    order = order_of(candidate)
+    if order is None or candidate.joint is None or not candidate.is_torque or not any(arm.gravity):
+        return False
+    joint = arm.joints[candidate.joint - 1]
+    return joint.revolute and abs(order * joint.ratio - 1.0) < 1e-6
+
+
 def in_words(candidate: Candidate, joint: Joint) -> str:
     """``45 cycles per turn of the joint, 0.45 of the motor``; empty for a candidate that is no ripple of a wheel."""
     order = order_of(candidate)

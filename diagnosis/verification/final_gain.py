@@ -6,7 +6,7 @@ that gain away.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -29,19 +29,38 @@ def negligible(state: State, causes: Sequence[Cause]) -> int | None:
     causes: the chosen ones. Each must gain twice, over all held-out rows: with the others refitted to do without it,
     and in the exact model of all, whose columns are not of the first order.
     """
+    found: list[tuple[float, int]] = []
+    for index, (needed, gain, exact_gain) in enumerate(_gains(state, causes)):
+        if not needed or exact_gain < _least(state):
+            found.append((min(gain, exact_gain), index))
+    return min(found)[1] if found else None
+
+
+def disproved(state: State, causes: Sequence[Cause]) -> int | None:
+    """The chosen candidate that gains what matters by its columns, and least in the exact model; None if all do there.
+
+    Its law is then another than its columns, such as that of a mass whose lever the data says nothing of.
+    """
+    gains = [(exact_gain, index) for index, (needed, _, exact_gain) in enumerate(_gains(state, causes)) if needed]
+    lost = [(exact_gain, index) for exact_gain, index in gains if exact_gain < _least(state)]
+    return min(lost)[1] if lost else None
+
+
+def _gains(state: State, causes: Sequence[Cause]) -> Iterator[tuple[bool, float, float]]:
+    """Of each chosen candidate: whether its columns matter beside the others, what they gain, and its exact law."""
     model, runs = state.model, state.data.held_out.runs
     arms = [run.arm.effects for run in runs]
     terms = [term for cause in causes for term in cause.terms]
-    below: list[tuple[float, int]] = []
     full = _energy(runs, [(*of_run, *terms) for of_run in arms])
-    for index, (c, cause) in enumerate(zip(state.chosen, causes, strict=True)):
-        score = model.conditional(c, model.without(c, state), state)
-        other_terms = [term for term in terms if term not in cause.terms]
-        gain = float((_energy(runs, [(*of_run, *other_terms) for of_run in arms]) - full).sum())
-        limit = LIMITS.min_gain * state.data.held_out.rows
-        if gain < limit or not model.needed(score, state):
-            below.append((min(gain, score.gain), index))
-    return min(below)[1] if below else None
+    for c, cause in zip(state.chosen, causes, strict=True):
+        alone = model.conditional(c, model.without(c, state), state)
+        others = [term for term in terms if term not in cause.terms]
+        exact_gain = float((_energy(runs, [(*of_run, *others) for of_run in arms]) - full).sum())
+        yield model.needed(alone, state), alone.gain, exact_gain
+
+
+def _least(state: State) -> float:
+    return LIMITS.min_gain * state.data.held_out.rows
 
 
 def within_model(state: State) -> int | None:

@@ -18,7 +18,7 @@ from daq.recording import Recording
 from diagnosis.cause import Cause, EffectKey, Remainder, extend
 from diagnosis.closed_loop.comparison import refuted, with_smoothing_velocities
 from diagnosis.measurements.currents.causes import of_candidate
-from diagnosis.measurements.currents.estimates import estimates_of
+from diagnosis.measurements.currents.estimates import estimates_of, together
 from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.measurements.currents.model import Currents
 from diagnosis.measurements.currents.possible import exists, impossible
@@ -30,7 +30,7 @@ from diagnosis.measurements.currents.structure.unexplained import Unexplained
 from diagnosis.residual.run import Run
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.next_order import is_further_order
-from diagnosis.verification.final_gain import negligible, with_significance, within_model
+from diagnosis.verification.final_gain import disproved, negligible, with_significance, within_model
 from identification.selection import Split
 
 
@@ -44,7 +44,7 @@ def tenable_causes(
     In the place of a refuted one it searches again.
     """
     refused, bases = list[EffectKey](), Bases(*model.data)
-    selection = _selected(search(model, progress), bases, progress)
+    selection = _selected(_searched(model, refused, progress), bases, progress)
     while True:
         progress("estimating parameters")
         causes = causes_of(selection)
@@ -53,7 +53,7 @@ def tenable_causes(
         if removed is not None:
             selection = without_spurious(without(selection.state, selection.state.chosen[removed]), bases)
             continue
-        removed = _untenable(model.arm, causes, recordings, runs)
+        removed = _untenable(selection.state, causes, recordings, runs)
         if removed is None:
             return selection, with_significance(selection.state, causes)
         candidate = selection.state.chosen[removed]
@@ -63,10 +63,27 @@ def tenable_causes(
         refused.append(candidate.key)
         if len(refused) <= LIMITS.searched_again:
             # another effect may explain the same
-            again = replace(model, excluded=model.excluded | set(refused))
-            selection = _selected(search(again, progress), bases, progress)
+            selection = _selected(_searched(model, refused, progress), bases, progress)
         else:
             selection = without_spurious(without(selection.state, candidate), bases)
+
+
+def _significant_together(state: State, index: int) -> bool:
+    """Whether parameters of a link, none of which is significant alone, are so together."""
+    several = state.chosen[index].link_parameters > 0
+    return several and together(state, index) > LIMITS.significant_sizes
+
+
+def _searched(model: Currents, refused: list[EffectKey], progress: Progress) -> State:
+    """What the search finds without the ``refused``, to which it adds causes that their exact laws disprove."""
+    while True:
+        state = search(replace(model, excluded=model.excluded | set(refused)), progress)
+        causes = causes_of(Selection(state, Unexplained([], [], {})))
+        possible = exists(model.arm, [term for cause in causes for term in cause.terms])
+        index = disproved(state, causes) if possible else None
+        if index is None or len(refused) >= LIMITS.searched_again:
+            return state
+        refused.append(state.chosen[index].key)
 
 
 def _selected(state: State, bases: Bases, progress: Progress) -> Selection:
@@ -132,14 +149,17 @@ def insignificant(arm: Arm, causes: Sequence[Cause]) -> int | None:
 
 
 def _untenable(
-    arm: Arm, causes: list[Cause], recordings: Split[Sequence[Recording]], runs: Sequence[Run]
+    state: State, causes: list[Cause], recordings: Split[Sequence[Recording]], runs: Sequence[Run]
 ) -> int | None:
     """The first cause that no body has, none of whose parameters is significant, or that the closed loop refutes."""
+    arm = state.model.arm
     if not causes:
         return None
-    for untenable in (impossible(arm, causes), insignificant(arm, causes)):
-        if untenable is not None:
-            return untenable
+    if (index := impossible(arm, causes)) is not None:
+        return index
+    index = insignificant(arm, causes)
+    if index is not None and not _significant_together(state, index):
+        return index
     full = with_smoothing_velocities(extend(arm, causes), recordings.fit)
     velocities = [joint.sign_velocity for joint in full.joints]
     without_each = [extend(arm, [other for other in causes if other is not cause]) for cause in causes]

@@ -26,7 +26,7 @@ def arm(root: Path) -> Arm:
     return replace(both, joints=both.joints[:1], controller=replace(both.controller, **own))
 
 
-def _recorded(arm: Arm, root: Path, tmp_path: Path) -> list[Recording]:
+def _recorded(arm: Arm, root: Path, tmp_path: Path, rate: float = RATE, noise: float = 5e-3) -> list[Recording]:
     found = []
     for seed, name in enumerate(("fit", "held_out")):
         both = armscope.read_experiment(root / f"config/starters/csv/{name}.toml")
@@ -36,9 +36,9 @@ def _recorded(arm: Arm, root: Path, tmp_path: Path) -> list[Recording]:
         ]
         first = {side: getattr(both, side)[:1] for side in ("start", "full_speed", "full_acceleration")}
         motion = both.model_copy(update={**first, "segment": segments})
-        r = armscope.simulate(arm, motion, rate=RATE).write(tmp_path / f"{name}.mcap")
-        step, noise = 2 * np.pi / COUNTS, 5e-3 * np.random.default_rng(seed).standard_normal(r.i.shape)
-        found.append(replace(r, q=np.round(r.q / step) * step, i=r.i + noise))
+        r = armscope.simulate(arm, motion, rate=rate).write(tmp_path / f"{name}.mcap")
+        step, random = 2 * np.pi / COUNTS, np.random.default_rng(seed).standard_normal(r.i.shape)
+        found.append(replace(r, q=np.round(r.q / step) * step, i=r.i + noise * random))
     return found
 
 
@@ -55,3 +55,25 @@ def test_a_single_axis_without_a_load_has_none(arm: Arm, root: Path, tmp_path: P
     fit, held_out = _recorded(arm, root, tmp_path)
     result = armscope.diagnose(fit, arm, held_out=held_out)
     assert result.verdict == "consistent" and not result.causes
+
+
+@pytest.fixture
+def direct_drive(arm: Arm) -> Arm:
+    """The shoulder without a gear: one wave per turn of its motor is one per turn of the joint, as gravity makes."""
+    (joint,) = arm.joints
+    reflected, rubbing = joint.gear**2 * joint.rotor_inertia, tuple(joint.ratio * one for one in joint.coulomb)
+    direct = replace(joint, gear=1.0, rotor_inertia=reflected, coulomb=rubbing, viscous=(0.5, 0.5), torque_constant=1.0)
+    return replace(arm, joints=(direct,))
+
+
+def test_a_load_on_a_direct_drive_is_found_in_currents_without_noise(
+    direct_drive: Arm, root: Path, tmp_path: Path
+) -> None:
+    loaded = direct_drive.with_effect("payload", mass=1.5, x=0.05, y=0.0, z=0.0)
+    fit, held_out = _recorded(loaded, root, tmp_path, rate=500.0, noise=0.0)
+    result = armscope.diagnose(fit, direct_drive, held_out=held_out)
+    (cause,) = result.causes
+    assert ("payload", None) in cause.group and ("link_inertia", 1) in cause.group
+    of = {p.name: p.value for p in cause.parameters}
+    # only their sum is seen: the end of the link is 0.4 m from its axis
+    assert of["mass"] * 0.4 + of["mx"] == pytest.approx(1.5 * (0.4 + 0.05), rel=0.01)

@@ -16,6 +16,7 @@ from diagnosis.measurements.currents.state import State
 from diagnosis.measurements.single_axis.causes import AxisCause
 from diagnosis.screening.event import Event, Gain
 from diagnosis.selection.aliasing import confusability, span_of
+from diagnosis.selection.bodies import bodies_of_link
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Dataset
 from diagnosis.selection.friction_shares import with_shares
@@ -72,6 +73,7 @@ def _ambiguity_group(candidate: Candidate, others: Fitted, state: State) -> tupl
     keys = [
         candidate.key,
         *_indistinguishable(candidate, others, state),
+        *_bodies_of_unknown_mass(candidate, state),
         *((name, candidate.joint) for name in aliases),
     ]
     return tuple(dict.fromkeys(keys))
@@ -89,6 +91,15 @@ def _indistinguishable(candidate: Candidate, others: Fitted, state: State) -> li
         and candidate.effect not in rival.candidate.definition.special_cases
         and confusability(basis, own, model.columns(rival.candidate).fit.dense(rows)) > LIMITS.group_correlation
     ]
+
+
+def _bodies_of_unknown_mass(candidate: Candidate, state: State) -> list[EffectKey]:
+    """Bodies that a change of their link may be as well, where nothing shows its mass: of a single axis, say."""
+    bodies = bodies_of_link(candidate, state.model.arm)
+    if not bodies:
+        return []
+    lengths = np.linalg.norm(state.model.columns(candidate).fit.x, axis=0)
+    return [body.key for body in bodies] if lengths[0] < LIMITS.independent * lengths.max() else []
 
 
 def _most_felt(before: Array, after: Array, side: Dataset) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy import stats
 
 from arm_io.types import Array
 from diagnosis.cause import Estimate
@@ -16,14 +17,42 @@ from identification.selection.cluster_covariance import cluster_covariance
 
 
 def estimates_of(state: State) -> list[list[Estimate]]:
-    """Parameters of every chosen candidate.
+    """Parameters of every chosen candidate."""
+    if not state.chosen:
+        return []
+    joints, (covariance, places) = state.model.arm.joints, covariance_of(state)
+    return [
+        estimates(
+            candidate,
+            c.tolist(),
+            covariance[place, place],
+            joints[candidate.joint - 1] if candidate.joint else None,
+        )
+        for candidate, c, place in zip(state.chosen, state.coefficients, places)
+    ]
 
-    The covariance is clustered by block, with one more column for every nonlinear parameter (derivative of its
+
+def together(state: State, index: int) -> float:
+    """How far the coefficients of a chosen candidate are from zero together, as std of one coefficient as unlikely.
+
+    A pendulum shows the sum of a body's mass times the length of its link and of its moment, and neither alone.
+    """
+    covariance, places = covariance_of(state)
+    c = np.asarray(state.coefficients[index], float)
+    first = places[index].start
+    own = covariance[first : first + len(c), first : first + len(c)]
+    scale = np.sqrt(np.diag(own))
+    whitened = np.linalg.lstsq(own / np.outer(scale, scale), c / scale, rcond=1e-12)[0]
+    return float(stats.norm.isf(stats.chi2.sf(float(whitened @ (c / scale)), np.count_nonzero(c)) / 2))
+
+
+def covariance_of(state: State) -> tuple[Array, list[slice]]:
+    """Covariance of all coefficients and searched parameters of the chosen candidates, and the rows of each.
+
+    It is clustered by block, with one more column for every nonlinear parameter (derivative of its
     columns). In addition to the residual, the share ``Limits.systematic`` of what is explained is uncertain,
     independently in every block; and so are the parameters of a model that says so.
     """
-    if not state.chosen:
-        return []
     model, fit = state.model, state.data.fit
     x, unknown, places = list[Array](), list[Array](), list[slice]()
     explained = np.zeros(len(fit.y))
@@ -48,15 +77,7 @@ def estimates_of(state: State) -> list[list[Estimate]]:
         # what the coefficients would be off by if the parameters of the model were
         moved = scaled_lstsq(design, model.uncertain.directions.fit, model.limits.independent)
         covariance = covariance + moved @ moved.T
-    return [
-        estimates(
-            candidate,
-            c.tolist(),
-            covariance[place, place],
-            model.arm.joints[candidate.joint - 1] if candidate.joint else None,
-        )
-        for candidate, c, place in zip(state.chosen, state.coefficients, places)
-    ]
+    return covariance, places
 
 
 def _slopes(candidate: Candidate, columns: Columns, c: Array, state: State) -> tuple[list[Array], list[float]]:

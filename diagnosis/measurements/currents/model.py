@@ -147,7 +147,8 @@ class Currents(MeasurementModel[Candidate, State]):
     def entered(self, score: Score[Candidate], admissible: Sequence[Score[Candidate]], state: State) -> State:
         """With the candidate refined.
 
-        Its rivals are those that gain as much, or that the blocks do not distinguish from it.
+        Its rivals are those that gain as much, or that the blocks do not distinguish from it; and the one that gains
+        most, whose further coefficients may do what several more causes would.
         """
         rivals = self._rivals(score, admissible)
         if score.candidate.terms:
@@ -167,7 +168,8 @@ class Currents(MeasurementModel[Candidate, State]):
         return [
             one
             for one in admissible
-            if (one.gain >= best.gain - self.tolerance(one, best) and one.determined <= fewest)
+            if one is best
+            or (one.gain >= best.gain - self.tolerance(one, best) and one.determined <= fewest)
             or (one.gain > limits.ambiguity * best.gain and p_value(score.blocks - one.blocks) > limits.ambiguity_p)
         ]
 

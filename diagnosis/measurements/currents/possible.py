@@ -25,6 +25,8 @@ def is_physical(candidate: Candidate, coefficients: Array) -> bool:
     """Whether the parameters have admissible signs and sizes: no negative mass, stiffness, gap or friction share."""
     if candidate.unit_amplitude and not 0.25 < coefficients[0] < 4.0:
         return False  # its true coefficient is 1; between the points of the grid it may differ
+    if candidate.definition.body and not coefficients[0]:
+        return False  # a single axis shows moments, and nothing of the mass that would be a body's
     values = candidate.parameters(coefficients.tolist())
     return all(candidate.definition.admits(name, value) for name, value in values.items())
 

@@ -44,7 +44,7 @@ def simplified(state: State) -> State:
     if not state.chosen:
         return state
     # as each trial below: to first order, an error of the gain takes its share of the noise with it
-    state = model.refitted(state.chosen, state.rivals)
+    state = _one_for_several(model.refitted(state.chosen, state.rivals))
     for substitutes, replaced in _simpler(state.chosen, model.library):
         chosen = state.chosen
         available = all((c.body or c in model.library) and c.key not in model.excluded for c in substitutes)
@@ -66,6 +66,28 @@ def simplified(state: State) -> State:
             state = trial
         elif (better := _by_next_order(state, substitutes, replaced[0], energy)) is not None:
             state = better
+    return state
+
+
+def _one_for_several(state: State) -> State:
+    """The state with a rival of a cause in its place that makes all later causes of its joint superfluous.
+
+    A simpler cause is chosen first among those whose gains differ by less than first-order columns are wrong. What it
+    leaves of a richer one, other causes then imitate.
+    """
+    model, noise = state.model, float(state.data.held_out.rows)
+    for c in state.chosen:
+        place = state.chosen.index(c) if c in state.chosen else len(state.chosen)
+        later = [one for one in state.chosen[place + 1 :] if c.joint in (one.joint, None)]
+        for rival in (score.candidate for score in state.rivals.get(c.key, ()) if later):
+            others = [one for one in state.chosen if one is not c and one not in later]
+            if rival.terms or rival.key in model.excluded or rival.key in {one.key for one in state.chosen}:
+                continue
+            trial = model.refitted([*others[:place], rival, *others[place:]], {**state.rivals, rival.key: ()})
+            if trial.energy.held_out - state.energy.held_out < model.limits.min_gain * noise:
+                own = [one for one in state.rivals[c.key] if one.candidate.key != rival.key]
+                state = replace(trial, rivals={**state.rivals, rival.key: own})
+                break
     return state
 
 
