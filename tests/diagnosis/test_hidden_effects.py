@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from arm_io.parallel import CORES
 from arm_model.model_file import read_model
 from diagnosis.diagnose import diagnose
 from diagnosis.result import Diagnosis
@@ -32,6 +33,12 @@ from tests.blind.score import compared, right, right_variable
 SEED = 5
 PAIR = "cogging@3+rotor_inertia@3"
 PLAIN = Laboratory("mixed")
+
+
+@pytest.fixture(autouse=True)
+def all_cores(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In forked processes, as commands are, where the processes of the tests have a core each too."""
+    monkeypatch.delenv(CORES, raising=False)
 
 
 def _case(kind: str, effect: str = "") -> Case:
