@@ -67,9 +67,7 @@ def solve(problem: Problem, method: Method, progress: Progress) -> Solution:
         if not arm.effects or settled(before, best, uncertainty):
             break
         if number + 1 == STEPS:  # rows around the values would be others than those of the fit
-            problem.warnings.append(
-                f"the effects did not settle in {STEPS} steps; is one of them far from what the model says?"
-            )
+            _warn_once(problem, f"the effects did not settle in {STEPS} steps; is one of them far from the model's?")
             break
         before = best.values
         values = _towards(problem, values, physical_values(problem, best, uncertainty.information), best)
@@ -135,3 +133,9 @@ def _towards(problem: Problem, now: Array, wanted: Array, fit: Fit) -> Array:
     while cost(now + length * (wanted - now)) > least and length > SHORTEST:
         length /= 2
     return now + length * (wanted - now)
+
+
+def _warn_once(problem: Problem, warning: str) -> None:
+    """Adds a warning to those of the problem, which the trials of further terms share."""
+    if warning not in problem.warnings:
+        problem.warnings.append(warning)
