@@ -107,13 +107,13 @@ class Chain:
         In any pose whose prismatic joints stay within ``furthest`` (n,) m of their zero: no point is further from a
         joint's axis than the way to it along the links. A joint that comes after its link does not move it.
         """
-        found = np.zeros((len(self), len(self._links)))
+        farthest = np.zeros((len(self), len(self._links)))
         slack = np.where(self.sliding, np.abs(self.coupling) @ furthest, 0.0)
         before, after = (np.linalg.norm(poses[:, :3, 3], axis=1) for poses in (self.before, self.after))
         for column, (link, point) in enumerate(zip(self._links, self._points)):
             way = float(np.linalg.norm(point))
             for j in range(link - 1, -1, -1):
                 way += float(after[j])
-                found[j, column] = 1.0 if self.sliding[j] else way
+                farthest[j, column] = 1.0 if self.sliding[j] else way
                 way += float(before[j] + slack[j])
-        return found
+        return farthest

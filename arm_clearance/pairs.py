@@ -69,27 +69,27 @@ class Pairs:
     def _clearance(self, q: Array) -> Array:
         points, bodies, space = self.chain.points(q), self.chain.bodies, self.space
         count, radius = len(bodies), np.array([body.radius for body in bodies])
-        found = []
+        clearances = []
         if self.floor:
             chosen = np.array(self.floor)
-            found.append(points[:, chosen, 2] - radius[chosen % count] - (space.floor or 0.0))
+            clearances.append(points[:, chosen, 2] - radius[chosen % count] - (space.floor or 0.0))
         if self.boxes:
             body, box = np.array(self.boxes).T
             low, high = (
                 np.array([getattr(one, corner) for one in space.box], float)[box] for corner in ("low", "high")
             )
-            found.append(segment_to_box(points[:, body], points[:, count + body], low, high) - radius[body])
+            clearances.append(segment_to_box(points[:, body], points[:, count + body], low, high) - radius[body])
         if self.links:
             one, other = np.array(self.links).T
             apart = segment_to_segment(
                 points[:, one], points[:, count + one], points[:, other], points[:, count + other]
             )
-            found.append(apart - radius[one] - radius[other])
+            clearances.append(apart - radius[one] - radius[other])
         if self._walled:
             low = np.array(space.low if space.low is not None else [-np.inf] * 3)
             high = np.array(space.high if space.high is not None else [np.inf] * 3)
-            found.append(np.minimum(points[:, -1] - low, high - points[:, -1]).min(axis=1, keepdims=True))
-        return np.concatenate(found, axis=1) if found else np.empty((len(q), 0))
+            clearances.append(np.minimum(points[:, -1] - low, high - points[:, -1]).min(axis=1, keepdims=True))
+        return np.concatenate(clearances, axis=1) if clearances else np.empty((len(q), 0))
 
     def rates(self, furthest: Array) -> Array:
         """(P, n) m by which each distance changes at most per rad (m) of each joint (``Chain.reach``)."""

@@ -116,16 +116,16 @@ class Plan(Table):
 
     def owners_limits(self) -> list[Limit]:
         """What the owner must know of. ValueError where one is no number and no share."""
-        found: list[Limit] = []
+        limits: list[Limit] = []
         for name, value in self.limits.items():
             try:
-                found += limits_from(f"{name}={value}")
+                limits += limits_from(f"{name}={value}")
             except InputError:
                 raise ValueError(
                     f"limits.{name}: must be a number, or '+50%' of the first value, '..14' (at most), "
                     f"'14..' (at least) (is {value!r})"
                 ) from None
-        return found
+        return limits
 
     def place(self, text: str) -> str:
         """A path relative to the plan; a URL as it is."""

@@ -47,7 +47,7 @@ def arm_nights(plan: Plan, note: Callable[[str], None] = lambda _: None) -> list
           two arms have
     InputError where no arm has any, or the place that arms share does not answer.
     """
-    found = []
+    nights = []
     without: list[InputError] = []
     archived = None if plan.archive is None else _archived(plan)
     for arm in plan.arm:
@@ -63,12 +63,12 @@ def arm_nights(plan: Plan, note: Callable[[str], None] = lambda _: None) -> list
             continue
         for night in sorted(by_night):
             places = sorted(by_night[night])
-            found.append(ArmNight(arm, night, tuple(places), tuple(by_night[night][place] for place in places)))
-    if not found:
+            nights.append(ArmNight(arm, night, tuple(places), tuple(by_night[night][place] for place in places)))
+    if not nights:
         raise without[0]
-    for sentence in [str(error) for error in without] + list(_twice(found)):
+    for sentence in [str(error) for error in without] + list(_twice(nights)):
         note(sentence)
-    return found
+    return nights
 
 
 def _twice(found: Sequence[ArmNight]) -> Iterator[str]:
@@ -129,11 +129,11 @@ def _expression(path: str) -> str:
     """A pattern of ``glob`` as a regular expression in which {night} is a group."""
     parts = []
     for part in re.split(r"(\{night\}|\*\*|\*|\?)", path):
-        known = {"{night}": r"(?P<night>\d{4}-\d\d-\d\d)", "**": ".*", "*": "[^/]*", "?": "[^/]"}
-        parts.append(known.get(part, re.escape(part)))
-    first, group, rest = "".join(parts).partition(known["{night}"])
+        patterns = {"{night}": r"(?P<night>\d{4}-\d\d-\d\d)", "**": ".*", "*": "[^/]*", "?": "[^/]"}
+        parts.append(patterns.get(part, re.escape(part)))
+    first, group, rest = "".join(parts).partition(patterns["{night}"])
     # A night that stands in the pattern twice is the same night.
-    return first + group + rest.replace(known["{night}"], "(?P=night)")
+    return first + group + rest.replace(patterns["{night}"], "(?P=night)")
 
 
 def _archived(plan: Plan) -> dict[str, Nights]:

@@ -43,14 +43,14 @@ def round_points(points: Array) -> Capsule:
     _, _, axes = np.linalg.svd((hull - centre) / size)
     best: tuple[float, tuple[Array, Array]] | None = None
     for frame in (axes, np.roll(axes, 1, axis=0), np.roll(axes, 2, axis=0)):
-        found = minimize(
+        optimum = minimize(
             partial(_volume_along, hull, centre, size, frame),
             np.zeros(4),
             method="Nelder-Mead",
             options={"maxfev": 400, "xatol": 1e-4},
         )
-        if best is None or found.fun < best[0]:
-            best = float(found.fun), _line(centre, size, frame, found.x)
+        if best is None or optimum.fun < best[0]:
+            best = float(optimum.fun), _line(centre, size, frame, optimum.x)
     assert best is not None
     start, end, radius = _along(points, *best[1])
     # rounding must not leave a point outside

@@ -41,10 +41,10 @@ def read_chain(path: str | Path) -> Chain:
 
 def _bodies(arm: Arm) -> tuple[Body, ...]:
     """Of links 0 to n, each in its own frame."""
-    found: list[Body] = []
+    bodies: list[Body] = []
     stated = [arm.capsule, *(joint.capsule for joint in arm.joints)]
     for link, (given, assumed) in enumerate(zip(stated, assumed_capsules(arm), strict=True)):
-        found += [
+        bodies += [
             Body(
                 link=link,
                 start=np.array(one.start),
@@ -54,4 +54,4 @@ def _bodies(arm: Arm) -> tuple[Body, ...]:
             )
             for one in ((assumed,) if given is None else given)
         ]
-    return tuple(found)
+    return tuple(bodies)

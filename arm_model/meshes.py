@@ -136,11 +136,15 @@ def mesh_file(path: Path, name: str) -> Path | None:
 
     package://NAME/REST means REST in the nearest folder NAME above the URDF file, or beside one of those.
     """
-    kind, _, rest = name.rpartition("://")
-    if not rest or Path(rest).suffix.lower() not in FORMATS:
+    kind, _, name_in_package = name.rpartition("://")
+    if not name_in_package or Path(name_in_package).suffix.lower() not in FORMATS:
         return None
     folder = path.resolve().parent
-    places = [folder / rest]
+    places = [folder / name_in_package]
     if kind == "package":
-        places = [place for above in (folder, *folder.parents) for place in (above / rest, above.parent / rest)]
+        places = [
+            place
+            for above in (folder, *folder.parents)
+            for place in (above / name_in_package, above.parent / name_in_package)
+        ]
     return next((place for place in places if place.is_file()), None)

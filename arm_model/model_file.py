@@ -67,31 +67,31 @@ def read_model(path: str | Path) -> Arm:
 
 def _with_kinematic(arm: Arm, path: Path) -> Arm:
     """The arm with what the file says that it names of its geometry, if that is beside the model; else InputError."""
-    known = arm.kinematic_uncertainty
-    if known is None or not (beside := path.parent / known.file).exists():
+    uncertainty = arm.kinematic_uncertainty
+    if uncertainty is None or not (file := path.parent / uncertainty.file).exists():
         return arm
-    known = read_uncertainty(beside)
+    uncertainty = read_uncertainty(file)
     names = {f"joint{j}.{value}" for j in range(1, len(arm) + 1) for value in LINK} | {f"base.{one}" for one in MOUNT}
-    for name in known.parameters:
+    for name in uncertainty.parameters:
         if name not in names:
-            raise InputError(beside, f"{name}: no geometric parameter of this model ({path.name}): calibrate again")
-    return replace(arm, kinematic_uncertainty=known)
+            raise InputError(file, f"{name}: no geometric parameter of this model ({path.name}): calibrate again")
+    return replace(arm, kinematic_uncertainty=uncertainty)
 
 
 def _with_uncertainty(arm: Arm, path: Path) -> Arm:
     """The arm with what the file says that it names, if that is beside the model; InputError where it is of another."""
-    if arm.uncertainty is None or not (beside := path.parent / arm.uncertainty.file).exists():
+    if arm.uncertainty is None or not (file := path.parent / arm.uncertainty.file).exists():
         return arm
-    known = read_uncertainty(beside)
-    for name in known.parameters:
+    uncertainty = read_uncertainty(file)
+    for name in uncertainty.parameters:
         try:
             parameter(arm, name)
         except InputError as error:
-            raise InputError(beside, f"{error}; it must be of this model ({path.name}): identify again") from None
-    for key, values in known.by_joint.items():
+            raise InputError(file, f"{error}; it must be of this model ({path.name}): identify again") from None
+    for key, values in uncertainty.by_joint.items():
         if len(values) not in (0, len(arm)):
-            raise InputError(beside, f"{key}: has {len(values)} entries, the arm has {len(arm)} joints")
-    return replace(arm, uncertainty=known)
+            raise InputError(file, f"{key}: has {len(values)} entries, the arm has {len(arm)} joints")
+    return replace(arm, uncertainty=uncertainty)
 
 
 def _named_file(name: str) -> Uncertainty | None:
@@ -250,11 +250,11 @@ def write_model(path: str | Path, arm: Arm, *, heading: str = "") -> None:
     ``model_kinematic_uncertainty.json`` for its geometry.
     """
     table, files = model_table(arm), {}
-    for key, known in (("uncertainty", arm.uncertainty), ("kinematic_uncertainty", arm.kinematic_uncertainty)):
-        if known is not None and known.parameters:
-            beside = Path(path).with_name(f"{Path(path).stem}_{key}.json")
-            write_uncertainty(beside, known)
-            files[key] = beside.name
+    for key, uncertainty in (("uncertainty", arm.uncertainty), ("kinematic_uncertainty", arm.kinematic_uncertainty)):
+        if uncertainty is not None and uncertainty.parameters:
+            file = Path(path).with_name(f"{Path(path).stem}_{key}.json")
+            write_uncertainty(file, uncertainty)
+            files[key] = file.name
     if files:
         table = {"name": table.pop("name"), "units": table.pop("units"), **files, **table}
     write_toml(path, table, heading=heading)

@@ -53,31 +53,31 @@ def _unknown(name: str) -> InputError:
 
 def _split(arm: Arm, name: str) -> tuple[str, int, str]:
     """kind ('link', 'joint' or 'effect'), index from 0 (-1 for the whole arm) and the rest."""
-    head, _, rest = name.partition(".")
+    head, _, quantity = name.partition(".")
     for kind in ("link", "joint"):
         number = head.removeprefix(kind)
         if head.startswith(kind) and number.isdigit():
             if not 1 <= int(number) <= len(arm):
                 raise InputError(name, f"this arm has joints 1 to {len(arm)}")
-            return ("effect" if "." in rest else kind), int(number) - 1, rest
+            return ("effect" if "." in quantity else kind), int(number) - 1, quantity
     return "effect", -1, name
 
 
 def parameter(arm: Arm, name: str) -> float:
     """The value of one parameter, by the names above; InputError for a name the arm has not."""
-    if arm.floating is not None and name in (known := base_parameters(arm.floating)):
-        return known[name]
-    kind, index, rest = _split(arm, name)
+    if arm.floating is not None and name in (base_values := base_parameters(arm.floating)):
+        return base_values[name]
+    kind, index, quantity = _split(arm, name)
     if kind == "effect":
-        place = _effect_place(arm, name, index, rest)
-        return arm.effects[place].parameters[rest.partition(".")[2]]
+        place = _effect_place(arm, name, index, quantity)
+        return arm.effects[place].parameters[quantity.partition(".")[2]]
     joint = arm.joints[index]
-    if kind == "link" and rest in PARAMETERS:
-        return float(barycentric(joint.mass, joint.com, joint.inertia)[PARAMETERS.index(rest)])
-    if kind == "link" and rest in COEFFICIENTS and joint.cylinder is not None:
-        return float(getattr(joint.cylinder, rest))
+    if kind == "link" and quantity in PARAMETERS:
+        return float(barycentric(joint.mass, joint.com, joint.inertia)[PARAMETERS.index(quantity)])
+    if kind == "link" and quantity in COEFFICIENTS and joint.cylinder is not None:
+        return float(getattr(joint.cylinder, quantity))
     if kind == "joint":
-        friction, direction = friction_and_direction(rest)
+        friction, direction = friction_and_direction(quantity)
         if friction in _DIRECTED:
             both = getattr(joint, friction)
             at_motor = sum(both) / 2 if direction is None else both[direction]
@@ -85,10 +85,10 @@ def parameter(arm: Arm, name: str) -> float:
         if (point := curve_place(joint, friction)) is not None:
             sides = [values[point] for values in curve_values(joint)]
             return float(sum(sides) / 2 if direction is None else sides[direction])
-        if rest in _DRIVE:
-            return float(getattr(joint, rest) * joint.ratio ** _DRIVE[rest])
-        if rest in _DIRECT and getattr(joint, rest) is not None:
-            return float(getattr(joint, rest))
+        if quantity in _DRIVE:
+            return float(getattr(joint, quantity) * joint.ratio ** _DRIVE[quantity])
+        if quantity in _DIRECT and getattr(joint, quantity) is not None:
+            return float(getattr(joint, quantity))
     raise _unknown(name)
 
 
@@ -100,22 +100,22 @@ def with_parameters(arm: Arm, values: Mapping[str, float]) -> Arm:
     """
     arm = fixed_gains(arm)
     if arm.floating is not None:
-        known = base_parameters(arm.floating)
-        of_base = {name: float(value) for name, value in values.items() if name in known}
+        base_values = base_parameters(arm.floating)
+        of_base = {name: float(value) for name, value in values.items() if name in base_values}
         arm = replace(arm, floating=with_base_parameters(arm.floating, of_base)) if of_base else arm
-        values = {name: value for name, value in values.items() if name not in known}
+        values = {name: value for name, value in values.items() if name not in base_values}
     joints = list(arm.joints)
     links: dict[int, dict[str, float]] = {}
     for name, value in values.items():
-        kind, index, rest = _split(arm, name)
+        kind, index, quantity = _split(arm, name)
         if kind == "effect":
-            arm = _with_effect(arm, name, index, rest, float(value))
-        elif kind == "link" and rest in PARAMETERS:
-            links.setdefault(index, {})[rest] = float(value)
-        elif kind == "link" and rest in COEFFICIENTS and (cylinder := joints[index].cylinder) is not None:
-            joints[index] = unchecked(joints[index], cylinder=unchecked(cylinder, **{rest: float(value)}))
+            arm = _with_effect(arm, name, index, quantity, float(value))
+        elif kind == "link" and quantity in PARAMETERS:
+            links.setdefault(index, {})[quantity] = float(value)
+        elif kind == "link" and quantity in COEFFICIENTS and (cylinder := joints[index].cylinder) is not None:
+            joints[index] = unchecked(joints[index], cylinder=unchecked(cylinder, **{quantity: float(value)}))
         elif kind == "joint":
-            joints[index] = _with_joint(joints[index], name, rest, float(value))
+            joints[index] = _with_joint(joints[index], name, quantity, float(value))
         else:
             raise _unknown(name)
     for index, changed in links.items():
@@ -133,8 +133,8 @@ def _with_link(joint: Joint, changed: Mapping[str, float]) -> Joint:
     return unchecked(joint, mass=mass, com=com, inertia=inertia)
 
 
-def _with_joint(joint: Joint, name: str, rest: str, value: float) -> Joint:
-    friction, direction = friction_and_direction(rest)
+def _with_joint(joint: Joint, name: str, quantity: str, value: float) -> Joint:
+    friction, direction = friction_and_direction(quantity)
     if friction in _DIRECTED:
         at_motor = value / joint.ratio ** _DIRECTED[friction]
         both = [at_motor, at_motor] if direction is None else list(getattr(joint, friction))
@@ -147,10 +147,10 @@ def _with_joint(joint: Joint, name: str, rest: str, value: float) -> Joint:
             sides[side][place] = value
         curve = replace(joint.friction_curve, positive=tuple(sides[0]), negative=tuple(sides[1]))
         return unchecked(joint, friction_curve=curve)
-    if rest in _DRIVE:
-        return unchecked(joint, **{rest: value / joint.ratio ** _DRIVE[rest]})
-    if rest in _DIRECT:
-        return unchecked(joint, **{rest: value})
+    if quantity in _DRIVE:
+        return unchecked(joint, **{quantity: value / joint.ratio ** _DRIVE[quantity]})
+    if quantity in _DIRECT:
+        return unchecked(joint, **{quantity: value})
     raise _unknown(name)
 
 
@@ -187,8 +187,8 @@ def unchecked(described: T, **entries: object) -> T:
     return changed
 
 
-def _effect_place(arm: Arm, name: str, index: int, rest: str) -> int:
-    effect, _, entry = rest.partition(".")
+def _effect_place(arm: Arm, name: str, index: int, quantity: str) -> int:
+    effect, _, entry = quantity.partition(".")
     of_name = effect.rstrip("0123456789")
     number = int(effect.removeprefix(of_name) or 1)
     same = [k for k, term in enumerate(arm.effects) if term.name == of_name and (term.joint or 0) == index + 1]
@@ -197,8 +197,8 @@ def _effect_place(arm: Arm, name: str, index: int, rest: str) -> int:
     raise _unknown(name)
 
 
-def _with_effect(arm: Arm, name: str, index: int, rest: str, value: float) -> Arm:
-    place = _effect_place(arm, name, index, rest)
+def _with_effect(arm: Arm, name: str, index: int, quantity: str, value: float) -> Arm:
+    place = _effect_place(arm, name, index, quantity)
     term = arm.effects[place]
-    changed = replace(term, parameters={**term.parameters, rest.partition(".")[2]: value})
+    changed = replace(term, parameters={**term.parameters, quantity.partition(".")[2]: value})
     return replace(arm, effects=(*arm.effects[:place], changed, *arm.effects[place + 1 :]))

@@ -29,12 +29,12 @@ def target_at(arm: Arm, q: Array, point: Sequence[float] | Array) -> Array:
 
 def latency(arm: Arm) -> float:
     """s by which the arm's effects make tracked points late."""
-    found = 0.0
+    delay = 0.0
     for term in arm.effects:
         effect = CATALOGUE[term.name]
         if effect.late is not None:
-            found += float(effect.late(values_of(effect, term.parameters), Signals()))
-    return found
+            delay += float(effect.late(values_of(effect, term.parameters), Signals()))
+    return delay
 
 
 def tracked(arm: Arm, t: Array, q: Array, point: Sequence[float] | Array) -> Array:
@@ -63,7 +63,7 @@ def tracked(arm: Arm, t: Array, q: Array, point: Sequence[float] | Array) -> Arr
 def bends(arm: Arm, q: Array) -> Array:
     """(R, n) rad by which each link gives way at link-side joint angles q (R, n)."""
     real = described(arm)
-    found = np.zeros_like(q)
+    deflections = np.zeros_like(q)
     terms = [(CATALOGUE[term.name], term) for term in arm.effects if CATALOGUE[term.name].bend is not None]
     if terms:
         still = np.zeros_like(q)
@@ -76,5 +76,5 @@ def bends(arm: Arm, q: Array) -> Array:
             if effect.driven:
                 along, across = gravity_levels(real, q, int(values.driver))[:, j].T
                 seen = replace(seen, driver=q[:, int(values.driver) - 1], along=along, across=across)
-            found[:, j] += effect.bend(values, seen)
-    return found
+            deflections[:, j] += effect.bend(values, seen)
+    return deflections

@@ -42,15 +42,15 @@ def read_visuals(path: str | Path) -> tuple[Visual, ...]:
     robot = robot_of(path, read_file(path))
     tree = Tree.of(path, robot)
     chain = tree.chain(None)
-    found: list[Visual] = []
+    visuals: list[Visual] = []
     number, pose = 0, np.eye(4)
     for joint, link in zip([None, *chain], tree.names(chain)):
         if joint is not None and joint.get("type") == "fixed":
             pose = pose @ origin_of(path, joint)
         elif joint is not None:
             number, pose = number + 1, np.eye(4)
-        found += _with_fixed(path, tree, link, chain, number, pose)
-    return tuple(found)
+        visuals += _with_fixed(path, tree, link, chain, number, pose)
+    return tuple(visuals)
 
 
 def _with_fixed(
@@ -65,14 +65,14 @@ def _with_fixed(
 
 
 def _of_link(path: Path, link: xml.Element, number: int, pose: Array) -> list[Visual]:
-    found = []
+    visuals = []
     for visual in link.findall("visual"):
         mesh = visual.find("geometry/mesh")
         file = None if mesh is None else mesh_file(path, mesh.get("filename", ""))
         if mesh is not None and file is not None:
             scale = numbers_of(path, mesh, "scale", "1 1 1", 3)
-            found.append(Visual(link=number, file=file, scale=scale, pose=pose @ origin_of(path, visual)))
-    return found
+            visuals.append(Visual(link=number, file=file, scale=scale, pose=pose @ origin_of(path, visual)))
+    return visuals
 
 
 def triangles_of(visual: Visual) -> Array:

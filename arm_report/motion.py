@@ -43,6 +43,6 @@ class Motion:
 
 def clip_of(t: Array, q: Array, name: str, x: str = "time, s", pose: Array | None = None) -> Clip:
     """A clip of at most ``POSES`` of these rows, without those that lack a joint."""
-    known = np.flatnonzero(np.isfinite(q).all(axis=1) & np.isfinite(t))
-    kept = known[:: max(1, -(-len(known) // POSES))]
+    complete = np.flatnonzero(np.isfinite(q).all(axis=1) & np.isfinite(t))
+    kept = complete[:: max(1, -(-len(complete) // POSES))]
     return Clip(t=t[kept], q=q[kept], name=name, x=x, pose=None if pose is None else pose[kept])

@@ -41,14 +41,14 @@ class Arrays:
 
 def _exact(values: Array) -> Table:
     """Offsets from the first value, so that four bytes suffice for a time."""
-    known = values[np.isfinite(values)]
-    first = float(known[0]) if len(known) else 0.0
+    finite = values[np.isfinite(values)]
+    first = float(finite[0]) if len(finite) else 0.0
     return {"first": first, "f32": _base64((values - first).astype("<f4"))}
 
 
 def _quantised(values: Array) -> Table:
-    known = values[np.isfinite(values)]
-    low, high = (float(known.min()), float(known.max())) if len(known) else (0.0, 0.0)
+    finite = values[np.isfinite(values)]
+    low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 0.0)
     step = (high - low) / LEVELS
     scaled = np.full(len(values), LEVELS + 1.0)
     there = np.isfinite(values)

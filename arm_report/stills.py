@@ -223,8 +223,8 @@ def _dots(points: Array, one: Series) -> Iterator[str]:
 
 def _line(points: Array) -> str:
     """A path through points (k, 2) of whole numbers, interrupted where they are NaN."""
-    known = np.isfinite(points).all(axis=1)
-    parts = np.split(points, np.flatnonzero(np.diff(known)) + 1) if len(points) else []
+    finite = np.isfinite(points).all(axis=1)
+    parts = np.split(points, np.flatnonzero(np.diff(finite)) + 1) if len(points) else []
     found = []
     for part in parts:
         if np.isfinite(part).all():

@@ -104,13 +104,15 @@ def go_on(bench: Bench, case: Case, most: int, progress: Say) -> Case:
         place = next((k for k, one in case.separate.items() if one.experiment and not _had(case, one)), None)
         if place is None or len(case.experiments) >= most or case.lost:
             return case
-        found = case.separate[place]
-        if not _allowed(bench, case, place, found, most):
+        separation = case.separate[place]
+        if not _allowed(bench, case, place, separation, most):
             return case
-        paths = _recorded(bench, found, case)
+        paths = _recorded(bench, separation, case)
         case.fit.append(open_recording(paths[0]))
         case.held_out.append(open_recording(paths[1]))
-        case.experiments.append({"files": list(map(str, paths)), "motion": found.words, "distance": found.distance})
+        case.experiments.append(
+            {"files": list(map(str, paths)), "motion": separation.words, "distance": separation.distance}
+        )
         if not case.lost:
             case.result = bench.judge(case.fit, case.held_out)
 
@@ -119,20 +121,22 @@ def _had(case: Case, one: Separation) -> bool:
     return any(before["motion"] == one.words for before in case.experiments)
 
 
-def _allowed(bench: Bench, case: Case, place: int, found: Separation, most: int) -> bool:
+def _allowed(bench: Bench, case: Case, place: int, separation: Separation, most: int) -> bool:
     """Shows the experiment; whether it may be run."""
-    assert found.experiment is not None
+    assert separation.experiment is not None
     cause = case.result.causes[place]
     members = " or ".join(map(in_words, cause.group))
     bench.say(f"experiment {len(case.experiments) + 1} of at most {most}, for {title(cause)}: is it {members}?")
-    bench.say(f"  {found.words}; recorded twice; discrimination distance {found.distance:.0f} standard deviations")
-    problems = check_motion(bench.rig, found.experiment, chain_of(bench.rig, read_chain))
+    bench.say(
+        f"  {separation.words}; recorded twice; discrimination distance {separation.distance:.0f} standard deviations"
+    )
+    problems = check_motion(bench.rig, separation.experiment, chain_of(bench.rig, read_chain))
     if problems:
         bench.say(f"  not run: {problems[0]}")
         return False
     if bench.simulated:
         return True
-    needed = found.experiment.setup.instruction
+    needed = separation.experiment.setup.instruction
     if needed:
         bench.say(f"  before it: {needed}")
     if (bench.yes and not needed) or (sys.stdin.isatty() and _confirmed()):
@@ -148,14 +152,14 @@ def _confirmed() -> bool:
     return typer.confirm("  Is the workspace clear, and may the arm move?", default=False, err=True)
 
 
-def _recorded(bench: Bench, found: Separation, case: Case) -> list[Path]:
+def _recorded(bench: Bench, separation: Separation, case: Case) -> list[Path]:
     """The two recordings of an experiment."""
-    assert found.experiment is not None
+    assert separation.experiment is not None
     number = 1
     while any((bench.out / f"experiment_{number}{rest}").exists() for rest in (".toml", "_fit.mcap", "_held_out.mcap")):
         number += 1
     file = bench.out / f"experiment_{number}.toml"
-    write_experiment(file, found.experiment, heading=found.words)
+    write_experiment(file, separation.experiment, heading=separation.words)
     paths = [bench.out / f"experiment_{number}_{side}.mcap" for side in SIDES]
     for path in paths:
         with run_shown() as progress:

@@ -57,12 +57,12 @@ def clearance_of(demand: Demand, chain: Chain, pairs: Pairs | None) -> dict[str,
     """Of a motion, as JSON: ``lowest`` z m that a link reaches, and what it comes nearest to, null without a space."""
     from arm_clearance import left_out, lowest_point, nearest
 
-    found = None if pairs is None else nearest(demand, pairs)
+    closest = None if pairs is None else nearest(demand, pairs)
     return {
         "lowest": lowest_point(demand, chain),
-        "least": None if found is None else found.clearance,
-        "time": None if found is None else found.time,
-        "between": None if found is None else [found.one, found.other],
+        "least": None if closest is None else closest.clearance,
+        "time": None if closest is None else closest.time,
+        "between": None if closest is None else [closest.one, closest.other],
         "notes": [] if pairs is None else left_out(pairs),
     }
 
@@ -78,8 +78,8 @@ def clearance_in_words(demand: Demand, chain: Chain, pairs: Pairs | None) -> lis
             f"no floor and no boxes were given: links reach down to {where} z = 0 of the base frame; "
             "--floor, --space or [space] of the rig file keep them clear"
         ]
-    found = nearest(demand, pairs)
-    return ([] if found is None else [in_words(found)]) + left_out(pairs)
+    closest = nearest(demand, pairs)
+    return ([] if closest is None else [in_words(closest)]) + left_out(pairs)
 
 
 def draw(path: Path, demand: Demand, chain: Chain, space: Space | None, limits: Array | None = None) -> None:

@@ -82,7 +82,7 @@ def reference(plan: Plan, nights: Sequence[Night]) -> list[Night]:
 def alarms_of(plan: Plan, arm: str, nights: Sequence[Night]) -> list[Alarm]:
     """Every night of one arm that can be compared, in order; ``nights`` likewise. Not corrected yet."""
     before = reference(plan, nights)
-    found = []
+    alarms = []
     last: dict[str, Change] = {}
     for night in nights:
         healthy = [one for one in before if one is not night]
@@ -95,9 +95,9 @@ def alarms_of(plan: Plan, arm: str, nights: Sequence[Night]) -> list[Alarm]:
             smallest = min(1.0, len(p) * min(p.values()))
             changes = tuple(now[name] for name in sure)
             beyond = outside(_temperature([*before, night])) if night.temperature is not None else 0.0
-            found.append(Alarm(arm=arm, night=night.night, key=night.key, p=smallest, outside=beyond, changes=changes))
+            alarms.append(Alarm(arm=arm, night=night.night, key=night.key, p=smallest, outside=beyond, changes=changes))
         last = now
-    return found
+    return alarms
 
 
 def _confirmed(earlier: Change | None, later: Change) -> float:

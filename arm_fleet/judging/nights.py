@@ -40,7 +40,7 @@ def nights_of(store: Store, records: Sequence[Record], model: Arm) -> list[Night
 
     model  the nominal one of the arm, with whose structure its results were made
     """
-    found = []
+    nights = []
     for record in sorted(records, key=lambda one: str(one["night"])):
         if record["state"] == State.DONE and record["night"]:
             place = store.place(record["key"])
@@ -49,8 +49,8 @@ def nights_of(store: Store, records: Sequence[Record], model: Arm) -> list[Night
             )
             degc = record["value"].get("temperature")
             known = None if degc is None else tuple(np.nan if one is None else float(one) for one in degc)
-            found.append(Night(night=record["night"], key=record["key"], results=results, temperature=known))
-    return found
+            nights.append(Night(night=record["night"], key=record["key"], results=results, temperature=known))
+    return nights
 
 
 def _stored(path: Path, kind: Literal["identifications", "diagnoses"], arm: Arm) -> Stored:

@@ -204,15 +204,15 @@ def _told(trends: Sequence[Trend], series: Sequence[Alarm], heated: bool) -> lis
 
 
 def _trends(plan: Plan, nights: Sequence[Night]) -> list[Trend]:
-    found = []
+    trends = []
     for kind in ("identifications", "diagnoses"):
         results = [one for night in nights for one in night.results if one.what == kind]
         if len(results) >= FEWEST:
             plain = trend_of(results)
             known = {movement.moved.history.quantity.name for movement in plain.movements}
             limits = [limit for limit in plan.owners_limits() if limit.name in known]
-            found.append(trend_of(results, limits) if limits else plain)
-    return found
+            trends.append(trend_of(results, limits) if limits else plain)
+    return trends
 
 
 def _limits(trends: Sequence[Trend]) -> list[Limited]:
@@ -244,19 +244,19 @@ def _actions(
     limits: Sequence[Limited],
 ) -> list[str]:
     """What to do next: checks of the likely origins, what reaches its limit, and recordings that fail."""
-    found = []
+    actions = []
     if condition is Condition.CHANGED:
         causes = records[series[-1].key]["value"].get("causes", []) if series[-1].key in records else []
         fitting = _that_changed(causes, series)
         for cause in fitting:
-            found += [f"{one['title']}: {one['check']}" for one in cause.get("origins", [])[:CHECKS]]
+            actions += [f"{one['title']}: {one['check']}" for one in cause.get("origins", [])[:CHECKS]]
         if not fitting:
-            found.append("Record the same experiments once more, with more speed, so that diagnose can name a cause")
-    found += [
+            actions.append("Record the same experiments once more, with more speed, so that diagnose can name a cause")
+    actions += [
         f"{one.sentence}: plan its maintenance {'before' if one.stand is Stand.AHEAD else 'now'}"
         for one in limits
         if one.alarming
     ]
     if len(failed) >= FAILED:
-        found.append(f"{len(failed)} nights gave no result; the last: {failed[-1][2]}")
-    return list(dict.fromkeys(found))
+        actions.append(f"{len(failed)} nights gave no result; the last: {failed[-1][2]}")
+    return list(dict.fromkeys(actions))

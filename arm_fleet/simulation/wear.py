@@ -77,14 +77,14 @@ def lives(arms: int, nights: int, *, worn: float, seed: int) -> list[Life]:
     draw = np.random.default_rng(seed)
     count = round(worn * arms)
     which = np.sort(draw.choice(arms, count, replace=False))
-    found = [Life(arm=f"arm-{number:03d}") for number in range(1, arms + 1)]
+    fleet = [Life(arm=f"arm-{number:03d}") for number in range(1, arms + 1)]
     for place, number in enumerate(which):
         begins = int(draw.integers(5, max(6, nights // 2 + 1)))
         repaired = begins + max(4, int(0.7 * (nights - begins))) if place % 2 else None
-        found[number] = Life(
-            arm=found[number].arm,
+        fleet[number] = Life(
+            arm=fleet[number].arm,
             wear=KINDS[place % len(KINDS)],
             begins=begins,
             repaired=repaired if repaired is not None and repaired < nights else None,
         )
-    return found
+    return fleet

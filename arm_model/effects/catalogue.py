@@ -53,8 +53,8 @@ def same_columns(effect: Effect) -> tuple[str, ...]:
 
 def values_of(effect: Effect, given: dict[str, float]) -> Values:
     """Parameter values for a law: ``given``, each name checked, the rest 0; ValueError names the unknown one."""
-    known = [parameter.name for parameter in effect.parameters]
+    names = [parameter.name for parameter in effect.parameters]
     for name in given:
-        if name not in known:
-            raise ValueError(f"{effect.name} has no parameter {name!r}; it has {', '.join(known)}")
-    return Values({name: float(given.get(name, 0.0)) for name in known})
+        if name not in names:
+            raise ValueError(f"{effect.name} has no parameter {name!r}; it has {', '.join(names)}")
+    return Values({name: float(given.get(name, 0.0)) for name in names})

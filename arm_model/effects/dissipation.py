@@ -44,8 +44,8 @@ def speeds(arm: Arm, joint: int, top: float = 0.0) -> Array:
     curve_speeds = () if drive.friction_curve is None else drive.friction_curve.speed
     ends = [top, *curve_speeds[-1:], 0.0 if drive.motor_speed_limit is None else drive.motor_speed_limit / drive.ratio]
     for term in friction_terms(arm, joint):
-        named = [p.name for p in CATALOGUE[term.name].nonlinear if p.unit == "rad/s"]
-        ends += [REACH * term.parameters.get(name, 0.0) for name in named]
+        names = [p.name for p in CATALOGUE[term.name].nonlinear if p.unit == "rad/s"]
+        ends += [REACH * term.parameters.get(name, 0.0) for name in names]
     # just above standstill, too: there nothing but the viscous friction is left of a joint without Coulomb friction
     end = max(ends) or 1.0
     return np.unique(

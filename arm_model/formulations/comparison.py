@@ -105,8 +105,8 @@ def _composite_bodies(symbols: Symbols) -> list[Expr]:
 
 def _evaluated(symbols: Symbols, tau: list[Expr], q: Array, qd: Array, qdd: Array) -> Array:
     moving = {f"{name}{j}": x[:, j] for name, x in (("q", q), ("qd", qd), ("qdd", qdd)) for j in range(q.shape[1])}
-    found = evaluate(symbols.tape, tau, {**symbols.values, **moving})
-    return np.stack([np.broadcast_to(np.asarray(value, float), len(q)) for value in found], axis=-1)
+    values = evaluate(symbols.tape, tau, {**symbols.values, **moving})
+    return np.stack([np.broadcast_to(np.asarray(value, float), len(q)) for value in values], axis=-1)
 
 
 def _of_sympy(arm: Arm, q: Array, qd: Array, qdd: Array, difference: Callable[[Array], float]) -> list[Formulation]:

@@ -27,11 +27,11 @@ def mjcf_gaps(path: str | Path, *, tip: str | None = None) -> list[str]:
     InputError as ``read_mjcf``, which must have read the file before.
     """
     reading = read_reading(path, tip=tip)
-    found = []
+    gaps = []
     hung = [one for one in reading.bodies if one.moves]
     if names := [joint.name for one in hung for joint in one.node.all("joint")]:
-        found.append(counted_as_fixed(names, reading.end, sum(float(one.parameters[0]) for one in hung)))
-    return [*found, *_lifted(reading), *_constraints(reading), *_disabled(reading.tree)]
+        gaps.append(counted_as_fixed(names, reading.end, sum(float(one.parameters[0]) for one in hung)))
+    return [*gaps, *_lifted(reading), *_constraints(reading), *_disabled(reading.tree)]
 
 
 def _lifted(reading: Reading) -> Iterator[str]:

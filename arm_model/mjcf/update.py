@@ -34,9 +34,9 @@ def update_mjcf(original: str | Path, arm: Arm, out: str | Path, *, tip: str | N
     before = reading.arm
     if arm.coupling:
         raise InputError(original, "has no place for [[coupling]]; write the arm as .toml")
-    names, here = [joint.name for joint in before.joints], [joint.name for joint in arm.joints]
-    if names != here:
-        raise InputError(original, f"has the joints {', '.join(names)}; the model has {', '.join(here)}")
+    names, of_model = [joint.name for joint in before.joints], [joint.name for joint in arm.joints]
+    if names != of_model:
+        raise InputError(original, f"has the joints {', '.join(names)}; the model has {', '.join(of_model)}")
     changed: list[str] = []
     for place, (was, now) in enumerate(zip(before.joints, arm.joints)):
         for name in ("xyz", "rpy", "axis"):
@@ -83,10 +83,10 @@ def _inertial(reading: Reading, link: int, was: Joint, now: Joint) -> list[str]:
     main, *fixed = parts
     back: Array = np.asarray(np.linalg.inv(main.pose), float)
     total = transform(barycentric(now.mass, now.com, now.inertia), back)
-    rest = total
+    own = total
     for one in fixed:
-        rest = rest - transform(one.parameters, back @ one.pose)
-    mass, _, inertia = about_com(rest)
+        own = own - transform(one.parameters, back @ one.pose)
+    mass, _, inertia = about_com(own)
     if mass <= 0 or unphysical(mass, inertia):
         if any(one.moves and np.any(one.parameters) for one in fixed):
             raise InputError(
@@ -97,8 +97,8 @@ def _inertial(reading: Reading, link: int, was: Joint, now: Joint) -> list[str]:
         for one in fixed:
             if np.any(one.parameters):
                 _set_inertial(reading.tree, one, np.zeros(10))
-        rest = total
-    _set_inertial(reading.tree, main, rest)
+        own = total
+    _set_inertial(reading.tree, main, own)
     return [f"body {main.node.name}: mass {was.mass:.6g} -> {now.mass:.6g} kg, with what is fixed to it"]
 
 

@@ -63,8 +63,8 @@ def forces_with_base(arm: Arm, base: BaseRows, q: Array, qd: Array, qdd: Array, 
     q, qd, qdd = numeric.samples(arm, q, qd, qdd)
     motion = base.motion(arm.gravity)
     bodies, wet = [tuple(body) for body in numeric.bodies(arm)], hydrodynamics.bodies_of(arm)
-    found = recursion.forces(_at(arm, q), _base_body(arm), bodies, wet, motion, list(qd.T), list(qdd.T))
-    total = numeric.stacked(found, q.shape[:1])
+    forces = recursion.forces(_at(arm, q), _base_body(arm), bodies, wet, motion, list(qd.T), list(qdd.T))
+    total = numeric.stacked(forces, q.shape[:1])
     if base_water:
         water = recursion.water_wrench(recursion.water_of_base(arm), motion)
         total[:, :DOF] += numeric.stacked(water, q.shape[:1])
@@ -77,8 +77,8 @@ def mass_matrix_with_base(arm: Arm, q: Array, *, rotors: bool = False) -> Array:
     """(N, 6 + n, 6 + n) mass matrix with the added mass of base and links; reflected rotors if asked for."""
     (q,) = numeric.samples(arm, q)
     bodies, wet = [tuple(body) for body in numeric.bodies(arm)], hydrodynamics.bodies_of(arm)
-    found = recursion.mass_matrix(_at(arm, q), _base_body(arm), bodies, wet)
-    matrix = np.stack([numeric.stacked(row, q.shape[:1]) for row in found], axis=-2)
+    rows = recursion.mass_matrix(_at(arm, q), _base_body(arm), bodies, wet)
+    matrix = np.stack([numeric.stacked(row, q.shape[:1]) for row in rows], axis=-2)
     matrix[:, :DOF, :DOF] += floating(arm).added
     if rotors:
         reflected = arm.joint_array("ratio") ** 2 * arm.joint_array("rotor_inertia")

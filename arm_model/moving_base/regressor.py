@@ -29,8 +29,8 @@ OF_ARM = {REACTION: "1", PAYLOAD: "kg"}
 
 def nominal_wrench_parameters(arm: Arm) -> dict[str, float]:
     """The parameters as the model has them, in the order of the columns."""
-    found = {name: value for name, value in base_parameters(floating(arm)).items() if of_wrench(name)}
-    return found | {REACTION: 1.0, PAYLOAD: 0.0}
+    values = {name: value for name, value in base_parameters(floating(arm)).items() if of_wrench(name)}
+    return values | {REACTION: 1.0, PAYLOAD: 0.0}
 
 
 def of_wrench(name: str) -> bool:
@@ -54,10 +54,10 @@ def wrench_columns(arm: Arm, base: BaseRows, joints: tuple[Array, Array, Array],
 
     ``thrust`` (N, thrusters) N per unit of each gain.
     """
-    whole = forces_with_base(arm, base, *joints, base_water=False)[:, :DOF]
-    reaction = whole - _alone(arm, base, len(whole))
+    forces = forces_with_base(arm, base, *joints, base_water=False)[:, :DOF]
+    reaction = forces - _alone(arm, base, len(forces))
     pushed = [np.outer(thrust[:, k], column) for k, column in enumerate(floating(arm).allocation.T)]
-    carried = forces_with_base(loaded(arm, 1.0), base, *joints, base_water=False)[:, :DOF] - whole
+    carried = forces_with_base(loaded(arm, 1.0), base, *joints, base_water=False)[:, :DOF] - forces
     return np.stack([*_water(arm, base), *pushed, -reaction, -carried], axis=-1)
 
 

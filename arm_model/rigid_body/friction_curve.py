@@ -59,13 +59,13 @@ def unit_torques(speed: Sequence[float], v: Array, sign: Array) -> tuple[Array, 
     v, sign (N,): the speed and its smooth sign. Multiplied by the values and added they are ``curve_level`` times sign.
     """
     hats = np.stack([np.interp(np.abs(v), speed, unit) for unit in np.eye(len(speed))], axis=-1)
-    found = []
+    torques = []
     for way in (1.0, -1.0):
         one_way = hats * (way * v > 0)[:, None]
         # what is there at rest turns about with both signs, as Coulomb's friction does
         one_way[:, 0] += (1.0 + way * sign) / 2 - (way * v > 0)
-        found.append(one_way * sign[:, None])
-    return found[0], found[1]
+        torques.append(one_way * sign[:, None])
+    return torques[0], torques[1]
 
 
 def nearest_line(joint: Joint) -> tuple[float, float, float]:

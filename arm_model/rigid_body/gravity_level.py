@@ -25,14 +25,14 @@ def gravity_levels(arm: Arm, q: Array, link: int) -> Array:
     """
     frames = link_frames(arm, q)[:, 1:, :3, :3]
     axes = np.array([placement(joint)[1][2, :3] for joint in arm.joints])  # of joint k, in link frame k
-    found = np.zeros((len(q), len(arm), 2))
+    levels = np.zeros((len(q), len(arm), 2))
     down = np.array(arm.gravity) / max(float(np.linalg.norm(arm.gravity)), 1e-300)
     for column, arm_of_weight in enumerate(_across(axes[link - 1])):
         moment = np.cross(frames[:, link - 1] @ arm_of_weight, down)
         for j, joint in enumerate(arm.joints[:link]):
             if joint.revolute:
-                found[:, j, column] = -np.einsum("ni,ni->n", frames[:, j] @ axes[j], moment)
-    return found
+                levels[:, j, column] = -np.einsum("ni,ni->n", frames[:, j] @ axes[j], moment)
+    return levels
 
 
 def _across(axis: Array) -> tuple[Array, Array]:

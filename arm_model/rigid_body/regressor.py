@@ -167,9 +167,9 @@ def _link_columns(arm: Arm, q: Array, qd: Array, qdd: Array) -> Array:
         force, moment = _unit_wrenches(motion, samples_)
         to_joint_frame = transform_matrix(chain.link[link])
         force, moment = force @ to_joint_frame, moment @ to_joint_frame
-        here = slice(10 * link, 10 * link + 10)
+        of_link = slice(10 * link, 10 * link + 10)
         for j in reversed(range(link + 1)):
-            columns[:, j, here] = moment[:, 2] if chain.revolute[j] else force[:, 2]
+            columns[:, j, of_link] = moment[:, 2] if chain.revolute[j] else force[:, 2]
             if j:
                 force, moment = _carry(chain, j, turn[j], q[:, j], force, moment)
     return columns

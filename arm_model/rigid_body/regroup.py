@@ -21,14 +21,14 @@ def regrouped(chain: Chain, bodies: Array) -> Array:
     """(..., n, 10) bodies in joint frames -> the same arm's with fewer entries that differ from zero."""
     bodies = np.array(bodies, float)
     for j in reversed(range(len(chain))):
-        here = bodies[..., j, :]
-        moved = np.zeros_like(here)
+        of_joint = bodies[..., j, :]
+        moved = np.zeros_like(of_joint)
         if chain.revolute[j]:
-            moved[..., [_MASS, _MZ, _IYY]] = here[..., [_MASS, _MZ, _IYY]]
-            moved[..., _IXX] = here[..., _IYY]
+            moved[..., [_MASS, _MZ, _IYY]] = of_joint[..., [_MASS, _MZ, _IYY]]
+            moved[..., _IXX] = of_joint[..., _IYY]
         else:
-            moved[..., 4:] = here[..., 4:]
-        here -= moved
+            moved[..., 4:] = of_joint[..., 4:]
+        of_joint -= moved
         if j:
             pose = np.eye(4)
             pose[:3, :3], pose[:3, 3] = chain.rotation[j], chain.shift[j]

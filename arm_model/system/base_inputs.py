@@ -21,19 +21,19 @@ def base_numbers(arm: Arm, real: Arm) -> dict[str, float]:
     base = real.floating
     if base is None:
         return {}
-    found = {f"base_body{k}": value for k, value in enumerate(barycentric(base.mass, base.com, base.inertia))}
-    found |= {f"base_added{i}{k}": base.added[i, k] for i in range(DOF) for k in range(i, DOF)}
-    found |= {f"base_linear{k}": value for k, value in enumerate(base.linear_drag)}
-    found |= {f"base_quadratic{k}": value for k, value in enumerate(base.quadratic_drag)}
-    found["base_displaced"] = base.displaced_mass
-    found |= {f"base_lift{k}": base.displaced_mass * value for k, value in enumerate(base.buoyancy_centre)}
+    numbers = {f"base_body{k}": value for k, value in enumerate(barycentric(base.mass, base.com, base.inertia))}
+    numbers |= {f"base_added{i}{k}": base.added[i, k] for i in range(DOF) for k in range(i, DOF)}
+    numbers |= {f"base_linear{k}": value for k, value in enumerate(base.linear_drag)}
+    numbers |= {f"base_quadratic{k}": value for k, value in enumerate(base.quadratic_drag)}
+    numbers["base_displaced"] = base.displaced_mass
+    numbers |= {f"base_lift{k}": base.displaced_mass * value for k, value in enumerate(base.buoyancy_centre)}
     for k, thruster in enumerate(base.thruster):
         rate = 1.0 / thruster.time_constant if thruster.time_constant else 0.0
-        found |= {f"thruster_gain{k}": thruster.gain, f"thruster_rate{k}": rate}
-        found |= {f"thruster_forward{k}": thruster.forward - 1.0, f"thruster_reverse{k}": thruster.reverse - 1.0}
-        found[f"thruster_dead{k}"] = thruster.dead_zone
-        found |= {f"thruster_low{k}": thruster.limits[0], f"thruster_high{k}": thruster.limits[1]}
-    return found | _station_keeping(arm)
+        numbers |= {f"thruster_gain{k}": thruster.gain, f"thruster_rate{k}": rate}
+        numbers |= {f"thruster_forward{k}": thruster.forward - 1.0, f"thruster_reverse{k}": thruster.reverse - 1.0}
+        numbers[f"thruster_dead{k}"] = thruster.dead_zone
+        numbers |= {f"thruster_low{k}": thruster.limits[0], f"thruster_high{k}": thruster.limits[1]}
+    return numbers | _station_keeping(arm)
 
 
 def _station_keeping(arm: Arm) -> dict[str, float]:

@@ -38,7 +38,7 @@ def torque_with_effects(arm: Arm, theta: Array, speed: Array, acceleration: Arra
         term for term in arm.effects if CATALOGUE[term.name].spring is None and CATALOGUE[term.name].rate is None
     )
     # The numbers belong to the terms by their places, so that the list keeps its length.
-    kept = replace(arm, effects=algebraic)
+    algebraic_arm = replace(arm, effects=algebraic)
     places = [number for number, term in enumerate(arm.effects) if term in algebraic]
     for new, old in enumerate(places):
         prefix = f"effect{old}."
@@ -46,7 +46,7 @@ def torque_with_effects(arm: Arm, theta: Array, speed: Array, acceleration: Arra
         inputs |= moved
     zeros = frozenset(name for name, value in inputs.items() if not value.any())
     compiled = len(theta) >= FEW and not wet(arm)
-    equations = _equations(_Structure(kept, compiled), zeros)
+    equations = _equations(_Structure(algebraic_arm, compiled), zeros)
     n, moving = len(arm), [time, theta, speed, acceleration]
     of_links = np.zeros((len(theta), 0))
     if equations.links_given:

@@ -140,15 +140,15 @@ def _add_curve(found: dict[str, Array], arm: Arm, j: int, values: Mapping[str, A
 
 def _water(arm: Arm, coefficients: Mapping[str, Array], lanes: int) -> dict[str, Array]:
     """What the water's coefficients, (lanes,) each by their names, make of the cylinders."""
-    found = {}
+    numbers = {}
     for j, joint in enumerate(arm.joints):
-        found[f"drag{j}"] = coefficients.get(f"joint{j + 1}.drag", np.zeros(lanes))
+        numbers[f"drag{j}"] = coefficients.get(f"joint{j + 1}.drag", np.zeros(lanes))
         if joint.cylinder is not None:
             unit = unit_water(joint.cylinder)
-            found[f"resistance{j}"] = unit.resistance * coefficients[f"link{j + 1}.drag_coefficient"]
-            found[f"added{j}"] = unit.added * coefficients[f"link{j + 1}.added_mass_coefficient"]
-            found[f"displaced{j}"] = unit.displaced * coefficients[f"link{j + 1}.buoyancy"]
-    return found
+            numbers[f"resistance{j}"] = unit.resistance * coefficients[f"link{j + 1}.drag_coefficient"]
+            numbers[f"added{j}"] = unit.added * coefficients[f"link{j + 1}.added_mass_coefficient"]
+            numbers[f"displaced{j}"] = unit.displaced * coefficients[f"link{j + 1}.buoyancy"]
+    return numbers
 
 
 def _constants(arm: Arm, bent: Arm) -> dict[str, float]:

@@ -82,15 +82,15 @@ def on_base(arm: Arm, symbol: Symbols, q: Sequence[Expr]) -> floating_base.Links
 def _links_on_base(arm: Arm, symbol: Symbols, mechanics: Mechanics, joints: Joints, base: floating_base.Base) -> Links:
     n, shape = len(arm), joints.shape
     links = on_base(arm, symbol, shape.q)
-    whole = floating_base.carried(base, links, symbol, shape.qd, shape.bias)
+    wrench = floating_base.carried(base, links, symbol, shape.qd, shape.bias)
     matrix = floating_base.matrix(base, links, symbol)
     acting = on_links(symbol, mechanics, joints)
-    torque = [whole[DOF + j] + acting[j] for j in range(n)]
+    torque = [wrench[DOF + j] + acting[j] for j in range(n)]
     shared = [shape.pulled(row[DOF:]) for row in matrix[:DOF]]  # base and joints, (6, n)
     inner = shape.congruent([row[DOF:] for row in matrix[DOF:]])
     upper = [[*matrix[i][:DOF], *shared[i]] for i in range(DOF)]
     lower = [[*(shared[i][j] for i in range(DOF)), *inner[j]] for j in range(n)]
-    return Links([*whole[:DOF], *shape.pulled(torque)], [*upper, *lower])
+    return Links([*wrench[:DOF], *shape.pulled(torque)], [*upper, *lower])
 
 
 def _own_friction(symbol: Symbols, shape: Shape, j: int) -> Expr:

@@ -21,14 +21,14 @@ def warmth_knots(arm: Arm, j: int) -> int:
 
 def warmth_numbers(arm: Arm) -> dict[str, float]:
     """The numbers ``warm{j}.start`` K, ``warm{j}.time{k}`` s and ``warm{j}.bend{k}`` K/s of all joints (from 0)."""
-    found: dict[str, float] = {}
+    numbers: dict[str, float] = {}
     for j, joint in enumerate(arm.joints):
         if not warmth_knots(arm, j) or arm.temperatures is None or joint.temperature is None:
             continue
         time, degc = np.array(arm.temperatures.time), np.array(arm.temperatures.degc[j])
         slope = np.diff(degc) / np.diff(time)
         bend = np.diff(slope, prepend=0.0, append=0.0) if len(slope) else np.zeros(1)
-        found[f"warm{j}.start"] = float(degc[0]) - joint.temperature
+        numbers[f"warm{j}.start"] = float(degc[0]) - joint.temperature
         for k, (at, change) in enumerate(zip(time, bend)):
-            found |= {f"warm{j}.time{k}": float(at), f"warm{j}.bend{k}": float(change)}
-    return found
+            numbers |= {f"warm{j}.time{k}": float(at), f"warm{j}.bend{k}": float(change)}
+    return numbers

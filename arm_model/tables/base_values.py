@@ -38,21 +38,21 @@ def base_parameters(base: FloatingBase) -> dict[str, float]:
         "linear_drag": base.linear_drag,
         "quadratic_drag": base.quadratic_drag,
     }
-    found = {f"base.{kind}_{DEGREES[k]}": float(values[kind][k]) for kind in PER_DEGREE for k in range(6)}
-    found["base.displaced_mass"] = base.displaced_mass
-    found |= {f"base.lift_{axis}": float(value) for axis, value in zip(AXES, moment)}
+    named = {f"base.{kind}_{DEGREES[k]}": float(values[kind][k]) for kind in PER_DEGREE for k in range(6)}
+    named["base.displaced_mass"] = base.displaced_mass
+    named |= {f"base.lift_{axis}": float(value) for axis, value in zip(AXES, moment)}
     thrusters = enumerate(base.thruster, 1)
-    return found | {f"thruster{k}.{name}": float(getattr(one, name)) for k, one in thrusters for name in OF_THRUSTER}
+    return named | {f"thruster{k}.{name}": float(getattr(one, name)) for k, one in thrusters for name in OF_THRUSTER}
 
 
 def unit_of(name: str) -> str:
     """Unit of a parameter."""
-    head, _, rest = name.partition(".")
+    head, _, quantity = name.partition(".")
     if head != "base":
-        return OF_THRUSTER[rest]
-    if rest == "displaced_mass":
+        return OF_THRUSTER[quantity]
+    if quantity == "displaced_mass":
         return "kg"
-    kind, _, degree = rest.rpartition("_")
+    kind, _, degree = quantity.rpartition("_")
     return "kg m" if kind == "lift" else PER_DEGREE[kind][DEGREES.index(degree) >= 3]
 
 
@@ -61,10 +61,10 @@ def with_base_parameters(base: FloatingBase, values: Mapping[str, float]) -> Flo
 
     Drag, displaced mass and dead zones that are negative become 0: an estimate may be below it by its uncertainty.
     """
-    known = base_parameters(base)
+    nominal = base_parameters(base)
     for name in values:
-        known[name]
-    now = {**known, **values}
+        nominal[name]
+    now = {**nominal, **values}
 
     def six(kind: str) -> tuple[float, float, float, float, float, float]:
         a, b, c, d, e, f = (max(float(now[f"base.{kind}_{degree}"]), 0.0) for degree in DEGREES)

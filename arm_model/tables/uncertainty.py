@@ -65,10 +65,10 @@ class Uncertainty:
     @property
     def matrix(self) -> Array:
         """(p, p) the covariance."""
-        whole = np.zeros((len(self.parameters), len(self.parameters)))
+        matrix = np.zeros((len(self.parameters), len(self.parameters)))
         for k, row in enumerate(self.covariance):
-            whole[k, : k + 1] = whole[: k + 1, k] = row
-        return whole
+            matrix[k, : k + 1] = matrix[: k + 1, k] = row
+        return matrix
 
     @property
     def directions(self) -> Array:
@@ -82,9 +82,9 @@ def uncertainty_of(
     file: str, parameters: tuple[str, ...], covariance: Array, left_over: tuple[float, ...] = ()
 ) -> Uncertainty:
     """From a covariance (p, p) of named parameters; those of no variance are left out."""
-    kept = np.flatnonzero(np.diag(covariance) > 0.0)
-    rows = tuple(tuple(float(f"{covariance[k, i]:.7g}") for i in kept[: n + 1]) for n, k in enumerate(kept))
-    return Uncertainty(file, tuple(parameters[k] for k in kept), rows, left_over)
+    varying = np.flatnonzero(np.diag(covariance) > 0.0)
+    rows = tuple(tuple(float(f"{covariance[k, i]:.7g}") for i in varying[: n + 1]) for n, k in enumerate(varying))
+    return Uncertainty(file, tuple(parameters[k] for k in varying), rows, left_over)
 
 
 def _correlation(covariance: Array) -> tuple[Array, Array, Array]:
@@ -118,7 +118,7 @@ def read_uncertainty(path: str | Path) -> Uncertainty:
         raise InputError(path, "parameters: each name may be there once")
     if [len(row) for row in layout.covariance] != list(range(1, count + 1)):
         raise InputError(path, f"covariance: must be the lower triangle of {count} rows: 1, 2, ... {count} numbers")
-    found = Uncertainty(
+    uncertainty = Uncertainty(
         Path(path).name,
         tuple(layout.parameters),
         tuple(map(tuple, layout.covariance)),
@@ -127,15 +127,19 @@ def read_uncertainty(path: str | Path) -> Uncertainty:
         tuple(layout.left_over_against),
         tuple(layout.left_over_near_rest),
     )
-    _, values, _ = _correlation(found.matrix)
-    if any(row[-1] <= 0.0 for row in found.covariance) or values.min(initial=0.0) < -NEGATIVE * values.max(initial=0.0):
+    _, values, _ = _correlation(uncertainty.matrix)
+    if any(row[-1] <= 0.0 for row in uncertainty.covariance) or values.min(initial=0.0) < -NEGATIVE * values.max(
+        initial=0.0
+    ):
         raise InputError(path, "covariance: must be that of quantities: positive on its diagonal, and semidefinite")
-    return found
+    return uncertainty
 
 
-def write_uncertainty(path: str | Path, known: Uncertainty) -> None:
+def write_uncertainty(path: str | Path, uncertainty: Uncertainty) -> None:
     """Writes a file that ``read_uncertainty`` reads back; whole or not at all."""
-    rows = ",\n  ".join(json_text(row, path) for row in known.covariance)
-    text = f'{{"schema": "{SCHEMA}",\n "parameters": {json_text(known.parameters)},\n "covariance": [\n  {rows}],\n'
-    text += ",\n".join(f' "{name}": {json_text(values, path)}' for name, values in known.by_joint.items()) + "}\n"
+    rows = ",\n  ".join(json_text(row, path) for row in uncertainty.covariance)
+    text = (
+        f'{{"schema": "{SCHEMA}",\n "parameters": {json_text(uncertainty.parameters)},\n "covariance": [\n  {rows}],\n'
+    )
+    text += ",\n".join(f' "{name}": {json_text(values, path)}' for name, values in uncertainty.by_joint.items()) + "}\n"
     write_text(path, text)

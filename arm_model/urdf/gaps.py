@@ -30,9 +30,9 @@ def urdf_gaps(path: str | Path, uses: Collection[Use], *, tip: str | None = None
     path = Path(path)
     if path.suffix != ".urdf":
         return []
-    found = _beside(path, tip) + _mimics(path, tip) + _gears(path) if Use.DYNAMICS in uses else []
+    gaps = _beside(path, tip) + _mimics(path, tip) + _gears(path) if Use.DYNAMICS in uses else []
     if Use.DYNAMICS in uses and (massless := _massless(path, tip)):
-        found.append(
+        gaps.append(
             f"{_names('link', massless)} no <inertial>: mass and inertia count as 0 until the file or "
             "'armscope identify' says them"
         )
@@ -41,8 +41,8 @@ def urdf_gaps(path: str | Path, uses: Collection[Use], *, tip: str | None = None
         (Use.PICTURE, "visual", "these links are drawn as capsules or lines from joint to joint"),
     ):
         if use in uses and (missing := missing_meshes(path, tag)):
-            found.append(f"{listed(missing)} of <{tag}> {are(missing)} not there or not {_formats()}: {instead}")
-    return found
+            gaps.append(f"{listed(missing)} of <{tag}> {are(missing)} not there or not {_formats()}: {instead}")
+    return gaps
 
 
 def missing_meshes(path: str | Path, tag: str) -> list[str]:

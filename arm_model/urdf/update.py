@@ -31,9 +31,9 @@ def update_urdf(original: str | Path, arm: Arm, out: str | Path, *, tip: str | N
     """
     before = read_urdf(original, tip=tip)
     text = XmlText(original, read_file(original))
-    names, here = [joint.name for joint in before.joints], [joint.name for joint in arm.joints]
-    if names != here:
-        raise InputError(original, f"has the joints {', '.join(names)}; the model has {', '.join(here)}")
+    names, of_model = [joint.name for joint in before.joints], [joint.name for joint in arm.joints]
+    if names != of_model:
+        raise InputError(original, f"has the joints {', '.join(names)}; the model has {', '.join(of_model)}")
     changed: list[str] = []
     for was, now in zip(before.joints, arm.joints):
         element = text.root.named("joint", now.name)
@@ -79,8 +79,8 @@ def _inertial(text: XmlText, element: Element, was: Joint, now: Joint, names: Se
     assert link is not None
     total, old = (barycentric(joint.mass, joint.com, joint.inertia) for joint in (now, was))
     inertial = _read_inertial(link)
-    rest = total - (old - inertial)
-    mass, _, inertia = about_com(rest)
+    own = total - (old - inertial)
+    mass, _, inertia = about_com(own)
     if mass < 0 or unphysical(mass, inertia):
         hung = _hung_on(text, link.attributes["name"], names)
         if any(moves for _, moves in hung):
@@ -91,23 +91,23 @@ def _inertial(text: XmlText, element: Element, was: Joint, now: Joint, names: Se
             )
         for fixed, _ in hung:
             _set_inertial(text, fixed, np.zeros(10))
-        rest = total
-    _set_inertial(text, link, rest)
+        own = total
+    _set_inertial(text, link, own)
     return [f"link {link.attributes['name']}: mass {was.mass:.6g} -> {now.mass:.6g} kg, with what is fixed to it"]
 
 
 def _hung_on(text: XmlText, link: str, arm: Collection[str]) -> list[tuple[Element, bool]]:
     """Links with inertials that hang on a link, but not by a joint of the arm, and whether they move."""
-    found: list[tuple[Element, bool]] = []
+    hung: list[tuple[Element, bool]] = []
     for joint in text.root.children:
         parent, child = joint.child("parent"), joint.child("child")
         if joint.tag != "joint" or joint.attributes.get("name") in arm or parent is None or child is None:
             continue
         if parent.attributes.get("link") == link:
             below, moves = text.root.named("link", child.attributes["link"]), joint.attributes.get("type") != "fixed"
-            found += [(below, moves)] if below is not None and below.child("inertial") else []
-            found += [(one, moves or other) for one, other in _hung_on(text, child.attributes["link"], arm)]
-    return found
+            hung += [(below, moves)] if below is not None and below.child("inertial") else []
+            hung += [(one, moves or other) for one, other in _hung_on(text, child.attributes["link"], arm)]
+    return hung
 
 
 def _read_inertial(link: Element) -> Array:

@@ -30,24 +30,24 @@ def not_in_urdf(arm: Arm, form: str = "URDF") -> list[str]:
     Friction of a drive and of the joint's own axis are one in URDF: without couplings, both follow the same motion.
     form: name of the format, URDF or another with one Coulomb and one viscous coefficient per joint.
     """
-    found = []
+    sentences = []
     for number, joint in enumerate(arm.joints, 1):
         _, _, off = nearest_line(joint)
         if joint.friction_curve is not None or off > 1e-9:
             what = "has a friction curve" if joint.friction_curve is not None else "differs between the directions"
-            found.append(
+            sentences.append(
                 f"friction of joint {number} {what}; {form} has one Coulomb and one viscous coefficient: the nearest "
                 f"line is written, off by up to {off:.2g} {'N m' if joint.revolute else 'N'}"
             )
         if joint.temperature is not None:
-            found.append(
+            sentences.append(
                 f"friction of joint {number} is that at {joint.temperature:g} degC and without load; {form} has no "
                 "place for either"
             )
     if arm.effects:
         names = sorted({term.name for term in arm.effects})
-        found.append(f"{form} has no place for effects; left out: {', '.join(names)}")
-    return found
+        sentences.append(f"{form} has no place for effects; left out: {', '.join(names)}")
+    return sentences
 
 
 def unknown_in_urdf(arm: Arm) -> list[str]:
@@ -60,12 +60,14 @@ def unknown_in_urdf(arm: Arm) -> list[str]:
         "effort": [joint.torque_limit is None for joint in arm.joints],
         "velocity": [joint.motor_speed_limit is None for joint in arm.joints],
     }
-    found = []
+    sentences = []
     for what, lacks in lacking.items():
         if numbers := [str(number) for number, missing in enumerate(lacks, 1) if missing]:
             joints = f"joint{'s' * (len(numbers) > 1)} {listed(numbers)}"
-            found.append(f"URDF requires a limit of {what}, and the model has none of {joints}: {UNKNOWN:g} is written")
-    return found
+            sentences.append(
+                f"URDF requires a limit of {what}, and the model has none of {joints}: {UNKNOWN:g} is written"
+            )
+    return sentences
 
 
 def write_urdf(path: str | Path, arm: Arm) -> None:

@@ -59,19 +59,19 @@ def compare(
 def _expanded(side: Comparable | Sequence[Comparable], where: str) -> list[Comparable]:
     """Its members: a folder without a result stands for the recordings in it. InputError where there is none."""
     members = list(side) if isinstance(side, Sequence) and not isinstance(side, str) else [side]
-    found: list[Comparable] = []
+    paths: list[Comparable] = []
     for one in members:
         folder = Path(one) if isinstance(one, str | PathLike) else None
         if folder is not None and folder.is_dir() and not _holds_result(folder):
             inside = sorted(folder.glob("*.mcap"))
             if not inside:
                 raise InputError(folder, "holds no identification.json, no diagnosis.json and no recording (*.mcap)")
-            found += inside
+            paths += inside
         else:
-            found.append(one)
-    if not found:
+            paths.append(one)
+    if not paths:
         raise InputError(f"--{where}", "is empty; give at least one recording or result")
-    return found
+    return paths
 
 
 def _holds_result(folder: Path) -> bool:

@@ -93,8 +93,8 @@ def temperature(recordings: Sequence[Recording]) -> list[float | None] | None:
     if not recordings or any(recording.temp is None for recording in recordings):
         return None
     rows = np.concatenate([recording.temp for recording in recordings])
-    known = [column[np.isfinite(column)] for column in rows.T]
-    return [float(column.mean()) if len(column) else None for column in known] if any(map(len, known)) else None
+    finite = [column[np.isfinite(column)] for column in rows.T]
+    return [float(column.mean()) if len(column) else None for column in finite] if any(map(len, finite)) else None
 
 
 def _check(recording: Recording, job: Mapping[str, Any]) -> None:

@@ -58,8 +58,8 @@ def first_move(arm: Arm) -> str:
     """An experiment: every joint by a small step and back, one after the other, then together; from mid-range."""
     limits = ranges(arm)
     start = limits.mean(axis=1)
-    most = np.array([STEP if joint.revolute else SLIDE_STEP for joint in arm.joints])
-    step = np.minimum(most, (limits[:, 1] - limits[:, 0]) / 4)
+    steps = np.array([STEP if joint.revolute else SLIDE_STEP for joint in arm.joints])
+    step = np.minimum(steps, (limits[:, 1] - limits[:, 0]) / 4)
     speed = SHARE * np.array([(joint.motor_speed_limit or 0.0) / joint.ratio for joint in arm.joints])
     turning = ", ".join(dict.fromkeys("rad" if joint.revolute else "m" for joint in arm.joints))
     drives = "".join(

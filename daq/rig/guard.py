@@ -165,16 +165,16 @@ class Guard:
         limits = self.rig.limits
         measured = np.ones(position.shape, bool) if unmeasured is None else ~unmeasured
         low, high = np.array(limits.position or [(-np.inf, np.inf)] * self.rig.joints).T
-        kept = (position >= low) & (position <= high) & np.isfinite(position)  # false for NaN
-        if (out := measured & ~kept).any():
+        within = (position >= low) & (position <= high) & np.isfinite(position)  # false for NaN
+        if (out := measured & ~within).any():
             row, joint = np.argwhere(out)[0]
             at, unit = f"{position[row, joint]:.4g}", self.rig.joint[joint].unit
             return f"joint {joint + 1} at {at} {unit}, limits {low[joint]:g} to {high[joint]:g} {unit}"
-        most = np.array(limits.current or [np.finfo(float).max] * self.rig.joints)
-        if (over := ~(np.abs(current) <= most) & ~np.isnan(current)).any():
+        largest = np.array(limits.current or [np.finfo(float).max] * self.rig.joints)
+        if (over := ~(np.abs(current) <= largest) & ~np.isnan(current)).any():
             row, joint = np.argwhere(over)[0]
             unit = self.rig.joint[joint].current_unit
-            return f"current {current[row, joint]:.4g} {unit} in joint {joint + 1}, limit {most[joint]:g} {unit}"
+            return f"current {current[row, joint]:.4g} {unit} in joint {joint + 1}, limit {largest[joint]:g} {unit}"
         if self._speeds is None:
             return None
         timed = np.ones(position.shape, bool) if untimed is None else ~untimed

@@ -91,14 +91,16 @@ def check_motion(rig: Rig, experiment: Experiment, chain: Chain | None = None) -
     demand, limits = demand_of(experiment), rig.limits
     low, high = (None, None) if limits.position is None else np.array(limits.position).T
     speed, acceleration = (None if some is None else np.array(some) for some in (limits.speed, limits.acceleration))
-    found = excesses(
+    violations = excesses(
         demand,
         low=None if low is None else low - ROUNDING,
         high=None if high is None else high + ROUNDING,
         speed=None if speed is None else speed * (1 + RELATIVE),
         acceleration=None if acceleration is None else acceleration * (1 + RELATIVE),
     )
-    problems = _away_from_start(rig, experiment, demand(np.zeros(1))[0], speed) + [_sentence(rig, one) for one in found]
+    problems = _away_from_start(rig, experiment, demand(np.zeros(1))[0], speed) + [
+        _sentence(rig, one) for one in violations
+    ]
     # A motion that is refused already may be anything, an endless one included.
     return problems or _check_space(rig, demand, chain)
 

@@ -48,17 +48,17 @@ def blocks_of(recording: Recording | LongRecording) -> Iterator[tuple[float, dic
 
     Only the current chunk of a long recording is in memory.
     """
-    rest: dict[str, NDArray] = {}
+    remaining: dict[str, NDArray] = {}
     for part in recording.blocks():
         columns = columns_of(part)
-        if rest:
-            columns = {name: np.concatenate([rest[name], values]) for name, values in columns.items()}
+        if remaining:
+            columns = {name: np.concatenate([remaining[name], values]) for name, values in columns.items()}
         *edges, last = _edges(columns["t"])
         for start, end in zip(edges, [*edges[1:], last]):
             yield _block(columns, start, end)
-        rest = {name: values[last:] for name, values in columns.items()}
-    if rest and len(rest["t"]):
-        yield _block(rest, 0, len(rest["t"]))
+        remaining = {name: values[last:] for name, values in columns.items()}
+    if remaining and len(remaining["t"]):
+        yield _block(remaining, 0, len(remaining["t"]))
 
 
 def _edges(t: NDArray[np.float64]) -> list[int]:
