@@ -7,7 +7,8 @@ The sandwich of Liang & Zeger (Biometrika 73, 1986): with e the residual, x the 
     C = B (sum_g s_g s_g^T) B  G / (G - k),    s_g = x_g^T e_g,    B = (x^T x)^+
 
 G / (G - k), of G clusters and k coefficients, is the correction for few clusters: the residual of a fit is smaller than
-the error.
+the error. A column that acts in few clusters follows their errors, so that s_g is next to nothing: added is what
+errors of a given variance make that are alike in all of its rows.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ def cluster_covariance(
     *,
     independent: float = 1e-5,
     unknown: Array | None = None,
+    variance: Array | None = None,
 ) -> Array:
     """(k, k) covariance of the coefficients of ``columns`` (m, k).
 
@@ -35,6 +37,7 @@ def cluster_covariance(
     cluster      (m,) number of every row's cluster, from 0
     independent  singular value of the scaled columns below which the data says nothing of a direction
     unknown      (k,) std of the coefficients in directions that the data says nothing of; default: 0
+    variance     (m,) of errors that are alike in all clusters, times the rows that count for one; default: 0
     """
     x, size = scaled(columns)
     values, vectors = np.linalg.eigh(x.T @ x)
@@ -46,6 +49,8 @@ def cluster_covariance(
         scores = np.stack([np.bincount(cluster, column * residual, clusters) for column in x.T], axis=1)
         meat += scores.T @ scores
     covariance = bread @ meat @ bread * clusters / max(clusters - x.shape[1], 1)
+    if variance is not None:
+        covariance = covariance + bread @ ((x.T * variance) @ x) @ bread
     if unknown is not None:
         unseen = vectors[:, ~seen] @ vectors[:, ~seen].T
         covariance = covariance + unseen * (unknown * size) ** 2 @ unseen

@@ -51,7 +51,8 @@ def covariance_of(state: State) -> tuple[Array, list[slice]]:
 
     It is clustered by block, with one more column for every nonlinear parameter (derivative of its
     columns). In addition to the residual, the share ``Limits.systematic`` of what is explained is uncertain,
-    independently in every block; and so are the parameters of a model that says so.
+    independently in every block; so are the parameters of a model that says so; and the residual of every joint, as if
+    it were alike in all blocks: a column that acts in few of them follows what is there.
     """
     model, fit = state.model, state.data.fit
     x, unknown, places = list[Array](), list[Array](), list[slice]()
@@ -66,12 +67,14 @@ def covariance_of(state: State) -> tuple[Array, list[slice]]:
         explained += columns.contribution(c, len(fit.y))
     x += [pair.fit.dense(len(fit.y)) for pair in model.free]
     design = np.hstack(x)
+    energy, alike = fit.by_joint(state.fitted.fit**2) / fit.rows, max(run.alike for run in fit.runs)
     covariance = cluster_covariance(
         design,
         (state.fitted.fit, model.limits.systematic * explained),
         fit.block,
         independent=model.limits.independent,
         unknown=np.concatenate([*unknown, np.zeros(len(model.free))]),
+        variance=alike * np.repeat(energy, fit.rows),
     )
     if model.uncertain is not None:
         # what the coefficients would be off by if the parameters of the model were

@@ -61,3 +61,24 @@ def test_a_direction_without_data_has_the_std_that_is_given() -> None:
     across = np.array([1.0, -1.0]) / np.sqrt(2)
     assert across @ alone @ across == pytest.approx(0.0, abs=1e-12)
     assert across @ given @ across == pytest.approx(9.0, rel=1e-6)
+
+
+def test_a_column_that_acts_in_few_clusters_is_as_uncertain_as_errors_of_the_given_variance_make_it() -> None:
+    """It follows the errors of these clusters: their scores are next to nothing, and so is the sandwich."""
+    rng = np.random.default_rng(5)
+    cluster = np.repeat(np.arange(30), 40)
+    x = np.column_stack([rng.normal(size=len(cluster)), np.where(cluster == 7, 1.0, 0.0)])
+    found, bare, stated = [], [], []
+    for _ in range(200):
+        e = rng.normal(size=len(cluster))
+        c = scaled_lstsq(x, e)
+        left = e - x @ c
+        found.append(c)
+        bare.append(np.sqrt(np.diag(cluster_covariance(x, [left], cluster))))
+        alike = np.full(len(cluster), np.mean(left**2))
+        stated.append(np.sqrt(np.diag(cluster_covariance(x, [left], cluster, variance=alike))))
+    scatter = np.std(found, axis=0)
+    assert np.mean(bare, axis=0)[1] < 0.1 * scatter[1]
+    assert np.mean(stated, axis=0)[1] == pytest.approx(scatter[1], rel=0.2)
+    # of a column that acts everywhere, both say the same
+    assert scatter[0] < np.mean(stated, axis=0)[0] < 1.6 * scatter[0]
