@@ -45,12 +45,16 @@ class OtherInstruments:
 def measure(arm: Arm, recordings: Recordings, cleaned: Screened, progress: Progress) -> OtherInstruments:
     """What tracker, link encoders and setpoints show."""
     progress("comparing motor and link encoders")
-    link = link_side(arm, *recordings)
+    fit, held_out = recordings
+    angles = [q for _, q, _ in cleaned.samples]
+    # counts that a motor's encoder missed are no difference between motor and link
+    without_jumps = [replace(r, q=q) for r, q in zip((*fit, *held_out), angles)]
+    link = link_side(arm, without_jumps[: len(fit)], without_jumps[len(fit) :])
     by_links = [cause for cause in (link.causes if link else ()) if CATALOGUE[cause.effect].coupling]
     by_demands = [] if by_links else wrist_coupling(*recordings)
     by_others: Sequence[Cause | Event] = [*by_links, *by_demands]
     turned = tuple(EffectTerm(one.effect, one.joint, {p.name: p.value for p in one.parameters}) for one in by_others)
     # the tracker sees the links where their motors turn them
     seen = replace(coupled(replace(arm, effects=turned)), effects=arm.effects)
-    tracked = tracked_causes(seen, *recordings, angles=[q for _, q, _ in cleaned.samples], progress=progress)
+    tracked = tracked_causes(seen, *recordings, angles=angles, progress=progress)
     return OtherInstruments(tracked=tracked, link=link, events=by_demands, judged=has_dynamics(arm))

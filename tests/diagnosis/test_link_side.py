@@ -6,6 +6,7 @@ The plant has two masses with a gap or a spring between them (``tests/blind``); 
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -197,6 +198,27 @@ def test_a_model_without_masses_is_held_against_its_encoders(root: Path, arm: Ar
     assert all(cause.signal == "link angle" for cause in found.causes)
     assert any(term.name == "joint_compliance" for term in found.extended.effects)
     assert {one.signal for one in found.unexplained} <= {"link angle"}
+
+
+def test_counts_that_a_motor_s_encoder_missed_are_between_no_motor_and_link(
+    root: Path, arm: Arm, tmp_path: Path
+) -> None:
+    joint, recordings = arm.joints[1], list[Recording]()
+    assert joint.encoder_lines is not None
+    step = 2 * np.pi / (4 * joint.encoder_lines * joint.ratio)
+    for number, r in enumerate(_recorded(root, ())):
+        q = r.q.copy()
+        q[len(q) // 2 :, 1] += 20 * step
+        path = tmp_path / f"run_{number}.mcap"
+        write_table(path, r.t, {"q": q, "i": r.i, "ql": np.array(r.ql)}, Attachments())
+        recordings.append(open_recording(path))
+    both: Split[Sequence[Recording]] = Split(recordings[:1], recordings[1:])
+    cleaned = screen(arm, both, lambda sentence: None)
+    assert [event.effect for event in cleaned.events] == ["missed_counts"]
+    link = measure(arm, both, cleaned, lambda sentence: None).link
+    assert link is not None
+    assert link.causes == []
+    assert link.unexplained == []
 
 
 def test_late_stamps_of_the_link_encoder_are_neither_backlash_nor_compliance(root: Path, arm: Arm) -> None:

@@ -112,7 +112,7 @@ def test_the_tracker_sees_links_where_all_motors_turn_them(
     monkeypatch.setattr(other_instruments, "tracked_causes", lambda arm, *sides, **others: seen.append(arm))
     recordings = Split(*_sides(tmp_path, {(6, 5): 0.1}))
     arm = read_model(root / "config" / "models" / "puma560.toml")
-    cleaned = SimpleNamespace(samples=[])
+    cleaned = SimpleNamespace(samples=[(r.t, r.q, r.i) for side in recordings for r in side])
     found = other_instruments.measure(arm, recordings, cleaned, lambda sentence: None)  # type: ignore[arg-type]
     assert [event.effect for event in found.events] == ["wrist_coupling"]
     assert seen[0].coupling_matrix[5, 4] == pytest.approx(0.1, abs=0.01)
