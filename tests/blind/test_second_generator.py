@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 
 import mujoco
 import numpy as np
@@ -23,9 +24,9 @@ from tests.blind.second.effects import KINDS
 from tests.blind.second.generate import Hidden, strength
 from tests.blind.second.laboratory import Laboratory, arm_of, laboratory, own_springs, plant_of
 from tests.blind.second.motions import HOME, SPEEDS, suite
-from tests.blind.second.plant import Plant, rates, step
+from tests.blind.second.plant import Plant, rates, reading, step
 from tests.blind.second.rigid_body import mass_matrix, target, torques
-from tests.blind.second.sensing import TARGET, Sensing
+from tests.blind.second.sensing import TARGET, Sensing, _angles
 from tests.blind.second.simulate import simulated
 
 CALIBRATION_ONLY = {"gravity_sag", "encoder_scale", "encoder_eccentricity", "transmission_coupling"}
@@ -210,6 +211,21 @@ def test_a_link_that_is_turned_is_turned_for_currents_and_tracker() -> None:
 
     np.testing.assert_allclose(shown(turned, q), shown(p, q + [0.0, 2e-3, 0.0, 0.0, 0.0, 0.0]), rtol=1e-12)
     assert not np.allclose(shown(turned, q)[:6], shown(p, q)[:6], rtol=1e-5)
+
+
+@pytest.mark.parametrize("counted", [True, False])
+def test_servo_and_recorder_miss_the_same_counts(counted: bool) -> None:
+    """The recorder missed as many as the servo has parts of them: 2000 times as many."""
+    missing, _ = KINDS["missed_counts"].apply(_plant(), Sensing(), 2, {"counts": 22.0, "time": 0.5})
+    t = np.array([0.0, 1.0])
+    still = SimpleNamespace(t=t, angle=np.zeros((2, 6)))
+    read = _angles(missing, still, t, counted)  # type: ignore[arg-type]
+    joint = arm_of(_where()).joints[1]
+    assert joint.encoder_lines is not None
+    count = 2 * np.pi / (4 * joint.encoder_lines * joint.ratio)
+    servo = [reading(missing, 1, 0.0, float(time)) for time in t]
+    assert np.diff(read[:, 1])[0] == pytest.approx(22 * count, rel=1e-3)
+    assert servo[1] - servo[0] == pytest.approx(22 * count, rel=1e-3)
 
 
 def test_cases_of_a_seed_hide_different_effects() -> None:

@@ -71,7 +71,7 @@ def _angles(plant: Plant, motion: Motion, t: Array, counted: bool) -> Array:
     """The counters see whole counts, the servos parts of them."""
     count = plant.count * (INTERPOLATED if counted else 1e-3)
     missed = plant.missed.copy()
-    missed[:, 0] *= plant.count * INTERPOLATED / count
+    missed[:, 0] *= plant.count / count
     its = plant._replace(count=count, missed=missed)
     return readings(its, _at(motion.t, motion.angle, t), t)
 
