@@ -87,12 +87,13 @@ LEAST_TRACE = 1e-9
 """kg m2: of a ball of 1 g and 1 mm radius. Below a millionth of it is what rounding leaves of a point mass."""
 
 
-def unphysical(mass: float, inertia: tuple[float, ...]) -> str | None:
+def unphysical(mass: float, inertia: tuple[float, ...], rounding: float = 0.0) -> str | None:
     """What is impossible about mass and inertia about the com (xx, yy, zz, xy, yz, xz), or None.
 
     A body is possible where its second moments int x x^T dm about the com, trace(I) / 2 - I, are positive semidefinite:
     the same as a positive pseudo-inertia and as principal inertias that obey the triangle inequality (Wensing, Kim,
     Slotine, RA-L 2018). ``PRINTED`` is relative to the trace, but to no less than LEAST_TRACE.
+    rounding: kg m2, by which each entry may be off for the digits that a file has.
     """
     matrix = np.zeros((3, 3))
     for value, (i, j) in zip(inertia, _ABOUT_COM):
@@ -100,7 +101,8 @@ def unphysical(mass: float, inertia: tuple[float, ...]) -> str | None:
     if mass < 0:
         return f"mass {mass:g} kg is negative"
     principal = np.linalg.eigvalsh(matrix)
-    slack = PRINTED * max(abs(np.trace(matrix)), LEAST_TRACE)
+    # three principal inertias may be off
+    slack = PRINTED * max(abs(np.trace(matrix)), LEAST_TRACE) + 3 * rounding
     shown = ", ".join(f"{value:.4g}" for value in principal)
     if principal[0] < -slack:
         return f"inertia is not positive: principal inertias {shown} kg m2"

@@ -12,6 +12,7 @@ from __future__ import annotations
 import xml.etree.ElementTree as xml  # noqa: N813
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from decimal import Decimal
 from pathlib import Path
 
 import numpy as np
@@ -90,6 +91,13 @@ def urdf_of(text: str | bytes, path: str | Path, *, tip: str | None = None) -> A
             shapes[number] = (assumed, *known)
     shaped = tuple(replace(joint, capsule=shape) for joint, shape in zip(joints, shapes[1:]))
     return replace(bare, joints=shaped, capsule=shapes[0])
+
+
+def _rounding(tensor: xml.Element | None, names: Sequence[str]) -> float:
+    """Half of the last digit of the entry that has most; 0 where none has a number other than 0."""
+    texts = [] if tensor is None else [tensor.get(name, "0") for name in names]
+    last = [number.as_tuple().exponent for text in texts if (number := Decimal(text.strip()))]
+    return 0.5 * 10.0 ** min(int(exponent) for exponent in last) if last else 0.0
 
 
 Capsules = tuple[Capsule, ...] | None
@@ -188,15 +196,17 @@ def _inertial(path: str | Path, link: xml.Element) -> Array:
     """(10,) barycentric parameters in the link's frame; InputError where no body of any mass has its inertia.
 
     A link may have inertia without mass: simulators mark one that does not move like that, and frames are given some
-    to satisfy a solver. Whether that is possible is a question of the whole that moves together (``_with_lump``).
+    to satisfy a solver. Whether that is possible is a question of the whole that moves together (``_with_lump``); so
+    is what only the digits of the file make impossible, such as 0 0 1e-6 of a fingertip.
     """
     inertial = link.find("inertial")
     if inertial is None:
         return np.zeros(10)
     mass = numbers_of(path, inertial.find("mass"), "value", "0", 1)[0]
     tensor = inertial.find("inertia")
-    entries = tuple(numbers_of(path, tensor, name, "0", 1)[0] for name in ("ixx", "iyy", "izz", "ixy", "iyz", "ixz"))
-    if problem := unphysical(mass or 1.0, entries):
+    names = ("ixx", "iyy", "izz", "ixy", "iyz", "ixz")
+    entries = tuple(numbers_of(path, tensor, name, "0", 1)[0] for name in names)
+    if problem := unphysical(mass or 1.0, entries, _rounding(tensor, names)):
         raise InputError(path, f"link {link.get('name')!r}: {problem}")
     return transform(barycentric(mass, (0.0, 0.0, 0.0), entries), origin_of(path, inertial))
 

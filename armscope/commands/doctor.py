@@ -110,7 +110,10 @@ def _text(rig: str, findings: list[dict[str, Any]], problems: list[str]) -> list
         lines += [f"        there is {place}" for place in finding["found"]]
     lines += [f"  FAULT {problem}" for problem in problems]
     faults = sum(bool(finding["problems"]) for finding in findings) + len(problems)
-    return lines + [f"{len(findings)} devices, " + ("all is well" if not faults else f"{faults} with faults")]
+    return lines + [
+        f"{len(findings)} device{'s' * (len(findings) != 1)}, "
+        + ("all is well" if not faults else f"{faults} with faults")
+    ]
 
 
 def _describe(identity: dict[str, Any] | None) -> str:

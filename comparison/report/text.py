@@ -43,7 +43,7 @@ def text(result: Comparison) -> str:
     reasons: dict[str, int] = {}
     for one in blind:
         reasons[one.quantity.why] = reasons.get(one.quantity.why, 0) + 1
-    lines += [f"not comparable: {count} quantities: {why}" for why, count in reasons.items()]
+    lines += [f"not comparable: {count} quantit{'y' if count == 1 else 'ies'}: {why}" for why, count in reasons.items()]
     lines += [f"warning: {warning}" for warning in result.warnings]
     in_short = verdict(result)
     sentences = [*result.causes, *(summary.sentence for summary in result.summaries), *changed_sentences(result)]

@@ -42,3 +42,22 @@ def test_equal_limits_are_none(tmp_path: Path) -> None:
 def test_two_links_of_one_name_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="has two links of the name 'upper'"):
         read_urdf(written(tmp_path, [*ARM, link("upper")]))
+
+
+FINGER = (
+    '<link name="finger"><inertial><mass value="0.004"/>'
+    '<inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="{}"/></inertial></link>'
+)
+
+
+def test_a_small_link_whose_inertia_a_file_has_rounded_is_read(tmp_path: Path) -> None:
+    """Of 5e-7, 5e-7 and 1e-6 kg m2, six digits leave 0, 0 and 1e-6, which no body has; fixed to the hand, it may be."""
+    with_finger = [*ARM, FINGER.format("1E-06"), joint("hand", "finger", xyz="0.03 0 0.1")]
+    plain = read_urdf(written(tmp_path, ARM), tip="tool0").joints[-1]
+    assert read_urdf(written(tmp_path, with_finger), tip="tool0").joints[-1].mass == pytest.approx(plain.mass + 0.004)
+
+
+@pytest.mark.parametrize("izz", ["1.000E-06", "0.0000020", "0.15"])
+def test_what_rounding_does_not_explain_is_refused(tmp_path: Path, izz: str) -> None:
+    with pytest.raises(InputError, match="link 'finger': inertia breaks the triangle inequality"):
+        read_urdf(written(tmp_path, [*ARM, FINGER.format(izz), joint("hand", "finger")]), tip="tool0")
