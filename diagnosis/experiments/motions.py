@@ -8,6 +8,7 @@ arm's excitation; with a known payload where asked.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property
@@ -15,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from arm_io import InputError
 from arm_io.types import Array
 from arm_model import Arm
 from arm_model.system import inverse_dynamics
@@ -71,12 +73,14 @@ class Stage:
     limits: Limits
 
     @cached_property
-    def excitations(self) -> tuple[Experiment, ...]:
-        """A slow and a brisk motion of all joints together, designed for this arm within the limits."""
-        return tuple(
-            design_excitation(self.arm, Series(10.0, 0.1 * seed), limits=self.limits, candidates=32, seed=seed)
-            for seed in (1, 2)
-        )
+    def excitations(self) -> dict[str, Experiment]:
+        """A slow and a brisk motion of all joints together, designed for this arm; those that its limits allow."""
+        found = {}
+        for seed, pace in enumerate(("slow", "brisk"), 1):
+            series = Series(10.0, 0.1 * seed)
+            with suppress(InputError):
+                found[pace] = design_excitation(self.arm, series, limits=self.limits, candidates=32, seed=seed)
+        return found
 
 
 def room(arm: Arm, visited: Array | None = None, rig: Limits | None = None) -> Limits:
@@ -296,7 +300,7 @@ def _vertical(stage: Stage, pose: Array, joint: int) -> list[float]:
 
 
 def _excitations(stage: Stage) -> Iterator[Trial]:
-    for series, pace in zip(stage.excitations, ("slow", "brisk")):
+    for pace, series in stage.excitations.items():
         pose = np.array(series.start)
         moving = [segment.model_dump() for segment in series.segment if segment.type == "fourier"]
         name = f"excitation of all joints ({pace})"

@@ -5,6 +5,7 @@ The distance of rivals by brute force, and what is chosen where it is known what
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import cast
 
@@ -45,6 +46,14 @@ def _stage(data: Seen) -> Stage:
 
 def _chosen(group: object, data: Seen) -> Separation:
     return separation(group, cast(Diagnosis, data))  # type: ignore[arg-type]
+
+
+def test_an_arm_that_no_motion_of_all_joints_suits_is_asked_for_others(puma: Arm) -> None:
+    """Whose motors hardly hold it anywhere: its other motions are tried, and the diagnosis has its report."""
+    start = np.zeros(len(puma))
+    limits = replace(room(puma), torque=np.full(len(puma), 1e-3))
+    tried = list(trials(Stage(puma, start, start[None], limits), [1], Kind.MOTION))
+    assert tried and not any("all joints together" in trial.words for trial in tried)
 
 
 def _flat(run: Run, columns: np.ndarray) -> np.ndarray:
