@@ -55,9 +55,9 @@ function decadeTicks(low, high) {
   return ticks.filter((tick) => tick >= low && tick <= high);
 }
 
-/** Ticks of an axis that is linear up to `linear` on both sides of zero and logarithmic beyond. */
+/** Ticks of an axis that is linear up to `linear` on both sides of zero and logarithmic beyond, where 1, 2 and 5 have room. */
 function ticksAboutZero(low, high, linear) {
-  const beyond = decadeTicks(linear, Math.max(linear, -low, high));
+  const beyond = decadeTicks(linear, Math.max(linear, -low, high)).filter((tick) => [1, 2, 5].includes(Number(tick.toExponential()[0])));
   return [...beyond.map((tick) => -tick).reverse(), 0, ...beyond].filter((tick) => tick >= low && tick <= high);
 }
 

@@ -112,9 +112,9 @@ class PanelView {
     const write = (_, ticks) => ticks.map((v) => (v === null ? "" : digits(v)));
     // the ends of a logarithmic axis are no round numbers
     const decades = (_, ticks) => ticks.map((v) => (v === null || Math.abs(Number(v.toPrecision(1)) / v - 1) > 1e-6 ? "" : digits(v)));
-    // uPlot's own ticks never end where an axis begins shortly before a power of ten
+    // uPlot's own ticks never end where an axis begins shortly before a power of ten, and it writes powers of ten alone
     const ticksX = panel.log_x ? { splits: (_, _axis, low, high) => decadeTicks(low, high) }
-      : panel.linear !== null ? { splits: (_, _axis, low, high) => ticksAboutZero(low, high, panel.linear) } : {};
+      : panel.linear !== null ? { splits: (_, _axis, low, high) => ticksAboutZero(low, high, panel.linear), filter: (_, ticks) => ticks } : {};
     const ticksY = panel.log_y ? { splits: (_, _axis, low, high) => decadeTicks(low, high) } : {};
     const instants = (_plot, ticks, _axis, _space, step) => ticks.map((v) => (v === null ? "" : instant(v, step)));
     const shown = this.last || !this.chart.shared;
@@ -158,7 +158,7 @@ class PanelView {
   }
 
   _style(one) {
-    const stroke = shade(one.colour), dots = one.kind !== "line", many = array(one.y).length > 120;
+    const stroke = shade(one.colour), dots = one.kind === "dots" || one.kind === "both", many = array(one.y).length > 120;
     return {
       label: one.label,
       show: !this.hidden?.(one),

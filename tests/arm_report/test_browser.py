@@ -264,6 +264,35 @@ def test_names_of_bars_have_the_room_that_they_need(browser: Any, tmp_path: Path
         )
 
 
+ENDS = """() => {
+    const over = document.querySelector('.u-over'), canvas = document.querySelector('#chart-bars canvas');
+    const scale = canvas.width / canvas.getBoundingClientRect().width, frame = over.getBoundingClientRect();
+    const first = canvas.getBoundingClientRect(), middle = frame.top - first.top + frame.height * 0.6 / 1.2;
+    return [0, 6].map((above) => {
+        const row = Math.round((middle - above) * scale);
+        const pixels = canvas.getContext('2d').getImageData(0, row, canvas.width, 1).data;
+        let last = 0;
+        for (let k = 0; k < canvas.width; k++) if (pixels[4 * k + 2] > 100 && pixels[4 * k] < 100) last = k;
+        return last;
+    });
+}"""
+"""The last blue pixel of the only bar, in its middle and 6 pixels above."""
+
+
+def test_bars_end_square_and_an_axis_about_zero_says_where_it_is(browser: Any, tmp_path: Path) -> None:
+    bars = Series(x=np.array([30.0]), y=np.zeros(1), kind="bars", colour=AFTER)
+    chart = Chart(name="bars", title="bars", panels=(Panel(series=(bars,), x="z", y="", names=("one",), linear=5.0),))
+    path = tmp_path / "bars.html"
+    path.write_text(report("bars", chart).html())
+    with watched(browser) as page:
+        page.goto(path.as_uri())
+        page.wait_for_selector("#chart-bars canvas")
+        middle, above = page.evaluate(ENDS)
+        assert middle == above > 0
+        ticks = page.evaluate(f"() => {{ {_text('data.js')}; return ticksAboutZero(-6, 60, 5); }}")
+        assert ticks == [-5, 0, 5, 10, 20, 50]
+
+
 def test_print_and_pages_without_scripts_show_pictures(browser: Any, page: Any, written: Path) -> None:
     assert not page.is_visible("#chart-currents .still")
     page.emulate_media(media="print")
