@@ -68,7 +68,7 @@ def diagnose(
     instruments = measure(arm, recordings, cleaned, progress)
     recordings, cleaned = on_uniform_grid(recordings, cleaned)
     instruments = isolated_by_currents(arm, instruments, cleaned, progress)
-    currents = find_causes(arm, instruments.known, recordings, cleaned, progress)
+    currents = find_causes(arm, instruments.in_model, recordings, cleaned, progress)
     causes, as_found = extended_model(arm, instruments, currents, recordings)
     extended = dissipative(as_found, top_speeds(currents))
     verified = verify(arm, extended, causes, recordings, currents, judged=instruments.judged)
@@ -126,8 +126,8 @@ def on_uniform_grid(recordings: Recordings, cleaned: Screened) -> tuple[Recordin
     """Both with equally spaced rows, as filters and differences take them."""
     fit, held_out = even(recordings.fit), even(recordings.held_out)
     samples = [even_samples(recorded) for recorded in cleaned.samples]
-    known_noises = [known_noise(t, q, known) for (t, q, _), known in zip(cleaned.samples, cleaned.known)]
-    on_grids = replace(cleaned, recordings=(*fit, *held_out), samples=samples, known=known_noises)
+    known_noises = [known_noise(t, q, known) for (t, q, _), known in zip(cleaned.samples, cleaned.known_noise)]
+    on_grids = replace(cleaned, recordings=(*fit, *held_out), samples=samples, known_noise=known_noises)
     return Split(fit, held_out, recordings.two_fold), on_grids
 
 
@@ -148,7 +148,7 @@ def _extended_with(
     raw: Sequence[Event], arm: Arm, instruments: OtherInstruments, currents: CurrentDiagnosis, recordings: Recordings
 ) -> tuple[list[Cause], Arm]:
     """``extended_model`` with these events of raw rows and setpoints."""
-    known = [*instruments.known, *currents.outside_selection]
+    known = [*instruments.in_model, *currents.outside_selection]
     events = [from_event(event, currents.arm, currents.state.data) for event in raw]
     causes = [*events, *currents.causes, *currents.per_recording]
     unknown = [cause for cause in instruments.tracked.causes if cause not in known]

@@ -47,12 +47,12 @@ from identification.selection import Split
 class Search:
     """One search for causes in the currents of recordings.
 
-    model, known  the model, and causes that are known before the search
+    model, known_causes  the model, and causes that are known before the search
     excluded      effects that it may not choose
     """
 
     model: Arm
-    known: tuple[Cause, ...]
+    known_causes: tuple[Cause, ...]
     excluded: frozenset[EffectKey]
     recordings: Recordings
     screened: Screened
@@ -61,7 +61,7 @@ class Search:
     @cached_property
     def arm(self) -> Arm:
         """The model with the known causes."""
-        return extend(self.model, self.known) if self.known else self.model
+        return extend(self.model, self.known_causes) if self.known_causes else self.model
 
     def residuals(self) -> Residuals:
         """Of the recordings under ``arm``."""
@@ -69,7 +69,7 @@ class Search:
 
     def knowing(self, causes: Sequence[Cause], excluded: Iterable[EffectKey]) -> Search:
         """The same with more known causes, and more effects that it may not choose."""
-        return replace(self, known=(*self.known, *causes), excluded=self.excluded.union(excluded))
+        return replace(self, known_causes=(*self.known_causes, *causes), excluded=self.excluded.union(excluded))
 
 
 def find_causes(
@@ -78,7 +78,7 @@ def find_causes(
     """Causes that the currents show conditional on the ``known`` ones of encoders and tracker."""
     search = Search(
         model=model,
-        known=tuple(known),
+        known_causes=tuple(known),
         excluded=frozenset(cause.key for cause in known if not cause.by_tracker),
         recordings=recordings,
         screened=screened,
@@ -157,13 +157,13 @@ def _searched(search: Search, residuals: Residuals) -> CurrentDiagnosis:
     warm = [run.arm.temperatures for run in residuals.runs]
     axis = axis_side(arm, (residuals.samples[:first], residuals.samples[first:]), two_fold=parts, temperatures=warm)
     if axis is None:
-        return _beside(search, residuals, None)
-    by_axis = _beside(search, residuals, axis)
+        return _searched_beside(search, residuals, None)
+    by_axis = _searched_beside(search, residuals, axis)
     # the effects of an axis at its full rate know neither of bodies nor of what sampling folds
     wider = any(load_changes(run) or run.folded.any() for run in residuals.runs)
     if not (wider or by_axis.selection.unexplained.structures):
         return by_axis
-    by_arm = _beside(search, residuals, None)
+    by_arm = _searched_beside(search, residuals, None)
     if wider and not (by_arm.selection.unexplained.structures or _above_noise(by_arm)):
         return by_arm
     energies = [one.state.energy.held_out for one in (by_axis, by_arm)]
@@ -177,7 +177,7 @@ def _above_noise(currents: CurrentDiagnosis) -> bool:
     return any(joints_above_noise(residual, side, currents.arm) for residual, side in sides)
 
 
-def _beside(search: Search, residuals: Residuals, axis: AxisSide | None) -> CurrentDiagnosis:
+def _searched_beside(search: Search, residuals: Residuals, axis: AxisSide | None) -> CurrentDiagnosis:
     """What the search names beside the causes of a single axis; None: it is searched as arms are."""
     arm, recordings, excluded, progress = search.arm, search.recordings, search.excluded, search.progress
     first, parts = len(recordings.fit), recordings.two_fold

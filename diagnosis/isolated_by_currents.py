@@ -47,7 +47,7 @@ def isolated_by_currents(
         if not rivals:
             continue
         progress("comparing currents with the waves of both encoders")
-        runs = residuals_of(extend(arm, [one for one in instruments.known if one is not cause]), screened).runs
+        runs = residuals_of(extend(arm, [one for one in instruments.in_model if one is not cause]), screened).runs
         of_cause, *of_rivals = (_squared_residual(runs, one.terms) for one in (cause, *rivals))
         best = int(np.argmin([one.sum() for one in of_rivals]))
         if p_value(of_cause - of_rivals[best]) < SIGNIFICANT:

@@ -32,7 +32,7 @@ class OtherInstruments:
     judged: bool
 
     @property
-    def known(self) -> list[Cause]:
+    def in_model(self) -> list[Cause]:
         """Causes that are in the model before the currents are judged: of geometry and of transmissions."""
         return [*self.tracked.geometry, *(cause for cause in self.of_links if cause.of_arm and self.judged)]
 

@@ -87,7 +87,7 @@ def undetectable(instruments: OtherInstruments, currents: CurrentDiagnosis) -> l
         *currents.causes,
         *currents.held,
         *currents.per_recording,
-        *instruments.known,
+        *instruments.in_model,
         *currents.outside_selection,
     ]
     shown = {cause.key for cause in of_instruments} | instruments.tracked.shown

@@ -32,7 +32,7 @@ from arm_model.sensing import recorded
 from arm_model.simulation import simulate, simulate_batch
 from daq.recording import Recording
 from diagnosis.residual.comparable_rows import comparable_rows, rms_where
-from diagnosis.residual.filters import COMPARE_BAND, kept, low_pass, rate_of
+from diagnosis.residual.filters import COMPARE_BAND, kept_rows, low_pass, rate_of
 from diagnosis.residual.other_effects import residual_under, with_own
 from diagnosis.residual.run import Run, Span
 from diagnosis.residual.run_setup import set_up, setup_of
@@ -102,7 +102,7 @@ class Compared:
 
     def _error(self, signal: str) -> Array:
         rate = rate_of(self.t)
-        error = low_pass(self.difference(signal), COMPARE_BAND, rate)[kept(rate)]
+        error = low_pass(self.difference(signal), COMPARE_BAND, rate)[kept_rows(rate)]
         return self.less_folded(error) if signal == "current" else error
 
     def error_rms(self, signal: str) -> Array:
@@ -235,7 +235,7 @@ def _smoothing_error(arm: Arm, moving: Sequence[int], recording: Recording) -> A
     rate = 1.0 / recording.dt
     differences = recording.i - recorded(carrying, motion).current
     return np.stack(
-        [np.sum(low_pass(difference, COMPARE_BAND, rate)[kept(rate)] ** 2, axis=0) for difference in differences]
+        [np.sum(low_pass(difference, COMPARE_BAND, rate)[kept_rows(rate)] ** 2, axis=0) for difference in differences]
     )
 
 

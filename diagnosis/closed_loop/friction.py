@@ -30,7 +30,7 @@ from diagnosis.cause import Cause, EffectKey, Estimate, Signal, confidence_of
 from diagnosis.closed_loop.comparison import SMOOTHING, has_demand
 from diagnosis.closed_loop.loop_errors import delay_between
 from diagnosis.measurements.near_rest.laws import RESOLVED, SOFTEST
-from diagnosis.residual.filters import COMPARE_BAND, TRANSIENT, kept, low_pass, rate_kept, rate_of
+from diagnosis.residual.filters import COMPARE_BAND, TRANSIENT, kept_rows, low_pass, rate_kept, rate_of
 from diagnosis.residual.noise.channels import angle_noise
 from diagnosis.residual.run_setup import set_up
 from identification.preprocessing import demand_of_run
@@ -182,7 +182,7 @@ def _errors(r: Recording, j: int, q: Array, i: Array, rate: float) -> tuple[Arra
     speed, rise, end = np.gradient(q, r.dt), np.gradient(i, r.dt), round(TRANSIENT * rate_kept(rate))
     delay = delay_between((r.q[:, j] - q)[:, None], speed[:, None])
     angle, current = (
-        low_pass(measured[:, j] - simulated + delay * slope, COMPARE_BAND, rate)[kept(rate)][end:-end]
+        low_pass(measured[:, j] - simulated + delay * slope, COMPARE_BAND, rate)[kept_rows(rate)][end:-end]
         for measured, simulated, slope in ((r.q, q, speed), (r.i, i, rise))
     )
     return angle, current

@@ -139,7 +139,7 @@ def _tried(question: Question, stage: Stage, joints: Sequence[int], kind: Kind) 
             return
         run = predicted_run(trial, stage, question.noise)
         if run is not None:
-            distances = question.apart(run)
+            distances = question.pair_distances(run)
             largest = max(largest, *distances.values())
             yield trial, distances
 

@@ -69,7 +69,7 @@ class Question:
         self.noise = np.mean([run.noise for run in runs], axis=0)
         self._normal, self._squares = self._equations(dataset_of(runs))
 
-    def apart(self, run: Run) -> dict[tuple[EffectKey, EffectKey], float]:
+    def pair_distances(self, run: Run) -> dict[tuple[EffectKey, EffectKey], float]:
         """The distance of every pair of rivals, whichever of the two is true; see ``distances``."""
         found = self.distances(run)
         count = range(len(self.rivals))

@@ -23,7 +23,7 @@ from diagnosis.report.plots.motion import motion_of
 from diagnosis.report.plots.near_rest import near_rest_chart
 from diagnosis.report.plots.residuals import against_all, left_against, side_by_side
 from diagnosis.report.plots.single_axis import wave_chart
-from diagnosis.report.tables import errors, left, rough, summary, undetectable_table
+from diagnosis.report.tables import errors, rough, summary, undetectable_table, unexplained_structures
 from diagnosis.report.wording import (
     remainder,
     remains,
@@ -71,7 +71,7 @@ def report(result: Diagnosis, table: dict[str, Any], held_out: Sequence[Recordin
             "link_overview": link_overview(result.link, result.arm) if result.link and not judged else None,
             "causes": [_section(result, cause, row, number) for number, (cause, row) in causes],
             "unseen": undetectable_table(table),
-            "left": left(result, table),
+            "left": unexplained_structures(result, table),
             "left_charts": _left_charts(result),
             "simulated": list(_simulated(result)),
             "errors": errors(result, table, bool(result.causes)),
@@ -84,9 +84,9 @@ def report(result: Diagnosis, table: dict[str, Any], held_out: Sequence[Recordin
 
 def _asked(result: Diagnosis, table: dict[str, Any]) -> str:
     """The question that the diagnosis answers, and the recordings that it is answered from."""
-    names = f"Fitted: {_named(table['fit'])}; held out: {_named(table['held_out'])}"
+    names = f"Fitted: {_names(table['fit'])}; held out: {_names(table['held_out'])}"
     if set(table["fit"]) & set(table["held_out"]):
-        names = f"{_named(table['fit'])}, split by time: the first part fitted, the second held out"
+        names = f"{_names(table['fit'])}, split by time: the first part fitted, the second held out"
     if not result.judged:
         return f"Question: what do two encoders per joint show that the gear ratios do not predict? {names}."
     taken = (
@@ -100,7 +100,7 @@ def _asked(result: Diagnosis, table: dict[str, Any]) -> str:
     )
 
 
-def _named(files: Sequence[str]) -> str:
+def _names(files: Sequence[str]) -> str:
     """The names of a few recordings, or how many there are."""
     return ", ".join(Path(name).name for name in files) if len(files) <= MOST_NAMES else f"{len(files)} recordings"
 

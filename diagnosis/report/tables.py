@@ -127,7 +127,7 @@ def _still(rows: Sequence[dict[str, Any]]) -> Iterator[list[str]]:
         yield [effects, str(joint), f"joint {joint} stood still", "; ".join(dict.fromkeys(experiments))]
 
 
-def left(result: Diagnosis, table: dict[str, Any]) -> Markup | None:
+def unexplained_structures(result: Diagnosis, table: dict[str, Any]) -> Markup | None:
     """Unexplained structure, and its share of the residual variance; None: there is none."""
     if not table["unexplained"]:
         return None

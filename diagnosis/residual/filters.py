@@ -69,11 +69,11 @@ def motion_of(q: Array, band: float, rate: float) -> Motion:
     return angle, speed, np.gradient(speed, 1.0 / rate, axis=0)
 
 
-def kept(rate: float) -> slice:
+def kept_rows(rate: float) -> slice:
     """Rows of a recording at ``rate`` Hz that are kept: about ROWS_PER_SECOND of them, without filter transients."""
     return slice(int(TRANSIENT * rate), -int(TRANSIENT * rate), max(1, round(rate / ROWS_PER_SECOND)))
 
 
 def rate_kept(rate: float) -> float:
-    """Rows per second of those that are ``kept`` of a recording at ``rate`` Hz: 125 of 250, 111 of 333."""
-    return rate / (kept(rate).step or 1)
+    """Rows per second of those that are ``kept_rows`` of a recording at ``rate`` Hz: 125 of 250, 111 of 333."""
+    return rate / (kept_rows(rate).step or 1)

@@ -26,7 +26,7 @@ from diagnosis.residual.filters import (
     MOTION_BAND,
     Motion,
     Samples,
-    kept,
+    kept_rows,
     low_pass,
     motion_of,
     rate_of,
@@ -53,7 +53,7 @@ def residual_run(
     The recording is uniformly sampled and without gaps. ``known``: of the noise of its instruments.
     """
     rate, angle, bent = rate_of(t), true_angle(arm, q), described(arm)
-    motion, keep = motion_of(angle, MOTION_BAND, rate), kept(rate)
+    motion, keep = motion_of(angle, MOTION_BAND, rate), kept_rows(rate)
 
     def thin(values: Array, band: float = COMPARE_BAND) -> Array:
         # joint by joint in memory, as columns take them, and without all the rows between
@@ -138,7 +138,7 @@ def _ripple_of(i: Array, a: Array, rate: float) -> tuple[Array, Array]:
 
 def _friction_std(arm: Arm, v: Array, rate: float) -> Array:
     """(m, n) A: std of friction near standstill, where it is indeterminate; v (k, n): speeds at ``rate`` Hz."""
-    slowest = ndimage.minimum_filter1d(np.abs(v), int(FRICTION_MEMORY * rate), axis=0)[kept(rate)]
+    slowest = ndimage.minimum_filter1d(np.abs(v), int(FRICTION_MEMORY * rate), axis=0)[kept_rows(rate)]
     width = arm.joint_array("sign_velocity")
     return rest_friction(arm) * np.maximum(np.exp(-((slowest / CREEP) ** 2)), 1.0 - slowest / np.hypot(slowest, width))
 

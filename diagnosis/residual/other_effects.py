@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from arm_io.types import Array
 from arm_model import EffectTerm
-from diagnosis.residual.filters import kept, rate_of
+from diagnosis.residual.filters import kept_rows, rate_of
 from diagnosis.residual.run import Run
 
 
@@ -38,4 +38,4 @@ def with_own(run: Run, terms: Sequence[EffectTerm]) -> Run:
 
 def _expected(run: Run, effects: Sequence[EffectTerm]) -> Array:
     """(m, n) A: the current that the arm of a run predicts with these effects instead of its own."""
-    return run.evaluations.expected(replace(run.arm, effects=tuple(effects)), kept(rate_of(run.raw[0])))
+    return run.evaluations.expected(replace(run.arm, effects=tuple(effects)), kept_rows(rate_of(run.raw[0])))

@@ -37,7 +37,7 @@ class Screened:
     """Recordings whose events were found and removed, whatever the effects of the model.
 
     events   in raw rows; samples: t (k,) s, q (k, n) rad, i (k, n) A of every recording without them
-    known    of the noise of the instruments of each recording
+    known_noise  of the noise of the instruments of each recording
     counter_gaps  of every recording: rows that its counters lost, interpolated in its angles
     holes    ... and rows that its stamps leave out, interpolated
     blanks   ... and samples that are none, interpolated
@@ -48,7 +48,7 @@ class Screened:
     recordings: tuple[Recording, ...]
     events: list[Event]
     samples: list[Samples]
-    known: list[KnownNoise]
+    known_noise: list[KnownNoise]
     counter_gaps: tuple[tuple[CounterGap, ...], ...]
     holes: tuple[tuple[Hole, ...], ...]
     blanks: tuple[tuple[Blank, ...], ...]
@@ -87,7 +87,7 @@ def screened(arm: Arm, recordings: Sequence[Recording], progress: Progress = lam
         recordings=tuple(recordings),
         events=events,
         samples=[(r.t, without_jumps(r, index, events), without_hum(r, events)) for index, r in enumerate(recordings)],
-        known=known,
+        known_noise=known,
         counter_gaps=tuple((*own, *single) for own, single in zip(by_all, gaps)),
         holes=holes,
         blanks=blanks,

@@ -42,7 +42,7 @@ class Residuals:
 
     runs, samples  every recording without its events, as residual and as t (k,) s, q (k, n) rad, i (k, n) A
     periods        s between rows
-    known          of the noise of the instruments of each recording
+    known_noise    of the noise of the instruments of each recording
     holes, blanks  rows of each that its stamps leave out, and samples that are none
     losses         dropped triggers that were corrected
     as_recorded    the same before; None: none were
@@ -52,7 +52,7 @@ class Residuals:
     runs: list[Run]
     samples: list[Samples]
     periods: list[float]
-    known: list[KnownNoise]
+    known_noise: list[KnownNoise]
     holes: Sequence[Sequence[Hole]]
     blanks: Sequence[Sequence[Blank]]
     losses: Sequence[DroppedTriggers] = ()
@@ -66,7 +66,7 @@ def residuals_of(arm: Arm, screened: Screened, progress: Progress = lambda sente
 
     def residual(k: int) -> Run:
         name, powered = screened.recordings[k].path.name, not setup_of(screened.recordings[k]).drives_off
-        run = residual_run(name, arms[k], *screened.samples[k], powered=powered, known=screened.known[k])
+        run = residual_run(name, arms[k], *screened.samples[k], powered=powered, known=screened.known_noise[k])
         # raw rows are here already
         return replace(run, raw=(nothing, nothing))
 
@@ -78,7 +78,9 @@ def residuals_of(arm: Arm, screened: Screened, progress: Progress = lambda sente
     holes, blanks = screened.holes, screened.blanks
     runs = [unweighted(without_skipped(run, left_out), blank) for run, left_out, blank in zip(runs, holes, blanks)]
     periods = [r.dt for r in screened.recordings]
-    return realigned(Residuals(screened.events, runs, screened.samples, periods, screened.known, holes, blanks), [])
+    return realigned(
+        Residuals(screened.events, runs, screened.samples, periods, screened.known_noise, holes, blanks), []
+    )
 
 
 def realigned(residuals: Residuals, terms: Sequence[EffectTerm]) -> Residuals:
@@ -101,7 +103,9 @@ def realigned(residuals: Residuals, terms: Sequence[EffectTerm]) -> Residuals:
         t, q, i = samples[k]
         for loss in of_recording:
             i = realigned_rows(i, loss)
-        corrected = residual_run(runs[k].name, runs[k].arm, t, q, i, powered=runs[k].powered, known=residuals.known[k])
+        corrected = residual_run(
+            runs[k].name, runs[k].arm, t, q, i, powered=runs[k].powered, known=residuals.known_noise[k]
+        )
         corrected = unweighted(without_skipped(corrected, residuals.holes[k]), residuals.blanks[k])
         corrected = unmeasured(corrected, of_recording)
         # of the same rows: those that were not measured have no say in either

@@ -22,7 +22,7 @@ from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.measurements.currents.state import State
 from diagnosis.residual.comparable_rows import comparable_rows
 from diagnosis.residual.expected_current import predicted_current
-from diagnosis.residual.filters import COMPARE_BAND, kept, low_pass, rate_of
+from diagnosis.residual.filters import COMPARE_BAND, kept_rows, low_pass, rate_of
 from diagnosis.residual.run import Run
 
 
@@ -74,5 +74,7 @@ def _energy(run: Run, terms: Sequence[EffectTerm], joint: int, factor: float) ->
     joints[joint - 1] = replace(joints[joint - 1], sign_velocity=factor * joints[joint - 1].sign_velocity)
     arm = replace(run.arm, joints=tuple(joints), effects=(*run.arm.effects, *terms, *run.own))
     t, q = run.raw
-    expected = low_pass(predicted_current(arm, t, q, powered=run.powered), COMPARE_BAND, rate_of(t))[kept(rate_of(t))]
+    expected = low_pass(predicted_current(arm, t, q, powered=run.powered), COMPARE_BAND, rate_of(t))[
+        kept_rows(rate_of(t))
+    ]
     return float(np.sum(run.whiten(run.current - expected) ** 2 * comparable_rows(run)))

@@ -80,7 +80,7 @@ def identify_closed_loop(
         solved,
         uncertainty,
         lambda rows: least_squares(
-            rows.columns[:, problem.columns], rows.torque - problem.given(rows), rows.joint, "wls"
+            rows.columns[:, problem.columns], rows.torque - problem.given_torque(rows), rows.joint, "wls"
         ),
     )
     result.notes.append(
@@ -105,7 +105,7 @@ def _check_closed_loop(problem: Problem, method: ClosedLoopMethod) -> None:
 
 def _regression(problem: Problem, rows: Equations) -> tuple[Array, Array]:
     """Columns (rows, b) of the excited base parameters, and the torque (rows,) that they have to explain."""
-    return rows.columns[:, problem.columns], rows.torque - problem.given(rows)
+    return rows.columns[:, problem.columns], rows.torque - problem.given_torque(rows)
 
 
 def simulated_motion(arm: Arm, recording: Recording, motion: Motion) -> Motion:

@@ -43,7 +43,9 @@ class Solution:
     def residual(self, rows: Equations, fit: Fit | None = None) -> Array:
         """(rows,) N m (N): torques of rows of the problem less those of the best fit, or of another one."""
         values = (fit or self.best).values
-        return np.asarray(rows.torque - self.problem.given(rows) - rows.columns[:, self.problem.columns] @ values)
+        return np.asarray(
+            rows.torque - self.problem.given_torque(rows) - rows.columns[:, self.problem.columns] @ values
+        )
 
 
 def solve(problem: Problem, method: Method, progress: Progress) -> Solution:
@@ -51,7 +53,7 @@ def solve(problem: Problem, method: Method, progress: Progress) -> Solution:
     prior, scale = _prior(problem, method)
 
     def fitted(rows: Equations) -> tuple[Fit, Array | None]:
-        columns, torque = rows.columns[:, problem.columns], rows.torque - problem.given(rows)
+        columns, torque = rows.columns[:, problem.columns], rows.torque - problem.given_torque(rows)
         return regularised(columns, torque, rows.joint, method, prior)
 
     arm = problem.arm
@@ -94,7 +96,7 @@ def _prior(problem: Problem, method: Method) -> tuple[tuple[Array, Joints, Array
     if all(joint.friction_curve is None for joint in problem.arm.joints):
         return None, None
     rows = problem.rows
-    columns, torque = rows.columns[:, problem.columns], rows.torque - problem.given(rows)
+    columns, torque = rows.columns[:, problem.columns], rows.torque - problem.given_torque(rows)
     free = least_squares(columns, torque, rows.joint, method)
     smooth = smoothness(problem, friction_sizes(problem, free))
     if smooth is None:

@@ -23,7 +23,7 @@ from identification.preprocessing.signals import parallel_filter, sliding_rows, 
 from identification.preprocessing.spectrum import Band
 from identification.regression.effect_columns import is_effect, shown_torque
 from identification.regression.equations import Equations, shown_rows
-from identification.regression.identifiability import named
+from identification.regression.identifiability import base_and_standard_values
 from identification.regression.least_squares import Fit, least_squares, relative_error
 from identification.regression.model_parameters import freed_rotors, lifted_masses, lifts, model_values
 from identification.regression.parameter_covariance import known_to
@@ -109,7 +109,7 @@ def with_values(problem: Problem, physical: Array) -> Arm:
 def warnings_of_fit(problem: Problem) -> list[str]:
     """What plain least squares say of the recordings; InputError where an identification would refuse its fit."""
     rows = problem.rows
-    columns, torque = rows.columns[:, problem.columns], rows.torque - problem.given(rows)
+    columns, torque = rows.columns[:, problem.columns], rows.torque - problem.given_torque(rows)
     best = least_squares(columns, torque, rows.joint)
     _check_friction(problem, best, fit_uncertainty(columns, rows, best))
     return _unexplained_channels(problem, best)
@@ -146,7 +146,7 @@ def conclude(
     warnings += _unexplained_channels(problem, best)
     predictions = _accounted_for(problem, predictions, identified, uncertainty)
     identified = replace(identified, uncertainty=known_to(problem, uncertainty))
-    base, parameters = named(problem, best, uncertainty, physical)
+    base, parameters = base_and_standard_values(problem, best, uncertainty, physical)
     if weak := [value.name for value in base if not value.identifiable]:
         warnings.append(
             f"{len(weak)} of {len(base)} base parameters cannot be identified from these runs: {_weak_in_words(weak)}"
@@ -300,7 +300,7 @@ def _noise(problem: Problem, arm: Arm, band: Band) -> Array:
 
 def _residual(problem: Problem, rows: Equations, fit: Fit) -> Array:
     """(rows,) residual of the fitted values themselves, which need not make an arm that could exist."""
-    return np.asarray(rows.torque - problem.given(rows) - rows.columns[:, problem.columns] @ fit.values)
+    return np.asarray(rows.torque - problem.given_torque(rows) - rows.columns[:, problem.columns] @ fit.values)
 
 
 def _error(problem: Problem, rows: Equations, fit: Fit) -> float:

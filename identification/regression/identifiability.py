@@ -29,7 +29,9 @@ LEAST = 0.1
 """Of the largest of its unit: the size of a parameter that the model has as nothing."""
 
 
-def named(problem: Problem, best: Fit, uncertainty: FitUncertainty, physical: Array) -> tuple[list[Value], list[Value]]:
+def base_and_standard_values(
+    problem: Problem, best: Fit, uncertainty: FitUncertainty, physical: Array
+) -> tuple[list[Value], list[Value]]:
     """Excited base parameters with their uncertainty, and all standard parameters.
 
     Of the latter those that stand alone in a base parameter have its value, the others that of the physically

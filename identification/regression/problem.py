@@ -72,7 +72,7 @@ class Problem:
         """(n,) rad/s (m/s): the highest speed of each joint in any of the runs."""
         return np.max([np.abs(motion.qd).max(axis=0) for motion in [*self.motions, *self.held_motions]], axis=0)
 
-    def given(self, rows: Equations) -> Array:
+    def given_torque(self, rows: Equations) -> Array:
         """(rows,) torque of unexcited base parameters at the model's own values, and of what no column carries."""
         silent = np.setdiff1d(np.arange(len(self.base)), self.excited)
         values = self.base.grouping[silent] @ model_values(self.arm, self.friction)

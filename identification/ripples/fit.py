@@ -100,7 +100,7 @@ def _linear(rows: WideRows, joint: int, waves: Sequence[Wave], middle: float) ->
     def columns(side: Side) -> Array:
         angles = [motion.q[:, joint] - middle for motion in side.motions]
         torques = [np.stack([f(w.order * q) for w in waves for f in (np.cos, np.sin)], axis=1) for q in angles]
-        return side.seen(rows.arm, joint, torques)
+        return side.whitened(rows.arm, joint, torques)
 
     return rows.without_other_columns(columns(rows.fit), columns(rows.held_out))
 
@@ -119,7 +119,7 @@ def _bent(
             for k in free
         ]
         torques.append(np.stack(slopes, axis=1))
-    columns = rows.fit.seen(rows.arm, joint, torques)
+    columns = rows.fit.whitened(rows.arm, joint, torques)
     return rows.without_other_columns(columns, np.zeros((len(rows.residual[1]), columns.shape[1])))[0]
 
 
@@ -141,7 +141,7 @@ def _covariance(columns: Array, residual: Array, side: Side, free: Sequence[int]
     return whole
 
 
-def named(fitted: Fitted, k: int, ratio: float, revolute: bool) -> Wave:
+def with_whole_turns(fitted: Fitted, k: int, ratio: float, revolute: bool) -> Wave:
     """The k-th wave, with the whole turns of the motor, or of the joint, that its order does not differ from."""
     wave = fitted.waves[k]
     std = float(np.sqrt(fitted.covariance[3 * k + 2, 3 * k + 2]))

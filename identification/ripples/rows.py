@@ -47,7 +47,7 @@ class Side:
         """(k,) number of each row's block of time, from 0."""
         return self.equations.blocks()
 
-    def seen(self, arm: Arm, joint: int, torques: Sequence[Array]) -> Array:
+    def whitened(self, arm: Arm, joint: int, torques: Sequence[Array]) -> Array:
         """(k, c) columns over the noise of ``torques`` (m, c) at the drive of a joint (from 0), one per motion."""
         turns, parts = arm.coupling_matrix[joint], []
         for motion, torque in zip(self.motions, torques):
@@ -113,7 +113,7 @@ def _equations(problem: Problem, near: Arm, motions: Sequence[Motion]) -> tuple[
     """The rows, and the torque (k,) N m (N) that the excited base parameters are to explain."""
     found = equations(problem.arm, motions, problem.friction, problem.base)
     found = with_effects(found, near, problem.arm, motions, problem.friction, problem.base)
-    return found, found.torque - problem.given(found)
+    return found, found.torque - problem.given_torque(found)
 
 
 def _side(

@@ -19,7 +19,7 @@ from arm_io.types import Array, Progress
 from arm_model import Arm
 from identification.preprocessing.signals import Motion, equation_rows
 from identification.regression.problem import Problem
-from identification.ripples.fit import Fitted, Wave, fit_waves, named
+from identification.ripples.fit import Fitted, Wave, fit_waves, with_whole_turns
 from identification.ripples.result import Ripple
 from identification.ripples.rows import WideRows, wide_rows
 from identification.ripples.scan import CLOSE, orders_of, wave_sums
@@ -95,7 +95,7 @@ class _Joint:
         """The fit with one more wave, of whole turns of a shaft where its order is one within its deviation."""
         joint = self.arm.joints[self.j]
         more = fit_waves(self.rows, self.j, [*kept.waves, Wave(order)])
-        whole = named(more, len(more.waves) - 1, joint.ratio, joint.revolute)
+        whole = with_whole_turns(more, len(more.waves) - 1, joint.ratio, joint.revolute)
         return fit_waves(self.rows, self.j, [*more.waves[:-1], whole]) if whole.whole else more
 
     def _strongest(

@@ -24,7 +24,7 @@ from diagnosis.closed_loop.comparison import Compared
 from diagnosis.closed_loop.model_errors import sampled_arms
 from diagnosis.closed_loop.oscillation import oscillation, with_oscillations
 from diagnosis.closed_loop.setpoint_phase import lag_of
-from diagnosis.residual.filters import kept, rate_of
+from diagnosis.residual.filters import kept_rows, rate_of
 from diagnosis.residual.generation import residual_run
 
 RATE, NOISE = 500.0, 0.01
@@ -37,7 +37,7 @@ def _compared(wrong: np.ndarray, seed: int = 1) -> Compared:
     current = NOISE * rng.normal(size=(len(t), 2))
     current[:, 1] += wrong
     still = np.zeros((len(t), 2))
-    rows = len(t[kept(rate_of(t))])
+    rows = len(t[kept_rows(rate_of(t))])
     return Compared("a", t, current, still, still + 1e-9 * t[:, None], still, np.ones((rows, 2), bool))
 
 
@@ -148,7 +148,7 @@ def _transients(t: np.ndarray) -> np.ndarray:
 
 def _noisy(measured: np.ndarray, simulated: np.ndarray) -> Compared:
     noise = NOISE * np.random.default_rng(5).normal(size=(len(T), 2))
-    still, known = np.zeros((len(T), 2)), np.ones((len(T[kept(rate_of(T))]), 2), bool)
+    still, known = np.zeros((len(T), 2)), np.ones((len(T[kept_rows(rate_of(T))]), 2), bool)
     return Compared("a", T, measured + noise, simulated, still, still, known)
 
 

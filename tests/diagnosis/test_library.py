@@ -13,7 +13,7 @@ from arm_model import Arm, EffectTerm, read_model
 from diagnosis.measurements.currents.columns import candidates, columns, own_columns
 from diagnosis.measurements.currents.design_matrix import Library, columns_of, dataset_of
 from diagnosis.residual.expected_current import predicted_current
-from diagnosis.residual.filters import COMPARE_BAND, kept, low_pass, rate_along, rate_of
+from diagnosis.residual.filters import COMPARE_BAND, kept_rows, low_pass, rate_along, rate_of
 from diagnosis.residual.generation import residual_run
 from diagnosis.residual.other_effects import residual_with
 from diagnosis.residual.run import Run
@@ -79,7 +79,7 @@ def test_a_model_is_evaluated_the_same_whatever_was_evaluated_before(run: Run) -
         [replace(more, joint=5)],
     ):
         arm = replace(run.arm, effects=(*run.arm.effects, *terms))
-        expected = low_pass(predicted_current(arm, t, q), COMPARE_BAND, rate_of(t))[kept(rate_of(t))]
+        expected = low_pass(predicted_current(arm, t, q), COMPARE_BAND, rate_of(t))[kept_rows(rate_of(t))]
         assert np.array_equal(residual_with(run, terms), run.current - expected)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from diagnosis.closed_loop.clear_errors import _of_blocks
-from diagnosis.residual.filters import COMPARE_BAND, kept, low_pass, rate_along, rate_kept
+from diagnosis.residual.filters import COMPARE_BAND, kept_rows, low_pass, rate_along, rate_kept
 
 RATES = (140.0, 250.0, 333.0, 500.0, 1000.0)
 
@@ -18,7 +18,7 @@ def test_rows_that_count_as_one(rate: float) -> None:
     The filter's edges make it some 15 % more at any rate.
     """
     noise = np.random.default_rng(1).standard_normal((int(4.0 * rate), 600))
-    rows = low_pass(noise, COMPARE_BAND, rate)[kept(rate)]
+    rows = low_pass(noise, COMPARE_BAND, rate)[kept_rows(rate)]
     inflated = len(rows) * np.var(rows.mean(axis=0)) / np.mean(rows**2)
     assert 1.0 < inflated / (rate_kept(rate) / (2.0 * COMPARE_BAND)) < 1.3
 
@@ -26,7 +26,7 @@ def test_rows_that_count_as_one(rate: float) -> None:
 @pytest.mark.parametrize("rate", RATES)
 def test_a_block_is_a_second(rate: float) -> None:
     """An error in every other second is in every other block, to the end of a minute."""
-    t = np.arange(int(60.0 * rate))[kept(rate)] / rate
+    t = np.arange(int(60.0 * rate))[kept_rows(rate)] / rate
     t -= t[0]
     error = (np.floor(t) % 2)[:, None]
     blocks = _of_blocks(error, np.ones(error.shape, bool), round(rate_kept(rate)))[:, 0]

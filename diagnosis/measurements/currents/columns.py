@@ -19,7 +19,7 @@ from arm_model import Arm, Joint
 from arm_model.effects import CATALOGUE, Effect, Instrument, Signals, Values
 from arm_model.effects.definition import Law
 from arm_model.system import inverse_dynamics
-from diagnosis.residual.filters import COMPARE_BAND, kept, low_pass
+from diagnosis.residual.filters import COMPARE_BAND, kept_rows, low_pass
 from diagnosis.residual.gap import AS_FOUND, Teeth, gap_of, through_gap
 from diagnosis.residual.integration import integrated, spring_of, spring_twist
 from diagnosis.residual.noise.instruments import residual_gain
@@ -150,7 +150,7 @@ def _lost_motion(run: Run, j: int, half_gap: float, teeth: Teeth) -> tuple[Array
     for flying in run.recordings or (run,):
         loads, inertias, rate = flying.flights
         gap = through_gap(loads[:, j], inertias[:, j], half_gap, 1.0 / rate, teeth)
-        gaps.append(low_pass(gap, COMPARE_BAND, rate)[kept(rate)])
+        gaps.append(low_pass(gap, COMPARE_BAND, rate)[kept_rows(rate)])
     twist = np.concatenate(gaps)
     speed = run.rate(twist)
     return twist, speed, run.rate(speed)

@@ -154,7 +154,7 @@ def _is_inertia(candidate: Candidate, body: Candidate) -> bool:
 def exchanged(state: State) -> State | None:
     """The state with other causes at a joint; None where none are clearly better."""
     for joint in sorted({c.joint for c in state.chosen if c.joint is not None}):
-        if _left(state, joint) < state.data.fit.rows:
+        if _residual_energy(state, joint) < state.data.fit.rows:
             continue  # no more than noise
         own = [c for c in state.chosen if c.joint == joint]
         for some in (*itertools.combinations(own, 1), *itertools.combinations(own, 2)):
@@ -169,14 +169,14 @@ def _in_place_of(replaced: Sequence[Candidate], joint: int, state: State) -> Sta
     model, kept = state.model, tuple(c for c in state.chosen if c not in replaced)
     determined = dict(zip(state.chosen, map(np.count_nonzero, state.coefficients)))
     most = sum(int(determined[c]) + len(c.searched()) for c in replaced)
-    without, enough = model.refitted(kept, state.rivals), LIMITS.swapped * _left(state, joint)
+    without, enough = model.refitted(kept, state.rivals), LIMITS.swapped * _residual_energy(state, joint)
     gain, rows = without.energy.held_out - state.energy.held_out, state.data.held_out.rows
     found: list[State] = []
     for others in _sets(without, joint, most, enough):
         trial = model.refitted((*kept, *others), {**state.rivals, **{c.key: () for c in others}})
         tolerance = max(LIMITS.tie * gain * max(1, most - _coefficients(others, model)), LIMITS.tie_floor * rows)
         as_well = trial.energy.held_out < state.energy.held_out + tolerance
-        if as_well and _left(trial, joint) < enough and all(_tenable(c, trial) for c in others):
+        if as_well and _residual_energy(trial, joint) < enough and all(_tenable(c, trial) for c in others):
             found.append(trial)
     if not found:
         return None
@@ -196,7 +196,7 @@ def _sets(without: State, joint: int, most: int, enough: float) -> Iterator[tupl
     for some in (*itertools.combinations(best, 1), *pairs):
         if (coefficients := _coefficients(some, model)) <= most:
             x = Columns(np.hstack([own[c] for c in some]), fit.of(joint))
-            left = _left(without, joint) - fit_gain(x, fitted)[0]
+            left = _residual_energy(without, joint) - fit_gain(x, fitted)[0]
             if left < enough:
                 # of equals, those with the fewest
                 found.append((left + coefficients * LIMITS.tie_floor * fit.rows, some))
@@ -214,6 +214,6 @@ def _tenable(candidate: Candidate, state: State) -> bool:
     return state.model.admissible(state.model.conditional(candidate, others, state), others)
 
 
-def _left(state: State, joint: int) -> float:
+def _residual_energy(state: State, joint: int) -> float:
     """Squared residual of the fitted rows of a joint, in units of the noise variance."""
     return float(np.sum(state.fitted.fit[state.data.fit.of(joint)] ** 2))

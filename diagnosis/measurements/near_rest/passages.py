@@ -31,7 +31,7 @@ from diagnosis.residual.expected_current import (
     terms_of,
     true_angle,
 )
-from diagnosis.residual.filters import COMPARE_BAND, MOTION_BAND, kept, low_pass, motion_of, rate_of
+from diagnosis.residual.filters import COMPARE_BAND, MOTION_BAND, kept_rows, low_pass, motion_of, rate_of
 from diagnosis.residual.generation import CREEP
 from diagnosis.residual.integration import integrated
 from diagnosis.residual.noise.channels import angle_noise
@@ -82,7 +82,7 @@ class NearRest:
         """(r, ...) over std: what a friction torque (k, ...) N m at the rate of the recording adds to the current."""
         t, rate = self.run.raw[0], rate_of(self.run.raw[0])
         torque = delayed(t, torque, self.delay) if self.delay.any() else torque
-        amperes = low_pass(torque, COMPARE_BAND, rate)[kept(rate)][self.rows] / self._drive.drive_constant
+        amperes = low_pass(torque, COMPARE_BAND, rate)[kept_rows(rate)][self.rows] / self._drive.drive_constant
         return self.without_nuisance(np.asarray((amperes.T / self.std).T, float))
 
     def without_nuisance(self, values: Array) -> Array:
@@ -156,7 +156,7 @@ def observation(run: Run, effects: Sequence[EffectTerm]) -> Observation:
     if np.array_equal(angle, q):
         return Observation(run, shown[1], noise, residual_under(run, effects), standstill, delay, _model_std(run))
     motion = motion_of(true_angle(arm, angle), MOTION_BAND, rate)
-    expected = low_pass(predicted_current(arm, t, angle, motion=motion), COMPARE_BAND, rate)[kept(rate)]
+    expected = low_pass(predicted_current(arm, t, angle, motion=motion), COMPARE_BAND, rate)[kept_rows(rate)]
     return Observation(run, motion[1], noise, run.current - expected, standstill, delay, _model_std(run))
 
 
@@ -228,7 +228,7 @@ def _of_run(recording: Observation, joint: int) -> NearRest:
     instruments = run.instruments[:, j]
     standstill = recording.standstill[:, j]
     slow = _spread(np.abs(v) < SLIDES, SMEARED * rate)
-    rows = (slow & ~_spread(standstill, AFTER_REST * rate))[kept(rate)] & (
+    rows = (slow & ~_spread(standstill, AFTER_REST * rate))[kept_rows(rate)] & (
         run.deviation[:, j] < UNMEASURED * instruments
     )
     passage, _ = ndimage.label(rows)

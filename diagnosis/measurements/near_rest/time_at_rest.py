@@ -25,7 +25,7 @@ from arm_model.effects import CATALOGUE, Effect
 from diagnosis.cause import Cause, RiseAtRest
 from diagnosis.measurements.near_rest.laws import WIDTHS
 from diagnosis.measurements.near_rest.passages import STANDS, NearRest, near_rest, observations, speed_noise
-from diagnosis.residual.filters import kept, rate_of
+from diagnosis.residual.filters import kept_rows, rate_of
 from diagnosis.residual.run import Run
 
 STILL = STANDS / 10.0
@@ -153,7 +153,7 @@ def _heights(
 def _rests(number: int, one: NearRest, ends: float) -> Iterator[Rest]:
     """Every rest that begins within a recording of this ``number``; ``ends`` rad/s (m/s): where a hump is over."""
     rate = rate_of(one.run.raw[0])
-    place = np.arange(len(one.v))[kept(rate)][one.rows]
+    place = np.arange(len(one.v))[kept_rows(rate)][one.rows]
     label, count = ndimage.label(one.standstill)
     stands = [part for (part,) in ndimage.find_objects(label)]
     still = np.abs(one.v) < max(STILL, 3.0 * speed_noise(one.run, one.joint))

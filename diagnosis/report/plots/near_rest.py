@@ -13,7 +13,7 @@ from arm_report.chart import robust_range
 from arm_report.palette import AFTER, BEFORE
 from diagnosis.measurements.near_rest.passages import SLIDES, near_rest, observation
 from diagnosis.report.plots.residuals import UNITS
-from diagnosis.residual.filters import kept, rate_of
+from diagnosis.residual.filters import kept_rows, rate_of
 from diagnosis.result import Diagnosis
 from diagnosis.units import recorded_quantity
 
@@ -50,5 +50,5 @@ def _passages(result: Diagnosis, joint: int, effects: Sequence[EffectTerm]) -> t
     """(r,) velocity and (r,) residual over its std of all recordings under the arm with these effects."""
     runs = [run for run in (*result.fit, *result.held_out) if run.powered]
     passages = near_rest([observation(run, effects) for run in runs], joint)
-    v = [one.v[kept(rate_of(one.run.raw[0]))][one.rows] for one in passages]
+    v = [one.v[kept_rows(rate_of(one.run.raw[0]))][one.rows] for one in passages]
     return np.concatenate([np.empty(0), *v]), np.concatenate([np.empty(0), *(one.residual for one in passages)])

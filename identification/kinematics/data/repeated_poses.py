@@ -41,7 +41,7 @@ class Poses:
         q, xyz = (np.concatenate([getattr(run, name) for run in places]) for name in ("q", "xyz"))
         return Poses(path, q, xyz, places[0].still)
 
-    def seen(self) -> Poses:
+    def with_points(self) -> Poses:
         """The rows with angles and a point."""
         rows = np.isfinite(self.q).all(axis=1) & np.isfinite(self.xyz).all(axis=1)
         return Poses(self.path, self.q[rows], self.xyz[rows], self.still)
@@ -52,7 +52,7 @@ def check_new(fitted: Sequence[Poses], held_out: Sequence[Poses]) -> list[str]:
 
     InputError where measured rows of one file are in another one: those judge nothing, or count twice.
     """
-    every = [one.seen() for one in [*fitted, *held_out]]
+    every = [one.with_points() for one in [*fitted, *held_out]]
     for number, other in enumerate(every):
         for before, one in enumerate(every[:number]):
             if rows := _in_common(one, other):
