@@ -22,6 +22,13 @@ DEAD = 0.05  # of it: not even friction is seen
 RANK_TOLERANCE = 1e-6  # of the largest: combinations of a joint's columns that its rows show
 MOVED = 20.0  # noise levels: less is no motion
 
+ALIKE = 0.8
+"""Correlation above which a measured torque is the model's but for its size."""
+OTHER_UNIT = 5.0
+"""Ratio of their sizes, or its inverse, above which the unit is wrong: no file's masses are as far off."""
+SHOWN = 0.05
+"""Share of the torque of the links that friction, rotors and offsets must leave."""
+
 
 def check_recording(recording: Recording, arm: Arm) -> None:
     """InputError, one line, where no identification of ``arm`` can come of this recording."""
@@ -160,3 +167,26 @@ def too_short(where: Sequence[object], rows: int, parameters: int) -> InputError
         ", ".join(map(str, where)),
         f"leave {rows} usable rows for {parameters} parameters; record a longer or faster motion",
     )
+
+
+def times_the_expected(rigid: Array, others: Array, torque: Array, joint: NDArray[np.intp]) -> float | None:
+    """How many times the torque ``rigid`` (rows,) of a model's links the measured ``torque`` is; None: about once.
+
+    others (rows, k): columns of friction, rotors and offsets, which may have any size. The median over the joints where
+    what the others leave of both is alike but for its size.
+    """
+    ratios, moved = [], 0
+    for j in np.unique(joint):
+        here = joint == j
+        columns = others[here]
+        columns = columns[:, columns.any(axis=0)]
+        left = np.column_stack([rigid[here], torque[here]])
+        left -= columns @ np.linalg.lstsq(columns, left, rcond=None)[0]
+        model, measured = np.linalg.norm(left, axis=0)
+        if model <= SHOWN * np.linalg.norm(rigid[here]) or measured == 0.0:
+            continue
+        moved += 1
+        if (left[:, 0] @ left[:, 1]) / (model * measured) > ALIKE:
+            ratios.append(measured / model)
+    apart = [ratio for ratio in ratios if abs(np.log(ratio)) > np.log(OTHER_UNIT)]
+    return float(np.median(apart)) if 2 * len(apart) > moved else None

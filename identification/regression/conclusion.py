@@ -126,6 +126,27 @@ def _unexplained_channels(problem: Problem, best: Fit) -> list[str]:
             recording.path, unconstrained[here], judged.columns[here], torque[here], judged.joint[here]
         )
         found += [f"{recording.path.name}: {sentence}" for sentence in sentences]
+    return found + _of_another_unit(problem)
+
+
+def _of_another_unit(problem: Problem) -> list[str]:
+    """Warnings of recordings whose torques follow the model's links but are many times as large, or small."""
+    rows, values = problem.rows, model_values(problem.arm, problem.friction)
+    links = np.array([name.startswith("link") for name in rows.names])
+    rigid = rows.columns[:, links] @ values[links]
+    torque = rows.torque if rows.rest is None else rows.torque - rows.rest
+    others = rows.columns[:, ~links]
+    others = others[:, others.any(axis=0)]
+    found = []
+    for number, recording in enumerate(problem.fit):
+        here = rows.run == number
+        ratio = checks.times_the_expected(rigid[here], others[here], torque[here], rows.joint[here])
+        if ratio is not None:
+            times = f"{float(f'{ratio:.2g}'):g} times what the model has"
+            found.append(
+                f"{recording.path.name}: what the currents or torques show of masses and inertias is {times}; are they "
+                "in its unit, and are gears and torque constants right?"
+            )
     return found
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from arm_model.description import Arm
-from arm_model.model_file import read_model
+from arm_model.model_file import read_model, write_model
 from arm_model.system.dynamics import inverse_dynamics
 from armscope.cli import run
 from daq.recording import read_csv
@@ -164,6 +164,23 @@ def test_milliamperes_are_noticed(motion: tuple, root: Path, tmp_path: Path, cap
     (tmp_path / "limited.toml").write_text(limited)
     assert run(["identify", str(tmp_path / "run.mcap"), "--model", str(tmp_path / "limited.toml"), "--check"]) == 0
     assert "are the currents in A (not mA)" in capfd.readouterr().out
+
+
+@pytest.mark.parametrize(("factor", "times"), [(1000.0, "1000"), (1.0, None), (1.5, None), (0.05, "0.05")])
+def test_torques_of_another_size_than_the_model_are_asked_about(
+    motion: tuple, root: Path, tmp_path: Path, factor: float, times: str | None, capfd: pytest.CaptureFixture
+) -> None:
+    """Where the model states no limit of torque; friction and rotors are not in it, and may have any size."""
+    t, q, i = motion
+    model = tmp_path / "model.toml"
+    arm = read_model(root / "config/models/scara.toml")
+    open_ended = (replace(j, torque_limit=None, viscous=0.0, coulomb=(0.0, 0.0), rotor_inertia=0.0) for j in arm.joints)
+    write_model(model, replace(arm, joints=tuple(open_ended)))
+    write_table(tmp_path / "run.mcap", t, {"q": q, "i": factor * i}, Attachments())
+    assert run(["identify", str(tmp_path / "run.mcap"), "--model", str(model), "--check"]) == 0
+    said = capfd.readouterr().out
+    sentence = "run.mcap: what the currents or torques show of masses and inertias is"
+    assert (f"{sentence} {times} times what the model has" in said) if times else sentence not in said
 
 
 def test_whole_recording_of_the_same_motion_is_taken(motion: tuple, root: Path, tmp_path: Path) -> None:

@@ -163,7 +163,7 @@ def _listed(columns: str | Sequence[str]) -> str:
     if isinstance(columns, str):
         return columns
     begin, *others = {name.rpartition(".")[0] for name in columns}
-    if len(columns) < 3 or others or not begin:
+    if len(columns) < 3 or others or not begin.startswith("/"):
         return ", ".join(columns)
     return f"{begin} of {', '.join(name[len(begin) + 1 :] for name in columns)}"
 
