@@ -145,16 +145,12 @@ def _calibrated(table: Table) -> Iterator[Parameter]:
                 yield _parameter(f"joint{int(one['joint'])}.{name}", value)
 
 
-def _compared(table: Table) -> Iterator[Parameter]:
-    """A comparison states changes, not values of the arm."""
-    yield from ()
-
-
 _OF_KIND = {
     "identification": _identified,
     "diagnosis": _diagnosed,
     "kinematics": _calibrated,
-    "comparison": _compared,
+    # states changes, not values of the arm
+    "comparison": lambda _: iter(()),
 }
 
 

@@ -34,6 +34,10 @@ class CandidateModel(MeasurementModel[C, tuple[C, ...]]):
         """All candidates of ``best``."""
         return [self.score(candidate, state) for candidate in self.best(state)]
 
+    def entered(self, score: Score[C], admissible: Sequence[Score[C]], state: tuple[C, ...]) -> tuple[C, ...]:
+        """With the candidate; what else might have entered has no say."""
+        return (*state, score.candidate)
+
     def without(self, candidate: C, state: tuple[C, ...]) -> tuple[C, ...]:
         """Without the candidate."""
         return tuple(c for c in state if c is not candidate)

@@ -114,6 +114,4 @@ class SimulatedIvts:
                 self.bus.send(self.config.sensors[k].result + channel, data)
 
 
-def make(name: str, config: Config, wires: Wires) -> SimulatedIvts:
-    """The sensors that this Config's driver will find on its bus."""
-    return SimulatedIvts(name, config, wires)
+make = SimulatedIvts

@@ -96,7 +96,7 @@ class SimulatedT7:
     (bytes that leave at once), ``cut_after`` (bytes of the stream after which its connection is cut, once).
     """
 
-    def __init__(self, name: str, config: Config, wires: Wires, serial: int) -> None:
+    def __init__(self, name: str, config: Config, wires: Wires, serial: int = 470012345) -> None:
         self.name, self.config, self.wires, self._serial = name, config, wires, serial
         self.clock_ppm = 0.0
         self.piece: int | None = None
@@ -328,6 +328,4 @@ class SimulatedT7:
                     self._command.drop()
 
 
-def make(name: str, config: Config, wires: Wires, serial: int = 470012345) -> SimulatedT7:
-    """The T7 that this Config's driver will find at its host and ports."""
-    return SimulatedT7(name, config, wires, serial)
+make = SimulatedT7

@@ -145,6 +145,4 @@ class SimulatedTracker:
         os.replace(temporary, path)
 
 
-def make(name: str, config: Config, wires: Wires) -> SimulatedTracker:
-    """The tracker that sends to where this Config's driver listens."""
-    return SimulatedTracker(name, config, wires)
+make = SimulatedTracker

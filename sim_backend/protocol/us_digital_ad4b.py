@@ -57,6 +57,4 @@ class SimulatedAd4b(OnTerminal):
         return b""
 
 
-def make(name: str, config: Config, wires: Wires) -> SimulatedAd4b:
-    """The AD4-B that this Config's driver will find at its port."""
-    return SimulatedAd4b(name, config, wires)
+make = SimulatedAd4b

@@ -116,6 +116,4 @@ class SimulatedQsb(OnTerminal):
             self._terminal.write(self.corrupt(data), at)
 
 
-def make(name: str, config: Config, wires: Wires) -> SimulatedQsb:
-    """The QSB that this Config's driver will find at its port."""
-    return SimulatedQsb(name, config, wires)
+make = SimulatedQsb

@@ -118,6 +118,4 @@ class SimulatedVal(OnTerminal):
         self._terminal.write(self.corrupt(text.encode("ascii", "replace")), now)
 
 
-def make(name: str, config: Config, wires: Wires) -> SimulatedVal:
-    """The controller that this Config's driver will find at its port."""
-    return SimulatedVal(name, config, wires)
+make = SimulatedVal

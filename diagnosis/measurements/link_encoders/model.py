@@ -135,10 +135,6 @@ class LinkEncoders(CandidateModel[LinkCandidate]):
         errors = directions(chosen, self.fitted(chosen, self.rows.fit), rows)
         return np.asarray(np.sqrt(1.0 + np.mean(np.sum(errors**2, axis=2), axis=1) / rows.noise**2))
 
-    def entered(self, score: Score[LinkCandidate], admissible: Sequence[Score[LinkCandidate]], state: Chosen) -> Chosen:
-        """With the candidate."""
-        return (*state, score.candidate)
-
     def score(self, candidate: LinkCandidate, chosen: Sequence[LinkCandidate]) -> Score[LinkCandidate]:
         """Gain in units of the joints' scales, and its share of what was left where the candidate acts."""
         affected = self.affected(candidate)
