@@ -61,9 +61,9 @@ def _consequence(motions: Sequence[Motion]) -> str:
         known = "how far cannot be seen at so few rows per setpoint"
     else:
         share = np.max([_share(one) for one in motions], axis=0)
+        most = f"up to {share.max():.1%} of the torque of joint {int(share.argmax()) + 1}"
         known = (
-            f"the standard deviations allow for it (up to {share.max():.1%} of the torque of joint "
-            f"{int(share.argmax()) + 1})"
+            f"the standard deviations allow for it ({most if share.max() >= 5e-4 else 'less than 0.1% of any torque'})"
         )
     return (
         f"what the servos do at each setpoint looks like an inertia, and a joint's own inertia may be wrong; {known}; "

@@ -223,7 +223,8 @@ def unexcited(base: BaseParameters, excited: NDArray[np.intp]) -> list[str]:
     if not silent:
         return []
     return [
-        f"{len(silent)} of {len(base)} base parameters are not excited by these runs, and taken from the model: "
+        f"{len(silent)} of {len(base)} base parameters {'is' if len(silent) == 1 else 'are'} not excited by these runs, "
+        "and taken from the model: "
         f"{', '.join(silent)}"
     ]
 
