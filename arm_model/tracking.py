@@ -27,6 +27,20 @@ def target_at(arm: Arm, q: Array, point: Sequence[float] | Array) -> Array:
     return np.asarray(last[:, :3, :3] @ np.asarray(point, float) + last[:, :3, 3], float)
 
 
+def lost_motion(arm: Arm, q: Array, load: Array) -> Array:
+    """(R, n) rad (m) by which motors, at q (R, n) over their gears, are ahead of links of which they bear the load.
+
+    By the springs, gaps and gears that are effects of the arm; load (R, n) N m (N) at the motors.
+    """
+    ahead = np.zeros_like(q)
+    for term in arm.effects:
+        effect, j = CATALOGUE[term.name], (term.joint or 1) - 1
+        if effect.deflection is not None:
+            signals = Signals(motor=q[:, j] * arm.joints[j].ratio, load=load[:, j])
+            ahead[:, j] += effect.deflection(values_of(effect, term.parameters), signals)
+    return ahead
+
+
 def latency(arm: Arm) -> float:
     """s by which the arm's effects make tracked points late."""
     delay = 0.0

@@ -140,6 +140,13 @@ def test_what_is_between_motor_and_link_is_named(root: Path, arm: Arm, hidden: H
         assert abs(damping - true) < 3 * std < 2 * true
 
 
+def test_a_spring_that_the_model_has_is_no_news(root: Path, arm: Arm) -> None:
+    recordings = _recorded(root, (Hidden("joint_compliance", 2, {"stiffness": 1e5}),))
+    found = _found(arm.with_effect("joint_compliance", 2, stiffness=1e5, damping=10.0), recordings)
+    assert found.causes == []
+    assert found.unexplained == []
+
+
 def test_masses_that_are_not_known_are_in_what_a_spring_is_known_to(root: Path, arm: Arm) -> None:
     """Links 15 % too heavy in the model: its spring is too stiff by as much, and its load leaves what nobody hid."""
     names = tuple(f"link{link}.{name}" for link in (2, 3) for name in ("mass", "mx", "my", "mz"))

@@ -56,6 +56,13 @@ def _runs(puma: Puma, folder: Path, *wrong: Wrong) -> list[Recording]:
     return [record(puma, folder, f"run{k}", one, 700 + k) for k, one in enumerate(wrong)]
 
 
+def test_a_spring_that_the_model_has_is_no_news(puma: Puma, arm: Arm, tmp_path: Path) -> None:
+    fit, held_out = recordings(puma, tmp_path, Wrong(sag=at(2, 2e-5)), 31)
+    known = arm.with_effect("joint_compliance", 2, stiffness=1 / 2e-5, damping=1.0)
+    assert tracked_causes(known, fit, held_out).causes == []
+    assert {cause.joint for cause in tracked_causes(arm, fit, held_out).causes} == {2}
+
+
 @pytest.mark.parametrize("rings", [(True, True), (True, False), (False, True)])
 def test_a_tripod_that_rings_is_unexplained_with_its_frequency(
     arm: Arm, puma: Puma, tmp_path: Path, rings: tuple[bool, bool]

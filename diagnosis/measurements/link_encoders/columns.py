@@ -21,6 +21,7 @@ from arm_io.types import Array
 from arm_model import Arm
 from arm_model.effects import Effect, Instrument, Parameter, Signals, observed_by, solved, units
 from arm_model.system import rigid_torque_along
+from arm_model.tracking import lost_motion
 from daq.recording import Recording
 from diagnosis.residual.filters import low_pass, rate_along
 from diagnosis.residual.load_errors import load_errors
@@ -141,7 +142,9 @@ def rows_of(recordings: Sequence[Recording], arm: Arm, joints: Index) -> Rows:
             load = rigid_torque_along(arm, slow, slow_v, slow_a)
         else:
             load = low_pass(r.i, LOAD_BAND, rate) * arm.joint_array("drive_constant")
-        difference = (r.q - read)[:, k]
+        # springs that the model has are no news
+        own = lost_motion(arm, slow, load) if known_load else np.zeros_like(read)
+        difference = (r.q - read - own)[:, k]
         scatters.append(MAD_TO_STD * np.median(np.abs(np.diff(difference, 2, axis=0)), axis=0) / np.sqrt(6))
         steps.append([[encoder_step(angles[:, j]) for angles in (r.q, read)] for j in k])
         keep = slice(int(ENDS * rate), -int(ENDS * rate), stride)

@@ -14,7 +14,7 @@ from arm_io.types import Array
 from arm_model import Arm
 from arm_model.effects import described
 from arm_model.rigid_body import rigid_torque
-from arm_model.tracking import bends, latency
+from arm_model.tracking import bends, latency, lost_motion
 from daq.recording import Recording
 from diagnosis.residual.run_setup import loaded, setup_of
 from identification.selection import BLOCK_SECONDS, MAD_TO_STD, MEDIAN_OF_NORM
@@ -123,11 +123,14 @@ def _part(arm: Arm, rows: _Rows, index: int, limit: int, before: Sequence[Side])
     bare = replace(described(arm), effects=())
     late = q - latency(arm) * v
     first = int(before[-1].block[-1]) + 1 if before and len(before[-1].block) else 0
+    load = rigid_torque(bare, q, v, a) @ arm.coupling_matrix
+    # springs that the model has are no news
+    links = late - lost_motion(arm, arm.reported_angles(late), load) @ arm.coupling_matrix.T
     return Side(
-        q=late + bends(arm, late),
+        q=links + bends(arm, links),
         xyz=rows.xyz[usable],
         v=v,
-        load=rigid_torque(bare, q, v, a) @ arm.coupling_matrix,
+        load=load,
         holding=rigid_torque(bare, q, 0 * q, 0 * q),
         motor=arm.reported_angles(q) * np.array([joint.ratio for joint in arm.joints]),
         t=rows.t[usable],
