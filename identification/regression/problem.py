@@ -222,8 +222,9 @@ def unexcited(base: BaseParameters, excited: NDArray[np.intp]) -> list[str]:
     silent = [base.expression(int(k)) for k in np.setdiff1d(np.arange(len(base)), excited)]
     if not silent:
         return []
+    are = "is" if len(silent) == 1 else "are"
     return [
-        f"{len(silent)} of {len(base)} base parameters {'is' if len(silent) == 1 else 'are'} not excited by these runs, "
+        f"{len(silent)} of {len(base)} base parameters {are} not excited by these runs, "
         "and taken from the model: "
         f"{', '.join(silent)}"
     ]
