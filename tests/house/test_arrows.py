@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.house.sources import syntax
+
 MAY_IMPORT = {
     "armscope": {
         "arm_archive",
@@ -46,7 +48,7 @@ ONLY_READ = ("arm_archive", "arm_fleet", "identification", "diagnosis", "compari
 
 def _imports(path: Path) -> set[str]:
     names: set[str] = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in ast.walk(syntax(path)):
         if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module and node.level == 0:

@@ -12,6 +12,7 @@ from pathlib import Path
 from types import ModuleType
 
 from arm_model.effects import CATALOGUE, catalogue
+from tests.house.sources import syntax
 
 ROOMS = ("diagnosis", "identification")
 FAMILIES = {value.__name__ for value in vars(catalogue).values() if isinstance(value, ModuleType)}
@@ -45,18 +46,14 @@ DETECTORS = {
 
 def _named(path: Path) -> Iterator[tuple[int, str]]:
     """Line and name of every effect that a module names by a string."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in ast.walk(syntax(path)):
         if isinstance(node, ast.Constant) and node.value in CATALOGUE:
             yield node.lineno, str(node.value)
 
 
 def _definitions(path: Path) -> set[str]:
     """Modules of single definitions that a module imports."""
-    imported = {
-        node.module
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
-        if isinstance(node, ast.ImportFrom) and node.module
-    }
+    imported = {node.module for node in ast.walk(syntax(path)) if isinstance(node, ast.ImportFrom) and node.module}
     return imported & FAMILIES
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.house.sources import syntax
 from tests.house.test_arrows import MAY_IMPORT
 
 
@@ -28,7 +29,7 @@ def _nodes(node: ast.AST) -> Iterator[ast.AST]:
 
 def _imported(path: Path, modules: dict[str, Path]) -> set[str]:
     found: set[str] = set()
-    for node in _nodes(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in _nodes(syntax(path)):
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module:

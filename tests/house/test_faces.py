@@ -15,6 +15,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.house.sources import syntax
 from tests.house.test_arrows import MAY_IMPORT
 
 PUBLIC = {
@@ -80,7 +81,7 @@ def _is_package(root: Path, module: str) -> bool:
 @cache
 def _names(path: Path) -> tuple[str, ...]:
     """The ``__all__`` of a file; nothing where it has none."""
-    for node in ast.parse(path.read_text(encoding="utf-8")).body:
+    for node in syntax(path).body:
         if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name) and node.targets[0].id == "__all__":
             return tuple(ast.literal_eval(node.value))
         if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name) and node.target.id == "__all__":
@@ -99,7 +100,7 @@ def _offered(root: Path, module: str, name: str) -> bool:
 def test_other_packages_are_imported_by_their_faces(package: str, root: Path) -> None:
     past = []
     for path in sorted((root / package).rglob("*.py")):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        for node in ast.walk(syntax(path)):
             if isinstance(node, ast.ImportFrom) and node.module:
                 top = node.module.split(".")[0]
                 if top in MAY_IMPORT and top != package:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 from pathlib import Path
 
+from tests.house.sources import syntax
 from tests.house.test_arrows import MAY_IMPORT
 
 PACKAGES = sorted(MAY_IMPORT)
@@ -26,7 +27,7 @@ OWN = {
 def test_nobody_else_opens_files_by_name(root: Path) -> None:
     found = set()
     for path in (path for package in PACKAGES for path in (root / package).rglob("*.py")):
-        for node in ast.walk(ast.parse(path.read_text())):
+        for node in ast.walk(syntax(path)):
             if not isinstance(node, ast.Call):
                 continue
             by_name = isinstance(node.func, ast.Name) and node.func.id == "open"

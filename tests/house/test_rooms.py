@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.house.sources import syntax
 from tests.house.test_arrows import MAY_IMPORT
 
 ROOMS = {
@@ -80,7 +81,7 @@ CROWDED = {"armscope/commands": "one file per command"}
 
 def imported(path: Path, top: Path) -> Iterator[str]:
     """Whole names of the modules that a file imports; of names in a package, the package."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in ast.walk(syntax(path)):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and node.module:

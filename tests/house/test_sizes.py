@@ -3,6 +3,7 @@
 import ast
 from pathlib import Path
 
+from tests.house.sources import syntax
 from tests.house.test_arrows import MAY_IMPORT
 
 ROOT = Path(__file__).parents[2]
@@ -17,7 +18,7 @@ def test_files_and_functions_are_no_longer_than_one_can_read() -> None:
             text, where = path.read_text(encoding="utf-8"), path.relative_to(ROOT)
             if text.count("\n") > FILE:
                 wrong.append(f"{where}: {text.count(chr(10))} lines")
-            for node in ast.walk(ast.parse(text)):
+            for node in ast.walk(syntax(path)):
                 if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) and node.name != "command":
                     lines = (node.end_lineno or node.lineno) - node.lineno + 1
                     wrong += [f"{where}:{node.lineno}: {node.name} has {lines} lines"] if lines > FUNCTION else []

@@ -7,6 +7,7 @@ import tokenize
 from collections.abc import Iterator
 from pathlib import Path
 
+from tests.house.sources import syntax
 from tests.house.test_arrows import MAY_IMPORT
 
 ROOT = Path(__file__).parents[2]
@@ -96,7 +97,7 @@ def test_messages() -> None:
         f"{path.relative_to(ROOT)}:{line}: {word.group()!r} in {text!r}"
         for package in PACKAGES
         for path in sorted((ROOT / package).rglob("*.py"))
-        for line, text in literals(ast.parse(path.read_text(encoding="utf-8")))
+        for line, text in literals(syntax(path))
         if (word := OLD.search(text))
     ]
     assert not wrong, "\n".join(wrong)
@@ -135,7 +136,7 @@ def test_docstrings_are_whole() -> None:
         f"{path.relative_to(ROOT)}: {docstring.splitlines()[0]!r}"
         for package in PACKAGES
         for path in sorted((ROOT / package).rglob("*.py"))
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        for node in ast.walk(syntax(path))
         if isinstance(node, documented) and (docstring := ast.get_docstring(node)) and torn(docstring)
     ]
     assert not wrong, "\n".join(wrong)
