@@ -72,12 +72,9 @@ def fetched(places: Sequence[str], folder: Path, storage: Mapping[str, Any], sec
 
 def spread(seconds: float, share: float) -> list[tuple[float, float]]:
     """Stretches (s, from and to) of about ``LENGTH``, evenly spread over ``seconds``, ``share`` of it in total."""
-    kept_seconds = min(max(share * seconds, LEAST), seconds)
-    count = max(1, round(kept_seconds / LENGTH))
-    return [
-        (start, start + kept_seconds / count)
-        for start in np.linspace(0.0, seconds - kept_seconds / count, count).tolist()
-    ]
+    length = min(max(share * seconds, LEAST), seconds)
+    count = max(1, round(length / LENGTH))
+    return [(start, start + length / count) for start in np.linspace(0.0, seconds - length / count, count).tolist()]
 
 
 def _source(place: str, storage: Mapping[str, Any]) -> Source:

@@ -136,15 +136,11 @@ def mesh_file(path: Path, name: str) -> Path | None:
 
     package://NAME/REST means REST in the nearest folder NAME above the URDF file, or beside one of those.
     """
-    kind, _, name_in_package = name.rpartition("://")
-    if not name_in_package or Path(name_in_package).suffix.lower() not in FORMATS:
+    kind, _, inner = name.rpartition("://")
+    if not inner or Path(inner).suffix.lower() not in FORMATS:
         return None
     folder = path.resolve().parent
-    places = [folder / name_in_package]
+    places = [folder / inner]
     if kind == "package":
-        places = [
-            place
-            for above in (folder, *folder.parents)
-            for place in (above / name_in_package, above.parent / name_in_package)
-        ]
+        places = [place for above in (folder, *folder.parents) for place in (above / inner, above.parent / inner)]
     return next((place for place in places if place.is_file()), None)

@@ -59,7 +59,5 @@ def _course(t: Array, values: Array, knots: Array) -> tuple[float, ...]:
     hats = np.stack([np.interp(t[seen], knots, unit) for unit in np.eye(len(knots))], axis=1)
     # knots that no sample is near follow their neighbours
     bend = 1e-6 * np.sqrt(len(hats)) * np.diff(np.eye(len(knots)), axis=0)
-    coefficients = np.linalg.lstsq(
-        np.concatenate([hats, bend]), np.append(values[seen], np.zeros(len(bend))), rcond=None
-    )[0]
-    return tuple(float(one) for one in coefficients)
+    fitted = np.linalg.lstsq(np.concatenate([hats, bend]), np.append(values[seen], np.zeros(len(bend))), rcond=None)[0]
+    return tuple(float(one) for one in fitted)

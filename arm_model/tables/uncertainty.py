@@ -118,7 +118,7 @@ def read_uncertainty(path: str | Path) -> Uncertainty:
         raise InputError(path, "parameters: each name may be there once")
     if [len(row) for row in layout.covariance] != list(range(1, count + 1)):
         raise InputError(path, f"covariance: must be the lower triangle of {count} rows: 1, 2, ... {count} numbers")
-    uncertainty = Uncertainty(
+    stated = Uncertainty(
         Path(path).name,
         tuple(layout.parameters),
         tuple(map(tuple, layout.covariance)),
@@ -127,12 +127,12 @@ def read_uncertainty(path: str | Path) -> Uncertainty:
         tuple(layout.left_over_against),
         tuple(layout.left_over_near_rest),
     )
-    _, values, _ = _correlation(uncertainty.matrix)
-    if any(row[-1] <= 0.0 for row in uncertainty.covariance) or values.min(initial=0.0) < -NEGATIVE * values.max(
+    _, values, _ = _correlation(stated.matrix)
+    if any(row[-1] <= 0.0 for row in stated.covariance) or values.min(initial=0.0) < -NEGATIVE * values.max(
         initial=0.0
     ):
         raise InputError(path, "covariance: must be that of quantities: positive on its diagonal, and semidefinite")
-    return uncertainty
+    return stated
 
 
 def write_uncertainty(path: str | Path, uncertainty: Uncertainty) -> None:

@@ -143,20 +143,18 @@ def tested(fit: JointRegression, every: Sequence[Hypothesis], chosen: Sequence[H
 
 def _conditional(fit: JointRegression, chosen: Sequence[Hypothesis]) -> _Conditional:
     inverse, share, m = fit.information()
-    directions = (
-        np.concatenate([np.empty((len(m), 0)), *(one.directions for one in chosen)], axis=1) / fit.scale[:, None]
-    )
+    added = np.concatenate([np.empty((len(m), 0)), *(one.directions for one in chosen)], axis=1) / fit.scale[:, None]
     apart = (
-        np.linalg.pinv(directions.T @ m @ directions, hermitian=True, rcond=RANK_TOLERANCE) @ directions.T
-        if directions.shape[1]
-        else directions.T
+        np.linalg.pinv(added.T @ m @ added, hermitian=True, rcond=RANK_TOLERANCE) @ added.T
+        if added.shape[1]
+        else added.T
     )
     after = fit.rows_after
     scores = fit.x[after].T @ fit.y[after]
-    fitted = directions @ (apart @ (scores - share @ (fit.x.T @ fit.y)))
+    fitted = added @ (apart @ (scores - share @ (fit.x.T @ fit.y)))
     residual = fit.y - np.where(after, fit.x @ fitted, 0.0)
     residual = residual - fit.x @ (inverse @ (fit.x.T @ residual))
-    return _Conditional(fit, residual, fit.x[after].T @ residual[after], inverse, share, m, directions, apart)
+    return _Conditional(fit, residual, fit.x[after].T @ residual[after], inverse, share, m, added, apart)
 
 
 def _drift(given: _Conditional) -> Array:

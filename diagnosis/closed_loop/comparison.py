@@ -234,9 +234,7 @@ def _smoothing_error(arm: Arm, moving: Sequence[int], recording: Recording) -> A
         return None
     rate = 1.0 / recording.dt
     differences = recording.i - recorded(carrying, motion).current
-    return np.stack(
-        [np.sum(low_pass(difference, COMPARE_BAND, rate)[kept_rows(rate)] ** 2, axis=0) for difference in differences]
-    )
+    return np.stack([np.sum(low_pass(d, COMPARE_BAND, rate)[kept_rows(rate)] ** 2, axis=0) for d in differences])
 
 
 def refuted(

@@ -134,10 +134,10 @@ def noise_floor(arm: Arm, recordings: Sequence[Recording], missed: Sequence[Arra
     stated = np.array(uncertainty.in_loop or [0.0] * len(arm)) / arm.joint_array("drive_constant")
     by_uncertainty = [
         np.mean(
-            np.concatenate([loop_errors(sampled, r)[0] - nominal for r, nominal in zip(recordings, missed)]) ** 2,
+            np.concatenate([loop_errors(drawn, r)[0] - own for r, own in zip(recordings, missed)]) ** 2,
             axis=0,
         )
-        for sampled in sampled_arms(arm)
+        for drawn in sampled_arms(arm)
     ]
     # the loop of an arm that was drawn may not be stable
     known_to = [one for one in by_uncertainty if np.isfinite(one).all()] or [np.zeros(len(arm))]

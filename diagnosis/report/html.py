@@ -180,9 +180,7 @@ def _gain(cause: Cause) -> str:
     less = f", {rounded(cause.before / cause.after)} times smaller" if 0.0 < cause.after < cause.before else ""
     sure = "" if len(cause.group) == 1 else " that this cause, or one indistinguishable from it, is present"
     beyond_model = f" It is {remains(cause)}." if cause.deviations else ""
-    sentences = "".join(
-        f" {sentence[:1].upper()}{sentence[1:]}." for sentence in (rise_at_rest(cause), remainder(cause)) if sentence
-    )
+    sentences = "".join(f" {text[:1].upper()}{text[1:]}." for text in (rise_at_rest(cause), remainder(cause)) if text)
     before, after = (rounded(factor * value) for value in (cause.before, cause.after))
     return (
         f"Held-out error of {where}: {before} {unit} without it, {after} {unit} with it{less}. "

@@ -19,11 +19,8 @@ def load_errors(arm: Arm, q: Array, v: Array, a: Array) -> Array:
     q, v, a (m, n) rad (m) and per second; r = 0 where the model states nothing of its masses.
     """
     uncertainty = arm.uncertainty
-    masses = (
-        [k for k, name in enumerate(uncertainty.parameters) if name.startswith("link")]
-        if uncertainty is not None
-        else []
-    )
+    names_known = uncertainty.parameters if uncertainty is not None else ()
+    masses = [k for k, name in enumerate(names_known) if name.startswith("link")]
     if uncertainty is None or not masses:
         return np.empty((*q.shape, 0))
     columns, names = regressor(described(arm), q, v, a)

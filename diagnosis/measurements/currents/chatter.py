@@ -69,9 +69,7 @@ def chattering_gaps(
     number = len(runs.fit[0].arm)
     joints = [j for j in range(1, number + 1) if not any((name, j) in taken for name in elastic)]
     gaps = [effect for effect in CATALOGUE.values() if effect.gap is not None]
-    by_joint = in_parallel(
-        lambda place: _of_joint(*place, runs, terms), [(effect, j) for effect in gaps for j in joints]
-    )
+    by_joint = in_parallel(lambda one: _of_joint(*one, runs, terms), [(effect, j) for effect in gaps for j in joints])
     return [cause for cause in by_joint if cause is not None]
 
 
