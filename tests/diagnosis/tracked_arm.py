@@ -92,7 +92,9 @@ class Puma:
 
     def seen(self, q: Array, wrong: Wrong) -> Array:
         """(N, 3) m in the frame that the rig takes for the base's."""
-        last = self.frames(q - wrong.sag * self.holding(q), wrong.dh)[-1]
+        # what holds the arm takes twelve times the time of the rest
+        bent = q - wrong.sag * self.holding(q) if np.any(wrong.sag) else q
+        last = self.frames(bent, wrong.dh)[-1]
         xyz = last[:, :3, :3] @ (TARGET + wrong.target) + last[:, :3, 3]
         x, y, z = wrong.frame[3:]
         turn = np.array([[1, -z, y], [z, 1, -x], [-y, x, 1.0]])
