@@ -9,6 +9,13 @@ from diagnosis.residual.filters import COMPARE_BAND, MOTION_BAND
 from diagnosis.residual.noise.beats import beat_variance, steps_of
 from diagnosis.residual.noise.channels import KnownNoise, angle_noise, floor, scatter
 
+RESOLVED = 5e-4
+"""Share of the rms current that sampled rows resolve, however small the noise of the instruments is.
+
+Between two rows a current acts as its servo holds it, and a motion is what its samples and their filters leave of it. A
+simulated recording without noise shows these errors of inverse dynamics.
+"""
+
 
 def residual_gain(frequency: Array) -> Array:
     """(m,) amplitude that the filters of motion and of comparison leave of 1 at frequencies (m,) Hz."""
@@ -24,7 +31,8 @@ def channel_noise(q: Array, i: Array, inertia: Array, rate: float, known: KnownN
     inertia (k, n, n) A s2/rad: currents per acceleration, at some rows; period s: of the servos' setpoints, 0: unknown.
     Current: its scatter, taken for white, or its std at standstill, if that is known and larger. What servos do at
     setpoints of a known period is no noise (``setpoint_ripple``).
-    Angle: its step or scatter, through two differentiations and the joint's own inertia. See ``channels``.
+    Angle: its step or scatter, through two differentiations and the joint's own inertia. See ``channels``. No less than
+    sampled rows resolve.
     """
     white = floor(i) if period else scatter(i)
     frequency = np.linspace(0.0, rate / 2, 2000)
@@ -34,7 +42,8 @@ def channel_noise(q: Array, i: Array, inertia: Array, rate: float, known: KnownN
     mean_inertia = inertia.diagonal(axis1=1, axis2=2).mean(axis=0)
     from_angle = mean_inertia * angle_noise(q, known.steps) * np.sqrt(wobble)
     from_current = np.maximum(white * np.sqrt(share), known.still)
-    return np.hypot(from_current, from_angle) + 1e-9
+    resolved = RESOLVED * np.sqrt(np.mean(i**2, axis=0))
+    return np.maximum(np.hypot(from_current, from_angle), resolved) + 1e-9
 
 
 def row_by_row(noise: Array, q: Array, v: Array, inertia: Array, rate: float, known: KnownNoise) -> Array:
