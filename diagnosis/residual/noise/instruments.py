@@ -9,7 +9,7 @@ from diagnosis.residual.filters import COMPARE_BAND, MOTION_BAND
 from diagnosis.residual.noise.beats import beat_variance, steps_of
 from diagnosis.residual.noise.channels import KnownNoise, angle_noise, floor, scatter
 
-RESOLVED = 5e-4
+RESOLVED = 3e-4
 """Share of the rms current that sampled rows resolve, however small the noise of the instruments is.
 
 Between two rows a current acts as its servo holds it, and a motion is what its samples and their filters leave of it. A
