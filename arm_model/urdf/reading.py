@@ -93,11 +93,16 @@ def urdf_of(text: str | bytes, path: str | Path, *, tip: str | None = None) -> A
     return replace(bare, joints=shaped, capsule=shapes[0])
 
 
+FINE = -5
+"""Power of ten, kg m2, of the last digit of inertias: files have as many digits, or more."""
+
+
 def _rounding(tensor: xml.Element | None, names: Sequence[str]) -> float:
-    """Half of the last digit of the entry that has most; 0 where none has a number other than 0."""
+    """Half of the last digit of the entry that has most, kg m2; 0 beyond ``FINE``, where no file rounds."""
     texts = [] if tensor is None else [tensor.get(name, "0") for name in names]
     last = [number.as_tuple().exponent for text in texts if (number := Decimal(text.strip()))]
-    return 0.5 * 10.0 ** min(int(exponent) for exponent in last) if last else 0.0
+    least = min((int(exponent) for exponent in last), default=0)
+    return 0.5 * 10.0**least if least <= FINE else 0.0
 
 
 Capsules = tuple[Capsule, ...] | None

@@ -45,6 +45,7 @@ ROUNDED = 1e-5  # of a column: what an angle that a file has rounded shows (1.57
 CLOSE = 0.98  # of a limit: what may hide between the instants looked at
 TOGETHER = 16  # candidates judged at a time
 PRODUCT = 1e-11  # least eigenvalue of A^T A over its largest: above it, rounding changes a singular value by 1e-5
+HIDDEN = -1e6  # more than any score: of two motions, that which shows more parameters is the better
 STILL = 0.02  # of a motion that is within the other limits: below it, the arm as good as stands
 ROWS = 160  # instants at which a candidate is judged
 
@@ -62,8 +63,8 @@ def design_excitation(
     """The best of ``candidates`` motions: random ones first, then steps from the best that shrink when they fail.
 
     The same seed gives the same motion. ``progress`` is called with the share done and the best score so far, in words.
-    InputError where no motion keeps clear of what ``limits.pairs`` names, where the limits of torque do not let the arm
-    move, and where no motion shows all base parameters.
+    InputError where no motion keeps clear of what ``limits.pairs`` names, and where the limits of torque do not let the
+    arm move.
     """
     limits = limits or Limits.of(arm)
     base = structural_base(arm, negligible=ROUNDED)
@@ -92,7 +93,7 @@ def design_excitation(
             step = max(0.9 * step, 0.02)
         progress(generation / generations, f"{criterion} {_shown(best_score, criterion)}")
     if not np.isfinite(best_score):
-        raise _none_found(task, candidates)
+        raise _none_found(task)
     return _checked(task, best)
 
 
@@ -114,9 +115,10 @@ def scores_of(
     limits: Limits,
     criterion: Criterion,
 ) -> Array:
-    """(m,) of m motions q, q', q'' (m, k, n) at the instants ``t`` (k,); larger is better, -inf shows not all.
+    """(m,) of m motions q, q', q'' (m, k, n) at the instants ``t`` (k,); larger is better.
 
-    Log determinant of the information, or minus the log of the condition number.
+    Log determinant of the information, or minus the log of the condition number, of the directions that the motion
+    shows; those that it does not show count ``HIDDEN`` each.
     """
     count = len(motions[0])
     q, qd, qdd = (motion.reshape(-1, len(arm)) for motion in motions)
@@ -127,10 +129,11 @@ def scores_of(
     size = np.maximum(expected, 0.1 * np.median(expected[expected > 0]) if (expected > 0).any() else 1.0)
     rows = (columns / torque[None, :, None] * size).reshape(count, -1, len(base))
     values = singular_values(rows)
-    shown = values[:, -1] > 1e-12 * values[:, 0]
-    values = np.maximum(values, 1e-300)
-    score = 2 * np.sum(np.log(values), axis=1) if criterion == "d" else -np.log(values[:, 0] / values[:, -1])
-    return np.where(shown, score, -np.inf)
+    shown = values > 1e-12 * values[:, :1]
+    logs = np.where(shown, np.log(np.maximum(values, 1e-300)), 0.0)
+    least = np.where(shown, logs, np.inf).min(axis=1)
+    score = 2 * logs.sum(axis=1) if criterion == "d" else least - logs[:, 0]
+    return np.where(shown.any(axis=1), score + HIDDEN * (~shown).sum(axis=1), -np.inf)
 
 
 def singular_values(rows: Array) -> Array:
@@ -236,17 +239,11 @@ def _within_torque(task: _Task, start: Array, q: Array, qd: Array, qdd: Array, s
     return scale * share[:, None]
 
 
-def _none_found(task: _Task, candidates: int) -> InputError:
-    """Why no candidate was worth anything."""
+def _none_found(task: _Task) -> InputError:
+    """Why no candidate can be run."""
     random = np.random.default_rng(0)
     proposals = np.stack([_random(task, random) for _ in range(DRAWN)])
-    start, _, possible = _feasible(task, proposals)
-    if possible.any():
-        return InputError(
-            "excite",
-            f"none of {candidates} motions within the limits shows all base parameters; raise the limits of position "
-            "and speed, --duration or --candidates",
-        )
+    start = _start(task, proposals)
     slow = 1e-3 * task.limits.speed * np.sign(random.standard_normal(start.shape))  # against friction
     needed = np.abs(inverse_dynamics(task.arm, start, slow, np.zeros_like(start)))
     heavy = needed > CLOSE * task.limits.torque
