@@ -103,7 +103,8 @@ def _curve(
     speeds = [speeds_of(motion, joint, direction) for motion in motions]
     peaks = [peak_speed(motion, joint, direction) for motion in motions]
     ends = [(float(np.quantile(mine, TAIL)), peak) for mine, peak in zip(speeds, peaks)]
-    low, high = max(end[0] for end in ends), min(end[1] for end in ends)
+    sides = [np.ones(len(motions), bool)] if is_before is None else [is_before[shown], ~is_before[shown]]
+    low, high = _shared([[end for end, mine in zip(ends, side) if mine] for side in sides], is_before is None)
     if low >= high:
         unit = "rad/s" if arm.joints[joint].revolute else "m/s"
         slow, fast = (min(ends, key=lambda end: end[1]), max(ends, key=lambda end: end[0]))
@@ -119,6 +120,17 @@ def _curve(
     return Curve(joint, direction, np.array(kept))
 
 
+def _shared(sides: Sequence[Sequence[tuple[float, float]]], by_all: bool) -> tuple[float, float]:
+    """From the lowest to the highest speed that ENOUGH recordings of each side reach, of (lowest, highest) of each.
+
+    by_all: that all of them reach.
+    """
+    last = [len(ends) if by_all else min(len(ends), ENOUGH) for ends in sides]
+    low = max(sorted(end[0] for end in ends)[place - 1] for ends, place in zip(sides, last))
+    high = min(sorted((end[1] for end in ends), reverse=True)[place - 1] for ends, place in zip(sides, last))
+    return low, high
+
+
 def _why(motion: Motion, name: str, joint: int, direction: float) -> str:
     """The reason why a recording does not show friction of a joint (from 0) in a direction."""
     moved = speeds_of(motion, joint, direction).any()
@@ -126,23 +138,25 @@ def _why(motion: Motion, name: str, joint: int, direction: float) -> str:
     return f"{name} {how} in {'positive' if direction > 0 else 'negative'} direction"
 
 
-def knots_of(curve: Curve, motion: Motion) -> tuple[Array, NDArray[np.bool_]]:
-    """(L,) speeds of one recording's curve, and which of them (L,) are compared.
+def knots_of(curve: Curve, motion: Motion) -> tuple[Array, NDArray[np.intp]]:
+    """(L,) speeds of one recording's curve, and the place (L,) of each among those that are compared.
 
-    The others are its own, beyond the common range; where nothing is compared, or the recording does not show friction
-    well enough, all are.
+    -1: its own, beyond the common range, or where it is slower than that ends; where nothing is compared, or the
+    recording does not show friction there well enough, all are.
     """
     mine = speeds_of(motion, curve.joint, curve.direction)
-    if not len(curve.speeds) or not shows(motion, curve.joint, curve.direction):
+    peak = peak_speed(motion, curve.joint, curve.direction) if shows(motion, curve.joint, curve.direction) else 0.0
+    reached = np.flatnonzero(curve.speeds <= peak * FASTER)
+    if not len(reached):
         if len(mine) < 2:
-            return np.empty(0), np.empty(0, bool)
+            return np.empty(0), np.empty(0, np.intp)
         own = np.unique(np.quantile(mine, (TAIL, 0.3, 1.0)))
-        return own, np.zeros(len(own), bool)
+        return own, np.full(len(own), -1)
     low, high = float(np.quantile(mine, TAIL)), float(mine.max())
     slower = [low] if low * SLOWER < curve.speeds[0] else []
-    faster = [high] if high > FASTER * curve.speeds[-1] else []
-    compared = [False] * len(slower) + [True] * len(curve.speeds) + [False] * len(faster)
-    return np.array([*slower, *curve.speeds, *faster]), np.array(compared)
+    faster = [high] if high > FASTER * curve.speeds[reached[-1]] else []
+    place = np.concatenate([np.full(len(slower), -1), reached, np.full(len(faster), -1)])
+    return np.array([*slower, *curve.speeds[reached], *faster]), place
 
 
 def hats(motion: Motion, curve: Curve, knots: Array) -> Array:

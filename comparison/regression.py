@@ -172,16 +172,18 @@ def rows_of(structure: Structure, motion: Motion, carrying: Arm, whole: Motion) 
     joint, row = np.nonzero(trusted.T)
     compared, own = [], []
     for curve in structure.curves:
-        knots, common = knots_of(curve, whole)
+        knots, place = knots_of(curve, whole)
         if not len(knots):
             compared.append(np.zeros((len(row), len(curve.speeds))))
             continue
         weight = equation_weight(motion)[:, curve.joint, None]
         shown = parallel_filter(motion, hats(motion, curve, knots) * weight)
         block = np.where((joint == curve.joint)[:, None], shown[row], 0.0)
-        # a recording that has points of its own alone says nothing of those compared
-        compared.append(block[:, common] if common.any() else np.zeros((len(row), len(curve.speeds))))
-        own.append(block[:, ~common])
+        # of compared points that a recording does not reach it says nothing
+        shared = np.zeros((len(row), len(curve.speeds)))
+        shared[:, place[place >= 0]] = block[:, place >= 0]
+        compared.append(shared)
+        own.append(block[:, place < 0])
     joints = loaded_joints(structure.loads)
     by_load = load_columns(carrying, motion, structure.loads) * equation_weight(motion)[:, joints]
     compared.append(np.where(joint[:, None] == joints, parallel_filter(motion, by_load)[row], 0.0))
