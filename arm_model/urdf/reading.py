@@ -93,6 +93,8 @@ def urdf_of(text: str | bytes, path: str | Path, *, tip: str | None = None) -> A
     return replace(bare, joints=shaped, capsule=shapes[0])
 
 
+FURTHEST = 1e6
+"""m, rad: no part of an arm is as far from another, or turned as often."""
 FINE = -5
 """Power of ten, kg m2, of the last digit of inertias: files have as many digits, or more."""
 
@@ -185,6 +187,8 @@ def numbers_of(path: str | Path, element: xml.Element | None, name: str, default
         values = ()
     if len(values) != count or not np.isfinite(values).all():
         raise InputError(path, f"{name}={text!r}: expected {count} numbers")
+    if count == 3 and max(map(abs, values)) > FURTHEST:
+        raise InputError(path, f"{name}={text!r}: is beyond {FURTHEST:g}; lengths are in m, angles in rad")
     return values
 
 

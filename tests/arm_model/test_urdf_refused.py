@@ -61,3 +61,17 @@ def test_a_small_link_whose_inertia_a_file_has_rounded_is_read(tmp_path: Path) -
 def test_what_rounding_does_not_explain_is_refused(tmp_path: Path, izz: str) -> None:
     with pytest.raises(InputError, match="link 'finger': inertia breaks the triangle inequality"):
         read_urdf(written(tmp_path, [*ARM, FINGER.format(izz), joint("hand", "finger")]), tip="tool0")
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        ('xyz="0.1 0.2 0.3"', 'xyz="0.1 1e160 0.3"'),
+        ('axis xyz="0 0 1"', 'axis xyz="0 0 -1e300"'),
+        ("0.4 0.5", "0.4 1e9"),
+    ],
+)
+def test_lengths_that_no_arm_has_are_refused(tmp_path: Path, change: tuple[str, str]) -> None:
+    """Their squares are no numbers."""
+    with pytest.raises(InputError, match="is beyond 1e\\+06; lengths are in m, angles in rad"):
+        read_urdf(written(tmp_path, _with(change)))
