@@ -6,6 +6,7 @@ import json
 import signal
 import sys
 from collections.abc import Iterator
+from itertools import islice
 from pathlib import Path
 from typing import Annotated
 
@@ -44,6 +45,8 @@ def command(
         recording = open_long(source, damaged=True)
         blocks = (block for _, block in paced(blocks_of(recording), speed))
         view = LiveView(str(source), recording.layout.joints, port=port, chain=chain_in(recording))
+        for columns in islice(blocks, 1):
+            view.show(columns)  # its topics are there before viewers learn the address
         _show(str(source), view, blocks, as_json)
 
 
