@@ -264,10 +264,12 @@ def test_currents_are_those_on_the_wires(sensors: tuple[Any, Any]) -> None:
     identity = device.open()
     assert identity.maker == "Isabellenhuette" and identity.details["unit"] == "A"
     device.arm(POLL)
-    block = poll(device, 40, (0, 2))
+    block, end = poll(device, 40, (0, 2)), time.monotonic() + 5
+    while not (fresh := block.quality == 0).mean() > 0.5:
+        # a process that a busy machine stops for a while has stale rows, whatever the sensors do
+        assert time.monotonic() < end
+        block = poll(device, 40, (0, 2))
     truth = np.stack([volts(k, block.host) for k in range(2)], axis=1)
-    fresh = block.quality == 0
-    assert fresh.mean() > 0.5
     assert np.median(np.abs(block.volts - truth)[fresh]) < 0.03  # a period of 2 ms at 9.4 A/s, and rounding to 1 mA
     assert device.check() == [] or "lost" in device.check()[0]
 
