@@ -14,8 +14,14 @@ import pytest
 from arm_io.parallel import CORES
 from armscope.allocation import for_computation
 from tests.chromium import CHROMIUM, chromium
+from tests.pauses import Pauses
 
 ROOT = Path(__file__).resolve().parent.parent
+
+IN_REAL_TIME = ("arm_page", "armscope", "daq", "drivers", "sim_backend")
+"""Folders whose tests run instruments, daemons and clients against the clock."""
+
+pauses = Pauses()
 
 # Before the modules of tests are imported, which make a million objects that stay.
 for_computation()
@@ -46,10 +52,20 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """The tests of a file run in one process of ``--dist loadgroup``, unless a group of files is stated.
 
     Fixtures of a module and kept results are then made once, not once in every process.
+
+    A test in real time that fails while tasks waited for a core is run again, twice at most; the summary counts it as a
+    rerun. On a machine that kept nobody waiting its first result stands.
     """
     for item in items:
+        if item.path.relative_to(ROOT / "tests").parts[0] in IN_REAL_TIME:
+            item.add_marker(pytest.mark.flaky(reruns=2, condition=pauses.long))
         if item.get_closest_marker("xdist_group") is None:
             item.add_marker(pytest.mark.xdist_group(item.path.relative_to(ROOT).as_posix()))
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    pauses.start()
 
 
 @pytest.fixture(scope="session")
