@@ -152,8 +152,11 @@ def advance(run: Lanes, demands: Array, times: Array) -> Array:
     of_blocks = [schedules[substeps] for substeps in run.substeps]
     run_blocks(program, of_blocks, run.params, run.states, run.memories, run.currents, blocked, out)
     run.tick += ticks
-    lanes_first = np.moveaxis(out, -1, 1).reshape(out.shape[0] * width, *out.shape[1:3])
-    return np.asarray(lanes_first[: run.lanes], float)
+    lanes_first = np.moveaxis(out, -1, 1)
+    if run.lanes < width:  # spare lanes are not copied
+        lanes_first = lanes_first[:, : run.lanes]
+    flat = lanes_first.reshape(lanes_first.shape[0] * lanes_first.shape[1], *out.shape[1:3])
+    return np.asarray(flat[: run.lanes], float)
 
 
 def _advance_in_parts(run: Lanes, demands: Array, times: Array) -> Array:
