@@ -1,7 +1,8 @@
 """A current that oscillates while the arm stands: a servo that hunts about rest, which no effect of the catalogue is.
 
 It is no noise of the instrument either. Noise, white or correlated, follows no wave for long, and none of the same
-frequency in every recording.
+frequency in every recording. And it is there while a joint moves as well: a current that varies far more while the arm
+stands than in the quietest stretches of the motion shows more than noise, whether it follows one frequency or not.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from arm_io.types import Array
 from daq.recording import Recording
 from diagnosis.cause import Signal, Structure
 from diagnosis.residual.filters import COMPARE_BAND, low_pass
-from diagnosis.residual.noise.channels import floor, standstill
+from diagnosis.residual.noise.channels import angle_noise, floor, standstill
 
 SHARE = 0.75
 """Of the variance of a standing current that a wave must predict; of noise it is 0.2 to 0.7 over half a second."""
@@ -27,6 +28,15 @@ LASTS = 0.5
 """Amplitude in the second half over that in the first: a servo that settles is no oscillation."""
 STEP = 0.1
 """Hz between frequencies that are tried."""
+LOUDER = 5.0
+"""Std of a standing current over that of the quietest moving stretches of its joint, from which on it is no noise.
+
+Of joints without an oscillation 0.01 to 2.0: motion adds to the noise, and takes nothing of it.
+"""
+QUIETEST, STRETCHES = 0.2, 5
+"""Share of the moving stretches that are the quietest, and how many there must be."""
+MOVES, PARTS = 8.0, 10
+"""Noise of an angle that a joint must turn by in each of so many parts of a stretch to be moving throughout."""
 
 
 @dataclass(frozen=True)
@@ -44,41 +54,79 @@ class Oscillation:
         return Structure(Signal.CURRENT, self.joint, f"a wave of {self.frequency:.1f} Hz", self.share, size)
 
 
+@dataclass(frozen=True)
+class _Standing:
+    """The standing current of one joint in one recording.
+
+    frequency, amplitude, share  Hz, A of the current, and share of the wave that predicts most
+    lasts   whether it goes on, and is larger than the scatter from row to row
+    louder  its std over that of moving stretches (``_louder``)
+    """
+
+    frequency: float
+    amplitude: float
+    share: float
+    lasts: bool
+    louder: float
+
+
 def oscillations(recordings: Sequence[Recording]) -> list[Oscillation]:
     """Currents that oscillate in the standstill of every recording that has one; recordings with drives on."""
-    still = [(recording, rows) for recording in recordings if (rows := standstill(recording)) is not None]
-    if not still:
-        return []
-    of_each = [_waves(recording, rows) for recording, rows in still]
+    of_each = [_standing(recording, rows) for recording in recordings if (rows := standstill(recording)) is not None]
     oscillating = []
-    for joint, waves in enumerate(zip(*of_each), 1):
-        frequency, amplitude, share = np.array(waves).T
-        if share.min() > SHARE and np.ptp(frequency) <= SAME:
-            sizes = np.median(frequency), np.mean(amplitude), share.min()
-            oscillating.append(Oscillation(joint, *map(float, sizes)))
+    for joint, currents in enumerate(zip(*of_each), 1):
+        share, frequencies = min(one.share for one in currents), [one.frequency for one in currents]
+        one_wave = share > SHARE and np.ptp(frequencies) <= SAME
+        judged = [one.louder for one in currents if np.isfinite(one.louder)]
+        if all(one.lasts for one in currents) and (one_wave or min(judged, default=0.0) > LOUDER):
+            amplitude = np.mean([one.amplitude for one in currents])
+            oscillating.append(Oscillation(joint, float(np.median(frequencies)), float(amplitude), share))
     return oscillating
 
 
-def _waves(recording: Recording, rows: slice) -> list[tuple[float, float, float]]:
-    """Hz, A and share of the wave that predicts most, by joint.
-
-    A share of 0 where it does not last, or is no larger than the scatter from row to row.
-    """
+def _standing(recording: Recording, rows: slice) -> list[_Standing]:
+    """The currents of all joints in a standstill."""
     t, white = recording.t[rows] - recording.t[rows][0], floor(recording.i)
-    values = low_pass(recording.i, COMPARE_BAND, 1.0 / recording.dt)[rows]
+    below = low_pass(recording.i, COMPARE_BAND, 1.0 / recording.dt)
+    values, louder = below[rows], _louder(below, recording.q, rows)
     straight = np.column_stack([np.ones_like(t), t])
     values = values - straight @ np.linalg.lstsq(straight, values, rcond=None)[0]
     power = np.maximum(np.sum(values**2, axis=0), 1e-300)
     frequencies = np.arange(PERIODS / t[-1], COMPARE_BAND, STEP)
     residual = np.array([np.sum((values - _fitted(f, t, values)) ** 2, axis=0) for f in frequencies])
     best, half = np.argmin(residual, axis=0), len(t) // 2
-    waves = []
+    standing = []
     for j, k in enumerate(best):
         parts = [values[rows_of, j] for rows_of in (slice(None), slice(None, half), slice(half, None))]
         amplitude, early, late = (float(np.sqrt(2.0) * np.std(part)) for part in parts)
         lasts = late > LASTS * early and amplitude > white[j]
-        waves.append((float(frequencies[k]), amplitude, float(1.0 - residual[k, j] / power[j]) if lasts else 0.0))
-    return waves
+        share = float(1.0 - residual[k, j] / power[j])
+        standing.append(_Standing(float(frequencies[k]), amplitude, share, lasts, float(louder[j])))
+    return standing
+
+
+def _louder(current: Array, q: Array, rows: slice) -> Array:
+    """(n,) std of currents (m, n) A in the standstill ``rows`` over that of the quietest moving stretches as long.
+
+    About cubics, which follow drifts and the slow part of a motion. q (m, n) rad. NaN for too few stretches in which a
+    joint moves throughout.
+    """
+    length = rows.stop - rows.start
+    count, joints = (len(q) - rows.stop) // length, q.shape[1]
+    cubics = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, length), 4))[0]
+
+    def stretches(values: Array) -> Array:
+        return values[rows.stop : rows.stop + count * length].reshape(count, length, joints)
+
+    def std(values: Array) -> Array:
+        return np.asarray(np.std(values - cubics @ (cubics.T @ values), axis=-2))
+
+    turned = np.abs(np.diff(stretches(q)[:, :: max(1, length // PARTS)], axis=1)).min(axis=1, initial=np.inf)
+    moving = np.where(turned > MOVES * angle_noise(q), std(stretches(current)), np.nan)
+    louder = np.full(joints, np.nan)
+    for j in np.flatnonzero(np.isfinite(moving).sum(axis=0) >= STRETCHES):
+        louder[j] = std(current[rows])[j] / max(float(np.nanquantile(moving[:, j], QUIETEST)), 1e-300)
+    return louder
 
 
 def _fitted(frequency: float, t: Array, values: Array) -> Array:
