@@ -75,4 +75,6 @@ def read_text(path: str | Path) -> str:
     try:
         return data.decode("utf-8")
     except UnicodeDecodeError as error:
+        if data.startswith(b"\x89MCAP"):
+            raise InputError(path, "is a recording (MCAP); a text file is expected here") from None
         raise InputError(path, f"is not text in UTF-8: byte {error.start + 1} is 0x{data[error.start]:02x}") from None

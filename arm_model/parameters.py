@@ -48,7 +48,9 @@ _DIRECTED = {"viscous": 2, "coulomb": 1}  # likewise; (positive, negative) each
 
 
 def _unknown(name: str) -> InputError:
-    return InputError(name, "no such parameter of this arm; link2.mass, joint1.viscous or joint2.backlash.half_gap are")
+    return InputError(
+        name, "no such parameter of this arm; write link2.mass, joint1.viscous or joint2.backlash.half_gap"
+    )
 
 
 def _split(arm: Arm, name: str) -> tuple[str, int, str]:

@@ -43,7 +43,11 @@ class LazyGroup(TyperGroup):
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         """The parser of a command; InputError where there is none."""
         if cmd_name not in COMMANDS:
-            raise InputError(cmd_name, f"no such command; must be one of {', '.join(COMMANDS)}")
+            import difflib
+
+            alike = difflib.get_close_matches(cmd_name, COMMANDS, n=1)
+            remedy = f"did you mean {alike[0]}?" if alike else f"must be one of {', '.join(COMMANDS)}"
+            raise InputError(cmd_name, f"no such command; {remedy}")
         return command_of(cmd_name)
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:

@@ -50,7 +50,8 @@ def run(arguments: list[str]) -> int:
         status: int = application().main(arguments, prog_name="armscope", standalone_mode=False)
     except TyperException as error:
         path = getattr(getattr(error, "ctx", None), "command_path", "armscope")
-        what = error.format_message().rstrip(".")
+        # "Value error, " is pydantic's prefix to the words of a validator
+        what = error.format_message().rstrip(".").replace("Value error, ", "")
         return _refuse(f"{path.removeprefix('armscope ')}: {what}; see '{path} --help'")
     except InputError as error:
         return _refuse(str(error))

@@ -28,7 +28,7 @@ def command(
         typer.Argument(
             metavar="BEFORE AFTER",
             help="each a recording (.mcap, .csv), identification.json, diagnosis.json, the folder of such a result, a "
-            "folder of recordings, or several with commas between",
+            "folder of recordings, or several, separated by commas",
             show_default=False,
         ),
     ] = None,
@@ -81,8 +81,10 @@ def _sides(pair: list[str], before: list[str], after: list[str]) -> tuple[list[s
         return _listed(pair[0]), _listed(pair[1])
     if not pair and before and after:
         return [one for each in before for one in _listed(each)], [one for each in after for one in _listed(each)]
+    options = "".join(f", {name}" for name, group in (("--before", before), ("--after", after)) if group)
     raise InputError(
-        "arguments", f"name {len(pair)} of the two sides; must be BEFORE AFTER, or --before A ... --after B ..."
+        "compare",
+        f"needs two sides: BEFORE AFTER, or --before A ... --after B ... (given: {len(pair)} arguments{options})",
     )
 
 

@@ -24,7 +24,10 @@ def command(
     rig: RigOption,
     recordings: Annotated[
         Path | None,
-        typer.Option(metavar="DIR", help="recordings go only here; required where the rig's endpoint is not loopback"),
+        typer.Option(
+            metavar="DIR",
+            help="the only folder into which recordings are written; required if the rig's endpoint is not loopback",
+        ),
     ] = None,
     page: Annotated[
         bool, typer.Option("--page", help="serve the page of the rig too, as 'armscope page' does")

@@ -47,7 +47,8 @@ def command(
     candidates: Annotated[int, typer.Option(min=32, help="number of candidate motions")] = 1600,
     seed: Annotated[int, typer.Option(help="seed of the random candidates; the same seed gives the same motion")] = 1,
     floor: Annotated[
-        float | None, typer.Option(metavar="Z", help="z of the floor or table top in the base frame, m; no link below")
+        float | None,
+        typer.Option(metavar="Z", help="z of the floor or table top in the base frame, m; all links stay above it"),
     ] = None,
     space: Annotated[
         Path | None,

@@ -30,7 +30,7 @@ class Format(StrEnum):
 
 def command(
     recording: Annotated[Path, typer.Argument(metavar="RUN.mcap", help="the recording")],
-    out: Annotated[Path, typer.Option(help="the .csv, .parquet or .mat to write, or a folder; must not be there yet")],
+    out: Annotated[Path, typer.Option(help="the .csv, .parquet or .mat to write, or a folder; must not exist yet")],
     to: Annotated[
         Format | None,
         typer.Option(

@@ -24,7 +24,10 @@ def command(
         str | None,
         typer.Option(metavar="tcp://HOST:PORT", help="a running Dask scheduler; default: workers of this machine"),
     ] = None,
-    workers: Annotated[int, typer.Option(min=1, max=1024, help="processes of this machine, a task each")] = 1,
+    workers: Annotated[
+        int,
+        typer.Option(min=1, max=1024, help="number of worker processes on this machine; each runs one task at a time"),
+    ] = 1,
     as_json: Json = False,
 ) -> int:
     """Runs a plan; the exit status is 4 where tasks have no result."""

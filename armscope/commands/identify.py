@@ -70,8 +70,8 @@ def command(
     friction: Annotated[
         Friction | None,
         typer.Option(
-            help="asymmetric: direction-dependent viscous and Coulomb friction; default: as the viscous friction of "
-            "the model"
+            help="asymmetric: direction-dependent viscous and Coulomb friction; default: asymmetric where the model "
+            "has viscous friction per direction"
         ),
     ] = None,
     shape: Annotated[
@@ -83,7 +83,7 @@ def command(
     ] = Shape.auto,
     only_check: Annotated[
         bool,
-        typer.Option("--check", help="only say what identify and diagnose would do with the recordings"),
+        typer.Option("--check", help="only report whether identify and diagnose can use the recordings; write nothing"),
     ] = False,
     png: Png = False,
     pdf: Pdf = False,

@@ -9,7 +9,10 @@ import typer
 
 Json = Annotated[bool, typer.Option("--json", help="print the result as JSON and nothing else")]
 ReadyJson = Annotated[
-    bool, typer.Option("--json", help="when ready, print its addresses as one line of JSON, and nothing else there")
+    bool,
+    typer.Option(
+        "--json", help="when ready, print the addresses as one line of JSON, and nothing else on standard output"
+    ),
 ]
 RigOption = Annotated[Path, typer.Option(metavar="RIG.toml", help="the rig")]
 RigArgument = Annotated[Path, typer.Argument(metavar="RIG.toml", help="the rig")]
@@ -17,7 +20,8 @@ RecordingArgument = Annotated[Path, typer.Argument(metavar="RUN.mcap", help="the
 RecordingOut = Annotated[
     Path,
     typer.Option(
-        metavar="RUN.mcap", help="the recording to write; replaces an imported or simulated one, nothing else"
+        metavar="RUN.mcap",
+        help="the recording to write; of existing files only an imported or simulated recording is replaced",
     ),
 ]
 Png = Annotated[bool, typer.Option("--png", help="also write the report's charts as DIR/pictures/*.png")]

@@ -28,7 +28,9 @@ def command(
     source: Annotated[
         Path, typer.Argument(metavar="RIG.toml|RUN.mcap", help="a rig whose daemon runs, or a recording")
     ],
-    port: Annotated[int, typer.Option(help="port of the WebSocket on 127.0.0.1; 0: any free port")] = 8765,
+    port: Annotated[
+        int, typer.Option(min=0, max=65535, help="port of the WebSocket on 127.0.0.1; 0: any free port")
+    ] = 8765,
     speed: Annotated[float, typer.Option(metavar="X", help="speed of a recording relative to real time")] = 1.0,
     as_json: ReadyJson = False,
 ) -> None:

@@ -33,6 +33,8 @@ EFFECT = next(one.name for one in CATALOGUE.values() if one.delay is not None an
 """The one whose delay is all that it has."""
 LEAST = CATALOGUE[EFFECT].parameters[0].typical[0]
 """s: a shorter lag is not looked for."""
+MOST = float(CATALOGUE[EFFECT].parameters[0].most)
+"""s: a longer one is no lag, it is currents that do not belong to this motion."""
 SIGNIFICANT_STDS = 4.0
 """Standard deviations from zero of a lag that stays, and without the joint that shows it most."""
 ALIKE, ALIKE_STD = 0.5, 2.5
@@ -105,7 +107,7 @@ def _alike(lags: Array, std: Array) -> tuple[float, float] | None:
         return None
     worst = int(np.argmax(np.abs(lags) / std))
     (mean, of_mean), (others, of_others) = _mean(lags, std), _mean(np.delete(lags, worst), np.delete(std, worst))
-    clear = abs(mean) > max(SIGNIFICANT_STDS * of_mean, LEAST) and abs(others) > SIGNIFICANT_STDS * of_others
+    clear = MOST > abs(mean) > max(SIGNIFICANT_STDS * of_mean, LEAST) and abs(others) > SIGNIFICANT_STDS * of_others
     alike = abs(lags[worst] - others) < max(ALIKE * abs(mean), ALIKE_STD * np.hypot(std[worst], of_others))
     return (mean, of_mean) if clear and alike else None
 

@@ -85,12 +85,24 @@ def test_every_command_has_a_file_and_every_file_a_command(root: Path) -> None:
         ["identify", "a", "--model", ""],
         ["replay", "a", "--speed", "fast"],
         ["replay", "a", "--speed", "nan"],
+        ["view", "a", "--port", "99999"],
+        ["export", "a", "--out", "b", "--to", "xml"],
     ],
 )
 def test_a_wrong_command_line_is_one_line_and_exit_2(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     assert run(arguments) == 2
     shown = capsys.readouterr()
     assert shown.out == "" and shown.err.startswith("error: ") and shown.err.count("\n") == 1
+    assert "Value error" not in shown.err
+
+
+def test_what_was_meant_is_proposed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["dignose"]) == 2
+    assert capsys.readouterr().err == "error: dignose: no such command; did you mean diagnose?\n"
+    recording = tmp_path / "run.mcap"
+    recording.write_bytes(b"\x89MCAP0\r\n")
+    assert run(["model", str(recording)]) == 2
+    assert "is a recording (MCAP); a text file is expected here" in capsys.readouterr().err
 
 
 def test_one_option_takes_several_values() -> None:

@@ -89,6 +89,13 @@ def test_a_lag_of_no_or_of_one_joint_is_left_out(tmp_path: Path, current: object
     assert "lag_of_currents" not in result.extra and result.arm.effects == ()
 
 
+def test_currents_that_belong_to_no_motion_have_no_lag() -> None:
+    """Angles in degrees taken for radians: the first-order column asks for minutes, and no row would be left."""
+    std = np.full(3, 1e-4)
+    assert lag_of_currents._alike(np.array([2.0e-3, 2.1e-3, 1.9e-3]), std) is not None
+    assert lag_of_currents._alike(np.array([-800.0, -799.0, -801.0]), 1e3 * std) is None
+
+
 def test_a_joint_with_held_out_rows_in_one_fit_alone_is_not_judged(monkeypatch: pytest.MonkeyPatch) -> None:
     def left(joints: int, size: float) -> tuple[Equations, np.ndarray]:
         """Rows of so many joints over 20 s; joint 3 leaves 1000 N m."""
