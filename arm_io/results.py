@@ -79,9 +79,9 @@ def write_text(path: str | Path, text: str) -> None:
 
 @contextmanager
 def whole_file(path: str | Path) -> Iterator[IO[str]]:
-    """A text file to write, lines as they are given.
+    """Opens a text file for writing that appears whole or not at all; line ends are written as given.
 
-    There when the block ends well (temporary file, then rename), else not at all.
+    The text goes to a temporary file, which takes the name ``path`` when the block ends without an exception.
 
     InputError where it cannot be written.
     """

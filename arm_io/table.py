@@ -1,7 +1,4 @@
-"""What every table of a file is checked by.
-
-Unknown entries and numbers that are not finite are refused, and nothing changes later.
-"""
+"""The common base of all tables that are read from files: no unknown entries, only finite numbers, immutable."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""``armscope diagnose --rig``: goes on where the verdict is a group.
+"""``armscope diagnose --rig``: continues where the verdict has an ambiguity group.
 
-Shows the separating experiment, records it twice, diagnoses again.
+It shows the discriminating experiment, records it twice, and diagnoses again.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ SIDES = ("fit", "held_out")
 
 @dataclass
 class Case:
-    """What is known so far: recordings of both sides, the diagnosis of them.
+    """What is known so far: recordings to fit and to hold out, and their diagnosis.
 
-    What would separate its groups, and what was recorded for it.
+    Also the experiments that would resolve its groups, and what was recorded of them.
     """
 
     fit: list[Recording]
@@ -77,9 +77,9 @@ def rig_of(path: Path, joints: int) -> Rig:
 
 
 def limits_of(rig: Rig, drive_constant: np.ndarray) -> Limits:
-    """What the rig file allows: position rad, speed rad/s, torque N m by the current at ``drive_constant`` (n,) N m/A.
+    """Limits of the rig file: position rad, speed rad/s, torque N m (current times ``drive_constant`` (n,) N m/A).
 
-    Infinite where open.
+    A limit that the file does not state is infinite.
     """
     none = np.full(rig.joints, np.inf)
     limits = rig.limits
@@ -90,9 +90,9 @@ def limits_of(rig: Rig, drive_constant: np.ndarray) -> Limits:
 
 
 def go_on(bench: Bench, case: Case, most: int, progress: Say) -> Case:
-    """Experiments until every group that a motion separates is decided, or ``most`` were recorded.
+    """Records experiments until no group is left that a motion can resolve, or ``most`` were recorded.
 
-    The last stage is kept already.
+    ``case`` has been written before; each further stage is written completely before the next begins.
 
     DeviceFault where a run fails, KeyboardInterrupt where it is stopped: what was known before stands, and so do the
     recordings.

@@ -64,7 +64,7 @@ def friction_size(speed: Array, torque: Array) -> Array:
 
 
 def assumed(count: int, what: str = "recordings") -> str:
-    """What is assumed, in a sentence, of a ``count`` of recordings (identifications, diagnoses) of both sides together.
+    """A sentence with the assumption about temperature, for ``count`` recordings (``what``) of both sides together.
 
     A result does not say at which temperature its recordings were made.
     """

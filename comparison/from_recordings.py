@@ -177,9 +177,9 @@ def _estimate(name: str, fitted: Fitted, maps: Array) -> Estimate:
 
 
 def _leaked(structure: Structure, fits: Sequence[Fitted], is_before: NDArray[np.bool_], maps: Array) -> Array:
-    """(r,) std of each change by errors of values that were taken from the model, as the sides differ in which.
+    """(r,) std of each change by errors of the values that one side took from the model and the other estimated.
 
-    What both sides take from the model alike cancels; nothing where a side has no fit.
+    What both sides take from the model cancels in the difference. 0 where a side has no fit.
     """
     if is_before.all() or not is_before.any():
         return np.zeros(len(maps))

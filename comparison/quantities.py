@@ -1,6 +1,6 @@
-"""What is reported: every base parameter, every point of a friction curve, level and slope of each joint's friction.
+"""The quantities reported: base parameters, points of friction curves, and level and slope of each joint's friction.
 
-All are linear maps of the values that the regression finds.
+All are linear maps of the values that the regression estimates.
 """
 
 from __future__ import annotations

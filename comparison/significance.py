@@ -142,7 +142,7 @@ def _pooled(side: Sequence[Estimate], scatter: Array) -> Pooled:
 
 
 def _scatter(kinds: Sequence[str], sides: Sequence[Sequence[Estimate]]) -> tuple[Array, Array]:
-    """(r,) Cochran's Q over its degrees of freedom, moderated within each kind, and its degrees of freedom then.
+    """(r,) Cochran's Q over its degrees of freedom, moderated within each kind, and the degrees of freedom after that.
 
     1 and infinity where no side has two recordings of a quantity.
     """
@@ -158,9 +158,9 @@ def _scatter(kinds: Sequence[str], sides: Sequence[Sequence[Estimate]]) -> tuple
 
 
 def moderate(ratio: Array, freedom: Array) -> tuple[Array, Array]:
-    """(m,) variance ratios with ``freedom`` (m,) degrees each, drawn towards their common value; and the new degrees.
+    """(m,) variance ratios with ``freedom`` (m,) degrees each, shrunk towards their common value, and the new degrees.
 
-    Fewer than FEWEST: as they are.
+    Fewer than FEWEST ratios are returned unchanged.
     """
     if len(ratio) < FEWEST:
         return ratio, freedom

@@ -30,10 +30,7 @@ FRICTION = ("coulomb", "viscous", "offset", "drag", "link")
 
 
 def in_words(expression: str) -> str:
-    """'joint3.coulomb' -> 'Coulomb friction of joint 3'.
-
-    For a sum of parameters: the first, and the number of others.
-    """
+    """'joint3.coulomb' -> 'Coulomb friction of joint 3'; a sum of parameters as the first and the number of others."""
     first, *others = expression.replace(" - ", " + ").split(" + ")
     head, _, quantity = first.partition(".")
     number = "".join(c for c in head if c.isdigit())

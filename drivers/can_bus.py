@@ -66,10 +66,7 @@ def frame_bits(data_bytes: int) -> int:
 
 
 class Mailbox:
-    """Frames with some identifiers, in the order of arrival: (host ns, identifier, data).
-
-    The last ``MOST`` are kept.
-    """
+    """The newest ``MOST`` frames with some identifiers, in the order of arrival: (host ns, identifier, data)."""
 
     def __init__(self, bus: CanBus) -> None:
         self._bus = bus

@@ -148,9 +148,9 @@ class LinuxCounter:
             self._write(number, "enable", "1")
 
     def preset(self, channel: int, value: int) -> None:
-        """Writes the count, and reads back whether it was taken.
+        """Writes the count and reads it back.
 
-        Some counters ignore it, others are caught in the middle.
+        DeviceFault if it was not accepted: some counters have no preset.
         """
         check_channel(self.name, channel, len(self.width))
         number, mask = self.config.counts[channel], (1 << self.width[channel]) - 1

@@ -23,9 +23,9 @@ EXCEPTIONS = {
 
 
 class FrameError(OSError):
-    """Bytes that are no Modbus TCP frame.
+    """Bytes that are not a Modbus TCP frame.
 
-    On a stream there is no way to find the next one, so the connection is to be closed.
+    The next frame cannot be found in such a stream, so the connection must be closed.
     """
 
 

@@ -98,9 +98,9 @@ class Identity:
 
 @dataclass(frozen=True)
 class Plan:
-    """What the sampler is about to ask for.
+    """What the sampler will ask of the devices.
 
-    Devices refuse it in ``arm`` (DeviceFault: what, and what would be right).
+    A device refuses a plan in ``arm`` (DeviceFault: what it cannot do, and what it can).
     """
 
     source: EdgeSource
@@ -174,9 +174,9 @@ class Latched(Protocol):
 
 @runtime_checkable
 class Polled(Protocol):
-    """No latch: ``poll`` reads every channel now and returns one row.
+    """A device that cannot latch: ``poll`` reads every channel now and returns one row.
 
-    Its number is -1, its host time halfway through the reading.
+    The row's number is -1, its host time the middle of the reading.
     """
 
     def poll(self) -> Block: ...
@@ -298,7 +298,7 @@ class Readings(Protocol):
 class ArmController(Protocol):
     """The arm's own controller.
 
-    ``load`` takes an ``experiment.Experiment`` and refuses (DeviceFault) what it cannot do.
+    ``load`` takes an ``experiment.Experiment``; DeviceFault for a motion that the controller cannot execute.
 
     ``start`` begins the motion (or arms it for the start line); ``stop`` ends it at once, controlled, and is always
     allowed; ``finished`` says whether the motion has ended; ``demand`` returns the reference joint positions (n,

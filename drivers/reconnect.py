@@ -83,9 +83,9 @@ class Reconnect:
 
 @contextmanager
 def or_fault(device: str, advice: str, undo: Callable[[], None] | None = None) -> Iterator[None]:
-    """What fails inside with an OSError is a DeviceFault of this device, with the advice.
+    """Turns an OSError inside the block into a DeviceFault of this device, with the advice.
 
-    ``undo`` is done first, for any fault.
+    ``undo`` is called first, for any fault.
     """
     try:
         yield

@@ -39,9 +39,9 @@ def check_config(path: str, table: dict[str, Any], where: str) -> BaseModel:
 
 
 def find_devices(path: str, table: dict[str, Any], where: str) -> list[str]:
-    """Where such a device may be instead of where the rig file says.
+    """Places where such a device was found, if it is not where the rig file says.
 
-    What the driver's ``find(config)`` sees, if it has one.
+    They come from the driver's ``find(config)``; empty for a driver without one.
     """
     module = find_driver(path, where)
     found: list[str] = module.find(check_config(path, table, where)) if hasattr(module, "find") else []

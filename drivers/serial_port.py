@@ -62,7 +62,7 @@ class SerialPort:
     def wait_for(self, take: Callable[[bytes], T | None], seconds: float) -> T | None:
         """Feeds what arrives to ``take`` until it returns something; None after ``seconds``.
 
-        A host that comes back later than that looks once more: what came in time is taken.
+        A host that was suspended beyond that time looks once more: what had arrived in time is accepted.
         """
         file = self._alive().fileno()
         deadline = time.monotonic() + seconds

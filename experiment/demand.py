@@ -82,9 +82,7 @@ class Demand:
 
 @dataclass(frozen=True)
 class Repeated:
-    """A motion ``times`` times over.
-
-    The ``first`` pass, then ``steady`` ones, each from where the one before has ended.
+    """A motion repeated ``times`` times: the ``first`` pass, then ``steady`` ones, each from the end of the one before.
 
     A joint that some segment sends to a position is there again after every pass; one that is only driven by distances
     goes on by the same way each time.

@@ -120,9 +120,9 @@ def instants_of(demand: Demand) -> int:
 
 
 def _looked_at(demand: Demand, first: int, last: int) -> Array:
-    """(4, n) largest -position, position, speed, acceleration at instants first ... last - 1.
+    """(4, n) largest -position, position, speed and acceleration at instants first ... last - 1.
 
-    Each with what follows it until the end.
+    Each instant includes the motion up to the next one.
     """
     q = demand(np.arange(first, min(last + 2 * WINDOW, instants_of(demand)), dtype=float) * STEP)
     rows = last - first

@@ -1,7 +1,4 @@
-"""The experiment file (``config/experiments/*.toml``).
-
-What ``record`` and ``simulate`` run and experiment design writes.
-"""
+"""The experiment file (``config/experiments/*.toml``): run by ``record`` and ``simulate``, written by ``excite``."""
 
 from __future__ import annotations
 

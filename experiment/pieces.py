@@ -232,9 +232,9 @@ class Polyline:
 
     @cached_property
     def _corners(self) -> Array:
-        """(rows + 1, n) sums up to each row, exclusive, of the jumps of speed at it.
+        """(rows + 1, n) sum of the jumps of speed before each row.
 
-        It rests before the first and behind the last.
+        The motion is at rest before the first row and after the last.
         """
         slopes = np.diff(self.positions, axis=0) / np.diff(self.times)[:, None]
         still = np.zeros((1, self.positions.shape[1]))

@@ -1,7 +1,4 @@
-"""The segments of an experiment, as a person writes them.
-
-Angles rad (m for prismatic joints), times s, joints from 1.
-"""
+"""The segments of an experiment as a user writes them: rad (m for prismatic joints), s, joints from 1."""
 
 from __future__ import annotations
 
@@ -71,9 +68,9 @@ class Fourier(Table):
 
 
 class Chirp(Table):
-    """One joint: amplitude sin(phase), the frequency going linearly from ``frequency`` to ``to_frequency``.
+    """One joint: amplitude sin(phase), with a frequency that rises linearly from ``frequency`` to ``to_frequency``.
 
-    Faded at both ends.
+    The amplitude is faded in and out at the ends.
     """
 
     type: Literal["chirp"]

@@ -1,7 +1,4 @@
-"""The outcome of an identification.
-
-Numbers with their uncertainty, what they are worth on other data, and the arm they make.
-"""
+"""The outcome of an identification: parameters with uncertainty, errors on other data, and the resulting arm."""
 
 from __future__ import annotations
 

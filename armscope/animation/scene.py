@@ -80,9 +80,9 @@ def instants(seconds: float, fps: float, speed: float, ending: str = ".mp4") -> 
 
 
 def movements(recording: LongRecording, t: Array, name: str) -> tuple[Movement, Array | None]:
-    """The arm at instants ``t`` (k,) s from the first row, and its demands (k, n) or None; the last row before each.
+    """The arm at instants ``t`` (k,) s from the first row, and its demands (k, n) or None.
 
-    Only a block of rows is in memory at a time.
+    Each instant has the last row before it. Only one block of rows is in memory at a time.
     """
     shape = (len(t), recording.joints)
     q, demanded, point = np.full(shape, np.nan), np.full(shape, np.nan), np.full((len(t), 3), np.nan)
@@ -241,7 +241,7 @@ class _Scene:
 def _images(scene: _Scene, when: Instants, progress: Callable[[float], None]) -> Iterator[Image]:
     """The frames, drawn as they are asked for.
 
-    Each has 128 colours, a third of the bytes; of 64, the thin lines' are mixed with others.
+    Each is reduced to 128 colours, which makes a third of the bytes; with 64, thin lines change their colour.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from PIL import Image

@@ -82,9 +82,9 @@ def capsule_triangles(start: Array, end: Array, radius: float) -> Array:
 
 
 def thinned(triangles: Array, most: int) -> Array:
-    """(k, 3, 3) with at most ``most`` triangles: the corners in a cell of a grid become their mean.
+    """(k, 3, 3) with at most ``most`` triangles: all corners within a cell of a grid become their mean.
 
-    The grid is the finest that leaves so few.
+    The grid is the finest one that gives so few triangles.
     """
     if len(triangles) <= most:
         return triangles

@@ -99,9 +99,9 @@ class Calibration:
         return figure(error_chart(self.details, gravity_of(self.nominal)))
 
     def write(self, folder: str | PathLike[str], *, pictures: Collection[str] = ()) -> dict[str, Any]:
-        """Writes kinematics.json, report.html, model.toml and its charts as ``pictures`` ("png", "pdf").
+        """Writes kinematics.json, report.html, model.toml and the charts as ``pictures`` ("png", "pdf"), all or none.
 
-        All of them or none. Returns what kinematics.json says.
+        Returns the content of kinematics.json.
         """
         with whole_folder(folder, "calibration") as there:
             return self.write_into(there, pictures=pictures)
@@ -210,9 +210,9 @@ def calibrate(
 
 
 def _tracked(sources: Source | Sequence[Source], files: Sequence[File], joints: int) -> list[tuple[Tracked, Poses]]:
-    """Recordings and tables of poses (.csv), each with its tracker's own file if there are any; and what they hold.
+    """Recordings and tables of poses (.csv), each with its tracker's own file if there is one, and their contents.
 
-    Of a recording its angles as they were recorded, not those between the counts.
+    Angles of a recording are the recorded ones, not interpolated between encoder counts.
     """
     from daq.recording import Recording
     from identification.kinematics.data import Poses, read_poses, tracked
@@ -250,9 +250,9 @@ def nominal_arm(model: File | Arm) -> tuple[Arm, Array]:
 
 
 def in_last_link(pose: Array, target: Point) -> Point:
-    """The target in the frame of the last link as D-H puts it.
+    """The target in the Denavit-Hartenberg frame of the last link.
 
-    ``pose`` (4, 4): of the model's last link in that frame.
+    ``pose`` (4, 4): the model's own last link frame in that frame.
     """
     x, y, z = (float(value) for value in pose[:3, :3] @ list(target) + pose[:3, 3])
     return x, y, z

@@ -159,7 +159,7 @@ def fit_and_held_out(
 ) -> tuple[list[Recording], list[Recording], tuple[str, ...]]:
     """Fit and held-out recordings, read; without held-out ones each recording is split by time.
 
-    Very long recordings are read as stretches, with a remark.
+    Very long recordings are read as stretches; the third value has the remarks about this.
 
     InputError where a recording is on both sides.
     """

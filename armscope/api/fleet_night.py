@@ -77,9 +77,9 @@ def baseline(job: Mapping[str, Any], folder: Path, before: Mapping[str, bytes]) 
 
 
 def sides(groups: Sequence[Sequence[Recording]]) -> tuple[list[Recording], list[Recording]]:
-    """Recordings, each whole or as stretches, that are fitted and held out: the last one, or the last of its stretches.
+    """Recordings to fit and to hold out: the last one is held out, or the last stretch of a long one.
 
-    A single whole recording is fitted: it is split by time.
+    A single recording that is not split into stretches is fitted only; ``diagnose`` then splits it by time.
     """
     if len(groups) > 1:
         return [one for group in groups[:-1] for one in group], list(groups[-1])

@@ -77,9 +77,9 @@ def _check_choices(**chosen: str | None) -> None:
 def _against_noise(
     result: Identification, recordings: Sequence[Recording], others: Sequence[Recording]
 ) -> Identification:
-    """The result with its errors over the noise floor, as ``diagnose`` has them; with the reason where it has none.
+    """The result with its errors over the noise floor, as ``diagnose`` computes them, or with a note why not.
 
-    What its model leaves there beyond the noise is part of its uncertainty.
+    The rms that the model leaves above the noise becomes part of its stated uncertainty.
     """
     from diagnosis import against_noise, left_over
 

@@ -26,9 +26,7 @@ Source: TypeAlias = "File | Recording"
 
 
 def open_recording(recording: Source) -> Recording:
-    """A recording as numpy arrays by joint, with its ledger, gaps and attachments.
-
-    ``daq.recording.Recording`` lists them.
+    """A recording as numpy arrays by joint, with its ledger, gaps and attachments: ``daq.recording.Recording``.
 
     InputError where the file is absent, not a recording, or damaged.
     """

@@ -89,9 +89,9 @@ def record(
     progress: Callable[[Table], None] = silent,
     transfer: Callable[[int, int], None] = silent,
 ) -> Recorded:
-    """Runs an experiment on a rig, through the rig's daemon where one is running.
+    """Runs an experiment on a rig and writes the recording ``out`` (.mcap).
 
-    Writes the recording ``out`` (.mcap).
+    If a daemon of the rig is running, it does both.
 
     A real arm moves. ``experiment.setup.instruction`` is what a person has to do before.
 

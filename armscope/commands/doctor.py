@@ -54,9 +54,9 @@ def command(
 
 
 def _examine(table: DeviceTable, device: Device, identities: dict[str, Identity], plan: Plan) -> dict[str, Any]:
-    """The report of one device, opened alone, so that a missing device hides no other.
+    """The report of one device, opened alone, so that one missing device does not hide the others.
 
-    If it does not answer, the devices found instead.
+    If it does not answer, the report names the devices that were found instead.
     """
     finding: dict[str, Any] = {"device": table.name, "identity": None, "problems": [], "found": []}
     try:
@@ -71,9 +71,9 @@ def _examine(table: DeviceTable, device: Device, identities: dict[str, Identity]
 
 
 def _try_out(device: Device, plan: Plan) -> list[str]:
-    """A few rows of a device that makes them without the start line, at the rig's rate.
+    """Problems with a few rows of a device that makes rows without the start line, at the rig's rate.
 
-    Do they come, have they values?
+    It checks whether rows arrive and hold values.
     """
     if plan.source is EdgeSource.TRACKER or not isinstance(device, Polled | Latched):
         return []

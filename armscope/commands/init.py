@@ -139,9 +139,9 @@ def _rig_name(folder: Path) -> str:
 
 
 def _text(folder: Path, source: str) -> str:
-    """A shipped file as the project needs it.
+    """A shipped file, adapted to the project.
 
-    The rig named after the folder, its model beside it, its own name in the comments.
+    The rig is named after the folder, its model path points beside it, and comments name the file itself.
     """
     text = (shipped_folder() / source).read_text(encoding="utf-8")
     if source not in {starter.rig for starter in STARTERS.values()}:

@@ -78,9 +78,9 @@ def _changes(arm: Arm, one: Tested, log_corrected: float, values: Array, covaria
 
 
 def _of_place(arm: Arm, added: Added, by: Array, spread: Array, judged: tuple[float, float]) -> Iterator[Change]:
-    """Tilts of the base, or the zero of an encoder, from where it was before: what was wrong then no fit says.
+    """Changes of the base's tilt, of an encoder's zero or of the delay, from their unknown values before.
 
-    That which changed clearly carries the chance of both.
+    A parameter that clearly changed gets the p-values ``judged`` of the whole hypothesis, the others get 1.
     """
     stds = np.sqrt(np.maximum(np.diag(spread), 0.0))
     clear = np.abs(by) > SIGNIFICANT_STDS * stds

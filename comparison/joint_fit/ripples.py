@@ -1,6 +1,6 @@
-"""Ripples that differ between the sides: orders over a joint's angle at which what is left of their torques differs.
+"""Ripples that differ between the sides: orders over a joint's angle at which the torque residuals differ.
 
-Orders, and two ways of acting, are those of ``identification.ripples.scan``.
+Orders, and the two ways in which a ripple may act, are those of ``identification.ripples.scan``.
 """
 
 from __future__ import annotations

@@ -161,9 +161,10 @@ def _conditional(fit: JointRegression, every: Sequence[Hypothesis], chosen: Sequ
 
 
 def _is_possible(fit: JointRegression, one: Tested) -> bool:
-    """Whether neither side has less than nothing of an elastic gear or a gap, and of a spring the stiffness changed.
+    """Whether a change is physically admissible.
 
-    The constant torque that a spring may have is, alone, an asymmetry of friction.
+    Elasticity or gap of a gear must not be negative on either side. Of a spring at a joint the stiffness must have
+    changed: its constant torque alone is a friction asymmetry.
     """
     added = one.hypothesis.added
     if added is None or added.wave or added.placed or added.timed:

@@ -226,9 +226,9 @@ def _estimate(fit: JointRegression, one: _Shape, sums: Array, shown: Array, whit
 
 
 def _effective(shown: Array, after: NDArray[np.bool_], gains: Array) -> float:
-    """Degrees of freedom of Welch and Satterthwaite by the information (b, k) of blocks, a mean by ``gains`` (k,).
+    """Degrees of freedom (Welch, Satterthwaite) by the information (b, k) of blocks; mean weighted by ``gains`` (k,).
 
-    Of a side, n = (sum u)^2 / sum u^2 blocks count, and its variance is 1 / sum u.
+    A side counts as n = (sum u)^2 / sum u^2 blocks, with variance 1 / sum u.
     """
     sides = [shown[after], shown[~after]]
     variance = [1.0 / np.maximum(u.sum(axis=0), 1e-300) for u in sides]

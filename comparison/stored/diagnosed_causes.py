@@ -64,9 +64,9 @@ def align(
 def entries_of(
     paths: Sequence[Path], tables: Sequence[Mapping[str, Any]]
 ) -> tuple[list[Quantity], list[dict[str, Entry]], list[str]]:
-    """Quantities of all causes, the entries of each diagnosis by name, and why some diagnosis has none ("": all have).
+    """Quantities of all causes, the entries of each diagnosis by name, and why a diagnosis has none ("": it has).
 
-    A cause that a diagnosis does not name counts as zero there, where that means absence.
+    A cause that a diagnosis does not name counts as zero there, if its absence means zero.
     """
     causes = [causes_of(path, table) for path, table in zip(paths, tables)]
     quantities: list[Quantity] = []

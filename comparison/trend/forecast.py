@@ -56,9 +56,9 @@ class Reach:
 
 
 def trend_row(one: Moved, day: float) -> Array:
-    """(m, p) how the fitted value at any day follows from the coefficients, with each of m combinations of onsets.
+    """(m, p) the row that maps the coefficients to the fitted value on ``day``, for each of m combinations of onsets.
 
-    Steps count from the result they begin with; -inf: the value before anything moved.
+    A step counts from the result at which it begins; -inf gives the value before any change.
     """
     columns = [np.ones(len(one.onsets.weights))]
     for k, term in enumerate(one.fit.terms):
@@ -105,9 +105,9 @@ def reach(one: Moved, limit: Limit) -> Reach:
 
 
 def _between(one: Moved, bound: float, towards: float, day: float) -> tuple[float, float | None]:
-    """First and last day at which it is open, with 95 %, whether the limit is reached.
+    """First and last day between which, at 95 %, it is undecided whether the limit is reached.
 
-    With one onset this is Fieller's interval; chances of several onsets are averaged.
+    With one onset this is Fieller's interval; with several, their probabilities are averaged.
     """
     degrees = max(min(one.freedom, 1e6), 1.0)
 

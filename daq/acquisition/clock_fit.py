@@ -121,9 +121,9 @@ def _hats(at: NDArray[np.float64], knots: NDArray[np.float64]) -> NDArray[np.flo
 
 
 class ArrivalClock:
-    """Times of triggers from stamps of their arrival, which come a block at a time.
+    """Times of triggers, estimated from the times at which their rows arrived, block by block.
 
-    Never earlier than the trigger, often later.
+    An arrival is never earlier than its trigger and often later.
 
     Follows the earliest arrivals on an even grid, and creeps later by at most CREEP, so that a slow trigger is followed
     too.

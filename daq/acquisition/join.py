@@ -229,9 +229,9 @@ class Join:
         return np.concatenate([table["host"], self.clock.ready["host"][later:]])
 
     def _without_empty(self, rows: Joined) -> Joined | None:
-        """A row without a single value is none.
+        """The rows that have at least one value; the others are noted as lost.
 
-        Every device that is asked was gone (those that latch make no row then).
+        A row is empty where every polled device was disconnected. (Devices that latch make no row then.)
         """
         empty = ((rows.quality & MISSING) != 0).all(axis=1)
         if not (self.columns.counters or self.columns.inputs) or not empty.any():
@@ -280,7 +280,7 @@ def _find(stream: Stream, index: NDArray[np.int64]) -> tuple[NDArray[np.int64], 
 def nearest(rows: NDArray[np.int64], triggers: NDArray[np.int64], served: int = -1) -> tuple[NDArray[np.int64], Bools]:
     """(triggers,) place of the row nearest in time to each trigger (host ns), and whether it is that row's nearest.
 
-    Both increase.
+    ``rows`` and ``triggers`` must both increase.
 
     served  rows up to this time have served an earlier trigger already
     """

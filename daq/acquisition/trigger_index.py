@@ -84,9 +84,9 @@ class Indexer:
         return np.concatenate([index for index, _ in parts]), np.concatenate([keep for _, keep in parts])
 
     def _carries(self) -> int:
-        """For how many rows the period is known well enough.
+        """Number of further rows over which the period is known precisely enough.
 
-        One that was taken from n rows carries over some n more.
+        A period that was estimated from n rows is good for about n more.
         """
         return 1 << 30 if self.regular is not True else max(self._count, SETTLE)
 

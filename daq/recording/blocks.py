@@ -55,9 +55,9 @@ class LongRecording(RecordingHead):
         return next(self.blocks()).date
 
     def blocks(self) -> Iterator[Recording]:
-        """All rows in their order, a chunk at a time; ``t`` counts from the first row of all.
+        """All rows in their order, one chunk at a time; ``t`` counts from the first row of the recording.
 
-        A recording without rows is one block.
+        A recording without rows gives one empty block.
 
         May be asked again. ``gaps`` of a block are not computed.
         """
@@ -88,9 +88,9 @@ class LongRecording(RecordingHead):
 
 
 def open_long(path: str | Path, *, damaged: bool = False) -> LongRecording:
-    """Reads a recording through once, and keeps what it is apart from its rows.
+    """Reads a recording once from beginning to end, and keeps everything but its rows.
 
-    ``damaged`` and errors as ``open_recording`` has them.
+    ``damaged`` and errors: as ``open_recording``.
     """
     path = Path(path)
     contents, times = read_contents(path, _Times)
@@ -106,10 +106,7 @@ def open_long(path: str | Path, *, damaged: bool = False) -> LongRecording:
 
 
 class _Times:
-    """What is kept of the rows while they are read through.
-
-    How many, the first time, the last, and times between them.
-    """
+    """What one pass over the rows gives: their number, the first and the last time, and the intervals between them."""
 
     def __init__(self, layout: Layout) -> None:
         self._layout = layout

@@ -31,9 +31,9 @@ Columns = dict[str, NDArray]
 
 
 class RowSink(Protocol):
-    """What is done with the rows.
+    """Receives the rows of a file while it is read.
 
-    ``append`` gets those of one chunk after the other, as views that it must copy to keep.
+    ``append`` is called with one chunk after the other, as views: whoever keeps them copies them.
     """
 
     def append(self, columns: Columns) -> None: ...

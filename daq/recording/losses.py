@@ -47,9 +47,9 @@ def unreported() -> Iterator[None]:
 
 @contextmanager
 def warnings_on(stream: TextIO) -> Iterator[list[Path]]:
-    """Within it, what is missing in a recording is written to ``stream`` as it is read, once per file.
+    """While the block runs, every recording that is read and lacks rows is reported on ``stream``, once per file.
 
-    The list that it gives collects the files in which rows are missing.
+    Yields a list that collects these files.
     """
     seen: set[Path] = set()
     incomplete: list[Path] = []

@@ -1,7 +1,4 @@
-"""What is missing in a file that was not finished or is damaged.
-
-Every row handed to the recorder is found or accounted for.
-"""
+"""What is missing in an unfinished or damaged file: every row handed to the recorder is found or accounted for."""
 
 from __future__ import annotations
 
@@ -105,9 +102,9 @@ def _missing(found: FoundRows, known: tuple[Loss, ...], progress: Progress | Non
 
 
 def _without(gap: tuple[int, int], known: tuple[Loss, ...], nearest: int) -> list[tuple[int, int]]:
-    """The half-open interval ``gap`` without known losses.
+    """The half-open interval ``gap`` less the known losses.
 
-    Losses are sorted by number; those before ``nearest`` end before the gap.
+    ``known`` is sorted by trigger number; the losses before index ``nearest`` end before the gap.
     """
     rest, (start, stop) = [], gap
     for loss in known[nearest:]:

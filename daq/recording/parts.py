@@ -1,7 +1,4 @@
-"""The parts of a recording's file, in the order in which they are written.
-
-Head and attachments, chunks of rows, ledger.
-"""
+"""The parts of a recording's file, in the order in which they are written: head, attachments, chunks, ledger."""
 
 from __future__ import annotations
 
@@ -29,7 +26,7 @@ from daq.recording.messages.viewers import UNKNOWN_POSE, held, places_in, viewer
 class Attachments:
     """What a recording carries so that everything in it can be recomputed.
 
-    Texts as they stand in the files; None: there is none.
+    Texts are stored unchanged; None: there is none.
 
     rig, model, experiment  TOML texts
     calibration             as ``daq.rig.calibration`` puts it (with its content hash)

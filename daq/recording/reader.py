@@ -33,10 +33,7 @@ PAUSE = 10.0
 
 @dataclass(frozen=True)
 class Gap:
-    """Between rows ``row`` and ``row + 1`` (from 0) ``triggers`` rows are known to be missing.
-
-    ``seconds`` lie between them.
-    """
+    """A gap of ``seconds`` between rows ``row`` and ``row + 1`` (from 0), in which ``triggers`` rows are missing."""
 
     row: int
     triggers: int
@@ -134,9 +131,9 @@ class Recording(RecordingHead):
         return to_xarray(self)
 
     def flagged(self, signal: Literal["q", "i", "points"]) -> dict[str, NDArray[np.bool_]]:
-        """Rows that the instruments flagged.
+        """Rows that the instruments flagged, by the name of the flag.
 
-        Name of a ``drivers.protocols.Quality`` in small letters -> rows (n, J), points (n, 1).
+        The name is that of a ``drivers.protocols.Quality`` in lower case; the rows are a mask (n, J), of points (n, 1).
 
         Only flags that occur; none in a recording without devices.
         """
@@ -204,7 +201,7 @@ def time_of(layout: Layout, columns: Columns, origin: NDArray) -> Array:
 
 
 def rows_of(head: RecordingHead, columns: Columns, t: Array, *, gaps: list[Gap], averaged: int = 1) -> Recording:
-    """The rows of some columns of a file at times ``t`` as a recording.
+    """A recording from some columns of a file, with rows at times ``t``.
 
     Tracker points stay in the frame of the file.
     """

@@ -39,9 +39,10 @@ def rows_layout(
     effort: Sequence[float] = (),
     extra: Sequence[str] = (),
 ) -> Layout:
-    """The layout of a recording of ``Rows``: names of joints, counters and inputs.
+    """The layout of a recording of ``Rows``.
 
-    Whether there are points and demands.
+    joints, counters, inputs  names
+    tracker, demand           whether the rows have points, and reference positions
 
     effort  (J,) joint torque per motor ampere, N m/A (N/A), where it is known: fills the effort in /joint_states
     extra   names of further columns
@@ -146,7 +147,7 @@ class Recorder:
     ) -> LedgerSummary:
         """Writes what is queued, the ledger and the summary, and gives the file its name.
 
-        A second call returns the same.
+        A second call does nothing and returns the same ledger.
 
         triggers  edges that the clock made (default: rows appended plus ``losses``); losses  those before the rows were
                   made
@@ -258,9 +259,9 @@ class Recorder:
 
 
 def _columns(blocks: list[Rows], layout: Layout) -> dict[str, NDArray]:
-    """The blocks end to end, under the names that the columns have in the file.
+    """The blocks one after the other, under the names that the columns have in the file.
 
-    NaN where a block lacks qref or points.
+    A block without reference positions or points has NaN there.
     """
     names = {"points": "xyz"}
     required = {"qref": "qref" in layout.signals, "points": bool(layout.points)}

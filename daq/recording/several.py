@@ -67,9 +67,9 @@ def open_recordings(
 
 
 def extent_of(path: Path) -> Extent:
-    """Of a recording, from its summary; of one without, unfinished or damaged, as many rows as its size allows for.
+    """Rows and duration of a recording, from its summary.
 
-    Nothing of no file.
+    Of an unfinished or damaged file without a summary: as many rows as its size allows. An absent file has none.
     """
     try:
         with os.fdopen(open_regular(path), "rb") as file:

@@ -79,10 +79,7 @@ def verification_table(path: Path) -> dict[str, Any]:
 
 
 class _Statistics:
-    """Of one column, or of several side by side.
-
-    Missing samples, and lowest, highest, root mean square of the others.
-    """
+    """Missing samples of one or several columns, and minimum, maximum and root mean square of the others."""
 
     def __init__(self) -> None:
         self.missing: Any = 0

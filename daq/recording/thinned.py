@@ -1,6 +1,4 @@
-"""Rows averaged as they are read, so that a recording of any length needs bounded memory.
-
-As many rows are averaged as this requires.
+"""Rows averaged while they are read, so that a recording of any length needs bounded memory.
 
 Positions and currents go through the same filter, the mean of successive rows, so that the equations between them hold
 as before: six joints sampled at 20 kHz say little about the arm that they do not say at 1 kHz once each row is the mean
@@ -23,7 +21,7 @@ LEFT_OUT = ("counts", "volts", "host_ns", "tick", "extra")
 class Thinned:
     """Columns of at most ``most_rows`` rows, each the mean of ``factor`` successive rows of the file.
 
-    The factor doubles when they are full.
+    ``factor`` doubles whenever the columns are full.
 
     Of two rows with a missing sample in one, the other's is taken. Where triggers are missing between two rows, the
     first alone is kept: a mean over a gap is no sample of either side. Quality bits are those of any row; ``number`` is

@@ -95,10 +95,7 @@ def without_position(calibration: Calibration, quality: NDArray[np.uint8]) -> ND
 
 
 def of_another_time(calibration: Calibration, quality: NDArray[np.uint8]) -> NDArray[np.bool_]:
-    """(n, J) where a joint's value was not taken at its row's time.
-
-    One repeated, one that came late, or none at all.
-    """
+    """(n, J) mask of values that were not taken at the time of their row: repeated, late or missing."""
     return _marked(calibration, quality, Quality.STALE | Quality.LATE | Quality.MISSING)
 
 

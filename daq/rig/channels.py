@@ -15,9 +15,9 @@ Place = tuple[str, int]
 
 @dataclass(frozen=True)
 class Columns:
-    """All channels of all devices that make rows, in the order of the rig file, whether a joint uses them or not.
+    """All channels of all devices that make rows, in the order of the rig file.
 
-    Raw is kept.
+    Channels that no joint uses are included: raw values are recorded completely.
 
     counters  (C) device and channel of each column of ``counts``; ``widths`` (C) bits of their registers
     inputs    (A) device and channel of each column of ``volts``

@@ -42,10 +42,7 @@ def chain_of(rig: Rig, read_chain: ChainReader | None) -> Chain | None:
 
 
 def check_plan(rig: Rig, devices: Mapping[str, Device], identities: Mapping[str, Identity], plan: Plan) -> list[str]:
-    """What the rig's devices cannot do of a plan: one sentence each, with what would be right.
-
-    Empty when all is well.
-    """
+    """What the rig's devices cannot do of a plan: one sentence each, with the remedy; empty if nothing."""
     problems = []
     for name, identity in identities.items():
         on_its_own_clock = isinstance(devices[name], PositionTracker) and plan.source != "tracker"

@@ -56,9 +56,10 @@ class SpeedCheck:
         self._position[new], self._host[new] = position[row, new], host_ns[row]
 
     def _judge(self, position: Array, usable: NDArray[np.bool_], host_ns: NDArray[np.int64], wait: int) -> str | None:
-        """Of the last usable value of each joint.
+        """Judges the last usable value of each joint; a sentence for a joint above its limit, else None.
 
-        Values of unknown time ``wait`` ns, and count only where the joint has moved.
+        ``wait`` > 0 is for values whose time is not known: they are judged only ``wait`` ns after the last judged
+        value, and only if the joint has moved.
         """
         last = len(usable) - 1 - np.argmax(usable[::-1], axis=0)
         now = position[last, np.arange(len(last))]

@@ -79,9 +79,9 @@ def call_for_bytes(
 
 @contextmanager
 def claim(session: zenoh.Session, keys: Keys) -> Iterator[str]:
-    """A name for this client, for ``arm``'s argument ``client``.
+    """A name for this client, to be given to ``arm`` as the argument ``client``.
 
-    What it armed is disarmed when the block or the process ends.
+    A rig that this client has armed is disarmed when the block or the process ends.
     """
     name = uuid.uuid4().hex
     token = session.liveliness().declare_token(keys.client(name))

@@ -1,6 +1,6 @@
-"""One process a rig: a lock file by the rig's name, held by a lock on the file.
+"""One process per rig: a lock file with the rig's name, held by a lock of the operating system.
 
-It is free again however its holder ends.
+The lock is released however its holder ends.
 """
 
 from __future__ import annotations

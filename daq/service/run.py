@@ -1,4 +1,4 @@
-"""One recording: sampler -> recorder and publisher, with what it was, how it ended, and what was lost.
+"""One recording: rows from the sampler go to the recorder and the publisher; the result says how it ended.
 
 Used by the daemon and by an embedded ``record`` alike.
 """
@@ -88,7 +88,7 @@ class Run:
             raise
 
     def take(self, done: Callable[[], None] = lambda: None) -> Table:
-        """Takes all rows to file and subscribers until the run has ended, and finishes the file.
+        """Passes all rows to file and subscribers until the run has ended, and finishes the file.
 
         ``done`` is called then.
         """
@@ -201,7 +201,7 @@ class Run:
 
 
 def _torque_per_ampere(model: str | None, joints: list[JointTable]) -> list[float]:
-    """N m/A (N/A) of each joint, |gear| x torque constant, as the model file has it; [] unless it has all of them.
+    """(J,) N m/A (N/A) abs(gear) x torque constant, from the model file; [] unless all joints have one.
 
     1 where the rig measures torques.
     """

@@ -101,10 +101,7 @@ class Service:
         self._watchdog.ready(f"rig {self.rig.name}: idle")
 
     def close(self) -> None:
-        """Ends a run with its file finished, makes the rig safe and gives everything back.
-
-        May be called at any time.
-        """
+        """Ends a run and finishes its file, makes the rig safe, and releases all devices. May be called at any time."""
         self._watchdog.stopping()
         if self._lifecycle is not None:
             self.end(End.TERMINATED)

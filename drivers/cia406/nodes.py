@@ -150,7 +150,7 @@ class EncoderNodes:
             self._bus.close()
 
     def _seek(self, silent: Iterable[int], now: int) -> None:
-        """Asks nodes that give no positions for their settings, now and then, without waiting.
+        """Asks nodes that give no positions for their settings from time to time, without waiting for the answers.
 
         ``_heed_events`` takes the answers.
         """
@@ -184,9 +184,9 @@ class EncoderNodes:
         return booted
 
     def _reopen(self) -> None:
-        """The bus, and every node, once more.
+        """Opens the bus and every node again.
 
-        One whose settings are not ours any more has restarted, whether it was heard to or not.
+        A node whose settings differ from those written has restarted, even if its boot-up message was not received.
         """
         if not self._bus.is_open:
             self._bus.reopen()

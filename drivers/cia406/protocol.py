@@ -1,7 +1,4 @@
-"""CANopen encoders (CiA 301, CiA 406 v3.1), sans-IO.
-
-Identifiers, objects, and which position frame belongs to which SYNC.
-"""
+"""CANopen encoders (CiA 301, CiA 406 v3.1), sans-IO: identifiers, objects, and the matching of positions to SYNCs."""
 
 from __future__ import annotations
 
@@ -51,9 +48,7 @@ class Node:
 
 
 class Rounds:
-    """One SYNC, one position from every node.
-
-    A frame that is late for its SYNC must not pass for the answer to the next one.
+    """One SYNC, one position from every node: a late frame must not count as the answer to the next SYNC.
 
     A lost answer and a late one look the same until no answer can be under way any more. So no SYNC goes out while a
     node owes one, for ``latest`` s at most: what comes in that time pays the debt, and what comes after the next SYNC

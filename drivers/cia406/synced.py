@@ -130,10 +130,7 @@ class SyncedEncoders(EncoderNodes):
         self._edges.append(Block(number, host, tick, np.zeros((len(host), 0), np.uint8)))
 
     def _numbers(self, host: np.ndarray) -> np.ndarray:
-        """Numbers of the SYNCs that came at ``host`` (n,) ns.
-
-        Counted, except for those that cannot have been received.
-        """
+        """Numbers of the SYNCs that came at ``host`` (n,) ns: counted, without those that cannot have been received."""
         assert self._plan is not None
         number, at = self._last
         if number < 0:

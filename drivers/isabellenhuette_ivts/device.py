@@ -30,7 +30,7 @@ Identifier = Annotated[int, Field(ge=0, le=0x7FF)]
 class Sensor(Table):
     """CAN identifiers of one sensor.
 
-    Several on one bus need different ones (command 1Fh and its neighbours set them).
+    Sensors that share a bus need different ones (commands 1Fh and following set them).
     """
 
     command: Identifier = ivt.COMMAND_ID
@@ -106,10 +106,7 @@ class IvtSensors:
         return ivt.serial_number(serial), ivt.version(version), ivt.rated_current(device) if device else 0
 
     def _command(self, k: int, command: bytes, *, wanted: bool = True) -> bytes:
-        """Sends, waits for the reply, pauses; tries again twice, for a command may be given any number of times.
-
-        OSError where no reply comes (b'' with ``wanted`` False).
-        """
+        """Sends a command, waits for the reply, pauses; tries twice more, since every command may be repeated."""
         sensor, replies = self.config.sensors[k], self._replies[k]
         for _ in range(TRIES):
             replies.take()
@@ -208,9 +205,9 @@ class IvtSensors:
         return one_row(now, volts=values, quality=flags)
 
     def _heed_restarts(self, now: int) -> bool:
-        """A sensor that has just started measures as delivered, every 20 ms.
+        """Sets a sensor up again that has restarted: it then has its factory settings, one value every 20 ms.
 
-        It is set up again, its value missing meanwhile. True where there was one.
+        Its values are missing meanwhile. True if there was such a sensor.
         """
         restarted = False
         for k, replies in enumerate(self._replies):

@@ -29,9 +29,9 @@ def set_outputs_low(link: T7Link, lines: Iterable[int]) -> None:
 
 
 def force_outputs_low(link: T7Link, lines: Iterable[int]) -> None:
-    """As ``set_outputs_low`` though the connection, or some of the outputs, fail: each on its own, afresh.
+    """As ``set_outputs_low``; if that fails, each output is written on its own over a new connection.
 
-    OSError where the T7 takes no connection: then its own watchdog is what is left.
+    OSError if the T7 accepts no connection; its own watchdog then remains.
     """
     writes = _outputs_low(lines)
     try:

@@ -176,9 +176,9 @@ class TrackerStream:
         self._lines.resume()
 
     def _of_this_run(self, frames: Frames) -> Frames:
-        """Without what still comes of an earlier run: frames that go on from those before arming.
+        """The frames without those that still arrive from an earlier run: their numbers continue from before arming.
 
-        A start begins at 1 again.
+        The numbers of a new run begin at 1.
         """
         if self._sending is None or not len(frames):
             return frames

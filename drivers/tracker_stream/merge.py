@@ -23,7 +23,7 @@ RESOLVABLE = 3.0  # jitter, at least so many times the remaining jitter at the b
 class Alignment:
     """frame (n,) int64: index into the frames for each edge, -1 for a spike (or an edge beyond the file).
 
-    ``certain`` False where another place fits as well; ``why`` a sentence.
+    ``certain`` is False if another alignment fits as well; ``why`` is a sentence.
     """
 
     frame: NDArray[np.int64]
@@ -66,9 +66,9 @@ def align(edges: NDArray[np.float64], number: NDArray[np.int64], seconds: NDArra
 
 
 def _grid(edges: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.bool_]]:
-    """Place of each edge on the grid of the tracker's period (from 0).
+    """Place of each edge on the grid of the tracker's period (from 0), and two more arrays.
 
-    How far off it lies (s), and which are edges at all.
+    These are the distance of each edge from its place (s), and whether it is an edge of the tracker (not interference).
     """
     period = float(np.median(np.diff(edges)))
     origin = _phase(edges[:HEAD], period)

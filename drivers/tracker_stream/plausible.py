@@ -29,7 +29,7 @@ class Numbering:
     def sift(self, frames: Frames, now: int) -> NDArray[np.bool_]:
         """(n,) True for frames that are new and plausible, as read at host ns ``now``.
 
-        A frame with an older number was overtaken, or came twice: no new one, and not refused.
+        A frame with an older number was overtaken or came twice: it is dropped, but not counted as implausible.
         """
         kept = np.zeros(len(frames), bool)
         ahead = self._rate * FASTER * ((now - self._now) * 1e-9 + SLACK)

@@ -18,9 +18,9 @@ _LONGEST = 200  # characters of a line
 
 @dataclass(frozen=True)
 class Frames:
-    """n frames: number (n,) int64 from 1; seconds (n,).
+    """n frames: number (n,) int64 from 1; seconds (n,); points (n, 3) in the stream's unit.
 
-    Points (n, 3) in the stream's unit, NaN where the beam was broken.
+    Points are NaN while the beam is broken.
     """
 
     number: NDArray[np.int64]
@@ -40,10 +40,7 @@ class Lines:
         self.refused = 0
 
     def resume(self) -> None:
-        """The line was cut and is back, maybe in the middle of a line.
-
-        What comes before the next line's end is no line.
-        """
+        """Starts again after the connection was lost, possibly in the middle of a line: skips to the next line end."""
         self._rest, self._amid = b"", True
 
     def feed(self, data: bytes) -> Frames:
@@ -66,9 +63,9 @@ class Lines:
 
 
 def parse_line(line: bytes) -> tuple[float, float, float, float, float] | None:
-    """One line, or None: five fields; a frame number from 1 on; a finite time >= 0.
+    """The five fields of a line, or None.
 
-    Three finite numbers or three blanks.
+    They are a frame number from 1, a finite time >= 0, and three finite numbers or three blanks.
     """
     fields = line.strip().split(b",")
     if len(fields) != 5 or len(line) > _LONGEST or not fields[0].isdigit() or not 1 <= int(fields[0]) < 1 << 53:

@@ -176,9 +176,9 @@ class Qsb:
         return self._row((now + after) // 2, count, Quality.LATE if after - now > SLOW else Quality.GOOD)
 
     def _newest(self, now: int) -> Block:
-        """The newest count that has come.
+        """The newest count that has arrived.
 
-        STALE where that is older than the stream's own pace makes it, or of no known age.
+        It is STALE if it is older than the interval of the stream, or if its age is unknown.
         """
         data = piece = self._port.read()
         while len(piece) > BACKLOG:

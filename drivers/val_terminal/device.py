@@ -213,9 +213,9 @@ class ValTerminal:
         return degrees
 
     def _command(self, command: str, timeout: float | None = None) -> val.Done:
-        """Types a command and waits until it is done; OSError where it is not, or is refused.
+        """Types a command and waits until it is done; OSError if it is refused or does not end in time.
 
-        An echo that does not come in time is asked for again, once.
+        If the echo does not come in time, the command is typed once more.
         """
         timeout = timeout or self.config.answer_timeout
         self._heed()

@@ -144,9 +144,9 @@ class Session:
 
 
 def where(lines: tuple[str, ...]) -> list[float] | None:
-    """Joint angles (deg) from the answer to WHERE: a heading with JT1 ...
+    """Joint angles (deg) from the answer to WHERE: a heading JT1 ... JT6, the position of the hand, the joint angles.
 
-    JT6, the hand's place, the joints. None where they are not, or no angles.
+    None if the lines are not such an answer.
     """
     headings = [k for k, line in enumerate(lines) if "JT1" in line.upper()]
     if not headings:

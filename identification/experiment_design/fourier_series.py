@@ -17,9 +17,9 @@ from identification.experiment_design.limits import Limits
 
 @dataclass(frozen=True)
 class Series:
-    """The finite Fourier series of every joint.
+    """The finite Fourier series of every joint: duration s, fundamental Hz, number of harmonics.
 
-    Duration s (preferably whole periods of the fundamental), fundamental Hz, harmonics.
+    The duration is preferably a whole number of periods of the fundamental.
     """
 
     duration: float = 20.0

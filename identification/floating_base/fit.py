@@ -23,9 +23,9 @@ MOST_STEPS, SETTLED = 8, 1e-4
 
 
 def fitted(rows: Rows, start: Array, free: Sequence[int], scale: Array) -> Array:
-    """(p,) ``start`` with the parameters ``free`` (numbers of columns) fitted; unexcited directions stay there.
+    """(p,) ``start`` with the parameters ``free`` (column numbers) fitted; unexcited directions stay at the start.
 
-    Dead zones enter by Gauss and Newton, everything else at once.
+    Dead zones need several Gauss-Newton steps, all other parameters one.
     """
     values, free = start.copy(), list(free)
     zones = [k for k in free if rows.names[k].endswith(".dead_zone")]

@@ -1,4 +1,1 @@
-"""Kinematic identification from an external tracker.
-
-Models, circle points, least squares, poses, corrected kinematics.
-"""
+"""Kinematic identification from an external tracker: models, circle points, least squares, poses, correction."""

@@ -35,7 +35,7 @@ DIRECTIONS = ("coulomb_positive", "coulomb_negative")
 
 @dataclass(frozen=True)
 class Tuning:
-    """Names and values (p,) at the joint side with their uncertainty, and the arm with them.
+    """The tuned friction: names and values (p,) at the joint side with their uncertainty, and the arm with them.
 
     Also the relative torque error of the closed-loop simulation before and after.
     """

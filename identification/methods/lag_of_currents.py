@@ -85,9 +85,9 @@ def in_doubt(problem: Problem, lag: Lag) -> Problem:
 
 
 def lag_shown(found: Solution) -> tuple[float, float] | None:
-    """Lag of the currents and its std, s, that the fitted rows show at several joints alike; None: they show none.
+    """Lag of the currents and its std, s, that several joints show alike in the fitted rows, or None.
 
-    Not looked for in a model that has one, and of an arm with one joint.
+    It is not searched for in a model that already has a lag, nor for an arm with one joint.
     """
     problem = found.problem
     if any(CATALOGUE[term.name].delay is not None for term in problem.arm.effects) or len(problem.arm) < 2:

@@ -77,9 +77,9 @@ class _Tried:
 
 
 def with_load_and_temperature(found: Solution, method: Method, progress: Progress) -> tuple[Solution, list[Dependence]]:
-    """The fit with friction over load and temperature where it is justified.
+    """The fit with friction over load and temperature, where held-out rows justify it.
 
-    What the model has of such effects is kept, and fitted.
+    Effects of this kind that the model already has are kept and fitted.
     """
     progress("friction over load and temperature")
     near = fitted_arm(found)

@@ -1,6 +1,8 @@
-"""One motor, one link: inertia, viscous friction, gravity and direction-dependent Coulomb friction.
+"""Identification of one joint that moves alone: inertia, viscous and direction-dependent Coulomb friction, gravity.
 
-From the motion of one joint:
+The equation of the one joint is
+
+    tau = I q'' + B q' + g1 cos q + g2 sin q + f1 [q' > 0] - f2 [q' < 0],     tau = abs(gear) k i
 
     tau = I q'' + B q' + g1 cos q + g2 sin q + f1 [q' > 0] - f2 [q' < 0],     tau = abs(gear) k i
 
@@ -167,9 +169,9 @@ def _window(x: Array, step: int) -> Array:
 
 
 def _filtered(x: Array, dt: float, bandwidth: float) -> tuple[Array, Array, Array]:
-    """x and its first two derivatives behind C(s), exact for a signal that is linear between rows.
+    """x and its first two derivatives after C(s), exact for a signal that is linear between rows.
 
-    The signal rests before the first row.
+    The signal is taken to be at rest before the first row.
     """
     pole = 2 * np.pi * bandwidth
     a = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [-(pole**3), -3 * pole**2, -3 * pole]])

@@ -1,6 +1,6 @@
-"""Link after link, from the tip inwards, the others blocked.
+"""Sequential identification: one link after the other, from the tip inwards, while the other joints are blocked.
 
-Each step's result is used by the next (thesis, section 5.4).
+Each step uses the results of the steps before (thesis, section 5.4).
 
 While one joint moves alone, its equation shows few combinations of parameters, and with those of the outer links known
 already, fewer still: each step is a small, well-conditioned fit. What a step finds is held by all later ones;
@@ -84,9 +84,9 @@ class Known:
 
 
 def next_step(known: Known, columns: Array, rows: Equations) -> tuple[Known, float]:
-    """With what ``rows`` show of the open directions, ``columns`` (rows, b) being those of the parameters.
+    """``known`` after a step: ``rows`` determine open directions; ``columns`` (rows, b) are those of the parameters.
 
-    Also the condition number of the step; NaN where it shows none.
+    Also returns the condition number of the step; NaN if it shows no direction.
 
     The step fits what the values so far leave of the torque, and so takes their errors e for parameters of its own:
     of columns W and directions S that it shows its estimate moves by -(W S)^+ W e, and e becomes (1 - S (W S)^+ W) e.

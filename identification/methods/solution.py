@@ -120,9 +120,9 @@ def friction_sizes(problem: Problem, fit: Fit) -> Array:
 
 
 def _towards(problem: Problem, now: Array, wanted: Array, fit: Fit) -> Array:
-    """As far from the parameters ``now`` (p,) towards ``wanted`` as the arm shows the torques better.
+    """The point between parameters ``now`` (p,) and ``wanted`` up to which the fit to the torques improves.
 
-    A line search by halves.
+    Found by a line search that halves the step.
 
     Both are consistent arms, and so is all that lies between.
     """

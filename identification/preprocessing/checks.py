@@ -95,9 +95,9 @@ def check_motion(where: object, motion: Motion) -> None:
 
 
 def check_signs(where: Sequence[object], dissipated: Array, std: Array) -> None:
-    """InputError where the friction fitted to a joint would drive it.
+    """InputError if the friction that was fitted to a joint would drive it.
 
-    Mean friction power (J,) W with its standard deviation (J,).
+    dissipated, std (J,) W: mean power of the friction, and its standard deviation.
     """
     for j in np.flatnonzero(dissipated < -5 * np.maximum(std, 1e-12)):
         raise InputError(

@@ -19,9 +19,9 @@ ROUNDED = 1.01
 
 
 def check_mechanism(recording: Recording, arm: Arm) -> None:
-    """InputError where a recording was made with the model of another mechanism, or with other drives, than ``arm``.
+    """InputError if a recording was made with the model of another mechanism, or with other drives, than ``arm``.
 
-    Lengths may differ by what a calibration finds, and no more.
+    Lengths may differ by as much as a calibration finds.
     """
     _check_units(recording, arm)
     carried = _carried(recording)

@@ -24,9 +24,9 @@ SLIPPED = {"quadrature_error": "counts may have slipped", "device_reset": "its c
 
 @dataclass(frozen=True)
 class Trusted:
-    """q (n, J), i (n, J) with NaN where the instrument had no value.
+    """The usable samples of a recording: q (n, J), i (n, J), NaN where the instrument had no value.
 
-    Saturated (n, J): currents at the end of their range.
+    saturated (n, J): currents at the end of the instrument's range.
 
     sentences  one per channel and flag
     counted    channel ('q2', 'i1') -> flag -> rows

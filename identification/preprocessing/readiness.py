@@ -1,6 +1,6 @@
-"""Is a recording fit to be identified? Travel, speed, rows that count and why others do not.
+"""Whether a recording is fit for identification: travel, speed, usable rows and why others are not.
 
-Lag of the current, limits that were reached.
+Also the lag of the currents, and limits that were reached.
 
 What makes a recording unusable is refused (``identification.preprocessing.checks``); what weakens it is said here, run
 by run and joint by joint, before any parameter is believed; how well the runs together excite the arm's parameters is
@@ -56,9 +56,9 @@ class JointReadiness:
 
 @dataclass(frozen=True)
 class RunReadiness:
-    """One recording: rows on the even grid of ``period`` s.
+    """One recording, resampled to rows ``period`` s apart: rows that its instruments flagged, and its joints.
 
-    Rows flagged by its instruments (channel -> flag -> rows), and its joints.
+    The flagged rows are counted as channel -> flag -> rows.
     """
 
     run: str
@@ -233,10 +233,7 @@ def lag_of_torque(motion: Motion, j: int) -> float | None:
 
 
 def _at_all_shifts(values: Array, column: Array) -> Array:
-    """(s + 1,) inner products of ``column`` (n,) with ``values`` (n + s,), at every shift.
-
-    Computed block by block.
-    """
+    """(s + 1,) inner products of ``column`` (n,) with ``values`` (n + s,) at every shift 0 .. s, computed in blocks."""
     shifts = len(values) - len(column)
     total = np.zeros(shifts + 1)
     for first in range(0, len(column), BLOCK):

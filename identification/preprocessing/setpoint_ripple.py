@@ -69,9 +69,9 @@ def folding_line(setpoints: Setpoints, rate: float) -> int:
 
 
 def _as_one(setpoints: Setpoints, rate: float) -> bool:
-    """Whether rows at ``rate`` Hz come no more often than setpoints, as where recorder and controller run as one.
+    """Whether rows at ``rate`` Hz are no more frequent than setpoints, as when recorder and controller are one program.
 
-    Also where no setpoints are known.
+    True also if no setpoints are known.
     """
     return setpoints.period * rate < 1.0 + BEAT * setpoints.period
 
@@ -158,9 +158,9 @@ def _pushing(
 
 
 def _ahead(acceleration: Array, grid: Array, t: Array, ripple: Array, frequency: Array) -> Array:
-    """(m,): ``acceleration`` (m,) on the ``grid`` (m,) s, moved ahead by the one of LEADS that explains most ripple.
+    """(m,) ``acceleration`` (m,) on the ``grid`` (m,) s, moved ahead by that one of LEADS which explains most ripple.
 
-    ripple (n,) N m (N) at t (n,) s; frequency (k,) Hz of the lines that are seen.
+    ripple (n,) N m (N) at t (n,) s; frequency (k,) Hz of the lines that are visible.
     """
     here = np.isfinite(ripple)
     angle = 2 * np.pi * t[here, None] * frequency
@@ -177,9 +177,9 @@ def _ahead(acceleration: Array, grid: Array, t: Array, ripple: Array, frequency:
 def lines_beside_zero(
     t: Array, q: Array, torque: Array, setpoints: Setpoints, demands: Array | None = None
 ) -> list[tuple[float, Array]]:
-    """Hz, and (n, J) N m (N) one std of the amplitude, of lines that sampling puts near 0 Hz, but not onto it.
+    """Frequency Hz, and amplitude std (n, J) N m (N), of lines that sampling aliases to near 0 Hz, but not onto it.
 
-    The largest MOST_BESIDE, largest first; arguments as of ``folded_along``.
+    The MOST_BESIDE largest ones, largest first; arguments as of ``folded_along``.
     """
     rate = (len(t) - 1) / float(t[-1] - t[0])
     of_frequency = _near_zero(setpoints, rate)

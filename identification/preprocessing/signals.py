@@ -118,9 +118,9 @@ def smooth_motion(
 
 
 def parallel_filter(motion: Motion, columns: Array) -> Array:
-    """``columns`` (m, ...) through the parallel low-pass, decimated to 2.5 rows per period of the cut-off frequency.
+    """``columns`` (m, ...) low-pass filtered, with 2.5 / ``sparing`` rows left per period of the cut-off frequency.
 
-    Over ``sparing``.
+    This is the parallel filter: both sides of the equations of motion pass through it.
 
     A finite symmetric impulse response (zero phase), so that row k rests on rows k step .. k step + window - 1 alone.
     """
@@ -161,9 +161,9 @@ def parallel_window(motion: Motion) -> tuple[int, int]:
 
 
 def parallel_rows(motion: Motion) -> tuple[Array, Mask]:
-    """Stamps (k,) s of the rows of ``parallel_filter`` and which of them rest on usable rows alone (k, J).
+    """Times (k,) s of the rows of ``parallel_filter``, and which of them (k, J) rest on usable rows alone.
 
-    Each is trusted where at least 98 % of the filter's weight is.
+    A row counts as such if at least 98 % of its filter weight is on usable rows.
     """
     taps, step = _parallel(motion)
     weight = np.abs(taps) / np.abs(taps).sum()
@@ -183,18 +183,12 @@ def equation_rows(motion: Motion) -> tuple[Array, Mask]:
 
 
 def sliding_rows(motion: Motion) -> Mask:
-    """(k, J) of the rows of ``parallel_filter``, those that rest on certain samples alone.
-
-    No reversal, and no standstill, is near.
-    """
+    """(k, J) rows of ``parallel_filter`` that rest on certain samples alone: no reversal or standstill is near."""
     return parallel_rows(replace(motion, usable=motion.certain))[1]
 
 
 def equation_weight(motion: Motion) -> Array:
-    """(m, J) by which both sides of the equations are multiplied before the parallel filter.
-
-    0 where they do not hold.
-    """
+    """(m, J) factor of both sides of the equations before the parallel filter: 0 where the equations do not hold."""
     return np.ones(motion.usable.shape) if motion.for_judging else motion.certain.astype(float)
 
 

@@ -111,9 +111,9 @@ def _top_of_speed(f: Array, moved: Array) -> float:
 
 
 def _valley(f: Array, share: Array, above: float) -> float:
-    """The frequency of least power ``above`` Hz, beyond the motion's own.
+    """The frequency of least power ``above`` Hz, beyond that of the motion itself.
 
-    Minimum of the joints' mean log spectrum, smoothed over a third of an octave.
+    It is the minimum of the joints' mean log spectrum, smoothed over a third of an octave.
     """
     level = np.mean(np.log(np.maximum(share[1:], 1e-300)), axis=1)
     octave = np.log2(f[1:])

@@ -32,9 +32,7 @@ SIZE = 0.1
 
 @dataclass(frozen=True)
 class BaseParameters:
-    """b base parameters beta = grouping @ delta of p standard parameters delta.
-
-    Y delta = Y[:, kept] beta for every Y.
+    """b base parameters beta = grouping @ delta of p standard parameters delta: Y delta = Y[:, kept] beta for every Y.
 
     names (p,); kept (b,) indices of the columns that stand for a group; grouping (b, p) has the identity in the kept
     columns.
@@ -119,9 +117,9 @@ def _first_independent(columns: Array, negligible: float) -> NDArray[np.intp]:
 
 @cache
 def reading_order(names: tuple[str, ...]) -> list[int]:
-    """Drives first, then links from the tip inwards.
+    """Columns in the order in which parameters are listed and kept: drives first, then links from the tip inwards.
 
-    What is commonly summed into the next link inwards last: iyy, mz, mass; then effects.
+    Those that are usually grouped into the next link inwards come last: iyy, mz, mass; then effects.
     """
     last = {"iyy": 1, "mz": 2, "mass": 3}
     within = {"mx": 0, "my": 1, "izz": 2, "ixx": 3}

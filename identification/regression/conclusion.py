@@ -1,7 +1,4 @@
-"""From a fit to what a person reads.
-
-Checks, predictions, named parameters with their uncertainty, an arm that could exist.
-"""
+"""From a fit to a result: checks, predictions, named parameters with uncertainty, a physically consistent arm."""
 
 from __future__ import annotations
 
@@ -155,7 +152,7 @@ def conclude(
 ) -> Identification:
     """The result of a fit: predictions, named parameters, a consistent arm.
 
-    ``solve`` refits part of the rows for the split.
+    ``solve`` refits a part of the rows, for the error of the split by time.
     """
     _check_friction(problem, best, uncertainty)
     warnings = list(problem.warnings)
@@ -301,9 +298,9 @@ def _accounted_for(
 
 
 def _noise(problem: Problem, arm: Arm, band: Band) -> Array:
-    """(J,) rms error of an arm's torque on the sliding rows of the fitted runs through another run's filter.
+    """(J,) rms error of an arm's torque on the sliding rows of the fitted runs, through the filter of another run.
 
-    NaN for a joint without any.
+    NaN for a joint without such rows.
 
     A held-out motion that is quicker needs a wider filter, which lets in more of the noise of encoders and of the
     servos' ripple.

@@ -1,6 +1,4 @@
-"""The effects of a model in its identification.
-
-What they add to the torque that a recording shows, and the columns of their parameters.
+"""The effects of a model in its identification: their torque in a recording, and the columns of their parameters.
 
 What a recording shows is the inverse dynamics of the arm with all its effects, as its instruments measure it:
 
@@ -47,7 +45,7 @@ def name_of(term: EffectTerm, entry: str) -> str:
 def is_instantaneous(effect: Effect) -> bool:
     """Whether the recorded current follows the effect row by row.
 
-    No springs, no bristles, nothing of the tracker alone.
+    Not so springs and bristle friction, which have states, nor effects that only a tracker shows.
     """
     if effect.torque is not None:
         return effect.rate is None
@@ -70,7 +68,7 @@ def effects_held_fixed(arm: Arm) -> list[str]:
 def repeated(arm: Arm) -> list[str]:
     """Names of effects that a joint has more than once.
 
-    All but the first are held as they are, for their parameters share its names.
+    All but the first keep their values, because their parameters have the same names.
     """
     found = [f"{term.name} of joint {term.joint}" if term.joint else term.name for term in arm.effects]
     return sorted({name for name in found if found.count(name) > 1})
@@ -92,7 +90,7 @@ def definition(name: str) -> Parameter:
 def shown_torque(arm: Arm, model: Arm, q: Array, qd: Array, qdd: Array, t: Array) -> Array:
     """(N, n) N m: current that a recording of ``arm`` shows, times the drive constants of ``model``.
 
-    Motions are (N, n) at t (N,) s.
+    q, qd, qdd (N, n) at t (N,) s are the motion.
 
     ``model`` is what the readings were put right with: only where ``arm`` misreads angles otherwise are they moved
     here.
@@ -157,9 +155,9 @@ def _misread(arm: Arm, q: Array, t: Array) -> Array:
 
 
 def _where_it_is(arm: Arm, model: Arm, q: Array, qd: Array, qdd: Array, t: Array) -> tuple[Array, Array, Array]:
-    """The motion with the errors of ``arm``'s encoders instead of ``model``'s taken out.
+    """The motion after the encoder errors of ``arm``, instead of those of ``model``, are subtracted.
 
-    e(q), e' q', e' q'' + e'' q'^2.
+    The errors are e(q), e' q' and e' q'' + e'' q'^2 in position, velocity and acceleration.
     """
     if not any(CATALOGUE[term.name].angle is not None for term in arm.effects):
         return q, qd, qdd

@@ -1,6 +1,4 @@
-"""The equations of motion as rows of a linear regression.
-
-Y(q, q', q'') delta + rest = torque, for all runs of an identification.
+"""The equations of motion as rows of a linear regression: Y(q, q', q'') delta + rest = torque, for all runs.
 
 ``rest`` is what an arm with effects shows beyond its columns times its parameters
 (``identification.regression.effect_columns``); without effects it is nothing. Through the same parallel filter on both
@@ -82,9 +80,9 @@ def equations(
 def equations_of(
     arm: Arm, views: Sequence[Sequence[Motion]], friction: Friction = "symmetric", base: BaseParameters | None = None
 ) -> list[Equations]:
-    """``equations`` of several views of the same runs, which differ in the rows that they trust.
+    """``equations`` of several views of the same runs, which differ in the rows that are trusted.
 
-    The regressor is made once for all.
+    The regressor is computed once for all of them.
     """
     found = []
     parts = [_run_equations(arm, same, run, friction) for run, same in enumerate(zip(*views))]
@@ -98,9 +96,9 @@ def equations_of(
 
 
 def _systematic(rows: Equations, motions: Sequence[Motion]) -> Array | None:
-    """(rows, s) what folded ripple may have added, each joint and run for itself.
+    """(rows, s) torque that aliased setpoint ripple may have added, for each joint and run; None: nothing.
 
-    All along and as two clocks drift apart; None: nothing.
+    One column is constant along the run, others follow two clocks that drift apart.
     """
     found = []
     for run, motion in enumerate(motions):
@@ -140,9 +138,9 @@ def described_rows(arm: Arm, motions: Sequence[Motion], moved: Sequence[Motion],
 
 
 def _filtered(arm: Arm, views: Sequence[Motion], moved: Motion, friction: Friction) -> list[Array]:
-    """(k, n, p - e) ``described_columns`` of the positions of ``moved`` through the parallel filter of some views.
+    """(k, n, p - e) ``described_columns`` of the motion ``moved``, through the parallel filter of each view.
 
-    The views are of one run. A stretch at a time, to save memory.
+    All ``views`` are of one run, which is processed in stretches to save memory.
     """
     motion = views[0]
     window, step = parallel_window(motion)

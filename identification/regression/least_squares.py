@@ -29,7 +29,7 @@ BIWEIGHT = 4.685  # Tukey's tuning constant: 95 % efficient on Gaussian residual
 class Fit:
     """values (b,); weight (rows,) by which each row was multiplied; residual (rows,) = y - W values, N m or N.
 
-    Scaled (r, b): singular values of the weighted W with its columns scaled to unit norm.
+    scaled (r, b): the weighted W with its columns scaled to unit norm, as a triangle with the same singular values.
     """
 
     values: Array
@@ -137,9 +137,9 @@ def joint_triangles(columns: Array, y: Array, joint: Joints) -> Triangles:
 
 
 def weighted_by_joint(columns: Array, y: Array, joint: Joints, triangles: Triangles, kept: Joints | None = None) -> Fit:
-    """Least squares with the rows of each joint over their noise in ordinary least squares.
+    """Least squares in which each joint's rows are divided by their noise, as an ordinary least-squares fit shows it.
 
-    Both are computed from the ``triangles`` of columns and y, of the columns ``kept`` alone.
+    Both fits use the ``triangles`` of columns and y; ``kept`` selects columns.
     """
     if kept is not None:
         triangles = triangles.of(kept)
@@ -159,9 +159,9 @@ def weighted_by_joint(columns: Array, y: Array, joint: Joints, triangles: Triang
 
 
 def _solved(triangle: Array) -> tuple[Array, Array]:
-    """values (b,) from the triangle of [columns y], and that of the columns with each scaled to unit norm.
+    """values (b,) from the triangle of [columns y], and the triangle of the columns, each scaled to unit norm.
 
-    Least norm, so scaled, where a direction is in no row.
+    Of least norm in the scaled columns, where rows do not determine a direction.
     """
     count = triangle.shape[1] - 1
     r, right = triangle[:count, :count], triangle[:count, count]
@@ -177,7 +177,7 @@ def _solved(triangle: Array) -> tuple[Array, Array]:
 def joint_noise(residual: Array, joint: Joints, *, robust: bool = False, joints: int = 0) -> Array:
     """(J,) standard deviation of each joint's residual; ``robust``: from the median of its magnitude.
 
-    J is at least ``joints``; a joint without rows has 1.
+    J is at least ``joints``; a joint without rows gets 1.
     """
     noise = np.ones(max(joints, int(joint.max(initial=-1)) + 1))
     for j in np.unique(joint):

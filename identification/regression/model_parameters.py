@@ -39,7 +39,7 @@ def model_columns(
 ) -> Array:
     """(N, n, p) regressor with the columns ``column_names(arm, friction)``.
 
-    t (N,) s matters to effects that change in time.
+    t (N,) s is needed by effects that change in time.
     """
     described = described_columns(arm, q, qd, qdd, friction)
     if not arm.effects:
@@ -50,9 +50,9 @@ def model_columns(
 
 
 def described_columns(arm: Arm, q: Array, qd: Array, qdd: Array, friction: Friction) -> Array:
-    """(N, n, p - e) columns of links and drives, these with the couplings that effects of the arm make.
+    """(N, n, p - e) columns of links and drives, including couplings of drives by effects of the arm.
 
-    Of other effects a Gauss-Newton step needs nothing here: links and drives move alike.
+    All other effects move links and drives alike, so a Gauss-Newton step needs nothing of them here.
 
     With symmetric friction, the offset of a joint whose Coulomb friction the model has by direction is half of that
     difference, and goes through zero with the velocity: sign^2 instead of 1. Not so where the offset is also a weight

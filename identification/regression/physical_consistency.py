@@ -84,7 +84,7 @@ def consistent_parameters(
 ) -> Array:
     """(p,) physical standard parameters with grouping (b, p) @ them near base (b,).
 
-    Its inverse covariance is ``information`` (b, b).
+    Distances from ``base`` are weighted by ``information`` (b, b), the inverse of its covariance.
 
     ``prior`` (p,): of ``names``; links without mass or inertia get a small one, or where the data contradict that,
     begin from a body. ``friction`` (k, p): ``friction_rows``,

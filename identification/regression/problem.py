@@ -244,9 +244,9 @@ def _torque_std(rows: Equations, arm: Arm) -> Array:
 
 
 def excitation_of(problem: Problem) -> Excitation:
-    """What the fitted runs show of the arm, before anything is fitted.
+    """How well the fitted runs excite the arm's parameters, before anything is fitted.
 
-    Rows of a joint over the spread of its torque.
+    The rows of each joint are divided by the std of its torque.
     """
     base, rows = problem.base, problem.rows
     fit = weighted(rows.columns[:, problem.columns], rows.torque, 1 / _torque_std(rows, problem.arm))

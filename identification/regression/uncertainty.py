@@ -29,9 +29,9 @@ MEMORIES = 4.0  # block length in correlation times of the residual
 
 @dataclass(frozen=True)
 class FitUncertainty:
-    """covariance (b, b) from blocks of ``block`` s (``blocks`` of them).
+    """covariance (b, b) from ``blocks`` blocks of ``block`` s; std (b,): the root of its diagonal.
 
-    Std (b,) its root, never below std_formula (b,), which takes residuals for white.
+    std is never below std_formula (b,), which takes the residuals as white noise.
 
     information (b, b): inverse of the formula's covariance, divided by how much too confident the formula is on the
     whole. Unlike the blocks' own covariance, whose rank is at most their number, it can be inverted and is what a
@@ -140,9 +140,9 @@ def _unit_scale(gram: Array) -> Array:
 
 
 def block_length(rows: Equations, residual: Array) -> float:
-    """s: MEMORIES correlation times of the most persistent joint's residual.
+    """s: MEMORIES correlation times of that joint's residual which is correlated longest.
 
-    Yet at least LEAST_BLOCKS blocks in all, and at most MOST_BLOCKS.
+    Limited so that there are at least LEAST_BLOCKS and at most MOST_BLOCKS blocks.
     """
     longest, duration = 0.0, 0.0
     for run in np.unique(rows.run):
@@ -169,9 +169,9 @@ def correlation_time(t: Array, residual: Array) -> float:
 
 
 def _root(columns: Array, instruments: Array | None) -> Array:
-    """Triangle R (b, b), R^T R the inverse covariance of a fit to rows of white noise of variance 1.
+    """Triangle R (b, b) with R^T R the inverse covariance of a fit to rows of white noise of variance 1.
 
-    W^T W, or W^T Z (Z^T Z)^-1 Z^T W with instruments Z.
+    R^T R = W^T W, or W^T Z (Z^T Z)^-1 Z^T W with instruments Z.
     """
     if instruments is None:
         return triangle_of(columns)

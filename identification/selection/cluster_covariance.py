@@ -1,6 +1,6 @@
 """Covariance of least-squares coefficients whose residual is correlated within clusters of rows.
 
-Such as blocks of time, cells of a motion.
+A cluster is a block of time, or a cell of a motion.
 
 The sandwich of Liang & Zeger (Biometrika 73, 1986): with e the residual, x the columns and g a cluster,
 

@@ -30,9 +30,9 @@ def block_sums(values: Array, block: Index, blocks: int) -> Array:
 
 
 def p_value(gains: Array) -> float:
-    """Probability of a total gain at least this large if each block were as likely to lose what it gained.
+    """Probability of a total gain at least this large if every block could as well have lost what it gained.
 
-    Gains (blocks,).
+    gains (blocks,): fall of the squared residual in each block.
 
     Chernoff's bound of the sign-change distribution, min over s of exp(sum log cosh(s g_b) - s sum g_b): never too
     small, whatever the distribution of the gains, and 2^-n where all n blocks gain. Blocks with no gain and no loss
@@ -58,7 +58,7 @@ def p_value(gains: Array) -> float:
 def shift_p_value(predicted: Sequence[Array], residual: Sequence[Array]) -> float:
     """Probability that events predicted at other times gain as much.
 
-    Predicted and residual (m, n) of each recording, whitened.
+    predicted, residual (m, n): whitened, of each recording.
 
     Gains 2 x.r - x.x of the prediction turned round within each recording by a random number of rows, against the gain
     where it stands. Few events that explain much cannot show it by the sign of blocks; that they are where they should

@@ -1,6 +1,4 @@
-"""Stepwise selection: forward with a joint refit, each step followed by backward elimination.
-
-Judged on held-out data alone.
+"""Stepwise selection on held-out data: forward with a joint refit, each step followed by backward elimination.
 
 The one search of this code base. A ``MeasurementModel`` says what its candidates are, what one gains on held-out data
 conditional on those chosen already, and how a choice is refitted; which candidate enters, which leaves and when the
@@ -64,9 +62,9 @@ class MeasurementModel(Protocol[C, S]):
         ...
 
     def scores(self, state: S) -> Sequence[Score[C]]:
-        """All candidates that are not excluded, each at the nonlinear parameters that fit best.
+        """Scores of all candidates that are not excluded, conditional on those chosen.
 
-        Conditional on those chosen.
+        Each is taken at the nonlinear parameters that fit best.
         """
         ...
 

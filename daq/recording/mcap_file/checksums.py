@@ -1,6 +1,6 @@
-"""Checksums of every record of a file, in the file.
+"""Checksums of every record of a file, inside the file.
 
-An attachment that lists them, and MCAP's own of the data section and of the summary.
+An attachment lists them; MCAP's own checksums of the data section and of the summary are written as well.
 
 The last attachment is called ``checksums.crc32``. It has an entry of 13 bytes for each record before it, in their
 order, the first for the eight bytes of magic: opcode (uint8; 0: the magic), length of the whole record (uint64), CRC-32
@@ -135,7 +135,7 @@ def _without_list(data: memoryview, mentioned: int) -> Verification:
 def _find_list(data: memoryview) -> tuple[int, int]:
     """Where the attachment with the list begins and ends.
 
-    An end of 0 where no intact one is found, and 0, 0 where not even its name is.
+    The end is 0 where no intact list is found; both are 0 where not even its name is found.
     """
     name, mentioned = re.compile(re.escape(NAME.encode())), 0
     for window in range(len(data), 0, -WINDOW):

@@ -35,9 +35,9 @@ def mapped(path: Path) -> memoryview:
 
 
 def release(data: memoryview, start: int, end: int) -> int:
-    """Gives the memory of bytes ``start`` to ``end`` of a mapped file back, where that is ``WINDOW`` or more.
+    """Gives the memory of bytes ``start`` to ``end`` of a mapped file back to the system, if it is ``WINDOW`` or more.
 
-    They stay readable.
+    The bytes can still be read: the system loads them again.
 
     Returns where the bytes that are still held begin.
     """

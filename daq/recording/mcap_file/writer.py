@@ -55,10 +55,7 @@ Level 3 saves a sixth for half the speed.
 
 @dataclass(frozen=True)
 class Progress:
-    """Rows that were handed to the recorder.
-
-    How many, trigger numbers of the first and last, wall time of the last (ns).
-    """
+    """Rows handed to the recorder: how many, trigger numbers of the first and last, wall time of the last (ns)."""
 
     rows: int = 0
     first: int = 0
@@ -178,9 +175,9 @@ class McapFile:
         to_disk(self._handle)
 
     def finish(self) -> None:
-        """Checksums, summary and footer; then the file gets its name.
+        """Writes checksums, summary and footer, then gives the file its name.
 
-        After an OSError it keeps the name ``active`` and all its rows.
+        After an OSError the file keeps the name ``active`` and all its rows.
         """
         if self._progress:
             self._checksums.change(self._progress_entry, self._progress)
@@ -281,9 +278,9 @@ def create(path: str | Path, *, live: bool = False, replace: bool = False) -> Mc
 
 
 def _check_clock() -> None:
-    """DeviceFault where the host's clock shows a time that a file cannot hold.
+    """DeviceFault if the host's clock shows a time that a file cannot hold.
 
-    MCAP counts from 1970 on, ROS in 31 bits of seconds.
+    MCAP counts nanoseconds from 1970 on; ROS has 31 bits for the seconds.
     """
     now = time.time_ns()
     if not 0 <= now < 2**31 * 10**9:

@@ -77,9 +77,9 @@ class Message:
 
 
 def stamps(wall_ns: np.ndarray) -> np.ndarray:
-    """Times (n,) int64 ns as builtin_interfaces/Time, seconds in the low and nanoseconds in the high half.
+    """(n,) uint64: times (n,) int64 ns as builtin_interfaces/Time.
 
-    (n,) uint64.
+    Seconds are in the low half, nanoseconds in the high half.
     """
     seconds, nanoseconds = np.divmod(wall_ns, 1_000_000_000)
     return seconds.astype(np.uint64) & np.uint64(0xFFFFFFFF) | nanoseconds.astype(np.uint64) << np.uint64(32)

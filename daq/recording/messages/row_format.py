@@ -1,6 +1,4 @@
-"""What stands in the rows of a recording, and the bytes that a row becomes.
-
-One MCAP message record a topic, all of fixed size.
+"""What a row of a recording holds, and the bytes that it becomes: one MCAP message per topic, all of fixed size.
 
 Because every row has the same length, a chunk is an array with a structured numpy type: ``RowFormat.pack`` fills it
 column by column, ``RowFormat.unpack`` is one ``frombuffer``. The layout travels as JSON in the metadata of the first
@@ -172,9 +170,9 @@ class RowFormat:
         return list(dict.fromkeys(topic.type for topic in self.topics))
 
     def pack(self, columns: Mapping[str, NDArray], wall_ns: NDArray[np.int64]) -> bytearray:
-        """The content of a chunk: prologue, then the n rows.
+        """The content of a chunk: the prologue, then n rows.
 
-        ``columns`` has an (n, ...) array for every column of the layout.
+        ``columns`` must have an (n, ...) array for every column of the layout.
         """
         count = len(wall_ns)
         content = bytearray(self.prologue) + self.template * count

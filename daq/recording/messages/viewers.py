@@ -101,9 +101,10 @@ def frame_poses(chain: Chain, q: NDArray[np.float64], pose: NDArray[np.float64] 
 
 
 def held(poses: NDArray[np.float64], before: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(n, 7) poses (n, 7) whose NaN are the last known value, ``before`` (7,) those of the rows before.
+    """``poses`` (n, 7) with each NaN replaced by the last known value of its column.
 
-    The instruments of one pose have different rates.
+    ``before`` (7,): the last known values before the first row. The instruments that make up one pose have different
+    rates.
     """
     known = np.concatenate([before[None], poses])
     newest = np.maximum.accumulate(np.where(np.isnan(known), 0, np.arange(len(known))[:, None]), axis=0)

@@ -1,6 +1,6 @@
-"""A table as text up to its first row: its encoding, comments, and the names: which column is what, how many joints.
+"""The text of a table above its first row: encoding, comments, and names, from which columns and joints follow.
 
-Bounded before anything is made of it.
+Its size is limited before it is interpreted.
 """
 
 from __future__ import annotations
@@ -78,9 +78,9 @@ def last_line(path: str | Path) -> str:
 
 
 def names_line(lines: list[str]) -> tuple[str, int]:
-    """The line that names the columns, and how many lines stand before the first row.
+    """The line with the names of the columns, and the number of lines before the first row.
 
-    That is the first line that is no comment; where that has numbers, the last comment.
+    It is the first line that is not a comment; if that one holds numbers, the last comment.
     """
     comments = 0
     while comments < len(lines) and lines[comments].lstrip("\ufeff ").startswith(COMMENT):

@@ -116,9 +116,9 @@ class TimeColumn:
 
 
 def ask_of_speeds(path: str | Path, t: Array, q: Array) -> None:
-    """InputError, which asks for the unit of t (n,), where joints at q (n, J) rad (m) move a thousand times too slowly.
+    """InputError that asks for the unit of t (n,) if joints at q (n, J) rad (m) move a thousand times too slowly.
 
-    A logger of 2 kHz counts its ms by 0.5, which may be seconds, too.
+    A logger of 2 kHz counts milliseconds in steps of 0.5, which could be seconds as well.
     """
     whole = np.isfinite(q).all(axis=1)
     if whole.sum() < ENOUGH or (travel := np.ptp(q[whole], axis=0)).max() < FURTHEST:

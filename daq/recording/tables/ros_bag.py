@@ -130,9 +130,9 @@ class BagSource:
                 yield stamp, name, part
 
     def _first_messages(self, reader: Any) -> dict[str, Any]:
-        """Joint states and points of the first message of each topic with its most numbers; whether it is stamped.
+        """Of each topic the joint states and points of its fullest early message, and whether that is stamped.
 
-        Columns of all the messages looked at are kept: some have no efforts, or other joints.
+        The columns of all messages that were looked at are kept, since some have no efforts, or other joints.
         """
         first: dict[str, Any] = {}
         seen: set[str] = set()

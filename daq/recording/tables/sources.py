@@ -51,9 +51,9 @@ def open_source(
 
 
 def ours(names: Sequence[str]) -> bool:
-    """Whether a table has the columns of armscope under their own names, as far as they are required.
+    """Whether a table has the required columns under armscope's own names.
 
-    Columns q0, i0 say that its joints count from 0: then q1 is another joint's.
+    Columns q0 and i0 show that its joints count from 0; then q1 is the second joint, not the first.
     """
     return {"t", "q1", "i1"} <= set(names) and not any(map(FROM_ZERO.fullmatch, names))
 

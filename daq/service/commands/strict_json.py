@@ -1,6 +1,6 @@
 """JSON arguments from untrusted clients.
 
-Bounded before anything is expanded, finite numbers only, one typed error for all else.
+The size is limited before anything is expanded, numbers must be finite, and every violation is one typed error.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ _STRING = re.compile(rb'"[^"\\]*+(?:\\.[^"\\]*+)*+"?', re.DOTALL)
 
 
 def parse(payload: bytes, where: str) -> dict[str, Any]:
-    """The JSON object in ``payload``, {} for an empty one. InputError at ``where`` for everything else.
+    """The JSON object in ``payload``; {} for an empty payload. InputError at ``where`` for anything else.
 
-    Numbers must be finite, integers have at most 19 digits.
+    Numbers must be finite; integers may have at most 19 digits.
     """
     if not payload:
         return {}

@@ -1,6 +1,6 @@
-"""The folder into which a daemon records for clients of other machines, and from which they fetch.
+"""The folder in which a daemon records for clients on other machines, and from which they fetch.
 
-Plain names, nothing else.
+Clients name files in it by plain names only, without folders.
 """
 
 from __future__ import annotations

@@ -19,9 +19,7 @@ from identification.kinematics.models.product_of_exponentials import Exponential
 
 
 def circle_point_model(circles: Sequence[Circle], nominal: Chain) -> Array:
-    """Values (values,) of the chain from circle-point analysis alone.
-
-    ``nominal`` in standard D-H order, roughly in place.
+    """Values (values,) of the chain from circle-point analysis alone; ``nominal`` in standard D-H, roughly in place.
 
     Joints that were not swept keep their nominal place relative to the one before. The zero of the last swept joint,
     and its place along its own axis, follow from the target, and are only as accurate as the known place of the target
@@ -50,9 +48,9 @@ def circle_point_model(circles: Sequence[Circle], nominal: Chain) -> Array:
 
 
 def axes_at_zero(circles: Sequence[Circle], nominal: Chain) -> Exponentials:
-    """All axes and the target at joint angles zero.
+    """All axes and the target at joint angles zero: measured where there is a circle, else nominal.
 
-    Measured where there is a circle, else nominal relative to the one before.
+    A nominal axis keeps its place relative to the axis before it.
     """
     seen = {c.joint - 1: c for c in circles}
     hub = exponentials_of(nominal)
@@ -99,9 +97,9 @@ def _with_outer(screws: Sequence[Array], joint: int, at: Array, home: Array) -> 
 
 
 def _turn_to(circle: Circle, back: Array, predicted: Array, screw: Array) -> Array:
-    """Rotation about and translation along a swept axis that align the predicted target with the measurement.
+    """The rotation about and translation along a swept axis that align the predicted target with the measurement.
 
-    At joint angle zero: its direction, and its plane.
+    Both are compared at joint angle zero: the direction to the target, and the plane of its circle.
     """
     w, point = screw[:3], np.cross(screw[:3], screw[3:])
     measured = back[:3, :3] @ circle.zero
@@ -120,7 +118,7 @@ def _moved(pose: Array, direction: Array, point: Array) -> tuple[Array, Array]:
 def _line_to_line(w: Array, p: Array, to_w: Array, to_p: Array) -> Array:
     """The smallest motion (4, 4) that carries one directed line into another.
 
-    The shortest turn, then a shift across it.
+    It is the shortest rotation between the directions, then a shift normal to the line.
     """
     normal = np.cross(w, to_w)
     sine = float(np.linalg.norm(normal))

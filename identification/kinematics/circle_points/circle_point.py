@@ -214,9 +214,9 @@ def _spread(angle: Array) -> float:
 
 
 def _uncertainty(flat: Array, radius: float, off: Array) -> tuple[float, float]:
-    """Standard deviations of axis direction (rad) and centre (m).
+    """Standard deviations of axis direction (rad) and centre (m), in the worst direction.
 
-    Worst direction, independent points of equal noise.
+    The noise of the points is taken as independent and equal.
     """
     noise = float(np.std(off))
     _, spread, basis = np.linalg.svd(flat - flat.mean(axis=0), full_matrices=False)

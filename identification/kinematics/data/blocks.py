@@ -15,9 +15,9 @@ BLOCKS = 50
 
 
 def split(runs: Sequence[Run]) -> tuple[list[Run], list[Run]]:
-    """Every run in blocks of a fiftieth of its rows, every fifth held out.
+    """Every run in blocks of a fiftieth of its rows, every fifth block held out.
 
-    The points of the others are NaN in each half.
+    Both halves keep all rows; the points of the other half are NaN.
     """
     kept, left = [], []
     for run in runs:

@@ -48,10 +48,7 @@ def between_counts(t: Array, q: Array) -> Array:
 
 
 def counts_of(recording: Recording) -> Array | None:
-    """(joints,) rad per count of the encoders that are zeroed at every start, 0 for others.
-
-    None if it is not known.
-    """
+    """(joints,) rad per count of encoders that are zeroed at every start, 0 for others; None if that is not known."""
     calibration, joints = recording.calibration, recording.rig.get("joint", [])
     if calibration is None or len(joints) != recording.joints or "scale" not in calibration:
         return None

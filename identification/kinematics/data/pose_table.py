@@ -149,7 +149,7 @@ def _orientation(table: Cells, suffix: str) -> Array | None:
 def _by_name(table: Cells, q: Array, seen: _Seen) -> tuple[list[_Seen], Index]:
     """The reflectors of a table with a column ``reflector``, over its poses, and the first row of each pose.
 
-    Neighbouring rows with equal angles are one pose, unless they name a reflector twice.
+    Neighbouring rows with equal angles are one pose, unless they name the same reflector twice.
     """
     names = table.texts("reflector")
     if "" in names:

@@ -1,7 +1,4 @@
-"""Recordings as runs for calibration.
-
-Tracked points of the same triggers, in which frame, and where the targets sit.
-"""
+"""Recordings as runs for calibration: tracked points of the same triggers, their frame, places of the targets."""
 
 from __future__ import annotations
 

@@ -24,9 +24,9 @@ COUNT = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class Poses:
-    """What was recorded in a file: q (n, J) rad or m, xyz (n, 3) m; still: each row is a pose at rest.
+    """The contents of a file: q (n, J) rad or m, xyz (n, 3) m; ``still``: each row is a pose at rest.
 
-    Of several reflectors the rows of one stand behind those of the other.
+    With several reflectors, the rows of the second follow all rows of the first.
     """
 
     path: Path

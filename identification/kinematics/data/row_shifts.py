@@ -79,9 +79,9 @@ def delays(run: Run, chain: Chain, noise: float) -> Delays:
 
 
 def _moving(run: Run, chain: Chain) -> tuple[Array, Array]:
-    """Positions (N, 3) m of the run's target by the chain, and what it moves per row (N, 3) m.
+    """Positions (N, 3) m of the run's target by the chain, and their change per row (N, 3) m.
 
-    In blocks: a Jacobian has a hundred times as many numbers as a row.
+    Computed in blocks, because a Jacobian has a hundred times as many numbers as a row.
     """
     at, velocity = np.empty_like(run.xyz), np.empty_like(run.xyz)
     rate, steps = run.velocity() * run.period, chain.joint_steps()
@@ -124,7 +124,7 @@ def find_step(run: Run, chain: Chain, noise: float) -> Shift | None:
 def find_constant(run: Run, chain: Chain, noise: float) -> Shift | None:
     """A delay of all points of a run by one to three whole rows, or None.
 
-    A latency that is no whole number stays a latency.
+    A delay that is not a whole number of rows is left to the latency of the tracker.
     """
     measured = delays(run, chain, noise)
     if len(measured.first) < 3:
@@ -138,9 +138,9 @@ def find_constant(run: Run, chain: Chain, noise: float) -> Shift | None:
 
 
 def _if_better(run: Run, chain: Chain, shift: Shift) -> Shift | None:
-    """The shift, if it makes the points fit a quarter better where the arm moves.
+    """The shift, if with it the points fit a quarter better while the arm moves; else None.
 
-    Anything else was the model's own error.
+    A smaller gain may come from errors of the model itself.
     """
     moving = np.abs(run.velocity()).max(axis=1) > 0.0
     moving[: shift.first] = False

@@ -68,9 +68,9 @@ class Run:
 
 
 def shifted(run: Run, first: int, by: int) -> Run:
-    """The run with its points from row ``first`` on taken from ``by`` rows later (earlier for negative).
+    """The run with its points from row ``first`` on taken from ``by`` rows later (earlier if negative).
 
-    Rows that then have no point get NaN.
+    Rows that get no point this way have NaN.
     """
     xyz = run.xyz.copy()
     rows = np.arange(first, len(xyz))
@@ -156,9 +156,9 @@ def correlation_in_poses(residual: Array, runs: Sequence[Run], rows: Sequence[In
 
 
 def aligned(predicted: Array, measured: Array) -> Array:
-    """Pose (4, 4) of the predicted points' frame in the frame of the measured ones (Kabsch 1976, without wrong points).
+    """Pose (4, 4) of the predicted points' frame in the frame of the measured ones (Kabsch 1976).
 
-    measured = R predicted + p, in the least-squares sense over the points that agree.
+    measured = R predicted + p, by least squares over the points that agree; outliers are left out.
     """
     weight = np.ones(len(predicted), bool)
     pose = np.eye(4)

@@ -59,9 +59,9 @@ class Merge:
 
 
 def read_tracker(path: str | Path) -> TrackerFile:
-    """A CSV file with columns t, x, y, z (s, m).
+    """Reads a CSV file with columns t, x, y, z (s, m). Empty cells and nan are broken beams.
 
-    Empty cells and nan are broken beams. InputError says what is wrong.
+    InputError says what is wrong with the file.
     """
     try:
         with os.fdopen(open_regular(path), newline="", encoding="utf-8") as file:
@@ -140,9 +140,9 @@ def _starts(a: Array, b: Array, period: float) -> tuple[_Clocks, float]:
 
 @dataclass(frozen=True)
 class _Clocks:
-    """One start followed: t_tracker = t + offset + drift (t - t0).
+    """The relation of two clocks from one start of the search: t_tracker = t + offset + drift (t - t0).
 
-    How well the pairs agree (s), and its cost against other starts.
+    It also has how well the pairs agree (s), and its cost, by which it is compared with other starts.
     """
 
     offset: float

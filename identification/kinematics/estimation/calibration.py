@@ -257,9 +257,9 @@ def _circle_point(work: Work) -> PositionError | None:
 def distances(
     calibration: Calibration, run: Run, gravity: Gravity | None, *, before: bool = False, every: int = 1
 ) -> Array:
-    """(N,) m (of orientations rad): measured from predicted, at every ``every``-th row of a run.
+    """(N,) m (of orientations rad): distance of measured from predicted points, at every ``every``-th row of a run.
 
-    By the calibrated or (``before``) the nominal arm; NaN where either is missing.
+    Predicted by the calibrated or (``before``) the nominal arm; NaN where either is missing.
     """
     found, measured = predicted(calibration, run, gravity, before=before, every=every), run.xyz[::every]
     rows = np.isfinite(found).all(axis=1) & np.isfinite(measured).all(axis=1)
@@ -276,7 +276,7 @@ def predicted(
 ) -> Array:
     """(N, 3) m (rotation vectors of orientations) of the run's target, by the calibrated or (``before``) nominal arm.
 
-    At every ``every``-th row of a run of ``calibration``. NaN where q is missing.
+    The rows are every ``every``-th one of a run of ``calibration``. NaN where q is missing.
     """
     q = np.nan_to_num(run.q[::every])
     if before:

@@ -232,9 +232,9 @@ def _selected(model: LeftOutPoints) -> _Selected:
 
 @dataclass(frozen=True)
 class _Linear:
-    """About an estimate: residual (N, 3), columns per prior deviation (N, 3, p).
+    """The problem linearised about an estimate: residual (N, 3) and columns per prior deviation (N, 3, p).
 
-    Where u0 (p,) stands, dp/dq (N, 3, joints).
+    Also the estimate u0 (p,) itself, and the derivative dp/dq (N, 3, joints).
     """
 
     residual: Array

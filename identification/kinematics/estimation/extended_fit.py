@@ -19,9 +19,9 @@ from identification.kinematics.estimation.work import MOST, Work
 
 
 def extend_and_realign(work: Work) -> None:
-    """Extensions, then rows that belong to another trigger.
+    """Fits the extensions, then moves rows that belong to another trigger.
 
-    Where there are such rows, the fit and the extensions once more.
+    If rows were moved, fit and extensions are repeated.
     """
     if work.settings.extend:
         _extend(work)
@@ -67,9 +67,9 @@ def _extend(work: Work) -> None:
 
 
 def _realign(work: Work) -> bool:
-    """Moves points back to their own rows where the delay steps within a run, or is a whole number of rows throughout.
+    """Moves points back to their own rows where their delay changes within a run, or is whole rows throughout it.
 
-    Whether any was.
+    Returns whether any was moved.
 
     Blocks of one run, some held out, are moved alike: as the fitted half of the run shows.
     """

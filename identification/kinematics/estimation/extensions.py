@@ -1,6 +1,6 @@
-"""What turns the joints besides the recorded angle.
+"""Effects by which a joint turns otherwise than its recorded angle says: q + D(q) c, linear in their parameters c.
 
-Effects that only tracked points show, linear in their parameters, q + D(q) c.
+Only tracked points show them.
 
 Which effects, with which parameters, units and laws: ``arm_model.effects``, those observed by
 ``Instrument.CALIBRATION``. A coupling is one candidate for every joint that may drive it. Constants are left to the

@@ -1,6 +1,6 @@
 """Encoder zeros that hold for one run only (``preset = "start"``).
 
-Estimated for fitted runs, bounded for predicted ones.
+They are estimated for fitted runs, and bounded for predicted ones.
 
 A counter that is set at each start is up to one count off, differently in every run: at joint 2 of the Puma one count
 is 0.07 mm at the target, as much as the noise of the tracker. Each fitted run gets zeros of its own, with one count as
@@ -52,7 +52,7 @@ def with_own_zeros(
 def zero_columns(runs: Sequence[Run], rows: Sequence[Index]) -> tuple[Array, Array]:
     """Deflections (N, joints, zeros) of the chosen rows of all runs, and prior deviations (zeros,) rad.
 
-    One zero a run and joint.
+    There is one zero per run and joint; runs whose count is not known have none.
 
     Runs without a known count have none.
     """

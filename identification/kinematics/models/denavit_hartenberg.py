@@ -23,7 +23,7 @@ from identification.kinematics.models.product_of_exponentials import Exponential
 def in_denavit_hartenberg(arm: Arm) -> tuple[Arm, Array]:
     """The same arm in D-H (Hayati for parallel axes), and (4, 4) the pose of its old last link in the new frame.
 
-    An arm in D-H already comes back as it is, with the identity.
+    An arm that is in D-H already is returned unchanged, with the identity.
     """
     if all(joint.convention != "placed" for joint in arm.joints):
         return arm, np.eye(4)

@@ -31,9 +31,9 @@ class Exponentials:
         return tuple(bool(np.linalg.norm(s[:3]) < 0.5) for s in self.screws)
 
     def lines(self) -> tuple[Array, Array]:
-        """Direction and the point nearest to the world's origin (joints, 3) of every axis.
+        """Direction (joints, 3) of every axis, and its point (joints, 3) nearest to the world's origin.
 
-        The origin for prismatic joints.
+        For prismatic joints that point is the origin itself.
         """
         w, v = self.screws[:, :3], self.screws[:, 3:]
         sliding = np.array(self.prismatic)[:, None]

@@ -49,9 +49,9 @@ def corrected_forward(model: Corrected, q: ArrayLike) -> Array:
 
 
 def corrected_inverse(model: Corrected, pose: ArrayLike, start: ArrayLike) -> Array:
-    """(joints,) angles whose corrected_forward is ``pose`` (4, 4), near ``start`` (joints,).
+    """(joints,) angles whose ``corrected_forward`` is ``pose`` (4, 4), near ``start`` (joints,).
 
-    Arms with fewer than six joints reach the position only. InputError if none is found.
+    With fewer than six joints only the position is reached. InputError if no solution is found.
     """
     pose, q = np.asarray(pose, float), np.array(start, float)
     rows = 6 if len(model.arm) >= 6 else 3

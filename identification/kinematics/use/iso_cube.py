@@ -158,9 +158,9 @@ def standstills(run: Run) -> list[tuple[int, int]]:
 
 
 def _overshoot(run: Run, first: int, last: int, rest: Array) -> float:
-    """m beyond ``rest`` along the direction of the last centimetres of the way in.
+    """m by which the arm went beyond ``rest``, along the direction of the last centimetres of its approach.
 
-    Up to the tracker's noise it is none.
+    A value within the noise of the tracker is not an overshoot.
     """
     back = np.linalg.norm(np.nan_to_num(run.xyz[:first] - rest), axis=1)
     away = np.flatnonzero(back > 0.02)

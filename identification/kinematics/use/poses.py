@@ -181,9 +181,9 @@ def _updated(inverse: Array, rows: Array) -> Array:
 
 
 def _model_error(information: Array, check: Array) -> float:
-    """rms a coordinate (m) of the model's own error over the check poses (N, 3, p).
+    """Expected rms error per coordinate (m) of the calibrated model at the check poses (N, 3, p).
 
-    Expected from the information of some poses.
+    ``information`` is that of the poses that would be measured.
     """
     stacked = information.reshape(-1, information.shape[2])
     covariance = np.linalg.inv(stacked.T @ stacked + np.eye(information.shape[2]))
@@ -191,9 +191,9 @@ def _model_error(information: Array, check: Array) -> float:
 
 
 def _short_way(q: Array) -> list[int]:
-    """An order that goes to the nearest pose left (largest joint travel counts).
+    """An order of the poses that always continues with the nearest one left, by the largest joint travel.
 
-    Beginning at the one nearest to zero.
+    It begins with the pose nearest to zero.
     """
     unvisited = list(range(len(q)))
     at = np.zeros(q.shape[1])
