@@ -1,6 +1,6 @@
 """What a diagnosis says: causes with parameters, structure that no effect explains, effects that are not detectable.
 
-A leaf: it imports no measurement.
+This module imports no measurement, so that all of them may import it.
 """
 
 from __future__ import annotations

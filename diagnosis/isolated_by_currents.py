@@ -62,9 +62,9 @@ def _motor_angles(rows: Rows, cause: Cause) -> Array:
 
 
 def _as(cause: Cause, name: str, motor: Array) -> list[Cause]:
-    """A wave of the gear as one of the motor's encoder that makes the same difference at angles of the ``motor`` (m,).
+    """A gear ripple as the ripple of the motor's encoder that has the same values at the angles ``motor`` (m,).
 
-    Nothing for other causes.
+    [] for other causes.
     """
     effect, rival = CATALOGUE[cause.effect], CATALOGUE[name]
     if cause.signal is not Signal.LINK_ANGLE or not effect.wave or effect.deflection is None or rival.angle is None:

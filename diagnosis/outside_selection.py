@@ -42,9 +42,9 @@ def friction_near_rest(currents: CurrentDiagnosis, recordings: Recordings, exclu
 
 
 def _in_loop(currents: CurrentDiagnosis, recordings: Recordings, taken: Sequence[EffectKey]) -> list[Cause]:
-    """The same by closed loops, at joints whose encoder hardly shows the speed that currents are judged at.
+    """Friction near rest judged by closed loops, for joints whose encoder is too coarse for judging the currents there.
 
-    What the search named there of currents is judged again, and estimated by both.
+    What the search by currents named there is judged again, and estimated from both.
     """
     runs = [run for part in currents.state.data for run in part.runs]
     joints = [j for j in range(1, len(currents.arm) + 1) if all(coarse(run, j) for run in runs)]

@@ -167,9 +167,9 @@ def has_demand(recording: Recording) -> bool:
 
 
 def along_motion(run: Run, before: Arm, after: Arm) -> tuple[Array, Array]:
-    """(n,) A each: rms of the residual current along the measured motion, of the model and of the extended one.
+    """(n,) A each: rms of the residual current along the measured motion, of the model and of the extended model.
 
-    The extended one has what is of this recording alone (``Run.own``).
+    The extended model has also those causes that hold for this recording alone (``Run.own``).
     """
     rows, bare = comparable_rows(run), with_own(run, ())
     return rms_where(residual_under(bare, before.effects), rows), rms_where(residual_under(run, after.effects), rows)
@@ -213,9 +213,9 @@ _errors_found: WeakKeyDictionary[Recording, tuple[Arm, Array | None]] = WeakKeyD
 
 
 def _smoothing_errors(arm: Arm, recordings: Sequence[Recording], moving: Sequence[int]) -> list[Array | None]:
-    """(lanes, n) A2 per recording: squared errors of loops with ``SMOOTHING`` of the ``moving`` joints (from 0).
+    """(lanes, n) A2 per recording: squared errors of closed loops with ``SMOOTHING`` of the ``moving`` joints (from 0).
 
-    None for a loop that cannot judge.
+    None for a recording whose closed loop cannot be compared.
     """
     known = [_errors_found.get(recording, (None, None)) for recording in recordings]
     missing = [recording for recording, (of_arm, _) in zip(recordings, known) if of_arm != arm]
@@ -240,9 +240,9 @@ def _smoothing_error(arm: Arm, moving: Sequence[int], recording: Recording) -> A
 def refuted(
     full: Arm, less: Sequence[Arm], felt_at: Sequence[int], recordings: Sequence[Recording], runs: Sequence[Run]
 ) -> int | None:
-    """Index of the cause whose removal reduces the closed-loop error most.
+    """Index of the cause whose removal reduces the closed-loop error most, or None.
 
-    None where no removal does, or the loop cannot judge.
+    None if no removal reduces it, or if closed loops cannot be compared.
 
     full: the model with all causes; less: without each of them; felt_at: the joint (from 1) where each has its largest
     effect. A cause must hold in both comparisons: the residual along the measured motion, by which it was found, and

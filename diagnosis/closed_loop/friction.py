@@ -173,9 +173,9 @@ def _seconds(recording: Recording, errors: Array) -> NDArray[np.intp]:
 
 
 def _errors(r: Recording, j: int, q: Array, i: Array, rate: float) -> tuple[Array, Array]:
-    """(m,) rad and A: measured less simulated in the band of comparison, without what a late demand makes of it.
+    """(m,) rad and A: measured minus simulated in the band of comparison, less what a late demand contributes to it.
 
-    A loop that is not stable is as wrong as none.
+    An unstable loop counts as an error of the size of the signal itself.
     """
     if not (np.isfinite(q).all() and np.isfinite(i).all()):
         q, i = (np.full_like(one[:, j], one[:, j].mean()) for one in (r.q, r.i))

@@ -145,9 +145,9 @@ def noise_floor(arm: Arm, recordings: Sequence[Recording], missed: Sequence[Arra
 
 
 def left_over_in_loop(arm: Arm, recordings: Sequence[Recording]) -> Array:
-    """(n,) N m (N) rms in ``BAND`` by which closed loops of an arm miss recordings beyond the noise of their currents.
+    """(n,) N m (N) rms in ``BAND`` of closed-loop errors against recordings, beyond the noise of the currents.
 
-    0 where no loop can be compared: no controller, no demands, or none that is stable.
+    0 where no closed loop can be compared: no controller, no demands, or an unstable loop.
     """
     looped = [r for r in recordings if has_demand(r)] if arm.controller is not None else []
     if not looped:

@@ -61,9 +61,9 @@ def spreads(
 
 
 def left_over_rms(arm: Arm) -> tuple[Array, Array] | None:
-    """(n,) A rms: what an identified model left on its own recordings, along the motion and in closed loop above it.
+    """(n,) A rms each: what an identified model left on its own recordings, along the motion and in closed loop.
 
-    None where it states nothing.
+    The second is what it left in closed loop beyond the first. None if the model does not state it.
     """
     uncertainty = arm.uncertainty
     if uncertainty is None:

@@ -42,9 +42,9 @@ def with_oscillations(structures: Sequence[Structure], compared: Iterable[Compar
 
 
 def oscillation(compared: Sequence[Compared], joint: int, band: tuple[float, float]) -> Oscillation | None:
-    """What a joint (from 1) does at one frequency in a ``band`` (Hz) and its loop does not; None where none stands out.
+    """The oscillation in a ``band`` (Hz) of a joint (from 1) that its simulated loop lacks; None: no line stands out.
 
-    Recordings of one rate, that of the first that measured this joint.
+    Only recordings with the sampling rate of the first one that measured this joint are used.
     """
     seen = [one for one in compared if one.measured("current")[:, joint - 1].any()]
     alike = [one for one in seen if len(one.t) >= _segment(one) and np.isclose(_rate(one), _rate(seen[0]))]

@@ -26,7 +26,7 @@ GAP = 0.3
 
 
 def filtered(score: Array, seen: Array, ratio: float) -> tuple[Array, Array]:
-    """(N,) mean and variance of x at every step given all before it, in units of the noise's variance.
+    """(N,) mean and variance of x at every step given all steps before it, in units of the noise's variance.
 
     The variance is infinite before the first step with information.
     """
@@ -88,9 +88,9 @@ def strength(steps: Steps) -> tuple[float, float]:
 
 
 def gains_of(steps: Steps, ratio: float, constant: float) -> Array:
-    """(blocks,) fall of the weighted squared residual by the predictions of the walk, compared with the best constant.
+    """(blocks,) fall of the weighted squared residual per block of 1 s.
 
-    Blocks of 1 s.
+    It compares the predictions of the walk with the best constant.
     """
     blocks = []
     for score, seen in steps:

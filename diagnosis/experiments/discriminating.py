@@ -104,9 +104,9 @@ class _Discrimination:
 def _best(
     question: Question, result: Diagnosis, joints: Sequence[int], rig: Limits | None, progress: Progress
 ) -> Separation | None:
-    """Of the first kind of experiment that discriminates all rivals, the motion with the largest smallest distance.
+    """The best experiment of the first kind that discriminates all rivals: that with the largest smallest distance.
 
-    Else the motion that discriminates most pairs; None where none discriminates any.
+    If none does, the motion that discriminates most pairs; None if none discriminates any.
     """
     best, tried, stage = _Discrimination(0, 0.0), 0, stage_of(result, joints, rig, visited=True)
     for kind, visited in ((Kind.MOTION, True), (Kind.OFF, True), (Kind.PAYLOAD, True), (Kind.MOTION, False)):

@@ -287,9 +287,9 @@ def _repeated(axis: _Axis) -> Trial:
 
 
 def _vertical(stage: Stage, pose: Array, joint: int) -> list[float]:
-    """Position within the limits where the gravity torque of a joint changes sign with all other joints at ``pose``.
+    """First position within the limits at which the gravity torque of a joint changes sign; other joints at ``pose``.
 
-    The first, if any.
+    [] if there is none.
     """
     low, high = stage.limits.position[joint - 1]
     q = np.tile(pose, (200, 1))

@@ -109,9 +109,9 @@ def _finding(cause: Cause, arm: Arm, several: Mapping[str, bool]) -> Finding:
 
 
 def _of_arm(cause: Cause) -> Finding | None:
-    """A cause of a joint that may as well be an effect of the whole arm, as a finding of that; None where it may not.
+    """A cause of one joint read as the same effect of the whole arm, if it may be that; else None.
 
-    What is known of its sizes is of the joint's effect.
+    Its sizes are left out: they are those of the joint's effect.
     """
     effects = tuple(effect for effect, joint in cause.group if joint is None)
     if cause.joint is None or not effects:

@@ -1,4 +1,4 @@
-"""The table of physical origins (``origins.toml``): what each shows, how it is checked, where that is described.
+"""The table of physical origins (``origins.toml``): the signs of each, how to check it, and sources.
 
 Its numbers are engineering judgement, not measured frequencies.
 """

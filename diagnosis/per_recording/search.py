@@ -72,9 +72,9 @@ def per_recording(currents: S, runs: Sequence[Run], search: Search[S]) -> tuple[
 def _grown(
     first: Candidate, state: State, runs: Sequence[Run], search: Search[S]
 ) -> tuple[list[Candidate], list[EffectTerm]] | None:
-    """Candidates that need values per recording for only noise to be left, and the causes of the arm beside them.
+    """The candidates, beginning with ``first``, that need values per recording to leave noise only; causes beside them.
 
-    From ``first`` on; None where something is always left.
+    None if something always remains.
     """
     several, before = [first], sum(state.energy)
     while True:

@@ -189,9 +189,9 @@ class _OfRecording:
 
 
 def _bends(c: Candidate, pair: Pair, state: State) -> list[tuple[float, list[Array]]]:
-    """Each nonlinear parameter of a candidate, and the change (n * rows, k) of its columns per unit of it.
+    """Each nonlinear parameter of a candidate, with the change (n * rows, k) of its columns per unit of the parameter.
 
-    The columns of each recording, the fitted ones first.
+    One array per recording, the fitted ones first.
     """
     found = []
     for name in c.searched():

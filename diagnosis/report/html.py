@@ -1,6 +1,6 @@
-"""report.html of a diagnosis: the verdict, a section per cause, undetectable effects and unexplained structure.
+"""report.html of a diagnosis: verdict, a section per cause, undetectable effects, unexplained structure.
 
-Opens without a network.
+The page needs no network.
 """
 
 from __future__ import annotations

@@ -30,9 +30,9 @@ def summary(result: Diagnosis) -> Markup:
 
 
 def errors(result: Diagnosis, table: dict[str, Any], extended: bool) -> Markup | None:
-    """Errors of simulated currents and positions on the held-out recordings; None without a simulation of these.
+    """Errors of simulated currents and positions on the held-out recordings; None if these were not simulated.
 
-    Held-out recordings without demands have no position, those that were fitted may have.
+    Recordings without demands have no position error.
     """
     rows = []
     for s in table["signals"]:
@@ -52,7 +52,7 @@ def errors(result: Diagnosis, table: dict[str, Any], extended: bool) -> Markup |
 def rough(result: Diagnosis, table: dict[str, Any]) -> Markup:
     """Residual of every joint in every recording, in units of the noise, without and with the causes.
 
-    The last row is the share of it that is predictable.
+    The last row is its predictable share.
     """
     joints = range(1, len(result.arm) + 1)
     rows = []

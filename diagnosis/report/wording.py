@@ -1,6 +1,6 @@
 """A diagnosis in words: the verdict, names of causes, numbers with their uncertainty.
 
-Report, terminal and the questions before an experiment on a rig share these sentences.
+The report, the terminal and the questions before an experiment on a rig share these sentences.
 """
 
 from __future__ import annotations

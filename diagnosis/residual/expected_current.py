@@ -25,9 +25,9 @@ Term = tuple[Effect, int | None, Values]
 
 
 def coulomb_at(joint: Joint, v: Array, sign: Array) -> Array:
-    """(m,) N m (N): friction of a joint at speeds v (m,) without its viscous part: Coulomb's and its friction curve.
+    """(m,) N m (N): friction of a joint at speeds v (m,) without its viscous part: Coulomb and friction curve.
 
-    It is that of the direction of ``sign`` (m,), smooth between -1 and 1.
+    The direction is that of ``sign`` (m,), a smooth sign between -1 and 1.
     """
     up, down = (joint.ratio * c for c in joint.coulomb)
     curve = 0.0 if joint.friction_curve is None else curve_level(joint.friction_curve, v, sign)
@@ -57,9 +57,9 @@ def true_angle(arm: Arm, q: Array) -> Array:
 
 @dataclass(frozen=True)
 class Links:
-    """Rigid links of an arm in the band of comparison, while its motors stand at angles (m, n) rad, ``rate`` Hz apart.
+    """Rigid links of an arm in the band of comparison, with its motors at angles (m, n) rad, ``rate`` rows per second.
 
-    Springs are wound up by them. Each is computed when it is first asked for.
+    They wind up the springs of the transmissions. Each quantity is computed when it is first asked for.
     """
 
     arm: Arm
@@ -83,9 +83,9 @@ class Links:
 
     @cached_property
     def flights(self) -> tuple[Array, Array]:
-        """Load and inertia (m, n) in the whole ``MOTION_BAND``, as a link flies through a gap.
+        """Load and inertia (m, n) in the whole ``MOTION_BAND``, for a link that crosses a gap freely.
 
-        A load that is smeared over the meeting of teeth would part them before and after it.
+        A load smoothed over the instant of contact would separate the flanks too early and too late.
         """
         motion = motion_of(self.angle, MOTION_BAND, self.rate)
         inertia = mass_matrix_along(self.arm, motion[0]).diagonal(axis1=1, axis2=2)

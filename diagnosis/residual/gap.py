@@ -39,9 +39,9 @@ POSSIBLE = (Teeth(rebound=0.5), Teeth(apart=True))
 
 
 def through_gap(load: Array, inertia: Array, half_gap: float, step: float, teeth: Teeth = AS_FOUND) -> Array:
-    """Twist (m,) of a joint with play, for rows ``step`` s apart.
+    """Twist (m,) of a joint with backlash, for rows ``step`` s apart.
 
-    +half_gap where the motor pushes the link, -half_gap where it holds it back.
+    +half_gap where the motor pushes the link, -half_gap where it holds the link back.
 
     Where the ``load`` (m,) N m that the link of ``inertia`` (m,) kg m2 needs changes its sign, the teeth part: the link
     flies, inertia d'' = load, until it meets the other flank, and stays there, or leaves it again as the ``teeth`` do.

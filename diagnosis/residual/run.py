@@ -232,9 +232,9 @@ class Run:
 
 
 def merged(runs: Sequence[Run]) -> Run:
-    """Recordings of one setup, rows one after the other, as candidates compute their columns from.
+    """Recordings of one setup with their rows one after the other, as candidates need them for their columns.
 
-    Name, raw and block are the first's.
+    Name, raw data and block are those of the first.
     """
     rows: dict[str, Any] = {
         field.name: np.concatenate([getattr(run, field.name) for run in runs])

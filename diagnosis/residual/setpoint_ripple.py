@@ -55,7 +55,7 @@ def folded_onto(
 def ripple_beside(
     arm: Arm, samples: Samples, noise: Array, kept: slice, setpoints: Setpoints, demands: Array | None = None
 ) -> Array:
-    """(m, n, DIRECTIONS) A: one std of lines of the setpoints that are seen beside 0 Hz.
+    """(m, n, DIRECTIONS) A: one std of spectral lines of the setpoints that appear beside 0 Hz by aliasing.
 
     Arguments as of ``folded_onto``.
     """
@@ -86,8 +86,8 @@ def unseen_directions(folded: Array, ahead: Array, beside: Array, t: Array) -> t
 
 
 def lead_of(folded: Array, per_second: float) -> Array:
-    """(m,) A: what ``folded`` (m,) A has more AHEAD of the motion: setpoints make the ripple, and the motion follows.
+    """(m,) A: what ``folded`` (m,) A has more if it leads the motion by AHEAD s: the motion follows the setpoints.
 
-    An inertia of 2 % that is 20 ms ahead looks like a time skew of 0.4 ms.
+    An inertia of 2 % that leads by 20 ms looks like a time skew of 0.4 ms.
     """
     return np.asarray(AHEAD * per_second * np.gradient(folded))

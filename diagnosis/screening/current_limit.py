@@ -210,9 +210,9 @@ def _again(visits: Sequence[_Pile]) -> bool:
 
 
 def _returns(visits: Sequence[_Pile]) -> bool:
-    """Whether more visits are flat than those of a healthy current by chance (binomial test).
+    """Whether more visits to a level are flat than those of a healthy current by chance (binomial test).
 
-    The longest, which may have made the level, has no say.
+    The longest visit is left out, because the level may have been chosen by it.
     """
     longest = max((visit.at for visit in visits), default=0.0)
     flat = [visit.flat for visit in visits if FLAT_SECONDS <= visit.at < longest]

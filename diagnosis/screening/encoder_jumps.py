@@ -99,9 +99,9 @@ def turned_per_row(q: Array, row: int, dt: float) -> float:
 
 
 def _count(q: Array, joint: Joint) -> float:
-    """rad: one count of an encoder: the step of its angle (n,), or, if that has none, of the model's encoder.
+    """rad: one count of an encoder: the step of its angle (n,), or if that has none, of the model's encoder.
 
-    A step that is far finer than the model's encoder is that of printed digits.
+    A step far finer than that of the model's encoder comes from the digits of a text file.
     """
     step = encoder_step(q)
     of_model = 0.0 if joint.encoder_lines is None else 2 * np.pi / (4 * joint.encoder_lines * abs(joint.ratio))
@@ -213,9 +213,9 @@ def _neighbouring(q: Array, t: Array, row: int, steep: Rows) -> float:
 
 
 def _sharp(q: Array, t: Array) -> Array:
-    """(m - 1,) rad by which an angle (m,) turns more from row to row than before and after, either way.
+    """(m - 1,) rad by which an angle (m,) moves more between two rows than between those before and after.
 
-    A servo that answers a setpoint is fast for some rows, and fastest at one of them.
+    A servo that answers a setpoint is fast for several rows, and fastest at one of them: that is no jump.
     """
     steps = np.diff(t)
     rates = np.pad(np.diff(q) / steps, 1, mode="edge")

@@ -53,9 +53,9 @@ def even_samples(samples: Samples) -> Samples:
 
 
 def known_noise(t: Array, q: Array, known: KnownNoise) -> KnownNoise:
-    """What is known of noise, with the steps of the angles q (n, J) as recorded at t (n,) s if a grid takes them.
+    """``known``, with the steps of the angles q (n, J) as recorded at t (n,) s, if they are put onto an even grid.
 
-    There they show no more; an encoder whose angles lie on no lattice has steps of 0.
+    On the grid the steps are no longer visible. An encoder whose angles have no common step gets 0.
     """
     grid, demands = grid_of(t), known.demands
     if grid is None:

@@ -31,9 +31,9 @@ MODULATED, SURE = 0.25, 3.0
 
 
 def mains_hum(recordings: Sequence[Recording], lines_of: Mapping[int, Sequence[Line]], arm: Arm) -> list[Event]:
-    """Mains hum among the lines near the mains of each joint in all recordings (``lines_near_mains``).
+    """Mains hum among the spectral lines near the mains frequency of each joint, in all recordings.
 
-    Lines that do not behave as the mains does are none (``_no_mains``).
+    lines_of: from ``lines_near_mains``. Lines that do not behave like the mains are left out (``_no_mains``).
 
     One event of the whole rig where most currents show the line: what couples it in is common to them.
     """

@@ -132,7 +132,7 @@ def _rows_of(losses: Sequence[DroppedTriggers]) -> Counter[tuple[int, int]]:
 def confirmed(residuals: Residuals, terms: Sequence[EffectTerm]) -> Residuals:
     """The recordings as recorded if, with the effects ``terms``, nothing in them shows dropped triggers any more.
 
-    An effect that is not in the model may look like a change of lag until it is known.
+    An effect that the model lacks may look like a change of lag as long as it is not known.
     """
     before = residuals.as_recorded
     return residuals if before is None or realigned(before, terms) is not before else before

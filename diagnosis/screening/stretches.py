@@ -27,9 +27,9 @@ NEAR = 3.0
 def examined(
     fit: Sequence[Recording], held_out: Sequence[Recording], most: float = MOST
 ) -> tuple[list[Recording], list[Recording], str | None]:
-    """The recordings, as stretches with their own time from 0 where there are more than ``most`` s times joints.
+    """The recordings, cut into stretches with a time of their own from 0 if they exceed ``most`` s times joints.
 
-    The last is a remark for the report, or None.
+    The third value is a remark for the report, or None.
     """
     recordings = [*fit, *held_out]
     total = sum(duration(recording) for recording in recordings)

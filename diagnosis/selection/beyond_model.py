@@ -1,6 +1,4 @@
-"""Whether columns are significant beside what is known of a model, in the rows of any instrument.
-
-Residuals, in units of their noise, are
+"""Whether columns are significant beyond the stated uncertainty of a model, in the rows of any instrument.
 
     y = A a + X c + L u + e,    u ~ N(0, 1),
 

@@ -69,9 +69,9 @@ class Candidate:
         return replace(self, shape=tuple((n, value if n == name else v) for n, v in self.shape))
 
     def single_sizes(self) -> list[Self]:
-        """The same with one linear parameter each, of a law with several of which some are never negative.
+        """The same candidate with one linear parameter each, of a law with several of which some must not be negative.
 
-        One that is 0 has, by chance, the wrong sign in every second fit of all.
+        A parameter that is really 0 has the wrong sign in every second fit by chance.
         """
         effect = self.definition
         if self.amplitude or effect.span is not None or len(effect.linear) < 2 or all(p.signed for p in effect.linear):

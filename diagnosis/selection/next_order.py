@@ -51,9 +51,9 @@ def of_last_term(pair: Pair) -> Pair:
 
 
 def small_term(candidate: Candidate, parts: Array, limit: float) -> bool:
-    """Whether what the last term does is at most ``limit`` times what the law does (rms), of parts (N, k).
+    """Whether the last term contributes at most ``limit`` times what the law itself does (rms), by parts (N, k).
 
-    Time begins anywhere: what of a term of time is like the law belongs to the law.
+    A term of time has no natural origin: the part of it that is like the law is counted to the law.
     """
     law, term = parts[:, :-1].sum(axis=1), parts[:, -1]
     if candidate.definition.lasting(candidate.terms[-1]) is not None:

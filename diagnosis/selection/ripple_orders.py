@@ -51,9 +51,9 @@ def order_of(candidate: Candidate) -> float | None:
 
 
 def of_shafts(arm: Arm) -> Iterator[Candidate]:
-    """Ripples per turn of a joint and of the shafts of its gear, of all waves that a wheel or an encoder there makes.
+    """Ripples per turn of a joint and of the shafts of its gear, of all waves that a wheel or encoder there can make.
 
-    A torque of such an order is the gear's: magnets are on the motor.
+    A torque of such an order comes from the gear: magnets, the cause of cogging, are on the motor.
     """
     for number, joint in enumerate(arm.joints, 1):
         for effect in CATALOGUE.values():

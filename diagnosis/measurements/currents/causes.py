@@ -62,9 +62,9 @@ def of_candidate(candidate: Candidate, values: list[Estimate], state: State) -> 
 
 
 def _ambiguity_group(candidate: Candidate, others: Fitted, state: State) -> tuple[EffectKey, ...]:
-    """The candidate, rivals that this data does not distinguish from it, and its aliases.
+    """The candidate, its aliases, and the rivals that this data does not distinguish from it.
 
-    Those of currents only while the drives are on.
+    Aliases that differ only while the drives are off count as equal if no recording has them off.
     """
     definition = candidate.definition
     aliases = [*definition.aliases]

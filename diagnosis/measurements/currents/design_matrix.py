@@ -75,9 +75,9 @@ SMOOTHING_STDS = 5.0
 
 
 def bounded(data: Split[Dataset], free: Sequence[Split[Columns]]) -> tuple[Split[Dataset], list[Split[Columns]]]:
-    """Data and free columns without those that would have to be sharper than a step to explain the data.
+    """Data and free columns, without those that would have to be sharper than a step to explain the data.
 
-    In their place, the step is taken out of the data.
+    Instead of such a column (a change of a friction's smoothing velocity) the step itself is subtracted from the data.
     """
     bounded_candidates = []
     for pair in free:

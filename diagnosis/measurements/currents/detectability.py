@@ -94,9 +94,9 @@ def _turns(side: Dataset, arm: Arm, joint: int) -> float:
 
 
 def signal_to_noise(candidate: Candidate, columns: Columns, rows: int) -> float:
-    """Rms, over the noise, by which an effect of the largest typical size changes the currents of some rows.
+    """Rms over noise std by which an effect of the largest typical size changes the currents of some rows.
 
-    0 where the shape is beyond the typical ones.
+    0 where the fitted shape is beyond the typical ones.
     """
     size = _typical(candidate)
     return float(np.sqrt(np.max(np.sum((columns.x * size) ** 2, axis=0)) / rows))
@@ -144,9 +144,9 @@ def _did(need: Excitation, joint: int | None, side: Dataset, arm: Arm) -> str:
 
 
 def undetectable_without_dynamics(arm: Arm, of_links: Sequence[int]) -> list[Undetectable]:
-    """Effects that only currents show, for a model that predicts none.
+    """Effects that only currents show, for a model without masses, which predicts no currents.
 
-    Without those that the two encoders of the joints ``of_links`` show.
+    Those that the two encoders of the joints ``of_links`` show are left out.
     """
     why, instead = (
         f"the model has neither masses nor friction, so it predicts no {recorded_signals(arm)}",

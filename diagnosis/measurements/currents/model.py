@@ -108,9 +108,10 @@ class Currents(MeasurementModel[Candidate, State]):
         return self.limits.relaxed_fdr if large else self.limits.fdr
 
     def tolerance(self, score: Score[Candidate], best: Score[Candidate]) -> float:
-        """A share of the gain for every coefficient that the best has more, and no less than the noise decides.
+        """Gain by which a score may fall short of the best and still count as equal to it.
 
-        Coefficients that the data says something of.
+        It is a share of the gain for every coefficient that the best has more (counting only those that the data
+        determine), and no less than the noise decides.
         """
         more = max(1, best.determined - score.determined)
         return max(self.limits.tie * best.gain * more, self.limits.tie_floor * self.data.held_out.rows)
@@ -288,9 +289,9 @@ class Currents(MeasurementModel[Candidate, State]):
         return State(self, chosen, state.data, {**state.rivals, body.key: [*state.rivals[body.key], *rivals]})
 
     def taken(self, state: State) -> set[EffectKey]:
-        """The excluded, the chosen, and their aliases.
+        """Keys of the excluded and the chosen candidates and of their aliases.
 
-        Both together would explain anything, as their difference is the residual itself.
+        An effect together with its alias would explain anything, because the difference of the two is free.
         """
         aliases = {(other, c.joint) for c in state.chosen for other in same_columns(c.definition)}
         return {c.key for c in state.chosen} | aliases | set(self.excluded)

@@ -39,9 +39,9 @@ def refined(candidate: Candidate, fitted: Fitted, fit: Dataset) -> Candidate:
 
 
 def gauss_newton_refined(state: State) -> State:
-    """The state after a Gauss-Newton step of its nonlinear parameters in the exact model, if the residual falls.
+    """The state after one Gauss-Newton step of its nonlinear parameters in the exact model, if the residual falls.
 
-    Unchanged where the chosen effects make no arm that exists.
+    Unchanged if the chosen effects together give an impossible arm.
     """
     searched = [(k, name) for k, c in enumerate(state.chosen) for name in c.searched()]
     if not searched:

@@ -38,9 +38,9 @@ def search(model: Currents, progress: Callable[[str], None]) -> State:
 
 
 def attributed_to_body(state: State) -> State:
-    """The state with a body in the place of the change of the link that carries it, or the reverse.
+    """The state with a body in place of the change of the link that carries it, or the reverse, as its values allow.
 
-    Whichever is chosen: their columns are the same (``diagnosis.selection.bodies``).
+    Both have the same columns (``diagnosis.selection.bodies``).
     """
     model = state.model
     for c in state.chosen:

@@ -1,4 +1,4 @@
-"""Causes from the two encoders of a joint, with parameters, ambiguity groups and evidence, and what they leave.
+"""Causes from the two encoders of a joint: parameters, ambiguity groups, evidence, and the remaining residual.
 
 The measurement model is ``model.LinkEncoders``.
 """
@@ -130,7 +130,7 @@ def _group(
 ) -> tuple[EffectKey, ...]:
     """The effects that these recordings do not distinguish from a candidate with this gain, itself included.
 
-    An order that is within two std of a whole one may be that.
+    An order of a ripple that is within two std of a whole number may be that number.
     """
     group: list[EffectKey] = [candidate.key]
     for alias in candidate.definition.observed_by[Instrument.LINK_ENCODER].aliases:

@@ -107,7 +107,7 @@ class Rows:
 def joints_with_both(recordings: Sequence[Recording], arm: Arm) -> Index:
     """Joints (1-based) that move and whose link encoder has a value in every row of every recording.
 
-    Of coupled joints: the encoders of all links that the motor's angle follows from.
+    With coupled joints, the encoders of all links from which the motor's angle follows must have one.
     """
     read = [behind(r, arm) for r in recordings]
     if any(one is None for one in read):
@@ -230,7 +230,7 @@ def candidates(rows: Rows) -> Iterator[LinkCandidate]:
 def _at_joint(effect: Effect, rows: Rows, column: int, joint: int) -> Iterator[LinkCandidate]:
     """Candidates of one effect at one joint.
 
-    An effect that changes the description is a constant, which is always free.
+    None for an effect that changes the description: it adds a constant, and a constant is always fitted.
     """
     load = rows.load[:, column]
     if effect.gap is not None:
@@ -285,9 +285,9 @@ def orders(effect: Effect) -> tuple[float, ...]:
 
 
 def columns(candidate: LinkCandidate, rows: Rows, k: int) -> Array:
-    """(m, c) rad: what a unit of each of c coefficients adds to the difference at the k-th joint of ``rows``.
+    """(m, c) rad: what a unit of each of c coefficients adds to the encoder difference at the k-th joint of ``rows``.
 
-    c = 0 where it does not act.
+    c = 0 where the candidate does not act.
     """
     if candidate.turns:  # q_link = (1 + C) q
         return _turned(candidate, rows, int(rows.joints[k]))

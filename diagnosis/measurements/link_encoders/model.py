@@ -162,9 +162,9 @@ class LinkEncoders(CandidateModel[LinkCandidate]):
         )
 
     def best(self, chosen: Sequence[LinkCandidate]) -> list[LinkCandidate]:
-        """For each effect at each joint, the nonlinear parameter that fits best conditional on those chosen.
+        """For each effect at each joint, the nonlinear parameters that fit best conditional on those chosen.
 
-        A wave may be chosen several times, with different orders.
+        A ripple may be chosen several times, with different orders.
         """
         fit, everything = self.rows.fit, list(candidates(self.rows.fit))
         taken: set[EffectKey] = {c.key for c in chosen if c.variant[0] != "order"} | set(self.excluded)

@@ -19,7 +19,7 @@ from identification.selection.cluster_covariance import cluster_covariance
 def single_estimates(chosen: Chosen, model: LinkEncoders) -> list[SingleEstimate]:
     """Every recording fitted alone: a constant per joint, then the causes.
 
-    One entry where there is one recording, split by time.
+    A single recording that was split by time gives one entry.
     """
     estimates = []
     for rows in model.recordings:

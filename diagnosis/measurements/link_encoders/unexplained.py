@@ -38,9 +38,9 @@ def remarks(chosen: Chosen, model: LinkEncoders, arm: Arm) -> Iterator[str]:
 
 
 def unexplained_structure(chosen: Chosen, model: LinkEncoders) -> list[Structure]:
-    """Unexplained structure of joints whose residual exceeds the noise and is predictable from a variable.
+    """Unexplained structure at joints whose residual exceeds the noise and is predictable from a variable.
 
-    Of a residual above the noise that no variable predicts, the size.
+    If no variable predicts a residual above the noise, only its size is given.
     """
     fit, held_out = model.rows
     residual_fit, residual = (model.residual(chosen, fit, side) for side in model.rows)

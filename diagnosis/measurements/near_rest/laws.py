@@ -100,9 +100,9 @@ def smoothing(every: Sequence[NearRest]) -> Law:
 
 
 def law_of(every: Sequence[NearRest], effect: Effect) -> Law:
-    """Trials over the searched parameters of an effect, first over all their range, then about the best of them.
+    """Trials over the searched parameters of an effect: first over their whole range, then around the best trial.
 
-    Where its friction turns with the model's, over smoothings as well.
+    If its friction changes sign with that of the model, smoothing velocities are tried as well.
     """
     law = _trials(every, effect, _grid(every, effect))
     for _ in range(REFINED):

@@ -1,6 +1,6 @@
 """Causes at a single axis with an encoder fine enough to judge reversals: parameters and ambiguity groups.
 
-A wave over position that a single run shows is reported, not named.
+A wave over position that only one run shows is reported as structure, not named as a cause.
 """
 
 from __future__ import annotations
@@ -151,7 +151,7 @@ def _side(
 
 
 def _goes_on(fit: Sequence[AxisSamples], held_out: Sequence[AxisSamples]) -> bool:
-    """Whether all held-out recordings begin or end, to within two rows, where one of the others ends or begins.
+    """Whether every held-out recording begins or ends where another recording ends or begins, within two rows.
 
     They are then pieces of one run.
     """
@@ -221,9 +221,9 @@ def _group(score: Score[Candidate], chosen: Chosen, model: SingleAxis) -> tuple[
 
 
 def _parameters(candidate: Candidate, chosen: Chosen, model: SingleAxis) -> list[Estimate]:
-    """Values, and standard deviations by clusters of rows at the same place and speed.
+    """Values, with standard deviations from clusters of rows at the same place and speed.
 
-    Nonlinear parameters are among the columns.
+    The derivatives by nonlinear parameters are among the columns.
     """
     rows, x = model.whole, model.stacked(chosen, model.whole)
     c = model.fitted(chosen, rows)

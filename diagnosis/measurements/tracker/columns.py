@@ -52,9 +52,9 @@ class Survey:
 
 @dataclass(frozen=True)
 class TrackedCandidate(Candidate):
-    """A candidate of the tracker's points.
+    """A candidate for the tracker's points.
 
-    ``names`` of geometric errors that are free, ``shape`` with the order of a wave.
+    ``names``: the geometric errors that are free; ``shape``: nonlinear parameters, such as the order of a ripple.
     """
 
     names: tuple[str, ...] = ()
@@ -84,9 +84,9 @@ class TrackedCandidate(Candidate):
         return tuple(f"joint{self.joint}.{GEOMETRY[name]}" for name in self.names)
 
     def parameters(self, coefficients: Sequence[float]) -> dict[str, float]:
-        """As of every candidate.
+        """As ``Candidate.parameters``.
 
-        Of geometric errors the coefficients themselves, of an inverse parameter the reciprocal.
+        A geometric error is its coefficient, an inverse parameter the reciprocal of it.
         """
         if self.definition is JOINT_ZERO_OFFSET:
             # the chain's theta has the zero's error with its sign turned
@@ -285,9 +285,9 @@ def _with_zeros(points: Points, side: Side) -> Points:
 
 
 def zero_scales(steps: Array) -> Array:
-    """(n,) prior std of zeros, rad: the count that a counter is set to, and the position within it.
+    """(n,) prior std of encoder zeros, rad; steps (n,) rad of the encoders.
 
-    steps (n,) rad; step / sqrt(12) each.
+    It has two parts of step / sqrt(12): the count to which a counter is preset, and the position within this count.
     """
     return np.asarray(np.maximum(steps, 1e-7) / np.sqrt(6.0))
 

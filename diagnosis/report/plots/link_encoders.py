@@ -35,9 +35,9 @@ def link_overview(link: LinkSide, arm: Arm) -> Chart:
 
 
 def link_chart(name: str, link: LinkSide, arm: Arm, effect: str, joint: int) -> Chart:
-    """Held-out difference of one joint's encoders over its angle and over the variable that shows the effect best.
+    """Held-out difference of one joint's encoders, over its angle and over the variable that shows the effect best.
 
-    Before and after all causes.
+    It is drawn before and after all causes.
     """
     k, drive = int(np.flatnonzero(link.held_out.joints == joint)[0]), arm.joints[joint - 1]
     variable = CATALOGUE[effect].observed_by[Instrument.LINK_ENCODER].against

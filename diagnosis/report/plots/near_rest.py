@@ -19,9 +19,9 @@ from diagnosis.units import recorded_quantity
 
 
 def near_rest_chart(picture: str, result: Diagnosis, joint: int) -> Chart | None:
-    """Residual over its std of every recording where the joint (from 1) turns or creeps, against its velocity.
+    """Residual over its std against velocity, for every recording in which the joint (from 1) reverses or creeps.
 
-    None where no encoder shows its speed so finely.
+    None if no encoder resolves that speed.
     """
     arms = (result.arm, result.extended) if result.causes else (result.arm,)
     sides = [_passages(result, joint, arm.effects) for arm in arms]

@@ -39,9 +39,9 @@ BINS = 24
 
 
 def in_noise(result: Diagnosis, joint: int) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Held-out residual of a joint (from 1) before and after all causes (rows,), over the instruments' noise.
+    """Held-out residual of a joint (from 1) before and after all causes, in units of the noise, and the rows compared.
 
-    The last are the rows that are compared.
+    Arrays (rows,); the third is a mask.
     """
     side = dataset_of(result.held_out)
     ratio = np.concatenate([run.deviation[:, joint - 1] / run.instruments[:, joint - 1] for run in result.held_out])
@@ -50,9 +50,9 @@ def in_noise(result: Diagnosis, joint: int) -> tuple[Array, Array, NDArray[np.bo
 
 
 def against_all(result: Diagnosis, joint: int, held_out: Sequence[Recording]) -> Chart:
-    """The held-out residual of one joint against time, position, motor angle, velocity, its sign and load torque.
+    """The held-out residual of a joint against time, position, motor angle, velocity, its sign and load torque.
 
-    Against temperature as well where it is recorded.
+    Also against temperature if it is recorded.
     """
     before, after, sure = in_noise(result, joint)
     at = held_out_time(result)[sure]

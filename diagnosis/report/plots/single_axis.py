@@ -16,9 +16,9 @@ NEAR = 4.0
 
 
 def axis_chart(name: str, axis: AxisSide, effect: str, drive: Joint) -> Chart:
-    """Held-out residual without one of the causes and with all, against what shows that cause.
+    """Held-out residual with all causes and without one of them, against what shows that cause.
 
-    Velocity, place, or how fast the command changes.
+    This is the velocity, the position, or the rate of the command.
     """
     cause = next(one for one in axis.causes if one.effect == effect)
     definition = CATALOGUE[effect]

@@ -10,10 +10,7 @@ from diagnosis.measurements.tracker.causes import Tracked
 
 
 def tracker_chart(name: str, tracked: Tracked) -> Chart:
-    """Distance of every tracked point from where the model has it, before and after all causes.
-
-    Fitted and held-out recordings.
-    """
+    """Distance of every tracked point from its predicted place before and after all causes, fitted and held out."""
     panels = []
     for title, (before, after) in tracked.distances.items():
         row = np.arange(len(before), dtype=float)

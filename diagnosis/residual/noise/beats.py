@@ -24,9 +24,9 @@ HIDDEN = 0.6
 
 
 def steps_of(q: Array, steps: Array | None = None) -> Array:
-    """(n,) rad: steps of recorded angles (m, n); 0 for a joint whose noise hides them, that has none or never moves.
+    """(n,) rad: quantisation step of recorded angles (m, n); 0 for a joint without one, hidden by noise, or at rest.
 
-    ``steps`` (n,) rad: of the encoders, where angles were interpolated.
+    ``steps`` (n,) rad: those of the encoders, if the angles were interpolated.
     """
     steps = encoder_steps(q) if steps is None else steps
     return np.where(angle_scatter(q) > HIDDEN * steps, 0.0, steps)

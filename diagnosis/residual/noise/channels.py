@@ -115,9 +115,9 @@ NOTHING_KNOWN = KnownNoise()
 
 
 def angle_noise(q: Array, steps: Array | None = None) -> Array:
-    """(n,) rad: std of recorded angles (m, n), from their step (variance step^2 / 12) or, if larger, their scatter.
+    """(n,) rad: std of recorded angles (m, n): of their step (step / sqrt(12)) or their scatter, whichever is larger.
 
-    Of angles without steps, the scatter alone. ``steps`` (n,) rad: as of ``KnownNoise``.
+    Angles without steps have their scatter alone. ``steps`` (n,) rad: as of ``KnownNoise``.
     """
     steps = encoder_steps(q) if steps is None else steps
     quantised = steps / np.sqrt(12)
@@ -148,9 +148,9 @@ def resolution(q: Array) -> float:
 
 
 def still_noise(recordings: Sequence[Recording]) -> Array:
-    """(n,) A: std, in the band of comparison, of currents in the standstill that recordings begin with.
+    """(n,) A: std, in the band of comparison, of the currents in the initial standstill of recordings.
 
-    0 where none does.
+    0 if no recording begins with one.
 
     Noise correlated over tenths of a second does not show in the scatter between neighbouring rows. The median of all
     recordings is taken, about their trends: while an arm settles, its currents change for a reason.

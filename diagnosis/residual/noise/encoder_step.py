@@ -49,9 +49,9 @@ R = TypeVar("R")
 
 
 def found_once(find: Callable[Concatenate[Array, P], R]) -> Callable[Concatenate[Array, P], R]:
-    """``find`` of samples (m,), found once for the same bytes: a diagnosis asks for the same angles a dozen times.
+    """Caches ``find`` by the bytes of its samples (m,), because a diagnosis asks for the same angles a dozen times.
 
-    Other arguments are plain numbers. What is found is shared: nobody changes it.
+    Other arguments must be plain numbers. The result is shared and must not be changed.
     """
     found: dict[tuple[bytes, str], R] = {}
 

@@ -156,9 +156,9 @@ def _gaps(joint: int, q: Array, jumps: Sequence[Jump], dt: float) -> list[Counte
 
 
 def rows_lost(q: Array, jump: Jump, part: tuple[int, int], dt: float) -> tuple[int, float]:
-    """Number of rows lost at a jump and its std: with them in between, one polynomial goes through both sides.
+    """Number of rows lost at a jump, and its std: with that many rows between them, one polynomial fits both sides.
 
-    0 for a jump that is none of a motion.
+    0 for a jump that the motion does not explain.
     """
     row, turned = jump.row, turned_per_row(q, jump.row, dt)
     if abs(turned) * rows_near(dt) < resolution(q) or not 0.5 < jump.size / turned < LONGEST / dt:

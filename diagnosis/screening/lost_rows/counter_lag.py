@@ -57,9 +57,9 @@ def lost_by_current(
 
 
 def _errors(runs: Mapping[int, Run], joint: int, fine: Index) -> Array:
-    """(p, K) A2: squared residual of a joint in every piece by shift, linear between those that were predicted.
+    """(p, K) A2: squared residual of a joint in every piece by shift, interpolated between the shifts predicted.
 
-    The mean of each piece is taken out: a load that the model has not is no shift.
+    The mean of each piece is subtracted, so that a load which the model lacks does not look like a shift.
     """
     tried = sorted(runs)
     values = np.stack([runs[rows].residual[:, joint - 1] for rows in tried])

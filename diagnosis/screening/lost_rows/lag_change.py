@@ -105,9 +105,9 @@ def _change(lag: Array, weight: Array, pieces: Array, at: int, *, agree: bool = 
 
 
 def _agreed(per_joint: Array, inverse_variance: Array) -> bool:
-    """Whether the joints other than the most certain one show the same step.
+    """Whether the joints other than the most certain one show the same step of the lag.
 
-    Dropped triggers affect all joints; an error of one joint alone has another cause.
+    Dropped triggers affect all joints; a step at one joint alone has another cause.
     """
     best = int(np.argmax(inverse_variance))
     other_weights = np.delete(inverse_variance, best)
@@ -126,7 +126,7 @@ def _agreed(per_joint: Array, inverse_variance: Array) -> bool:
 def _lags(run: Run) -> tuple[Array, Array, Array]:
     """lag (p, n) s of the currents in each piece, its weight (p, n), and the start (p,) s of each piece.
 
-    The weight is the inverse variance if the residual is noise.
+    The weight is the inverse variance, provided that the residual is noise.
     """
     slope, residual = run.current_rate / run.deviation, run.residual / run.deviation
     number: Index = ((run.t - run.t[0]) // PIECE).astype(np.intp)

@@ -46,7 +46,7 @@ class Functions:
     def columns(self) -> Columns:
         """(rows, k factors) products, whitened as the residual is.
 
-        Computed whenever they are asked for: those of all variables are many.
+        They are computed at each call, because those of all variables together would need much memory.
         """
         products = _side_by_side([self.values * factor[:, None] for factor in self.factors])
         return Columns(self.side.whitened(products, self.joint), self.side.of(self.joint))

@@ -38,9 +38,9 @@ def dominant(state: State) -> list[Candidate]:
 
 
 def of_own_variable(candidate: Candidate, variables: Iterable[str]) -> bool:
-    """Whether a residual that depends on these variables depends on that of the candidate's own law alone.
+    """Whether a residual that depends on ``variables`` depends only on those in the candidate's own law.
 
-    Only of a law at its own joint: a change of the description depends on many variables.
+    Applies to laws at one joint: a change of the description (masses, geometry) depends on many variables.
     """
     effect = candidate.definition
     own_law = effect.torque is not None or effect.current is not None
@@ -57,9 +57,9 @@ def family_dominates(candidate: Candidate, variable: str, state: State) -> bool:
 
 
 def explained_alone(own: Sequence[Candidate], state: State) -> float:
-    """Share of the excess at their joint that candidates explain without others that act there.
+    """Share of the excess at their joint that these candidates explain without the others that act there.
 
-    The smaller one of fitted and held-out recordings.
+    The smaller of the shares in fitted and in held-out recordings.
     """
     joint = own[0].joint
     assert joint is not None

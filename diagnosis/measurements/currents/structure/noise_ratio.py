@@ -20,9 +20,9 @@ def joints_above_noise(residual: Array, side: Dataset, arm: Arm) -> list[int]:
 
 
 def noise_ratio(residual: Array, side: Dataset, joint: int) -> float:
-    """Residual-to-noise ratio of a joint: rms of ``residual`` (n * rows,) over the noise std, where the joint moves.
+    """Rms of ``residual`` (n * rows,) over its noise std, at one joint, where the joint moves.
 
-    1 for noise; less where the instruments are better than their noise std says.
+    1 for pure noise; less if the instruments are better than their stated noise.
 
     Only rows count in which the noise is that of the instruments. Noise correlated over longer than the initial
     standstill is underestimated; it is as large in the quietest seconds as in all others, and then the ratio is 1.

@@ -107,9 +107,9 @@ def structures_at(
 def better_than_causes(
     bases: Bases, without: Fitted, with_causes: Fitted, arm: Arm, joint: int, allowed: float
 ) -> dict[str, float]:
-    """Variables of which one function leaves significantly less than the causes of a joint (``without`` them).
+    """Variables of which a single function leaves significantly less residual than the causes of a joint.
 
-    Each with the squared held-out error by which it leaves less.
+    Each with the squared held-out error by which it leaves less; ``without``: the fit without these causes.
 
     Functions of one variable only approximate a true cause, but may explain more than a wrong one. allowed: squared
     error by which the function may be worse, where there are implausibly many causes; not for the velocity, on which
