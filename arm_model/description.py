@@ -132,9 +132,9 @@ class Joint:
         return "N m" if self.revolute else "N"
 
     def unit(self, unit: str, name: str = "") -> str:
-        """A unit that is written for a revolute joint driven by a current, as this joint has it.
+        """The unit of a parameter at this joint; ``unit`` is written for a revolute joint driven by a current.
 
-        ``name`` of the parameter: a phase stays one.
+        ``name``: of the parameter, because a phase keeps its unit.
         """
         if unit in ("A", "1/A2", "1/A4"):
             ampere = self.command_unit if " " not in self.command_unit else f"({self.command_unit})"
@@ -164,10 +164,7 @@ class Coupling:
 
 @dataclass(frozen=True, config=STRICT)
 class EffectTerm:
-    """One effect of the catalogue (``arm_model.effects``) as it acts in one arm.
-
-    Its joint from 1, or None for the whole arm.
-    """
+    """One effect of the catalogue (``arm_model.effects``) in one arm, at a joint (from 1) or None for the whole arm."""
 
     name: str
     joint: Annotated[int, Field(ge=1)] | None = None

@@ -1,6 +1,6 @@
-"""The arm whose links are where its effects of geometry put them.
+"""The arm with its effects of geometry applied to its links.
 
-Other equations, not other numbers in the same ones.
+These change the equations themselves, not only the numbers in them.
 """
 
 from __future__ import annotations

@@ -15,9 +15,9 @@ from arm_model.motion import Motion
 
 @dataclass(frozen=True)
 class Readings:
-    """q (..., R, n) rad: motor encoder over gear ratio, as ``Motion.qm``.
+    """What the instruments read: q (..., R, n) rad, the motor encoder over the gear ratio, as ``Motion.qm``.
 
-    Current (..., R, n) A: as the transducer shows it.
+    Also the current (..., R, n) A as the transducer shows it.
     """
 
     q: Array

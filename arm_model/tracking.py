@@ -1,7 +1,4 @@
-"""Where a tracker sees its target, by the laws of ``arm_model.effects``.
-
-Links may sag, points may be late or wrong.
-"""
+"""Where a tracker sees its target, by the laws of ``arm_model.effects``: links sag, points come late or are wrong."""
 
 from __future__ import annotations
 

@@ -21,9 +21,9 @@ POLICY = (
 
 
 class Guarded:
-    """Refuses requests under a foreign name or from a foreign page, and says what the browser may load.
+    """Refuses requests under a foreign host name or from a foreign page, and sets what the browser may load.
 
-    What a request raises that nobody expects is one line in the log.
+    An unexpected exception in a request becomes one line of the log.
     """
 
     def __init__(self, inner: ASGIApp, hosts: frozenset[str], *, secure: bool) -> None:

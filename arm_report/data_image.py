@@ -16,7 +16,7 @@ DPI = 100
 def image(figure: Figure, alt: str) -> str:
     """The figure as an <img> that carries its own data; ``alt`` describes it in words.
 
-    It scrolls on a narrow screen.
+    On a narrow screen it can be scrolled.
     """
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=DPI)

@@ -9,9 +9,9 @@ HEIGHT = 640
 
 
 def inline(page: str) -> str:
-    """A whole HTML page as a part of another: in a frame, so that neither changes the other's style.
+    """A whole HTML page as a part of another one: in a frame, so that neither changes the style of the other.
 
-    Its scripts run there as those of a stranger: they cannot reach the notebook.
+    Its scripts run as those of a foreign page: they cannot reach the notebook.
     """
     style = f"width:100%;height:{HEIGHT}px;border:1px solid #d8dee6"
     return f'<iframe sandbox="allow-scripts" style="{style}" srcdoc="{escape(page)}"></iframe>'

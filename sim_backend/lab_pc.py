@@ -1,6 +1,6 @@
-"""The analogue card of the thesis, Lab-PC: eight inputs of 12 bit, one converter.
+"""The analogue card of the thesis, Lab-PC: eight inputs of 12 bit with one converter, two analogue outputs.
 
-Two analogue outputs, TTL lines, timer B2.
+It also has TTL lines, and the timer B2.
 
 The converter goes through the inputs one after the other: input c of a row is converted c / conversion_rate after the
 edge. The trigger input counts edges; with the timer as their source, counter B2 of this card makes them, from the rise
@@ -30,9 +30,9 @@ START = "start"
 
 
 class Config(Table):
-    """One card. joints: the joint whose current transducer is wired to each input.
+    """One card; ``joints``: the joint whose current transducer is wired to each input.
 
-    0 for an input left open (it reads 0 V).
+    0 means that the input is open (it reads 0 V).
     """
 
     joints: list[Annotated[int, Field(ge=0)]] = Field(default=[1, 2, 3, 4, 5, 6, 0, 0], min_length=1, max_length=16)

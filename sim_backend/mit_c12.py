@@ -1,6 +1,4 @@
-"""The counter card of the thesis, MIT C12.
-
-Three quadrature channels of 24 bit and one of 32, all latched on one trigger input.
+"""The counter card of the thesis, MIT C12: three quadrature channels of 24 bit and one of 32, on one trigger input.
 
 Modes x1, x2 and x4; presets; reset on the next index pulse (once a motor revolution). Six joints need two cards. Rows
 are numbered by the card's own count of edges; its ticks are of its 1 MHz timer.
@@ -179,10 +177,7 @@ class Card:
         return _from(at, since, begin) & ~_from(at, since, begin + period)
 
     def _find_index(self, channel: int, until: int) -> None:
-        """Looks for the channel's index pulse, where its motor passes a whole revolution.
-
-        Resets the register there.
-        """
+        """Resets the channel's register at its index pulse, if its motor has passed a whole revolution."""
         joint = self.config.joints[channel]
         begin = self._index.get(channel)
         if begin is None or until <= begin or not joint:

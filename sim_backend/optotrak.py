@@ -1,6 +1,4 @@
-"""The external tracker of the thesis, Optotrak.
-
-The position of one retroreflector on the last link, in the tracker's own frame.
+"""The external tracker of the thesis, Optotrak: positions of one reflector on the last link, in its own frame.
 
 It cannot be triggered: from the rise of the start line on it samples at its own rate, raises the trigger line once a
 sample, and keeps the first ``memory`` points, which are recalled after the run. With a ``stream`` it also sends points

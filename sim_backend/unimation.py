@@ -1,7 +1,4 @@
-"""The arm's controller, as its host sees it.
-
-Takes an experiment, moves when the start line rises, stops in a controlled way.
-"""
+"""The arm's controller as its host sees it: takes an experiment, moves on the start line, stops in a controlled way."""
 
 from __future__ import annotations
 

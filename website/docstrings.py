@@ -1,6 +1,6 @@
-"""Docstrings as Markdown: a column of names beside a column of what they mean becomes a list of definitions.
+"""Docstrings as Markdown: a column of names beside a column of meanings becomes a list of definitions.
 
-Extension of griffe, by which mkdocstrings reads the code.
+This is an extension of griffe, with which mkdocstrings reads the code.
 """
 
 from __future__ import annotations

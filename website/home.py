@@ -1,7 +1,4 @@
-"""Pages of the site that stand outside docs/.
-
-README.md is its home, CONTRIBUTING.md a page, examples/own_arm a list of files.
-"""
+"""Pages of the site that are not in docs/: README.md, CONTRIBUTING.md, and the files of examples/own_arm."""
 
 from __future__ import annotations
 

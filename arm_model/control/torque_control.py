@@ -25,9 +25,9 @@ class TorqueController(Protocol):
 
 @dataclass(frozen=True)
 class Run:
-    """(R,) s, and (R, n) each: motor angle over gear, its rate, torque given from then on, demanded position.
+    """A run under torque control: times (R,) s, and (R, n) of each quantity below.
 
-    rad, rad/s, N m.
+    These are motor angle over gear (rad), its rate (rad/s), torque given from then on (N m), demanded position (rad).
     """
 
     t: Array
@@ -46,9 +46,9 @@ def controlled(
     period: float,
     start: Array | None = None,
 ) -> Run:
-    """The arm under a controller that is called every ``period`` s with what the motors' encoders tell.
+    """The motion of an arm, from rest at ``start``, under a controller that is called every ``period`` s.
 
-    It starts from rest at ``start``.
+    The controller gets what the motors' encoders read.
 
     Torques are cut at each joint's torque_limit and held for a period, a whole number of the engine's steps. The servos
     of the model, if it has any, are out of play. InputError: a period that is no whole number of steps, or an arm that

@@ -44,9 +44,9 @@ def friction_near_rest() -> tuple[Effect, ...]:
 
 
 def same_columns(effect: Effect) -> tuple[str, ...]:
-    """Effects that name it as it names them.
+    """Effects that name ``effect`` as their alias and are named by it.
 
-    Whatever is recorded, their columns are the same, and both together explain anything.
+    In any recording their columns are the same, and both together could explain anything.
     """
     return tuple(name for name in effect.aliases if effect.name in CATALOGUE[name].aliases)
 

@@ -1,6 +1,4 @@
-"""Between an effect's parameters and the coefficients of its columns.
-
-An estimator fits coefficients, a model has parameters.
+"""Conversion between an effect's parameters, which a model has, and coefficients of columns, which are fitted.
 
 ``units`` are the parameter values at which the law is evaluated for a column each; ``solved`` turns the coefficients of
 these columns back into parameters. What lies between is said by ``Parameter.linear`` and ``Parameter.span``: the law at

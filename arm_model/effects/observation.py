@@ -88,9 +88,9 @@ class Observation:
 
 
 class Span(StrEnum):
-    """A nonlinear parameter whose whole family of laws lies in a plane.
+    """A nonlinear parameter for which the laws of all values lie in one plane.
 
-    Columns at two values, or one column more, replace its search.
+    Columns at two values, or one further column, therefore replace a search.
     """
 
     PHASE = "phase"

@@ -1,7 +1,4 @@
-"""Effect terms of an arm (``[[effect]]`` in its model file).
-
-Checked, and those that are another description carried out.
-"""
+"""Effect terms of an arm (``[[effect]]`` in its model file): checks, and those that change the description applied."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""Between motor and link: lost motion, elasticity, gear errors.
+"""Effects between motor and link: backlash, elasticity, gear errors.
 
-Motor angle over gear minus link angle is the deflection.
+The deflection is motor angle over gear minus link angle.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ WORST_RIPPLE = 0.02
 def across_gap(half_gap: Any, twist: Any, rate: Any, spring: Callable[[Any, Any], Any]) -> Any:
     """Torque of a gap in series with ``spring`` (twist beyond the gap, its rate).
 
-    Contact on either side that pushes, never pulls.
+    Contact on either side can push but not pull.
 
     Bodies that part faster than the spring unloads are let go. The rate counts from a hundredth of the gap on.
     """

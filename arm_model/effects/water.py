@@ -1,6 +1,6 @@
-"""Water that a description knows nothing of, or too little.
+"""Water that a description lacks or underestimates.
 
-Morison's forces along a link (``arm_model.rigid_body.hydrodynamics``).
+The forces are Morison's along a link (``arm_model.rigid_body.hydrodynamics``).
 """
 
 from __future__ import annotations

@@ -46,9 +46,9 @@ class Formulation:
 
 
 def compare(arm: Arm, *, with_sympy: bool | None = None, states: int = 100, seed: int = 0) -> list[Formulation]:
-    """Newton-Euler, Lagrange and Kane of an arm, on ``states`` random states.
+    """Newton-Euler, Lagrange and Kane of an arm compared on ``states`` random states.
 
-    sympy's own too, by default up to SYMPY_JOINTS joints.
+    with_sympy: sympy's own equations too; default: up to SYMPY_JOINTS joints.
     """
     rng = np.random.default_rng(seed)
     q, qd, qdd = (scale * rng.normal(size=(states, len(arm))) for scale in (1.5, 1.5, 5.0))

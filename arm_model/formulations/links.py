@@ -63,10 +63,7 @@ def symbols_of(arm: Arm) -> Symbols:
 
 @dataclass(frozen=True)
 class Link:
-    """One link in its joint frame.
-
-    Angular velocity, velocity of the frame's origin, gravity, and g.p of the origin p.
-    """
+    """One link in its joint frame: angular velocity, velocity of the frame's origin, gravity, g.p of the origin p."""
 
     spin: Vector
     speed: Vector

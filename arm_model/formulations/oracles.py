@@ -1,6 +1,4 @@
-"""Lagrange's and Kane's equations by sympy.physics.mechanics.
-
-An oracle that shares nothing with our own but the model file.
+"""Lagrange's and Kane's equations by sympy.physics.mechanics: an oracle that shares only the model file with ours.
 
 The arm is given to sympy as the file has it: masses, centres of mass and inertias about them, in the frames of the
 links. sympy's expressions are trees; beyond three joints or so they take minutes.

@@ -1,6 +1,6 @@
-"""What water adds to the torques of an arm.
+"""What water adds to the torques of an arm: Morison's equation on strips along the cylinders of its links.
 
-Morison's equation on strips along the cylinders that its links are (``Cylinder``).
+A link in water is described by a ``Cylinder``.
 
 A strip dl of a cylinder of radius R, with the velocity v and acceleration a of its centre across the cylinder's axis,
 is held back by
@@ -42,9 +42,9 @@ COEFFICIENTS = ("drag_coefficient", "added_mass_coefficient", "buoyancy")
 
 @dataclass(frozen=True)
 class Water:
-    """What the water does to one cylinder, scalars of any kind: resistance rho C_d R, kg/m2.
+    """What the water does to one cylinder; scalars of any kind.
 
-    Added mass rho C_a pi R^2, kg/m; and displaced, b rho pi R^2 L, kg.
+    The fields are resistance rho C_d R, kg/m2; added mass rho C_a pi R^2, kg/m; displaced mass b rho pi R^2 L, kg.
     """
 
     resistance: Scalar
@@ -73,7 +73,7 @@ def water_of(cylinder: Cylinder) -> Water:
 class Shape:
     """A cylinder in its link's joint frame.
 
-    Middle (3,) m, length m, and rows across (2) and along (1) its axis, right-handed.
+    middle (3,) m, length m, and unit rows across (2) and along (1) its axis, which make a right-handed frame.
     """
 
     middle: Triple
@@ -213,9 +213,9 @@ def _drag(shape: Shape, levers: Sequence[_Lever], qd: Sequence[Scalar]) -> tuple
 
 
 def points(length: float) -> tuple[list[float], list[float]]:
-    """Places from the middle and widths, m, by which ``STRIPS`` strips of a cylinder are summed up.
+    """Distances from the middle, and weights, m, by which ``STRIPS`` strips of a cylinder are integrated.
 
-    Two Gauss points each.
+    Each strip has two Gauss points.
     """
     width = length / STRIPS
     middles = (np.arange(STRIPS) - (STRIPS - 1) / 2) * width

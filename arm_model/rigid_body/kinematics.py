@@ -125,7 +125,7 @@ def forward(arm: Arm, q: Array) -> Array:
 def jacobian(arm: Arm, q: Array, point: Array | None = None) -> Array:
     """(..., 6, n) geometric Jacobian in the base frame.
 
-    Linear velocity of the tool (first three rows), angular (last three).
+    The first three rows are the linear velocity of the tool, the last three the angular velocity.
 
     ``point`` (3,) m: another point, in the frame of the last link, instead of the tool's origin.
     """

@@ -158,7 +158,7 @@ def jacobians(
 ) -> list[list[tuple[Triple, Triple]]]:
     """For each of the first ``links`` links: angular velocity and velocity of the origin of its joint frame.
 
-    In that frame, per unit rate of each joint up to its own.
+    Both are in that frame, per unit rate of each joint up to the link's own.
     """
     last: list[tuple[Triple, Triple]] = []
     found = []

@@ -1,6 +1,4 @@
-"""Functions of a scalar of any kind.
-
-Floats and arrays through numpy, tape expressions and sympy symbols through their own.
+"""Functions of a scalar of any kind: floats and arrays (numpy), tape expressions, sympy symbols.
 
 Friction laws, effects and the Newton-Euler recursion are written once with these and +, -, *, /.
 """

@@ -1,6 +1,6 @@
-"""One compiled function that runs a generated system.
+"""One compiled function that runs a generated system: servo ticks, Runge-Kutta substeps, rows of output.
 
-Servo ticks, Runge-Kutta substeps, rows of output, for blocks of lanes.
+It advances blocks of lanes (simulations that run side by side in one vector).
 
     run(first, last, timing, params, states, memories, currents, demands, demand_stride,
         rows, row_substep, row_weights, out)

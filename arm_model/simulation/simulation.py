@@ -1,6 +1,6 @@
 """Simulations of an arm under its servos: one, or many at once (lanes = parameter sets).
 
-Block by block, for a simulated rig: ``stepper``.
+``stepper`` simulates block by block, for the simulated rig.
 """
 
 from __future__ import annotations

@@ -225,7 +225,7 @@ class Vector:
     def rsqrt(self, x: Any) -> Any:
         """1 / sqrt(x), x normal and positive, to 1e-15 relative (1e-7 in single precision), without a slow division.
 
-        A guess from the exponent, then Newton steps.
+        A first guess is taken from the exponent and refined by Newton steps.
         """
         build = self.builder
         half_bits = build.lshr(build.bitcast(x, self.int_type), self.integer(1))

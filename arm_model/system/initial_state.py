@@ -73,9 +73,9 @@ def base_memories(
 
 
 def start_memories(arm: Arm, theta: Array, current: Array) -> dict[str, Array]:
-    """Memories of servos that have been standing at ``theta`` (lanes, n) rad.
+    """Memories of servos that have been at rest at ``theta`` (lanes, n) rad, with ``current`` (lanes, n) A flowing.
 
-    It is their demand, with ``current`` (lanes, n) A flowing.
+    ``theta`` is also their demand.
 
     The integrators hold the current; where there are none they hold it all the same, as an offset that was there
     before.
@@ -93,7 +93,7 @@ def start_memories(arm: Arm, theta: Array, current: Array) -> dict[str, Array]:
 def _twist(system: System, j: int, inputs: Mapping[str, Array], torque: Array) -> Array:
     """Twist (rad) at which joint j's transmission transmits ``torque`` (lanes,) at rest.
 
-    Without load it is in the middle of its play.
+    Without load the joint is in the middle of its backlash.
     """
     states = {name: np.zeros_like(torque) for name in system.states}
     order = needed(system.tape, [system.passed[j]])

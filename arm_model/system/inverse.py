@@ -121,9 +121,9 @@ class _Equations:
 
 @lru_cache(maxsize=32)
 def _equations(structure: _Structure, zeros: frozenset[str]) -> _Equations:
-    """Torques of the motors over angles ``theta{j}``, ``speed{j}``, ``rate{j}``.
+    """Torques of the motors as functions of ``theta{j}``, ``speed{j}``, ``rate{j}``, ``time`` and the arm's numbers.
 
-    They are over ``time`` and the arm's numbers too, of which ``zeros`` are 0.
+    zeros: those of the arm's numbers that are 0, and left out of the equations.
     """
     arm, compiled = structure.arm, structure.compiled
     tape, n = Tape(), len(arm)

@@ -28,7 +28,7 @@ class Symbols:
 class Links:
     """The rigid links in transmission coordinates: torque without acceleration, and the mass matrix.
 
-    On a floating base both begin with its six rows.
+    On a floating base both begin with the six rows of the base.
     """
 
     carried: list[Expr]

@@ -61,10 +61,7 @@ class Joints:
 
 @dataclass
 class Drag:
-    """What resists the motors, rotor inertia apart.
-
-    Torque (n,) at the joint side, and the internal states it depends on.
-    """
+    """The torques (n,) at the joint side that resist the motors, without rotor inertia, and their internal states."""
 
     torque: list[Expr] = field(default_factory=list)
     states: list[str] = field(default_factory=list)
@@ -103,9 +100,9 @@ class Mechanics:
         return [j for j in range(len(self.arm)) if self._gives(j)]
 
     def shape(self, phi: Sequence[Expr], speed: Sequence[Expr]) -> Shape:
-        """The joint angles that transmission outputs ``phi`` make.
+        """The joint angles that follow from the transmission outputs ``phi``.
 
-        Uneven gears, then the turn of one axis by another's motor.
+        Errors of the gears are added first, then the rotation of one axis by another's motor (wrist coupling).
         """
         n, tape = len(self.arm), phi[0].tape
         straight, slope, bend = list(phi), [tape.constant(1.0)] * n, [tape.constant(0.0)] * n

@@ -43,9 +43,9 @@ def _mobility(arm: Arm, j: int) -> float:
 
 
 def joint_without_inertia(arm: Arm, q: Array) -> int | None:
-    """The joint (from 1) that accelerates without any torque at q (n,), alone or with others; None on a sound arm.
+    """The joint (from 1) that accelerates without any torque at q (n,), alone or with others; None if there is none.
 
-    A massless last link and a drive without a rotor, as in a URDF file.
+    Such a joint has a massless last link and a drive without a rotor, as some URDF files describe it.
     """
     matrix = drive_mass_matrix(arm, np.nan_to_num(q))[0]
     size = np.sqrt(np.abs(matrix.diagonal()))

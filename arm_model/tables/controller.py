@@ -14,7 +14,7 @@ from arm_model.tables.fields import STRICT, NotNegative, Positive
 class Controller:
     """Independent-joint servos, evaluated at every servo tick.
 
-    On the motor angle over gear ratio qm, and its difference v, low-passed:
+    With qm the motor angle over the gear ratio, and v its difference quotient after a low-pass:
 
         current = position_gain (r - qm) + integral_gain int (r - qm) dt + velocity_gain (velocity_reference r' - v)
 

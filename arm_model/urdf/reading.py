@@ -289,9 +289,9 @@ def _joint(path: str | Path, element: xml.Element, pose: Array, gear: float) -> 
 
 
 def _impossible(axis: Sequence[float], limits: tuple[float, float], dynamics: dict[str, float]) -> str | None:
-    """What no joint has: an axis without direction, limits in the wrong order, friction that drives; None: all can be.
+    """What is impossible in a joint, or None: no axis, limits in the wrong order, friction that drives.
 
-    Equal limits stand for none in files that must name some.
+    Equal limits mean none: some programs must write limits.
     """
     if not any(axis):
         return "<axis xyz='0 0 0'> has no direction; expected a vector other than 0"

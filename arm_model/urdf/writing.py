@@ -71,9 +71,7 @@ def unknown_in_urdf(arm: Arm) -> list[str]:
 
 
 def write_urdf(path: str | Path, arm: Arm) -> None:
-    """Writes the arm as URDF: link frames sit on the joints' axes; joint-side friction.
-
-    The tool as a fixed link "tool".
+    """Writes the arm as URDF: link frames on the joints' axes, joint-side friction, the tool as a fixed link "tool".
 
     Rotor inertias, torque constants, effects and the controller have no place in URDF and are left out; friction of
     other shape than Coulomb and viscous, equal in both directions, becomes the nearest such (``not_in_urdf`` says so).

@@ -1,6 +1,6 @@
-"""Writes the experiment files beside it, for the nominal Puma.
+"""Writes the experiment files beside it, for the nominal Puma: ``python config/experiments/generate.py``.
 
-``python config/experiments/generate.py`` from the checkout.
+Run it from the checkout.
 
 The files are plain: they run without this program. It is kept because it says how their numbers came about.
 

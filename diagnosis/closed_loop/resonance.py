@@ -76,7 +76,7 @@ def transmission_resonance(
     joints: Sequence[int],
     near: Cause | None = None,
 ) -> Cause | None:
-    """The spring or the play at one of ``joints`` (from 1) that makes the closed loop follow the demands.
+    """The spring or backlash at one of ``joints`` (from 1) with which the loop follows the demands as measured.
 
     None if there is none.
 

@@ -87,9 +87,10 @@ class Run:
     """
 
     def __init__(self, mover: Mover, electronics: Electronics, after: tuple[Run, int] | None = None) -> None:
-        """after: the previous run and ns at which this one continues its encoder counts; None: counts from the pose.
+        """Signals are computed when they are asked for.
 
-        Computed on demand.
+        after: the previous run, and the instant (ns) at which this one continues its encoder counts; None: counts from
+        the pose.
         """
         self.mover = mover
         self._electronics = electronics

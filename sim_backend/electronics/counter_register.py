@@ -1,7 +1,4 @@
-"""The register of one counter channel.
-
-What its driver sets, what index pulses and restarts do to it, and what it shows when.
-"""
+"""The register of one counter channel: what its driver sets, what index pulses and restarts do, what it reads."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """Encoders and current transducers of an arm.
 
-The rig file's ``[simulation.encoder]`` and ``[simulation.transducer]``.
+They are configured by ``[simulation.encoder]`` and ``[simulation.transducer]`` of the rig file.
 """
 
 from __future__ import annotations

@@ -32,9 +32,7 @@ def keys(seed: int, stream: str, channels: int) -> NDArray[np.uint64]:
 
 
 def normals(key: NDArray[np.uint64], index: NDArray[np.int64], number: int) -> list[NDArray[np.float64]]:
-    """``number`` (at most 4) independent standard normals for every key and index.
-
-    Shaped as ``key`` and ``index`` broadcast.
+    """``number`` (at most 4) independent standard normal values for every key and index, which broadcast.
 
     Each takes 16 bits, and so one of 65536 equally likely values; |value| < ``LARGEST``.
     """

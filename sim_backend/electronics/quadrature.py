@@ -15,9 +15,9 @@ Counts = NDArray[np.int64]
 
 
 def count(passed_a: Counts, passed_b: Counts, mode: CounterMode) -> Counts:
-    """Counts from the edges that lines A and B are past (``sine_encoder``), any shape.
+    """Counts from the number of edges that lines A and B have passed (``sine_encoder``), any shape.
 
-    0 in the first quarter of period 0.
+    The count is 0 in the first quarter of period 0.
     """
     if mode is CounterMode.X4:
         return passed_a + passed_b

@@ -70,9 +70,9 @@ class SineEncoder:
 
 @dataclass(frozen=True)
 class Line:
-    """One square line of n encoders: phase of its own sine = encoder phase + ``shift``.
+    """One square-wave line of n encoders; the phase of its sine is the encoder's phase + ``shift``.
 
-    Offset and hysteresis over gain.
+    Offset and hysteresis are in units of the gain.
     """
 
     shift: Array
@@ -114,9 +114,9 @@ def switching(line: Line, noise: Array) -> tuple[Array, Array]:
 
 
 def place(line: Line, phi: Array) -> tuple[Counts, Array]:
-    """Where encoder phases phi (..., n) lie on a line.
+    """Position of encoder phases phi (..., n) relative to a line's edges.
 
-    Number of the edge before the period's rise, and rad from the period's zero.
+    It is the number of the edge before the period's rise, and rad from the period's zero.
 
     Periods are cut a quarter before their zero, so that each holds one rise (near 0) and one fall (near pi).
     """
@@ -133,9 +133,9 @@ def bounds(before: Counts, within: Array, rise: Array, fall: Array) -> tuple[Cou
 
 
 def follow(lowest: Counts, highest: Counts, passed: Counts) -> Counts:
-    """The play operator along axis 0.
+    """The play operator (hysteresis) along axis 0.
 
-    passed[i] = min(max(passed[i - 1], lowest[i]), highest[i]), passed[-1] given, (n,).
+    passed[i] = min(max(passed[i - 1], lowest[i]), highest[i]); passed[-1] (n,) is given.
 
     lowest, highest (m, n) with highest - lowest 0 or 1. Row i forgets the past except where it and row i - 1 are inside
     the hysteresis of one and the same edge: there the value is carried on, all else follows from the two rows alone.

@@ -24,10 +24,7 @@ OPERATIONAL, PRE_OPERATIONAL = 5, 127
 
 
 def object_dictionary(bits: int, serial: int) -> Any:
-    """The objects of an absolute multi-turn encoder (CiA 406 v3.1, class C2) that the driver uses.
-
-    With their power-up values.
-    """
+    """The objects, at power-up values, of an absolute multi-turn encoder (CiA 406 v3.1, C2) that the driver uses."""
     import canopen.objectdictionary as od
 
     dictionary = od.ObjectDictionary()
@@ -125,7 +122,7 @@ class SimulatedCia406:
         self.bus.close()
 
     def restart(self, number: int) -> None:
-        """Power off and on: settings as delivered, boot-up message where the bus is there.
+        """Power off and on: factory settings, and a boot-up message if the bus is connected.
 
         Position and preset are kept.
         """

@@ -1,6 +1,4 @@
-"""A counter device of the Linux counter subsystem.
-
-The same tree of attribute files, kept up to date in an ordinary folder.
+"""A counter device of the Linux counter subsystem: its tree of attribute files, in an ordinary folder.
 
 Ordinary files cannot run code when they are read, as sysfs does: the counts are written anew every millisecond.
 """

@@ -1,7 +1,4 @@
-"""The simulated arm on the wires of the protocol simulators.
-
-The same world that the simulated rig's own drivers sample.
-"""
+"""The simulated arm behind the protocol simulators: the same world that the drivers of the simulated rig sample."""
 
 from __future__ import annotations
 
@@ -98,7 +95,7 @@ def wires(
 ) -> Wires:
     """The terminals of one device: channel -> what is wired to it.
 
-    Channels that are not there are open (0 counts, 0 V).
+    Channels that are not listed are open (0 counts, 0 V).
     """
     hall = world.electronics.transducer
 

@@ -1,6 +1,6 @@
 """An external tracker: after its start pulse it samples at its own rate.
 
-It raises the trigger line and sends a line of text each time.
+With each sample it raises the trigger line and sends a line of text.
 """
 
 from __future__ import annotations

@@ -45,10 +45,7 @@ class LostRow(_Fault):
 
 
 class Unplugged(_Fault):
-    """The device is gone from ``at`` on.
-
-    It answers again from ``back`` on (never, where left out), having missed all between.
-    """
+    """The device is disconnected from ``at`` until ``back`` (left out: for good), and misses what happens meanwhile."""
 
     kind: Literal["unplugged"] = "unplugged"
     at: float

@@ -1,7 +1,4 @@
-"""The rig file's ``[simulation]`` table.
-
-The simulated arm, its pace, its electronics and the faults of its instruments.
-"""
+"""The rig file's ``[simulation]`` table: the simulated arm, its pace, its electronics, faults of its instruments."""
 
 from __future__ import annotations
 

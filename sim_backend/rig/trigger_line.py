@@ -53,9 +53,9 @@ class Seen:
 
 
 def seen(line: TriggerLine, faults: Iterable[Fault], first: int, until: int, number: int) -> Seen:
-    """Edges first ... until - 1 of the line as a device sees them that has these faults.
+    """Edges first ... until - 1 of the line as a device with these faults sees them.
 
-    It has counted ``number`` edges before.
+    number: edges that the device has counted before.
     """
     edge = np.arange(first, until, dtype=np.int64)
     time = line.times(edge)

@@ -190,9 +190,9 @@ class World:
     # Lines
 
     def pulse_by(self, pulses: Callable[[int], TriggerLine]) -> None:
-        """Sets who makes the edges of the trigger line, as a function of the time at which the start line rises.
+        """Sets the source of the edges of the trigger line, as a function of the time at which the start line rises.
 
-        Edges of the previous source end.
+        The previous source makes no further edges.
         """
         with self._lock:
             self._pulses, self.line = pulses, None
