@@ -84,8 +84,7 @@ class Card:
             raise DeviceFault(
                 self.name,
                 f"converts {self.config.conversion_rate:g} values/s: {len(self._skew)} inputs at most "
-                f"{self._max_rate():.0f}"
-                f" times per second, not {plan.rate:g}; lower the rate",
+                f"{self._max_rate():.0f} times per second, not {plan.rate:g}; lower the rate",
             )
         self._latch.arm(plan)
         self._edges.arm(plan)

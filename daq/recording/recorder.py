@@ -173,8 +173,7 @@ class Recorder:
             raise DeviceFault(
                 "disk",
                 f"{error.strerror} at the end of {self._file.path}: {self._recorded} rows are safe in "
-                f"{self._file.active}, "
-                f"{ledger.lost} are lost; make room and run 'armscope recover'",
+                f"{self._file.active}, {ledger.lost} are lost; make room and run 'armscope recover'",
             ) from None
         self._ledger = ledger
         return ledger

@@ -285,8 +285,7 @@ def _check_watchdogs(rig: Rig, devices: Mapping[str, Device]) -> None:
             raise InputError(
                 rig.name,
                 f"watchdog: {rig.watchdog:g} s must be shorter than {device.watchdog:g} s, after which {name} makes "
-                "its own "
-                "outputs safe",
+                "its own outputs safe",
             )
 
 

@@ -273,8 +273,7 @@ def sentence(result: Distortion) -> str:
     if not result.varies:
         return (
             f"{result.parameter} does not vary: {value:.4g} ± {2 * std:.2g}{unit} throughout (the model has "
-            f"{result.model:.4g}); "
-            "no variation predicts more of the residual."
+            f"{result.model:.4g}); no variation predicts more of the residual."
         )
     low, high = np.quantile(np.concatenate([p.value[p.seen] for p in result.paths]), [0.05, 0.95])
     first = (

@@ -193,7 +193,6 @@ def _separated_by(row: dict[str, Any]) -> str:
     if chosen is None:
         return f"No motion that was tried discriminates them. Discriminated by: {row['separate_by']}."
     return (
-        f"Discriminated by: {chosen['motion']}. Discrimination distance {chosen['distance']:.0f} standard "
-        "deviations of the noise, the"
-        f" largest of {chosen['tried']} motions; experiment file {Path(row['separate_by']).name}."
+        f"Discriminated by: {chosen['motion']}. Discrimination distance {chosen['distance']:.0f} standard deviations "
+        f"of the noise, the largest of {chosen['tried']} motions; experiment file {Path(row['separate_by']).name}."
     )

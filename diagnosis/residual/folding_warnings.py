@@ -25,9 +25,8 @@ def folding_warnings(runs: Sequence[Run]) -> Iterator[str]:
         ratio = np.sqrt(np.mean(np.concatenate([run.folded**2 for run in alike]), axis=0)) / noise
         rate, setpoints = rate_of(alike[0].raw[0]), alike[0].setpoints
         far = (
-            "inertias that are wrong are not named where that changes the "
-            f"{recorded_signals(alike[0].arm)} by less than {2 * ratio.max():.1f} times the noise "
-            f"(joint {int(ratio.argmax()) + 1})"
+            f"inertias that are wrong are not named where that changes the {recorded_signals(alike[0].arm)} by less "
+            f"than {2 * ratio.max():.1f} times the noise (joint {int(ratio.argmax()) + 1})"
         )
         if unbounded(setpoints, rate):
             far = "how far cannot be seen at so few rows per setpoint, and wrong inertias are not named"
@@ -37,9 +36,8 @@ def folding_warnings(runs: Sequence[Run]) -> Iterator[str]:
         times = f"{rate * period:.3g} times "
         yield (
             f"{', '.join(dict.fromkeys(run.name for run in alike))}: {rate:.5g} Hz is "
-            f"{'' if times == '1 times ' else times}the rate of the controller's setpoints "
-            f"(every {period * 1e3:.3g} ms{setpoints.as_shown}): "
-            f"what the servos do at each setpoint looks like an inertia; {far}; record at "
-            f"{rate_beside(period, max(rate, 2.0 / period)):.5g} Hz, or average the "
-            f"{recorded_signals(alike[0].arm)} over each row, to have them named"
+            f"{'' if times == '1 times ' else times}the rate of the controller's setpoints (every {period * 1e3:.3g} "
+            f"ms{setpoints.as_shown}): what the servos do at each setpoint looks like an inertia; {far}; record at "
+            f"{rate_beside(period, max(rate, 2.0 / period)):.5g} Hz, or average the {recorded_signals(alike[0].arm)} "
+            "over each row, to have them named"
         )

@@ -99,8 +99,7 @@ class Qsb:
             if quickest > SLOW:
                 problems.append(
                     f"a request and its answer take {quickest * 1e-6:.0f} ms: an adapter buffers bytes, rows may be "
-                    "that old; "
-                    "set its latency timer to 1 ms"
+                    "that old; set its latency timer to 1 ms"
                 )
             mode = self._ask(qsb.read_command(qsb.MDR0), "r", qsb.MDR0)
             if mode & 3 != qsb.FREE_RUNNING[self._mode]:

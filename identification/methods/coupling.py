@@ -52,9 +52,8 @@ class Coupling:
         )
         return (
             f"joint {self.joint}: {self.share:.0%} of what the motor-link pair leaves ({self.residual_rms:.2g} -> "
-            f"{self.residual_rms_without:.2g} rms) is the "
-            f"coupling torque of the other links, of joint {most} above all; the pair's values hold it for inertia "
-            "and friction"
+            f"{self.residual_rms_without:.2g} rms) is the coupling torque of the other links, of joint {most} above "
+            "all; the pair's values hold it for inertia and friction"
         )
 
 

@@ -152,9 +152,8 @@ def _warn_of_others(recording: Recording, motion: Motion, j: int, warnings: list
     others = [k + 1 for k in range(len(travel)) if k != j and travel[k] > ACTIVE * travel[j]]
     if others:
         warnings.append(
-            f"{recording.path.name}: joint {', '.join(map(str, others))} moves too; its coupling torque is taken "
-            "for inertia and friction"
-            f" of joint {j + 1}: these are not that joint's values"
+            f"{recording.path.name}: joint {', '.join(map(str, others))} moves too; its coupling torque is taken for "
+            f"inertia and friction of joint {j + 1}: these are not that joint's values"
         )
 
 

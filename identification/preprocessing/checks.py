@@ -82,8 +82,7 @@ def _check_limits(recording: Recording, arm: Arm) -> None:
             raise InputError(
                 where,
                 f"q{number}: runs from {low:.4g} to {high:.4g}, outside the limits {joint.limits[0]:g} .. "
-                f"{joint.limits[1]:g}"
-                f" of '{arm.name}'; is it of another rig, or in degrees?",
+                f"{joint.limits[1]:g} of '{arm.name}'; is it of another rig, or in degrees?",
             )
 
 
@@ -103,8 +102,7 @@ def check_signs(where: Sequence[object], dissipated: Array, std: Array) -> None:
         raise InputError(
             ", ".join(map(str, where)),
             f"i{j + 1}: the friction of joint {j + 1} would drive it; the sign of its current is reversed (positive "
-            "must drive"
-            " the joint positive): give the transducer's turns (or the table's column) the other sign",
+            "must drive the joint positive): give the transducer's turns (or the table's column) the other sign",
         )
 
 

@@ -188,8 +188,7 @@ def _weaknesses(name: str, entry: JointReadiness, motion: Motion, limit: float |
     if lag is not None and abs(lag) > 2 * motion.dt and abs(lag) > 0.05 / motion.band.motion:
         sentences.append(
             f"{name}: the torque of joint {entry.joint} is {abs(lag) * 1e3:.1f} ms "
-            f"{'behind' if lag > 0 else 'ahead of'} its acceleration;"
-            " are all channels of the same instant?"
+            f"{'behind' if lag > 0 else 'ahead of'} its acceleration; are all channels of the same instant?"
         )
     if entry.torque is not None and entry.torque > FAR_BEYOND:
         sentences.append(

@@ -254,9 +254,8 @@ def _predictions(
     early = problem.rows.t < (SPLIT * ends - window)[problem.rows.run]
     late = problem.judged.t > SPLIT * ends[problem.judged.run]
     warnings.append(
-        f"no recording is held out: the held-out error is that of the last {1 - SPLIT:.0%} of the same runs, "
-        f"predicted from the first {SPLIT:.0%};"
-        " give --held-out recordings of another motion before calling this model validated"
+        f"no recording is held out: the held-out error is that of the last {1 - SPLIT:.0%} of the same runs, predicted "
+        f"from the first {SPLIT:.0%}; give --held-out recordings of another motion before calling this model validated"
     )
     if early.sum() < 2 * len(problem.columns) or not late.any():
         return found, (fitted, float("nan")), "split"

@@ -224,8 +224,7 @@ def unexcited(base: BaseParameters, excited: NDArray[np.intp]) -> list[str]:
         return []
     are = "is" if len(silent) == 1 else "are"
     return [
-        f"{len(silent)} of {len(base)} base parameters {are} not excited by these runs, "
-        "and taken from the model: "
+        f"{len(silent)} of {len(base)} base parameters {are} not excited by these runs, and taken from the model: "
         f"{', '.join(silent)}"
     ]
 

@@ -47,8 +47,7 @@ def held_note(held: int, directions: int) -> list[str]:
         return []
     return [
         f"{held} of {directions} directions among the base parameters are known to no better than {WEAK:.0%} of the "
-        "model's own"
-        " numbers, and do not contradict these: held there (method ols holds none)"
+        "model's own numbers, and do not contradict these: held there (method ols holds none)"
     ]
 
 

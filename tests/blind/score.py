@@ -97,8 +97,7 @@ class Outcome:
         rest = "".join(f"; left {s}@{j} by {a} {share:.0%}" for s, j, a, share in self.unexplained)
         return (
             f"{'ok ' if self.good else 'NOT'} {self.kind} {show(self.hidden)} ({strength} x noise, "
-            f"{self.laboratory['motions']}) -> "
-            f"{show(self.named)} ({self.verdict}{rest}; {self.seconds:.0f} s)"
+            f"{self.laboratory['motions']}) -> {show(self.named)} ({self.verdict}{rest}; {self.seconds:.0f} s)"
         )
 
 

@@ -67,9 +67,8 @@ def test_import_says_what_is_wrong_and_leaves_nothing(
 
 def test_an_import_that_fills_the_disk_leaves_nothing(table: Path, tmp_path: Path, root: Path) -> None:
     limited = (
-        "import resource, sys; resource.setrlimit(resource.RLIMIT_FSIZE, (5000, 5000));"
-        f"from armscope.cli import run; sys.exit(run(['import', {str(table)!r}, '--out', "
-        f"{str(tmp_path / 'run.mcap')!r}]))"
+        "import resource, sys; resource.setrlimit(resource.RLIMIT_FSIZE, (5000, 5000));from armscope.cli import run; "
+        f"sys.exit(run(['import', {str(table)!r}, '--out', {str(tmp_path / 'run.mcap')!r}]))"
     )
     process = subprocess.run([sys.executable, "-c", limited], cwd=root, capture_output=True, text=True, timeout=60)
     assert process.returncode == 3 and process.stderr.startswith("error: disk: File too large while writing")

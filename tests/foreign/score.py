@@ -115,9 +115,8 @@ class Outcome:
         crash = f"; CRASH {self.crashes[0].splitlines()[-1][:150]}" if self.crashes else ""
         rate, kind = self.log["rate"], "A" if self.log["currents"] else "N m"
         return (
-            f"{'ok ' if self.good else 'NOT'} {self.name}: {hidden} ({self.strength:.1f} x noise, "
-            f"{rate:.0f} Hz, {kind}, {self.log['filter']}) -> {named} "
-            f"({self.verdict}{left}{asked}{crash}; {self.seconds:.0f} s)"
+            f"{'ok ' if self.good else 'NOT'} {self.name}: {hidden} ({self.strength:.1f} x noise, {rate:.0f} Hz, "
+            f"{kind}, {self.log['filter']}) -> {named} ({self.verdict}{left}{asked}{crash}; {self.seconds:.0f} s)"
         )
 
 

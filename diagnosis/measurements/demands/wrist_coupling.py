@@ -115,8 +115,7 @@ def wrist_coupling(fit: Sequence[Recording], held_out: Sequence[Recording]) -> l
     strongest = max(coupled, key=lambda axis_result: axis_result.before**2 - axis_result.after**2)
     sentence = (
         f"motors deviate from the demands of their own axes by {parts}: with it, the held-out difference of motor "
-        f"{strongest.axis} and demand "
-        f"falls from {strongest.before:.3g} to {strongest.after:.3g} rad rms"
+        f"{strongest.axis} and demand falls from {strongest.before:.3g} to {strongest.after:.3g} rad rms"
     )
     every = tuple(range(len(fit) + len(held_out)))
     gain = Gain(

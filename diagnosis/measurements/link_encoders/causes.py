@@ -154,7 +154,6 @@ def _sentence(
     order = {p.name: candidate.variant[1] for p in candidate.definition.parameters if p.whole}
     shows = candidate.definition.shown(Instrument.LINK_ENCODER, order, {})
     return (
-        f"{shows}: with it, the held-out difference of joint{'s' * (len(joints) > 1)} "
-        f"{' and '.join(map(str, joints))} falls from {1e3 * before:.3g} to "
-        f"{1e3 * after:.3g} m{unit} rms; it explains {share:.0%} of its square"
+        f"{shows}: with it, the held-out difference of joint{'s' * (len(joints) > 1)} {' and '.join(map(str, joints))} "
+        f"falls from {1e3 * before:.3g} to {1e3 * after:.3g} m{unit} rms; it explains {share:.0%} of its square"
     )

@@ -27,9 +27,8 @@ def remarks(chosen: Chosen, model: LinkEncoders, arm: Arm) -> Iterator[str]:
         if rms < LIMITS.above_noise * fit.noise[k]:
             continue
         remark = (
-            f"joint {joint}: the residual between its encoders is {1e3 * rms:.2g} "
-            f"m{arm.joints[joint - 1].unit('rad')} rms, {rms / fit.noise[k]:.0f} times their scatter "
-            "from row to row"
+            f"joint {joint}: the residual between its encoders is {1e3 * rms:.2g} m{arm.joints[joint - 1].unit('rad')} "
+            f"rms, {rms / fit.noise[k]:.0f} times their scatter from row to row"
         )
         orders = [standing_orders(values[:, k], side, k, 1) for values, side in zip(residuals, (fit, held_out))]
         if all(orders) and abs(orders[0][0] - orders[1][0]) < 0.5 / turns(fit, k):

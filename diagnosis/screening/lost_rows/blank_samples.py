@@ -119,10 +119,9 @@ def _check_share(recording: Recording, angles: Mask, currents: Mask) -> None:
             channel = f"i{j + 1}" if of_current else f"q{int(angles.sum(axis=0).argmax()) + 1}"
             raise InputError(
                 recording.path,
-                f"{channel}: {blank.mean():.1%} of the rows have no value, the first at "
-                f"{t[int(np.argmax(blank))]:.3f} s; with those that filters mix them into, {lost.mean():.0%} of joint "
-                f"{j + 1} cannot be judged, and at most {MOST:.0%} may be; check the wiring of the channel, or give a "
-                "part without them",
+                f"{channel}: {blank.mean():.1%} of the rows have no value, the first at {t[int(np.argmax(blank))]:.3f} "
+                f"s; with those that filters mix them into, {lost.mean():.0%} of joint {j + 1} cannot be judged, and "
+                f"at most {MOST:.0%} may be; check the wiring of the channel, or give a part without them",
             )
 
 

@@ -36,8 +36,7 @@ def place_tracker(
         frame_known = False
         warnings.append(
             f"the points are {1e3 * as_given:.0f} mm off the model in the stated tracker frame and "
-            f"{1e3 * laid_over:.1f} mm once laid "
-            "over it: the frame was taken as unknown and estimated"
+            f"{1e3 * laid_over:.1f} mm once laid over it: the frame was taken as unknown and estimated"
         )
     if frame_known:
         return True, chain.values
