@@ -20,7 +20,7 @@ from diagnosis.cause import NO_VARIABLE, Signal, Structure
 from diagnosis.closed_loop.comparison import Compared
 from diagnosis.closed_loop.setpoint_phase import lag_of
 from diagnosis.residual.filters import COMPARE_BAND, TRANSIENT, rate_kept, rate_of
-from diagnosis.residual.noise.channels import scatter
+from diagnosis.residual.noise.channels import current_noise
 from diagnosis.residual.run import Run
 from identification.preprocessing import zero_phase
 from identification.selection import Thresholds
@@ -75,7 +75,7 @@ def clear_errors(
             continue
         noise = (
             np.mean([run.loop_noise for run in runs[side]], axis=0),
-            [scatter(one.current, one.measured("current")) for _, one in several],
+            [current_noise(one.current, one.measured("current")) for _, one in several],
         )
         ratios = _ratios(several, *noise)
         if not any(np.any(ratio > most) for _, most, ratio in ratios):

@@ -24,7 +24,7 @@ from diagnosis.closed_loop.comparison import has_demand
 from diagnosis.closed_loop.model_errors import sampled_arms
 from diagnosis.closed_loop.setpoint_phase import lag_of
 from diagnosis.residual.filters import TRANSIENT
-from diagnosis.residual.noise.channels import scatter
+from diagnosis.residual.noise.channels import current_noise
 from diagnosis.residual.run_setup import set_up
 from identification.preprocessing import demand_of_run, zero_phase
 
@@ -159,7 +159,9 @@ def left_over_in_loop(arm: Arm, recordings: Sequence[Recording]) -> Array:
 
 def _noise_in_band(recordings: Sequence[Recording]) -> Array:
     """(n,) A: noise of the measured currents in the band."""
-    return np.asarray(np.sqrt(np.mean([scatter(r.i) ** 2 * _share_of_white_noise(r) for r in recordings], axis=0)))
+    return np.asarray(
+        np.sqrt(np.mean([current_noise(r.i) ** 2 * _share_of_white_noise(r) for r in recordings], axis=0))
+    )
 
 
 @cache

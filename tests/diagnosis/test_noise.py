@@ -11,7 +11,14 @@ from hypothesis import strategies as st
 from scipy import signal
 
 from diagnosis.residual.filters import COMPARE_BAND, low_pass
-from diagnosis.residual.noise.channels import angle_noise, angle_scatter, floor, scatter, still_noise
+from diagnosis.residual.noise.channels import (
+    angle_noise,
+    angle_scatter,
+    current_noise,
+    floor,
+    scatter,
+    still_noise,
+)
 
 RATE, ROWS = 1000.0, 15000
 
@@ -78,6 +85,23 @@ def test_noise_beside_what_a_servo_does(
     # correlated noise has this share of its density beside the highest frequency
     expected = noise * np.sqrt(1.0 + step**2 / 12 + colour**2 * (1 - keep**2) / (1 + keep) ** 2)
     assert floor(values[:, None]) == pytest.approx([expected], rel=0.3)
+
+
+@pytest.mark.parametrize("between_lines", [False, True])
+@pytest.mark.parametrize("noise", [0.05, 0.2, 0.5, 2.0])
+def test_a_standing_current_has_no_less_noise_than_the_steps_of_its_converter(
+    noise: float, between_lines: bool
+) -> None:
+    """``noise`` in steps; the current stands for nine tenths of the time, and reads the same value there."""
+    rng, step, t = np.random.default_rng(5), 0.01, np.arange(ROWS) / RATE
+    true = 2.0 * np.column_stack([np.sin(3 * t), np.cos(3 * t)]) * ((t > 5.0) & (t < 6.5))[:, None]
+    read = step * np.round((true + noise * step * rng.normal(size=true.shape)) / step)
+    expected = step * np.hypot(noise, 1 / np.sqrt(12))
+    assert current_noise(read, between_lines=between_lines) == pytest.approx([expected] * 2, rel=0.25)
+    measured = np.ones(read.shape, bool)
+    measured[2000:3000, 0] = False
+    filled = np.where(measured, read, step * np.pi)
+    assert current_noise(filled, measured) == pytest.approx([expected] * 2, rel=0.25)
 
 
 @pytest.mark.parametrize("noise", [0.0, 1.5])

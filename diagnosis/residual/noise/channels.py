@@ -72,6 +72,17 @@ def floor(values: Array) -> Array:
     return np.minimum(deviation, np.sqrt(lowest))
 
 
+def current_noise(i: Array, measured: NDArray[np.bool_] | None = None, *, between_lines: bool = False) -> Array:
+    """(n,) A: std of what instruments add to each row of recorded currents (m, n), taken for white.
+
+    Their ``scatter``, of the ``measured`` rows, or their ``floor``; no less than that of the converter's steps
+    (variance step^2 / 12), of which a standing current shows few.
+    """
+    white = floor(i) if between_lines else scatter(i, measured)
+    known = [i[:, j] if measured is None else i[measured[:, j], j] for j in range(i.shape[1])]
+    return np.maximum(white, np.array([encoder_step(column) for column in known]) / np.sqrt(12))
+
+
 def _mean_of_noise(power: Array) -> float:
     """Mean of powers (k,) of noise, exponentially distributed, among which fewer than half are larger for a reason."""
     mean = float(np.median(power)) / np.log(2.0)

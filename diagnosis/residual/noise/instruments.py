@@ -7,7 +7,7 @@ import numpy as np
 from arm_io.types import Array
 from diagnosis.residual.filters import COMPARE_BAND, MOTION_BAND
 from diagnosis.residual.noise.beats import beat_variance, steps_of
-from diagnosis.residual.noise.channels import KnownNoise, angle_noise, floor, scatter
+from diagnosis.residual.noise.channels import KnownNoise, angle_noise, current_noise
 
 RESOLVED = 3e-4
 """Share of the rms current that sampled rows resolve, however small the noise of the instruments is.
@@ -29,12 +29,12 @@ def channel_noise(q: Array, i: Array, inertia: Array, rate: float, known: KnownN
     """(n,) A: standard deviation of the residual from the instruments alone, in the band of comparison.
 
     inertia (k, n, n) A s2/rad: currents per acceleration, at some rows; period s: of the servos' setpoints, 0: unknown.
-    Current: its scatter, taken for white, or its std at standstill, if that is known and larger. What servos do at
-    setpoints of a known period is no noise (``setpoint_ripple``).
+    Current: its scatter or steps, taken for white, or its std at standstill, if that is known and larger. What servos
+    do at setpoints of a known period is no noise (``setpoint_ripple``).
     Angle: its step or scatter, through two differentiations and the joint's own inertia. See ``channels``. No less than
     sampled rows resolve.
     """
-    white = floor(i) if period else scatter(i)
+    white = current_noise(i, between_lines=period > 0.0)
     frequency = np.linspace(0.0, rate / 2, 2000)
     through = residual_gain(frequency)
     share = np.trapezoid(1.0 / (1.0 + (frequency / COMPARE_BAND) ** 8) ** 2, frequency) / (rate / 2)
