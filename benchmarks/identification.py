@@ -51,7 +51,7 @@ from identification.preprocessing.setpoint_ripple import folded_torque
 from identification.preprocessing.signals import Motion, smooth_motion, with_reversals
 from identification.regression.base_parameters import base_parameters, structural_base
 from identification.regression.equations import Equations, equations
-from identification.regression.least_squares import joint_triangles, least_squares, relative_error, weighted_by_joint
+from identification.regression.least_squares import joint_triangles, least_squares, relative_error
 from identification.regression.model_parameters import model_values
 from identification.regression.uncertainty import fit_uncertainty
 
@@ -237,7 +237,7 @@ def peers(arm: Arm, experiments: list[Experiment]) -> dict[str, float]:
     def ours() -> Array:
         parts = joint_triangles(rows.columns, rows.torque, rows.joint)
         kept = base_parameters(parts.columns, rows.names).kept
-        return weighted_by_joint(rows.columns, rows.torque, rows.joint, parts, kept).values
+        return least_squares(rows.columns[:, kept], rows.torque, rows.joint, "wls").values
 
     known = rows.columns[:, base.kept]
     figures["fit_seconds"], figures["plain_least_squares_seconds"], figures["solve_seconds"] = best_of(

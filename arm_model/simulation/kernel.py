@@ -24,7 +24,7 @@ from arm_model.symbolic.codegen import DOUBLE, DOUBLES, INT, Precision, Vector, 
 from arm_model.symbolic.tape import Expr
 from arm_model.system.closed_loop_system import System
 
-VOID, INT32 = ir.VoidType(), ir.IntType(32)
+VOID = ir.VoidType()
 TIMING = ("step", "half_decay", "start", "ticks", "substeps")
 """Doubles of ``timing``: s; decay of a current's deviation over half a step; s at tick 0; counts."""
 ROW = 5

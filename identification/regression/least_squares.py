@@ -106,11 +106,6 @@ class Triangles:
         """(r, p) rows with the same inner products as all the columns."""
         return np.concatenate(self.parts)[:, :-1]
 
-    def of(self, kept: NDArray[np.intp]) -> Triangles:
-        """Of some of the columns alone."""
-        kept = np.append(kept, self.parts[0].shape[1] - 1)
-        return Triangles(self.joint, self.rows, [part[:, kept] for part in self.parts])
-
 
 def joint_triangles(columns: Array, y: Array, joint: Joints) -> Triangles:
     """Of columns (rows, p) and y (rows,).
@@ -136,13 +131,11 @@ def joint_triangles(columns: Array, y: Array, joint: Joints) -> Triangles:
     return Triangles(present, count[present], parts)
 
 
-def weighted_by_joint(columns: Array, y: Array, joint: Joints, triangles: Triangles, kept: Joints | None = None) -> Fit:
+def weighted_by_joint(columns: Array, y: Array, joint: Joints, triangles: Triangles) -> Fit:
     """Least squares in which each joint's rows are divided by their noise, as an ordinary least-squares fit shows it.
 
-    Both fits use the ``triangles`` of columns and y; ``kept`` selects columns.
+    Both fits use the ``triangles`` of columns and y.
     """
-    if kept is not None:
-        triangles = triangles.of(kept)
     values, _ = _solved(triangle_of(np.concatenate(triangles.parts)))
     trial = np.append(values, -1.0)
     residual = np.array([np.linalg.norm(part @ trial) for part in triangles.parts])
@@ -151,11 +144,7 @@ def weighted_by_joint(columns: Array, y: Array, joint: Joints, triangles: Triang
     noise = _floored(noise)
     parts = [part / noise[j] for part, j in zip(triangles.parts, triangles.joint)]
     values, triangle = _solved(triangle_of(np.concatenate(parts)))
-    all_values = values
-    if kept is not None:  # others at zero: quicker than a copy of the columns that are kept
-        all_values = np.zeros(columns.shape[1])
-        all_values[kept] = values
-    return Fit(values, 1.0 / noise[joint], y - columns @ all_values, triangle)
+    return Fit(values, 1.0 / noise[joint], y - columns @ values, triangle)
 
 
 def _solved(triangle: Array) -> tuple[Array, Array]:

@@ -31,12 +31,6 @@ from tests.sim_backend.rigs import begin, make_rig, read_for
 PER_RADIAN = GEAR * LINES * 4 / (2 * np.pi)
 
 
-def _true_times(rig, block) -> np.ndarray:
-    """s since the start, from the ticks of a clock that is right to its microsecond."""
-    armed = rig.counter._latch._armed_ns
-    return (block.tick + 0.5) * 1e-6 - (rig.world.epoch_ns() - armed) * 1e-9
-
-
 def test_devices_have_the_shapes_they_say() -> None:
     rig = make_rig()
     for device in (*rig.acquiring, rig.arm):
