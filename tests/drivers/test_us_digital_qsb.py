@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -153,13 +154,7 @@ def test_a_host_that_was_away_takes_no_old_count_for_a_new_one(tmp_path: Path) -
 
 def test_a_host_that_was_away_does_not_forgive_a_slow_line(tmp_path: Path) -> None:
     """All that has piled up is counted, so that what is still under way is known afterwards as before."""
-    box = sim_qsb.make("counter", us_digital_qsb.Config(port=str(tmp_path / "qsb")), swing_wires())
-    device = us_digital_qsb.make(
-        "counter", us_digital_qsb.Config(port=str(tmp_path / "end"), timeout=1.0), RigContext()
-    )
-    box.open()
-    with SlowWire(tmp_path / "qsb", tmp_path / "end") as wire:
-        device.open()
+    with behind_slow_wire(tmp_path) as (device, wire):
         start = preset(device, 0)
         device.arm(POLL)
         first = poll_until(device, lambda row: not row.quality[0, 0])
@@ -171,8 +166,6 @@ def test_a_host_that_was_away_does_not_forgive_a_slow_line(tmp_path: Path) -> No
         wire.delay = 0.0
         shown = join([first, held, poll_until(device, lambda row: not row.quality[0, 0])], 1)
         assert np.abs(error_of(shown, 32, start, 0)).max() < STREAMED
-        device.close()
-    box.close()
 
 
 class SlowWire:
@@ -204,16 +197,24 @@ class SlowWire:
             self._near.write(self._on_the_way.popleft()[1], now)
 
 
+@contextmanager
+def behind_slow_wire(folder: Path) -> Iterator[tuple[Any, SlowWire]]:
+    """An open QSB that streams, and the wire that delays what it sends."""
+    box = sim_qsb.make("counter", us_digital_qsb.Config(port=str(folder / "qsb")), swing_wires())
+    box.open()
+    where = us_digital_qsb.Config(port=str(folder / "end"), timeout=1.0)
+    device = us_digital_qsb.make("counter", where, RigContext())
+    with SlowWire(folder / "qsb", folder / "end") as wire:
+        device.open()
+        yield device, wire
+        device.close()
+    box.close()
+
+
 @pytest.mark.parametrize("delay", [0.01, 0.03, 0.073])
 def test_a_streamed_count_that_was_held_up_on_its_way_is_marked(tmp_path: Path, delay: float) -> None:
     """Every poll finds new bytes, and nothing in them shows that they are old."""
-    box = sim_qsb.make("counter", us_digital_qsb.Config(port=str(tmp_path / "qsb")), swing_wires())
-    device = us_digital_qsb.make(
-        "counter", us_digital_qsb.Config(port=str(tmp_path / "end"), timeout=1.0), RigContext()
-    )
-    box.open()
-    with SlowWire(tmp_path / "qsb", tmp_path / "end") as wire:
-        device.open()
+    with behind_slow_wire(tmp_path) as (device, wire):
         start = preset(device, 0)
         device.arm(POLL)
         for _ in range(3):
@@ -226,8 +227,6 @@ def test_a_streamed_count_that_was_held_up_on_its_way_is_marked(tmp_path: Path, 
             wire.delay = 0.0
             shown = join([first, held, poll_until(device, lambda row: not row.quality[0, 0])], 1)
             assert np.abs(error_of(shown, 32, start, 0)).max() < STREAMED
-        device.close()
-    box.close()
 
 
 def test_a_stream_that_stays_behind_is_begun_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -236,13 +235,7 @@ def test_a_stream_that_stays_behind_is_begun_anew(tmp_path: Path, monkeypatch: p
     No row is left out, none unmarked.
     """
     monkeypatch.setattr(us_digital_qsb, "BEHIND", 500_000_000)
-    box = sim_qsb.make("counter", us_digital_qsb.Config(port=str(tmp_path / "qsb")), swing_wires())
-    device = us_digital_qsb.make(
-        "counter", us_digital_qsb.Config(port=str(tmp_path / "end"), timeout=1.0), RigContext()
-    )
-    box.open()
-    with SlowWire(tmp_path / "qsb", tmp_path / "end") as wire:
-        device.open()
+    with behind_slow_wire(tmp_path) as (device, wire):
         start = preset(device, 0)
         device.arm(POLL)
         poll_until(device, lambda row: not row.quality[0, 0])
@@ -256,22 +249,12 @@ def test_a_stream_that_stays_behind_is_begun_anew(tmp_path: Path, monkeypatch: p
         assert not (anew.quality & Quality.DEVICE_RESET).any()
         again = join([anew, poll_for(device, 0.3)], 1)
         assert np.abs(error_of(again, 32, start, 0)).max() < STREAMED
-        device.close()
-    box.close()
 
 
 def test_a_line_that_is_slow_from_the_beginning_is_told(tmp_path: Path) -> None:
     """The stream alone cannot show it."""
-    box = sim_qsb.make("counter", us_digital_qsb.Config(port=str(tmp_path / "qsb")), swing_wires())
-    device = us_digital_qsb.make(
-        "counter", us_digital_qsb.Config(port=str(tmp_path / "end"), timeout=1.0), RigContext()
-    )
-    box.open()
-    with SlowWire(tmp_path / "qsb", tmp_path / "end") as wire:
-        device.open()
+    with behind_slow_wire(tmp_path) as (device, wire):
         assert device.check() == []
         wire.delay = 0.016
         (problem,) = device.check()
         assert "adapter buffers bytes" in problem
-        device.close()
-    box.close()
