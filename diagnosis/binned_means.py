@@ -8,7 +8,7 @@ from arm_io.types import Array
 
 
 def quantile_edges(x: Array, bins: int) -> Array:
-    """(at most bins - 1,) inner edges of bins that hold equally many of x (m,); fewer where x has few values."""
+    """(at most bins - 1,) inner edges of bins with equal numbers of the values x (m,); fewer if x has few values."""
     return np.unique(np.quantile(x, np.linspace(0, 1, bins + 1)[1:-1]))
 
 

@@ -145,7 +145,7 @@ class RiseAtRest:
 
     @property
     def determined(self) -> bool:
-        """Whether it is clearly a rise."""
+        """Whether the rise differs significantly from zero."""
         return self.value is not None and self.std is not None and self.value > RISES * self.std
 
 
@@ -231,7 +231,7 @@ class Cause:
 
     @property
     def _rising(self) -> tuple[EffectTerm, ...]:
-        """The rise of its level with the time at rest as an effect of a model; none where it is not clearly one."""
+        """The rise of its level with the time at rest as an effect of a model; empty if it is not significant."""
         rise = self.rise_at_rest
         if rise is None or not rise.determined or rise.value is None or rise.reference is None or rise.slip is None:
             return ()
@@ -283,14 +283,14 @@ _PEOPLE = ("coulomb", "stribeck")
 
 
 def in_words(key: EffectKey) -> str:
-    """``backlash of joint 2``; people's names with a capital."""
+    """An effect and its joint in words: ``backlash of joint 2``; names of persons keep their capital."""
     effect, joint = key
     words = " ".join(part.capitalize() if part in _PEOPLE else part for part in effect.split("_"))
     return f"{words} of joint {joint}" if joint else words
 
 
 def confidence_of(p: float) -> float:
-    """Confidence in a cause whose gain is chance with probability p."""
+    """Confidence in a cause whose gain has the p-value p."""
     return float(min(max(1.0 - p, 0.0), MAX_CONFIDENCE))
 
 

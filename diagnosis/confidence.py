@@ -40,7 +40,7 @@ UNCOUNTED = 0.5
 
 
 def features(support: Support) -> tuple[float, ...]:
-    """Of the regression, in the order of the table's weights: logarithms of ratios.
+    """The features of the logistic regression, in the order of the table's weights: logarithms of ratios.
 
     A cause that explains little beside a large one may be what the law of that one misses. How many causes are named is
     no feature: arms of the bank with one hidden effect would say that every second name is wrong.
@@ -70,7 +70,7 @@ def support_of(cause: Cause, largest: float, noise_ratios: Mapping[int, float], 
 
 
 def gain_of(cause: Cause) -> float:
-    """rms of the residual without a cause over that with it."""
+    """Rms residual without the cause over that with it."""
     return cause.before / cause.after if cause.after > 0 else LARGEST
 
 
@@ -90,7 +90,7 @@ def determined(cause: Cause) -> float:
 
 
 def with_confidence(causes: Sequence[Cause], noise_ratios: Mapping[int, float], unexplained: int) -> list[Cause]:
-    """The causes with the confidence that names with such evidence deserve: at most 1 - p of their gain.
+    """The causes with their calibrated confidence, at most 1 - p of their gain.
 
     What no case of the bank shows is stated with no larger confidence than was counted anywhere.
     """
@@ -109,12 +109,12 @@ def with_confidence(causes: Sequence[Cause], noise_ratios: Mapping[int, float], 
 
 
 def calibrated_confidence(support: Support) -> float:
-    """Share of the bank's names with such evidence that were right."""
+    """Share of correct names among the bank's cases with similar evidence."""
     return success_rate(_table(), support)
 
 
 def success_rate(table: Mapping[str, Any], support: Support) -> float:
-    """Of a table: the logistic curve of the score, and no more than names of other cases confirmed."""
+    """The success rate by a table: the logistic curve of the score, limited to what other cases confirmed."""
     score = table["constant"] + float(np.dot(table["weights"], features(support)))
     most = float(table["most"]) if support.left <= NOISE_RATIOS[1] else UNCOUNTED
     return round(min(1.0 / (1.0 + math.exp(-score)), most), 3)

@@ -20,7 +20,7 @@ from identification.selection import Split
 
 @dataclass(frozen=True, kw_only=True)
 class CurrentDiagnosis:
-    """What the currents of recordings show, conditional on what is known of the arm.
+    """The result of the search in the currents of recordings, conditional on causes that are already known.
 
     arm           the model with all that is known of it; residuals: of the recordings under it
     base          the arm that the causes extend
@@ -58,7 +58,7 @@ class CurrentDiagnosis:
 
     @property
     def outside_selection(self) -> list[Cause]:
-        """Causes that were found outside the stepwise selection, and that ``arm`` has."""
+        """Causes that were found outside the stepwise selection; ``arm`` includes them."""
         return [*self.near_rest, *self.transmissions]
 
 

@@ -63,7 +63,7 @@ def diagnose(
     model, arm = arm, with_reference(arm, fit)
     recordings: Recordings = Split(fit, held_out, bool({r.path for r in fit} & {r.path for r in held_out}))
     cleaned = screen(arm, recordings, progress)
-    # with the angles that single counters lost
+    # angles that single counters lost are put back
     recordings = Split(cleaned.recordings[: len(fit)], cleaned.recordings[len(fit) :], recordings.two_fold)
     instruments = measure(arm, recordings, cleaned, progress)
     recordings, cleaned = on_uniform_grid(recordings, cleaned)
@@ -123,7 +123,7 @@ def _check_motions(arm: Arm, fit: Sequence[Recording], held_out: Sequence[Record
 
 
 def on_uniform_grid(recordings: Recordings, cleaned: Screened) -> tuple[Recordings, Screened]:
-    """Both with equally spaced rows, as filters and differences take them."""
+    """Both with equally spaced rows, as the filters and difference quotients below require."""
     fit, held_out = even(recordings.fit), even(recordings.held_out)
     samples = [even_samples(recorded) for recorded in cleaned.samples]
     known_noises = [known_noise(t, q, known) for (t, q, _), known in zip(cleaned.samples, cleaned.known_noise)]
@@ -134,7 +134,7 @@ def on_uniform_grid(recordings: Recordings, cleaned: Screened) -> tuple[Recordin
 def extended_model(
     arm: Arm, instruments: OtherInstruments, currents: CurrentDiagnosis, recordings: Recordings
 ) -> tuple[list[Cause], Arm]:
-    """All causes, each named once, and the model extended by them; without limits at which no current ever is."""
+    """All causes, each named once, and the model extended by them; without current limits that no current reaches."""
     events = [*currents.residuals.events, *instruments.events]
     causes, extended = _extended_with(events, arm, instruments, currents, recordings)
     idle = idle_limits(causes, extended, recordings, currents.state.data)
@@ -168,14 +168,14 @@ def top_speeds(currents: CurrentDiagnosis) -> Array:
 def _with_confidence(
     causes: Sequence[Cause], instruments: OtherInstruments, currents: CurrentDiagnosis, unexplained: Sequence[Structure]
 ) -> list[Cause]:
-    """The causes with their confidence, by what remains at their joints over the noise."""
+    """The causes with their confidence, which depends on the remaining noise ratios at their joints."""
     held_out, residual = currents.state.data.held_out, currents.state.fitted.held_out
     noise_ratios = ratios(held_out.runs, residual) if instruments.judged else []
     return with_confidence(causes, {one.joint: one.ratio for one in noise_ratios}, len(unexplained))
 
 
 def _replaced(as_found: Arm, extended: Arm) -> Iterator[str]:
-    """What the ``extended`` model has otherwise than the causes say, and whether it can be simulated."""
+    """Sentences on where the ``extended`` model differs from the causes, and on whether it can be simulated."""
     yield from friction_replaced(as_found, extended)
     yield from smoothing_replaced(as_found, extended)
     yield from not_simulated(extended)

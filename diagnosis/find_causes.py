@@ -64,11 +64,11 @@ class Search:
         return extend(self.model, self.known_causes) if self.known_causes else self.model
 
     def residuals(self) -> Residuals:
-        """Of the recordings under ``arm``."""
+        """Residuals of the recordings with ``arm`` as the model."""
         return residuals_of(self.arm, self.screened, self.progress)
 
     def knowing(self, causes: Sequence[Cause], excluded: Iterable[EffectKey]) -> Search:
-        """The same with more known causes, and more effects that it may not choose."""
+        """The same search with more known causes, and more effects that it may not choose."""
         return replace(self, known_causes=(*self.known_causes, *causes), excluded=self.excluded.union(excluded))
 
 
@@ -99,31 +99,31 @@ def find_causes(
 
 
 def _repeated_search(search: Search) -> CurrentDiagnosis:
-    """The search, repeated with whatever is found beside it."""
+    """The search, repeated with every cause that is found outside it."""
     recordings, progress, given = search.recordings, search.progress, search.excluded
     currents = _with_confirmed_triggers(search)
     while currents.axis is None and (smoothing := other_smoothing(currents.state, currents.causes)) is not None:
-        # searched again with that smoothing velocity, and without the law that explained nothing else
+        # search again with that smoothing velocity, and without the effect that only imitated it
         search = replace(search, model=smoothing.of(search.model), excluded=search.excluded | {smoothing.cause})
         currents = _with_confirmed_triggers(search)
     progress("judging friction near rest")
     friction = friction_near_rest(currents, recordings, given)
     near_rest, undetermined = tuple(friction.causes), tuple(friction.undetermined)
     if near_rest:
-        # the others are searched for again, with that friction in the model
+        # search again for the other causes, with that friction in the model
         search = search.knowing(near_rest, (cause.key for cause in near_rest))
         currents = replace(_with_confirmed_triggers(search), near_rest=near_rest)
     if (of_recordings := _by_recording(search, currents)) is not None:
-        # the closed loops of a search for resonances are of one arm for all recordings
+        # resonances are not searched for: that needs closed loops of one arm in all recordings
         return of_recordings
     search, currents = _with_lost_rows(search, currents)
     progress("searching for transmission resonances in closed loop")
     resonance = resonance_in_loop(currents, recordings) if has_dynamics(search.model) else None
-    # of a gap that the arm has, residuals know how uncertain they are while teeth meet
+    # with the gap in the arm, the noise of the residual includes the uncertain instants of contact
     found_gaps = (resonance,) if resonance else gaps(currents, search.excluded)
     if not found_gaps:
         return replace(currents, undetermined=undetermined)
-    # ... and with what was found
+    # search again with these causes as known ones
     search = search.knowing(found_gaps, ((effect, one.joint) for effect in transmissions() for one in found_gaps))
     terms = [term for term in currents.state.terms if (term.name, term.joint) not in {one.key for one in found_gaps}]
     residuals = confirmed(realigned(search.residuals(), terms), terms)
@@ -131,7 +131,7 @@ def _repeated_search(search: Search) -> CurrentDiagnosis:
 
 
 def _with_lost_rows(search: Search, currents: CurrentDiagnosis) -> tuple[Search, CurrentDiagnosis]:
-    """Both, repeated with rows of currents put back that closed loops show to be lost."""
+    """Both, repeated with the currents realigned if closed loops show that rows of currents were lost."""
     search.progress("searching for lost rows in closed loop")
     if (lost := rows_lost_in_loop(currents, search.recordings)) is None:
         return search, currents
@@ -141,7 +141,7 @@ def _with_lost_rows(search: Search, currents: CurrentDiagnosis) -> tuple[Search,
 
 
 def _with_confirmed_triggers(search: Search) -> CurrentDiagnosis:
-    """What is named once dropped triggers are found, or found to be another effect."""
+    """The search, repeated if dropped triggers are found in its residual, or turn out to be another effect."""
     residuals = search.residuals()
     currents = _searched(search, residuals)
     if (behind := realigned(residuals, currents.state.terms)) is not residuals:
@@ -152,14 +152,14 @@ def _with_confirmed_triggers(search: Search) -> CurrentDiagnosis:
 
 
 def _searched(search: Search, residuals: Residuals) -> CurrentDiagnosis:
-    """Names causes in the residuals of the recordings, those held out last."""
+    """One search in the residuals of the recordings (held-out ones last), on a single axis also at the full rate."""
     arm, first, parts = search.arm, len(search.recordings.fit), search.recordings.two_fold
     warm = [run.arm.temperatures for run in residuals.runs]
     axis = axis_side(arm, (residuals.samples[:first], residuals.samples[first:]), two_fold=parts, temperatures=warm)
     if axis is None:
         return _searched_beside(search, residuals, None)
     by_axis = _searched_beside(search, residuals, axis)
-    # the effects of an axis at its full rate know neither of bodies nor of what sampling folds
+    # the single-axis search has neither changes of inertia nor aliased setpoint ripple
     wider = any(load_changes(run) or run.folded.any() for run in residuals.runs)
     if not (wider or by_axis.selection.unexplained.structures):
         return by_axis
@@ -171,14 +171,14 @@ def _searched(search: Search, residuals: Residuals) -> CurrentDiagnosis:
 
 
 def _above_noise(currents: CurrentDiagnosis) -> bool:
-    """Whether any joint is left above the noise, in fitted or in held-out recordings."""
+    """Whether the residual of any joint is above the noise, in fitted or in held-out recordings."""
     state = currents.state
     sides = zip((state.fitted.fit, state.fitted.held_out), state.data)
     return any(joints_above_noise(residual, side, currents.arm) for residual, side in sides)
 
 
 def _searched_beside(search: Search, residuals: Residuals, axis: AxisSide | None) -> CurrentDiagnosis:
-    """What the search names beside the causes of a single axis; None: it is searched as arms are."""
+    """The search conditional on the causes of a single ``axis``; None: the search that every arm gets."""
     arm, recordings, excluded, progress = search.arm, search.recordings, search.excluded, search.progress
     first, parts = len(recordings.fit), recordings.two_fold
     progress("computing the columns of every effect")
@@ -212,7 +212,7 @@ def _searched_beside(search: Search, residuals: Residuals, axis: AxisSide | None
 
 
 def _candidates(search: Search, residuals: Residuals) -> list[Candidate]:
-    """Effects that may be chosen; none that depends on temperature where no recording shows such a dependence."""
+    """Candidates that may be chosen; those that depend on temperature only if recordings can show it."""
     arm, first = search.arm, len(search.recordings.fit)
     if not has_dynamics(arm):
         return []
@@ -222,7 +222,7 @@ def _candidates(search: Search, residuals: Residuals) -> list[Candidate]:
 
 
 def _by_recording(search: Search, currents: CurrentDiagnosis) -> CurrentDiagnosis | None:
-    """What is named with causes whose values differ between recordings, if that explains what nothing else does."""
+    """The search with causes whose values differ between recordings, if only these explain the residual."""
     if currents.axis:
         return None
 

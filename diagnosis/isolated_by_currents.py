@@ -37,7 +37,7 @@ STEP = 0.05
 def isolated_by_currents(
     arm: Arm, instruments: OtherInstruments, screened: Screened, progress: Progress
 ) -> OtherInstruments:
-    """The same, each wave of a gear named as one of the motor's encoder where the currents are those of that."""
+    """The same causes, with a gear ripple renamed to a ripple of the motor's encoder if the currents show that."""
     if instruments.link is None or not instruments.judged:
         return instruments
     causes = list(instruments.link.causes)

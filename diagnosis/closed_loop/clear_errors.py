@@ -62,7 +62,7 @@ def clear_errors(
     sampled: Callable[[str], Sequence[Sequence[Compared]]] = lambda _: (),
     left_over: LeftOver | None = None,
 ) -> list[Structure]:
-    """What the closed loop leaves clearly above the noise, at joints (from 1) that are not ``reported`` already.
+    """Closed-loop errors clearly above the noise, at joints (from 1) that are not ``reported`` already.
 
     compared, runs: by "fit" and "held_out", each recording in closed loop without the causes and with all of them, and
     all recordings. sampled: of a side, what the uncertainty of the model makes of the loops with all causes
@@ -109,7 +109,7 @@ def _noise_of(band: int, several: Pairs, noise: Array, white: Sequence[Array]) -
 
 
 def _ratios(several: Pairs, noise: Array, white: Sequence[Array]) -> list[tuple[str, float, Array]]:
-    """Of both bands: name, limit, and per joint (n,) the median error over the noise.
+    """For both bands: name, limit, and (n,) the median error of each joint over the noise.
 
     noise: (n,) A, below COMPARE_BAND; white: (n,) A per recording, of a row of its measured currents.
     """

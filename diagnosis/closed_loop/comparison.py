@@ -73,7 +73,7 @@ class Compared:
 
     def error(self, signal: str) -> Array:
         """(r, n) measured less simulated ``current`` (A) or ``angle`` (rad), at the rows of the run."""
-        # five steps ask for each
+        # each of the five steps below needs it
         if signal not in self._errors:
             self._errors[signal] = self._error(signal)
         return self._errors[signal]
@@ -150,7 +150,7 @@ def _compared(recording: Recording, run: Run, current: Array, angle: Array) -> C
 def before_and_after(
     recordings: Sequence[Recording], runs: Sequence[Run], arm: Arm, extended: Arm
 ) -> list[tuple[Compared, Compared] | None]:
-    """Recordings in closed loop by the model, and by the extended one with what is of each recording alone."""
+    """Recordings in closed loop by the model, and by the extended one with the causes of each recording alone."""
     bare: list[Case] = [(r, arm, replace(run, own=())) for r, run in zip(recordings, runs)]
     more: list[Case] = [(r, extended, run) for r, run in zip(recordings, runs) if extended is not arm or run.own]
     compared = compare_all([*bare, *more])
@@ -162,7 +162,7 @@ def before_and_after(
 
 
 def has_demand(recording: Recording) -> bool:
-    """Whether a recording holds the whole demand of an arm whose drives were on."""
+    """Whether a recording has the demands of all joints, and its drives were on."""
     return recording.qref is not None and not np.isnan(recording.qref).any() and not setup_of(recording).drives_off
 
 

@@ -56,7 +56,7 @@ class Change:
 
 @dataclass(frozen=True, kw_only=True)
 class LagCosts:
-    """What the loop of one recording misses by the lag that its currents are given.
+    """Closed-loop errors of one recording as a function of the lag that is given to its currents.
 
     lags   (L,) s, by which recorded currents are behind
     edges  (B + 1,) s: of the pieces
@@ -86,7 +86,7 @@ class LagCosts:
         return values[throughout], with_it
 
     def change(self) -> Change:
-        """The change of lag at one instant that costs least."""
+        """The change of lag at one instant with the smallest error."""
         start = np.zeros((len(self.lags), 1))
         cost = self.cost.sum(axis=2)
         before = np.concatenate([start, np.cumsum(cost, axis=1)], axis=1)
@@ -112,7 +112,7 @@ class LagCosts:
         return replace(change, gain=(without - with_it).sum(axis=0))
 
     def _best(self, cost: Array) -> tuple[float, float]:
-        """s: the lag of least cost (L, B), and its std by what pieces differ; infinite at the end of the lags."""
+        """s: the lag of least cost (L, B), and its std from the scatter between pieces; infinite at the last lag."""
         total, wide = cost.sum(axis=1), round(COARSE / FINE)
         k = int(np.argmin(total))
         if not wide <= k < len(total) - wide:

@@ -66,7 +66,7 @@ LIMITS = FrictionLimits()
 def friction_in_loop(
     arm: Arm, recordings: Sequence[Recording], joints: Sequence[int], taken: Collection[EffectKey]
 ) -> list[Cause]:
-    """Friction with a state at ``joints`` (from 1), one cause per joint at most.
+    """Friction with a state (presliding) at ``joints`` (from 1), at most one cause per joint.
 
     arm: with all that is known of it. taken: effects that are known or excluded.
     """
@@ -89,7 +89,7 @@ def has_state(effect: str) -> bool:
 
 
 def with_estimates_of(cause: Cause, other: Cause) -> Cause:
-    """The cause with estimates of both, which were made of different signals, weighted by their deviations.
+    """The cause with the mean of both estimates, which come from different signals, weighted by their variances.
 
     Where two differ by more than their deviations, that of their mean grows with it (Birge, Physical Review 40, 1932).
     """
@@ -129,7 +129,7 @@ class _Lanes:
 
     @property
     def best(self) -> int:
-        """The lane that leaves least of the angles of all recordings."""
+        """The lane with the smallest angle error over all recordings."""
         return int(np.argmin(sum(np.sum(part**2, axis=1) for part in self.angle)))
 
 
@@ -142,7 +142,7 @@ def _lanes(arm: Arm, recordings: Sequence[Recording], joint: int, values: dict[s
 def _promising_lanes(
     arm: Arm, recordings: Sequence[Recording], joint: int, values: dict[str, Array], before: Array
 ) -> _Lanes | None:
-    """The same, of many lanes; None as soon as they leave more than they may, whichever predicts a recording.
+    """As ``_lanes`` for many lanes; None as soon as every lane leaves a larger error than is allowed.
 
     before: (recordings,) squared angle errors that they must reduce. Recordings with most of it per row come first:
     where nothing is wrong, one or two of them tell.
@@ -168,7 +168,7 @@ def _loops(arm: Arm, joint: int, values: dict[str, Array], recording: Recording)
 
 
 def _seconds(recording: Recording, errors: Array) -> NDArray[np.intp]:
-    """(m,) which second, from 0, each row of the errors (lanes, m) is in."""
+    """(m,) the second, from 0, to which each row of the errors (lanes, m) belongs."""
     return (np.arange(errors.shape[1]) // rate_kept(rate_of(recording.t))).astype(np.intp)
 
 
@@ -189,13 +189,13 @@ def _errors(r: Recording, j: int, q: Array, i: Array, rate: float) -> tuple[Arra
 
 
 def _predicted(lanes: _Lanes) -> tuple[list[Array], list[Array]]:
-    """What angles and currents leave of each recording in the lane that fits the angles of all others best."""
+    """Errors of angle and current of each recording in the lane that fits the angles of all other recordings best."""
     energy = np.array([np.sum(part**2, axis=1) for part in lanes.angle])
     return _in(lanes, [int(np.argmin(energy.sum(axis=0) - of_recording)) for of_recording in energy])
 
 
 def _in(lanes: _Lanes, chosen: Sequence[int]) -> tuple[list[Array], list[Array]]:
-    """What angles and currents leave of each recording in the lane that is ``chosen`` for it."""
+    """Errors of angle and current of each recording in the lane that is ``chosen`` for it."""
     angle, current = ([part[lane] for part, lane in zip(parts, chosen)] for parts in (lanes.angle, lanes.current))
     return angle, current
 
@@ -251,7 +251,7 @@ def _with(arm: Arm, effect: Effect, joint: int) -> Arm:
 
 
 def _grid(recordings: Sequence[Recording], arm: Arm, joint: int, effect: Effect) -> dict[str, Array]:
-    """Stiffnesses that the encoder shows, each with every damping."""
+    """Stiffnesses that the encoder can resolve, each combined with every damping."""
     friction, j = max(arm.joints[joint - 1].rest_friction), joint - 1
     travel = max(float(np.ptp(r.q[:, j])) for r in recordings)
     noise = max(float(angle_noise(r.q[:, [j]])[0]) for r in recordings)

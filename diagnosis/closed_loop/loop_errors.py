@@ -124,7 +124,7 @@ def delay_between(difference: Array, speed: Array) -> float:
 
 
 def noise_floor(arm: Arm, recordings: Sequence[Recording], missed: Sequence[Array]) -> Array:
-    """(n,) A: what a loop misses with nothing wrong: noise, and what is known to be off in an identified model.
+    """(n,) A: closed-loop error of a sound arm: noise, and the stated error of an identified model.
 
     missed: (m, n) A per recording, by the loops of ``arm``.
     """
@@ -139,7 +139,7 @@ def noise_floor(arm: Arm, recordings: Sequence[Recording], missed: Sequence[Arra
         )
         for drawn in sampled_arms(arm)
     ]
-    # the loop of an arm that was drawn may not be stable
+    # the loop of a randomly drawn arm may be unstable
     known_to = [one for one in by_uncertainty if np.isfinite(one).all()] or [np.zeros(len(arm))]
     return np.asarray(np.sqrt(noise**2 + stated**2 + np.mean(known_to, axis=0)))
 

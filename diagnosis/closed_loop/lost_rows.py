@@ -39,7 +39,7 @@ LIMITS = LostRowsLimits()
 
 @dataclass(frozen=True)
 class LostInLoop:
-    """Rows that recordings lost, and what that explains of the first of them."""
+    """Rows that recordings lost, and how much of the closed-loop error of the first recording that explains."""
 
     losses: list[DroppedTriggers]
     gain: Gain
@@ -63,7 +63,7 @@ def lost_in_loop(
 def _lost(
     arm: Arm, recordings: Sequence[Recording], currents: Sequence[Array], first: int
 ) -> list[tuple[DroppedTriggers, LagCosts, Change]]:
-    """What each recording lost, with what shows it; ``first``: number of the first recording."""
+    """The losses of each recording with their evidence; ``first``: number of the first recording."""
     losses = []
     for number, (recording, current) in enumerate(zip(recordings, currents), first):
         if (costs := lag_costs(arm, recording, current)) is None:
@@ -75,7 +75,7 @@ def _lost(
 
 
 def _of_change(recording: int, change: Change, period: float) -> DroppedTriggers | None:
-    """Rows of the currents that a recording lost at one instant, if its lag certainly changes by a whole number."""
+    """Rows of the currents that a recording lost at one instant, if its lag changes by a whole number of rows."""
     total = float(change.gain.sum())
     if total < LIMITS.gain or total - float(change.gain.max()) < LIMITS.others:
         return None
@@ -87,7 +87,7 @@ def _of_change(recording: int, change: Change, period: float) -> DroppedTriggers
 
 
 def _gain(losses: Sequence[tuple[DroppedTriggers, LagCosts, Change]]) -> Gain:
-    """What the change of lag explains of the first recording in closed loop, at the joint where that is most.
+    """The closed-loop error of the first recording that the change of lag explains, at the joint with the most.
 
     With the probability that all recordings gain as much by chance: above 10 Hz, errors of one piece tell nothing of
     the next.

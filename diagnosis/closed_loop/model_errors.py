@@ -25,7 +25,7 @@ SEED = 0
 
 
 def sampled_arms(arm: Arm, count: int = DRAWS) -> list[Arm]:
-    """Arms as the uncertainty of ``arm`` has them; empty where it states nothing of its parameters."""
+    """Arms drawn at random from the stated uncertainty of ``arm``; empty if it states none."""
     uncertainty = arm.uncertainty
     if uncertainty is None or not uncertainty.parameters:
         return []
@@ -40,7 +40,7 @@ def sampled_arms(arm: Arm, count: int = DRAWS) -> list[Arm]:
 def spreads(
     arm: Arm, recordings: Sequence[Recording], runs: Sequence[Run], nominal: Sequence[Compared]
 ) -> list[list[Compared]]:
-    """Per arm drawn: each recording's closed loop by ``arm``, with the loop of the drawn arm for a measurement.
+    """For each drawn arm: every recording's closed loop by ``arm``, compared with that by the drawn arm.
 
     nominal: the loops of ``arm``. An arm whose loop is not stable is left out.
     """
@@ -48,7 +48,7 @@ def spreads(
     for sampled in sampled_arms(arm):
         try:
             loops = [compare(recording, sampled, run) for recording, run in zip(recordings, runs)]
-        except InputError:  # no body, or no friction, has the values that were drawn
+        except InputError:  # the drawn inertia or friction is physically impossible
             continue
         both = [
             replace(own, current=loop.simulated_current, angle=loop.simulated_angle)

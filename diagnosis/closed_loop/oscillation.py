@@ -22,7 +22,7 @@ LEAST_ANGLE = 1e-7
 
 @dataclass(frozen=True)
 class Oscillation:
-    """Hz; amplitudes of current (in its own unit) and angle (rad, m), as of a sine that is as strong all the time."""
+    """Frequency Hz, and amplitudes of current (in its own unit) and angle (rad, m) of a sine of constant strength."""
 
     frequency: float
     current: float
@@ -30,7 +30,7 @@ class Oscillation:
 
 
 def with_oscillations(structures: Sequence[Structure], compared: Iterable[Compared], arm: Arm) -> list[Structure]:
-    """Structures of the closed loop, those that are mostly an oscillation with its frequency and amplitudes."""
+    """The structures, with frequency and amplitudes where a structure is mostly one oscillation."""
     loops, found = list(compared), []
     for one in structures:
         swing = None
@@ -70,13 +70,13 @@ def _segment(one: Compared) -> int:
 
 
 def _power(compared: Sequence[Compared], of: str, joint: int) -> Array:
-    """Mean power density of the errors of a joint's ``current`` or ``angle`` over all recordings, by their lengths."""
+    """Mean power density of a joint's ``current`` or ``angle`` errors over all recordings, weighted by duration."""
     of_each = [one.spectrum(of, joint, _segment(one))[1] for one in compared]
     return np.asarray(np.average(of_each, axis=0, weights=[one.measured(of)[:, joint - 1].sum() for one in compared]))
 
 
 def _words(oscillating: Oscillation, arm: Arm, joint: int) -> str:
-    """``it oscillates at 5.3 Hz, with amplitudes of 120 mA and 0.034 mrad``; no oscillation is what setpoints make."""
+    """``it oscillates at 5.3 Hz, with amplitudes of 120 mA and 0.034 mrad``, unless setpoints cause the line."""
     drive = arm.joints[joint - 1]
     sizes = []
     for size, unit in ((oscillating.current, drive.command_unit), (oscillating.angle, drive.unit("rad"))):
@@ -96,7 +96,7 @@ def _words(oscillating: Oscillation, arm: Arm, joint: int) -> str:
 
 
 def _at_setpoints(frequency: float, arm: Arm) -> bool:
-    """Whether a frequency is a multiple of the rate of the model's setpoints, as near as a spectrum tells."""
+    """Whether a frequency is a multiple of the model's setpoint rate, within the resolution of the spectrum."""
     if arm.controller is None:
         return False
     rate = 1.0 / arm.controller.setpoint_period

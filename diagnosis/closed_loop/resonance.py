@@ -90,7 +90,7 @@ def transmission_resonance(
     missed, noise, noise_ratio = _missed(arm, fit)
     worst = sorted(range(len(fit)), key=lambda k: -float(np.sum(missed[k] ** 2)))[:SEARCHED_IN]
     if other_servos := _at_most_joints(noise_ratio[moving]):
-        # servos of the model by the gains that the arm's have
+        # first correct the servo gains of the model, which may differ from the arm's
         arm = with_smoothing_velocities(with_servo_gains(arm, [fit[k] for k in worst]), fit)
         missed, noise, noise_ratio = _missed(arm, fit)
     if not np.isfinite(noise_ratio).all() or not _at_few_joints(noise_ratio[moving]):
@@ -104,13 +104,13 @@ def transmission_resonance(
     promising = _promising(arm, strongest, searched, noise, near)
     bare = arm
     if other_servos and promising:
-        # gains that were found without the spring make up for some of it
+        # gains that were estimated without the spring compensate a part of it
         _, trial = promising[0]
         with_gains = with_servo_gains(trial.added_to(arm), [r for r, _ in searched])
         arm = replace(arm, controller=with_gains.controller)
         searched = [(r, loop_errors(arm, r)[0]) for r, _ in searched]
         promising = _promising(arm, [trial.joint], searched, noise, near)
-    # one that explains its own joint may be refuted at the others
+    # an effect that explains its own joint may make other joints worse
     for _, trial in promising:
         if (cause := _judged(bare, arm, trial, fit, held_out, noise)) is not None:
             return cause
@@ -120,14 +120,14 @@ def transmission_resonance(
 def _promising(
     arm: Arm, joints: Sequence[int], searched: Sequence[tuple[Recording, Array]], noise: Array, near: Cause | None
 ) -> list[tuple[float, Trial]]:
-    """(share explained at the joint, values) of effects at ``joints``; of those that explain as much, simpler first.
+    """(share explained at the joint, values) of effects at ``joints``; of equal shares the simpler effect first.
 
     searched: recordings, with what the loops of the arm miss.
     """
     shares = [
         trial_score
         for joint in joints
-        if arm.joints[joint - 1].rotor_inertia > 0.0  # without a rotor no mass remains on the side of the motor
+        if arm.joints[joint - 1].rotor_inertia > 0.0  # a motor without inertia cannot resonate
         for effect in transmissions()
         if (trial_score := _searched(arm, effect, joint, searched, noise, near)) is not None
     ]
@@ -136,25 +136,25 @@ def _promising(
 
 
 def _missed(arm: Arm, recordings: Sequence[Recording]) -> tuple[list[Array], Array, Array]:
-    """What loops of an arm miss: (m, n) A of every recording; the noise (n,) A; its rms over the noise (n,)."""
+    """Closed-loop errors of an arm: (m, n) A of every recording; the noise (n,) A; their rms over the noise (n,)."""
     missed = [loop_errors(arm, r)[0] for r in recordings]
     noise = noise_floor(arm, recordings, missed)
     return missed, noise, np.asarray(np.sqrt(np.mean(np.concatenate(missed) ** 2, axis=0)) / noise)
 
 
 def _at_few_joints(noise_ratio: Array) -> bool:
-    """Whether loops miss some of the moving joints, but not nearly all: residual-to-noise ratios (n,) in the band."""
+    """Whether some moving joints, but not nearly all, are above the noise, by their noise ratios (n,) in the band."""
     return bool(noise_ratio.max(initial=0.0) >= LIMITS.above_noise and _share_missed(noise_ratio) <= LIMITS.followed)
 
 
 def _at_most_joints(noise_ratio: Array) -> bool:
-    """Whether loops miss nearly all of several moving joints."""
+    """Whether nearly all of several moving joints are above the noise."""
     moving = len(noise_ratio) > 1 and bool(np.isfinite(noise_ratio).all())
     return moving and _share_missed(noise_ratio) > LIMITS.followed
 
 
 def _share_missed(noise_ratio: Array) -> float:
-    """Share of joints that loops miss.
+    """Share of the joints whose closed-loop error is above the noise.
 
     An oscillation of one joint moves the others as well: those that are missed far less than the worst do not count.
     """
@@ -182,7 +182,7 @@ def _searched(
     share, best = 0.0, trials[0]
     for turn in range(1 + ROUNDS):
         shares = _shares(arm, trials, missed[: 1 + turn], noise)  # the first values in the worst recording
-        if np.isnan(shares).all():  # no loop with such a transmission is stable
+        if np.isnan(shares).all():  # all loops with such a transmission are unstable
             return None
         place = int(np.nanargmax(shares))
         share, best = float(shares[place]), trials[place]
@@ -198,7 +198,7 @@ def _searched(
 
 
 def transmissions() -> tuple[str, ...]:
-    """Effects that closed loops show."""
+    """Names of the effects between motor and link that closed loops show."""
     return tuple(effect.name for effect in observed_by(Instrument.CLOSED_LOOP))
 
 

@@ -28,7 +28,7 @@ MOST = 4.0
 
 
 def with_servo_gains(arm: Arm, recordings: Sequence[Recording]) -> Arm:
-    """The arm with position and velocity gains under which its loops miss least of the recordings.
+    """The arm with the position and velocity gains that make the closed-loop errors smallest.
 
     The arm itself where these gains are none that its servos may have, or leave no stable loop.
     """
@@ -48,7 +48,7 @@ def with_servo_gains(arm: Arm, recordings: Sequence[Recording]) -> Arm:
 
 
 def _error(loop: tuple[Arm, Recording]) -> Array:
-    """(m, n) A: what one closed loop misses of one recording.
+    """(m, n) A: closed-loop error of one recording.
 
     By the lag of its angles: that of its transients changes with the gains, and would make up for some of them.
     """

@@ -161,7 +161,7 @@ def distort(arm: Arm, name: str, runs: Sequence[Run], recordings: Sequence[Recor
 
 
 def _column(run: Run, name: str, value: float) -> Array:
-    """(m, n): change of the expected currents, over their deviation, for a unit of the parameter.
+    """(m, n): change of the expected currents, over their noise std, for a unit of the parameter.
 
     0 near standstill, where the std is a bound of the friction rather than noise with a likelihood.
     """
@@ -175,7 +175,7 @@ def _column(run: Run, name: str, value: float) -> Array:
 
 
 def _residuals(runs: Sequence[Run], columns: Sequence[Array], arm: Arm) -> list[Array]:
-    """(m, n) weighted residual of every run less the columns that are always free, and what sampling put there.
+    """(m, n) weighted residual of every run after the columns that are always free and aliased setpoint ripple.
 
     These are estimated in turns with the walk of the parameter, as each may take what belongs to the others; first with
     a constant parameter.
@@ -186,7 +186,7 @@ def _residuals(runs: Sequence[Run], columns: Sequence[Array], arm: Arm) -> list[
     def by_run(values: Array) -> list[Array]:
         return np.split(values.reshape(-1, side.rows).T, ends)
 
-    # near standstill the parameter has no column: what it does there would be taken for what is free
+    # near standstill the parameter has no column: its effect there would be taken for the free columns'
     comparable = _flat(comparable_rows(run).astype(float) for run in runs)
     y, none = comparable * side.y, np.empty((len(side.y), 0))
     free = np.column_stack([none, *(one.dense(len(y)) for one in free_columns(side, arm))]) * comparable[:, None]

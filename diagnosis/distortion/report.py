@@ -119,12 +119,12 @@ def _labelled(result: Distortion) -> str:
 
 
 def _span(result: Distortion) -> tuple[float, float]:
-    """Range of the axes: the values with two std where there is information, and the value of the model."""
+    """Range of the value axis: the values with two std where there is information, and the model's value."""
     value = np.concatenate([path.value[path.seen] for path in result.paths])
     std = np.concatenate([path.std[path.seen] for path in result.paths])
     low, high = np.quantile(value - 2 * std, 0.02), np.quantile(value + 2 * std, 0.98)
     low, high = min(float(low), result.model), max(float(high), result.model)
-    # a variation below a hundredth is drawn as a level line
+    # a variation below one per cent is drawn as a level line
     room = max(0.15 * (high - low), 0.02 * abs(result.model), 1e-12)
     return low - room, high + room
 

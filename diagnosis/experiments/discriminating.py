@@ -71,7 +71,7 @@ def separation(
     keys = [key for key in cause.group if _shapes(result, key)]
     nuisances = _nuisances(result, set(cause.group))
     nothing = Separation(None, 0.0, separated_by(cause.group), 0)
-    # predictions of currents do not discriminate what encoders, a tracker or a closed loop show
+    # predicted currents cannot discriminate causes that encoders, a tracker or a closed loop show
     if len(keys) < 2 or cause.signal is not Signal.CURRENT or _aliased({effect for effect, _ in keys}):
         return nothing
     rivals = [rival_of(_shapes(result, key), nuisances, result.fit, result.arm) for key in keys]
@@ -80,7 +80,7 @@ def separation(
 
 
 def _aliased(effects: set[str]) -> bool:
-    """Whether all are aliases of one of them: no motion decides between these."""
+    """Whether all are aliases of one of them: then no motion can discriminate them."""
     return any(effects <= {effect, *CATALOGUE[effect].aliases} for effect in effects)
 
 
@@ -121,7 +121,7 @@ def _best(
             together = tuple(pair for pair, distance in distances.items() if distance < ENOUGH)
             discrimination = _Discrimination(len(far), min(far or distances.values()), kind, visited, trial, together)
             same = (best.kind, best.visited) == (kind, visited)
-            # an experiment that takes more work must discriminate more pairs, not the same better
+            # an experiment that takes more work must discriminate more pairs, not the same ones more clearly
             if discrimination.pairs > best.pairs or (
                 same and discrimination.pairs == best.pairs and discrimination.distance > best.distance
             ):
@@ -130,7 +130,7 @@ def _best(
 
 
 def _tried(question: Question, stage: Stage, joints: Sequence[int], kind: Kind) -> Iterator[tuple[Trial, Distances]]:
-    """Feasible trials of a kind with the distances of rivals; only every third where none of these shows any."""
+    """Feasible trials of a kind with the distances of rivals; only every third one if none of these shows any."""
     motions = list(trials(stage, joints, kind))
     some = motions[::ONE_IN]
     largest = 0.0
@@ -175,7 +175,7 @@ def stage_of(result: Diagnosis, joints: Sequence[int], rig: Limits | None, visit
 
 
 def _shapes(result: Diagnosis, key: EffectKey) -> list[Candidate]:
-    """All candidates of an effect at its joint; the last one as found, where it is a named cause."""
+    """All candidates of an effect at its joint; for a named cause also the one that was found, as the last."""
     shapes = [c for c in candidates(result.arm) if c.key == key]
     for cause in result.causes:
         if shapes and (cause.effect, cause.joint) == key:

@@ -47,7 +47,7 @@ LOAD = (
 
 
 class Kind(StrEnum):
-    """What a motion requires to be recorded, the least work first."""
+    """What a motion needs in order to be recorded, the least work first."""
 
     MOTION = "motion"
     OFF = "drives off"
@@ -65,7 +65,7 @@ class Trial:
 
 @dataclass(frozen=True)
 class Stage:
-    """Where trials take place: an arm at ``start`` (n,) rad, the poses (rows, n) rad it may work in, and its limits."""
+    """An arm at ``start`` (n,) rad, the poses (rows, n) rad at which trials may take place, and its limits."""
 
     arm: Arm
     start: Array
@@ -101,7 +101,7 @@ def room(arm: Arm, visited: Array | None = None, rig: Limits | None = None) -> L
 def trials(stage: Stage, joints: Sequence[int], kind: Kind) -> Iterator[Trial]:
     """All motions of a kind for the joints (from 1) that a question is about."""
     if kind is Kind.OFF:
-        yield _standing(stage, stage.start, off=True)  # an arm on its brakes is not moved first
+        yield _standing(stage, stage.start, off=True)  # without drives it stays where it is
         return
     for number, trial in enumerate(_moving(stage, joints)):
         if kind is Kind.PAYLOAD:
@@ -195,7 +195,7 @@ class _Axis:
         return {"type": "drive", "joint": self.joint, "to": place, "speed": speed}
 
     def chirp(self, middle: float, amplitude: float, low: float, high: float) -> list[Segment]:
-        """A sine about ``middle`` from ``low`` to ``high`` Hz, and the way there."""
+        """A chirp about ``middle`` from ``low`` to ``high`` Hz, and the move to its start."""
         band = {"frequency": low, "to_frequency": high, "duration": LONG}
         return [self.to(middle, 0.25), {"type": "chirp", "joint": self.joint, "amplitude": amplitude, **band}]
 

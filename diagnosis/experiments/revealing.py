@@ -51,7 +51,7 @@ class DetectionExperiment:
 def detection_experiments(
     result: Diagnosis, rig: Limits | None = None, progress: Callable[[str], None] = lambda sentence: None
 ) -> list[DetectionExperiment]:
-    """Detection experiments of all undetectable effects, those of the catalogue where no motion shows an effect."""
+    """Detection experiments of all undetectable effects; the catalogue's sentence if no motion shows an effect."""
     if not result.judged:
         return [DetectionExperiment(one) for one in result.undetectable]
     stage = stage_of(result, [1], rig, visited=False)
@@ -72,7 +72,7 @@ def detection_experiments(
 
 
 def _family(effect: str) -> str:
-    """The kind of motion that shows an effect."""
+    """The family of motions that shows an effect."""
     return FAMILIES[CATALOGUE[effect].excited_by]
 
 
@@ -117,7 +117,7 @@ def _best(one: Undetectable, tried: Sequence[tuple[Trial, dict[EffectKey, float]
     able = [(trial, strengths[key]) for trial, strengths in tried if key in strengths]
     if not able:
         return DetectionExperiment(one)
-    # the first of those that are said alike: less would be rounding
+    # the first of trials with the same printed distance: smaller differences are rounding
     trial, largest = max(able, key=lambda pair: round(pair[1], 2))
     motion = trial.words.removeprefix(f"joint {one.joint} ")
     words = f"none of the motions tried for this joint suffices ({motion}: {times_noise(largest)})"

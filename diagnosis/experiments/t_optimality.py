@@ -178,5 +178,5 @@ def predicted_run(trial: Trial, stage: Stage, noise: Array) -> Run | None:
             return None
     noise_known = KnownNoise(steps=np.zeros(len(arm)), residual=noise)
     run = residual_run(experiment.name, arm, t, q, current, powered=not setup.drives_off, known=noise_known)
-    expected = run.along * run.powered  # another filter on the motion would discriminate equal effects
+    expected = run.along * run.powered  # with another filter on the motion, equal effects would seem to differ
     return replace(run, current=expected, current_rate=run.rate(expected))

@@ -70,7 +70,7 @@ def diagnose_base(
 
 
 def _of_base(names: Sequence[str]) -> list[int]:
-    """Columns of the parameters of the base: with the arm's share free too, all wrenches could be zero."""
+    """Columns of the parameters of the base; if the arm's share were free too, all wrenches could be zero."""
     return [k for k, name in enumerate(names) if name not in OF_ARM and name.partition(".")[2] not in FAULTS]
 
 

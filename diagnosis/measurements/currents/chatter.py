@@ -56,7 +56,7 @@ class Judged:
 
     @property
     def explained(self) -> float:
-        """Share of the squared residual above the noise that is gone."""
+        """Share of the squared residual above the noise that the gap explains."""
         left, excess = (max(float(np.mean(one**2)) - 1.0, 0.0) for one in (self.after, self.before))
         return 1.0 - left / excess if excess > 0.0 else 0.0
 
@@ -64,7 +64,7 @@ class Judged:
 def chattering_gaps(
     runs: Split[Sequence[Run]], terms: Sequence[EffectTerm], taken: Container[EffectKey]
 ) -> list[Cause]:
-    """Gaps that recordings show beside the effects ``terms``; none at a joint with a transmission that is ``taken``."""
+    """Gaps that recordings show in addition to the effects ``terms``; none at a joint with a ``taken`` transmission."""
     elastic = [effect.name for effect in CATALOGUE.values() if effect.spring is not None]
     number = len(runs.fit[0].arm)
     joints = [j for j in range(1, number + 1) if not any((name, j) in taken for name in elastic)]
@@ -89,7 +89,7 @@ def _of_joint(effect: Effect, joint: int, runs: Split[Sequence[Run]], terms: Seq
     alike = np.log(
         [v for v, fitted in zip(values, fits) if p_value(fits[best].by_block - fitted.by_block) > SIGNIFICANT]
     )
-    # between two values of the grid nothing is known
+    # between two neighbouring values of the grid the size is undetermined
     std = float(np.hypot(alike.std(), np.log(values[1] / values[0]) / 2))
     drive, value = runs.fit[0].arm.joints[joint - 1], float(np.exp(alike.mean()))
     size = Estimate(effect.gap.name, value, value * std, drive.unit(effect.gap.unit, effect.gap.name))

@@ -54,7 +54,7 @@ def _columns(candidate: Candidate, run: Run, at: slice) -> Array:
     """(m, j, k) A: ``columns`` of the j joints ``at``."""
     effect, arm, joint = candidate.definition, run.arm, candidate.joint
     if not run.powered and effect.current is None:
-        # the brakes hold: only effects of the instruments act
+        # drives off, brakes on: only effects of the instruments show
         count = candidate.link_parameters or len(candidate.units())
         return np.zeros((*run.current[:, at].shape, 1 if effect.delay is not None else count))
     if candidate.link_parameters:
@@ -72,7 +72,7 @@ def _columns(candidate: Candidate, run: Run, at: slice) -> Array:
 
 
 def _torque(effect: Effect, p: Values, s: Signals, run: Run) -> Array:
-    """(m,) N m of a law that is a torque."""
+    """(m,) N m: torque of a law that gives a torque."""
     assert effect.torque is not None
     if effect.rate is not None:
         s = replace(s, state=_states(effect, p, s, run))
@@ -80,7 +80,7 @@ def _torque(effect: Effect, p: Values, s: Signals, run: Run) -> Array:
 
 
 def _through(effect: Effect, p: Values, drive: Joint, s: Signals) -> Array:
-    """(m,) share of a wave that passes the filters."""
+    """(m,) share of the amplitude of a ripple that passes the filters."""
     return residual_gain(effect.cycles(p) * drive.ratio * np.abs(s.v) / (2 * np.pi))
 
 
@@ -92,7 +92,7 @@ def _law(run: Run, candidate: Candidate, p: Values, s: Signals, at: slice) -> Ar
     if candidate.is_torque:
         torque = _torque(effect, p, s, run)
         if effect.link_side and arm.coupling:
-            # every drive that moves the link feels its share
+            # every drive that moves the link bears a share of the torque
             return np.outer(torque, arm.coupling_matrix[j, at]) / arm.joint_array("drive_constant")[at]
         change[:, place] = torque / drive.drive_constant
     elif effect.current is not None:
@@ -103,7 +103,7 @@ def _law(run: Run, candidate: Candidate, p: Values, s: Signals, at: slice) -> Ar
         rates = _twisted(run, j, effect, p) if elastic else _rates(effect.deflection, p, s, drive.ratio, run)
         change = _moved(run, j, at, *(-rate for rate in rates))
         if not elastic:
-            # virtual work: where the link turns less than the motor, the motor feels less of its load
+            # by virtual work: a motor that turns its link by less also bears less of its load
             change[:, place] -= _slope(effect.deflection, p, s) * drive.ratio * s.load / drive.drive_constant
     elif effect.angle is not None:
         # true angle = reading - error, of motor and link
@@ -145,7 +145,7 @@ def _twisted(run: Run, j: int, effect: Effect, p: Values) -> tuple[Array, Array,
 
 
 def _lost_motion(run: Run, j: int, half_gap: float, teeth: Teeth) -> tuple[Array, Array, Array]:
-    """Twist (m,) of a joint with play, and its rates. From raw rows: thinned ones are too few for a flight."""
+    """Twist (m,) of a joint with backlash, and its rates; from raw rows, as a free flight takes few thinned rows."""
     gaps = []
     for flying in run.recordings or (run,):
         loads, inertias, rate = flying.flights
@@ -180,7 +180,7 @@ def _slope(law: Law, p: Values, s: Signals) -> Array:
 
 
 def _moved(run: Run, j: int, at: slice, angle: Array, speed: Array, acceleration: Array) -> Array:
-    """(m, j) A: change of the expected currents of the joints ``at`` when link j is displaced by ``angle`` (m,) rad."""
+    """(m, j) A: change of the expected currents of the joints ``at`` if link j is displaced by ``angle`` (m,) rad."""
     change: Array = run.by_angle[:, at, j] * angle[:, None]
     change += run.by_speed[:, at, j] * speed[:, None]
     change += run.by_acceleration[:, at, j] * acceleration[:, None]
@@ -210,7 +210,7 @@ def _link_columns(run: Run, arm: Arm, joint: int) -> Array:
     """(m, n, 10) A: barycentric parameters of one link, exactly; 0 of those that no motion shows."""
     of_link = run.by_link[..., 10 * (joint - 1) : 10 * joint]
     size = np.abs(of_link).max(axis=(0, 1), initial=0.0)
-    # once columns have their own length for a unit, rounding is a column as any other
+    # columns are scaled to unit length later, which would turn mere rounding into a column
     return of_link * (size > ROUNDING * size.max(initial=0.0)) / arm.joint_array("drive_constant")[:, None]
 
 
@@ -225,7 +225,7 @@ def _coupled(run: Run, arm: Arm, unit: Values) -> Array:
         i, j = int(name[1]) - 1, int(name[2]) - 1
         if i >= len(arm) or j >= len(arm):
             continue
-        # a turn of link i alone is this turn of the motors
+        # rotation of the motors that rotates link i alone
         for k in np.flatnonzero(back[:, i]):
             by = value * back[k, i]
             change += _moved(run, int(k), all_joints, by * run.q[:, j], by * run.v[:, j], by * run.a[:, j])
@@ -234,7 +234,7 @@ def _coupled(run: Run, arm: Arm, unit: Values) -> Array:
 
 
 def candidates(arm: Arm) -> Iterator[Candidate]:
-    """Every candidate for this arm, searched parameters at every combination of their first values."""
+    """Every candidate for this arm, with every combination of the first values of its searched parameters."""
     for effect in CATALOGUE.values():
         if Instrument.CURRENT not in effect.observed_by or (effect.coupling and len(arm) < 6):
             continue

@@ -46,7 +46,7 @@ def dataset_with(side: Dataset, terms: Sequence[EffectTerm]) -> Array:
 
 
 def columns_of(candidate: Candidate, side: Dataset) -> Columns:
-    """The candidate's columns over all recordings of a set, over the std of each row."""
+    """The candidate's columns in all recordings of a set, each row divided by its std."""
     if at_own_joint(candidate, side.runs[0].arm) and _joints_apart(side):
         return columns_at_joint(candidate, side)
     x = np.concatenate([run.whiten(columns(candidate, run)) for run in side.together])  # (rows, n, k)
@@ -64,7 +64,7 @@ def columns_at_joint(candidate: Candidate, side: Dataset) -> Columns:
 
 
 def _joints_apart(side: Dataset) -> bool:
-    """Whether the whitened rows of a joint depend on no other joint."""
+    """Whether the whitened rows of every joint are independent of the other joints."""
     return all(run.own_directions is None for run in side.runs)
 
 
@@ -142,7 +142,7 @@ class Library(Mapping[Candidate, Pair]):
         return self._own[candidate]
 
     def compute_at_own_joints(self) -> None:
-        """``at_own_joint`` of every place of a search grid, on all cores."""
+        """``at_own_joint`` of every point of a search grid, on all cores."""
         of_key: dict[EffectKey, list[Candidate]] = {}
         for candidate in self._known:
             of_key.setdefault(candidate.key, []).append(candidate)
@@ -165,10 +165,10 @@ class Library(Mapping[Candidate, Pair]):
             self._known |= {c: Split(fit, held_out, self._data.two_fold) for c, (fit, held_out) in zip(shapes, pairs)}
 
     def in_held_out(self, candidate: Candidate) -> Columns:
-        """Columns of the held-out recordings alone; those of a place of the search grid are not kept."""
+        """Columns of the held-out recordings alone; not cached for points of the search grid."""
         known = self._known[candidate]
         return columns_of(candidate, self._data.held_out) if known is None else known.held_out
 
     def add(self, candidate: Candidate) -> None:
-        """One more candidate, behind all others."""
+        """Adds a candidate after all others."""
         self._known.setdefault(candidate, None)

@@ -55,7 +55,7 @@ def undetectable_by_currents(
     def strongest(key: EffectKey) -> float:
         most = 0.0
         for candidate in several[key]:
-            # one that shows is enough
+            # the effect is detectable if one of its candidates is
             if most < SHOWS_FROM and is_typical(candidate):
                 most = max(most, signal_to_noise(candidate, library.in_held_out(candidate), held_out.rows))
         return most
@@ -78,7 +78,7 @@ def undetectable_by_currents(
 
 
 def undetectable_without_warming(arm: Arm, data: Split[Dataset], known: Set[EffectKey]) -> list[Undetectable]:
-    """Friction over temperature of joints with a sensor, where recordings are too much alike in temperature."""
+    """Temperature-dependent friction of joints with a sensor, if the recorded temperatures differ too little."""
     (effect,) = (name for name in CATALOGUE if depends(name))
     instead, undetectable = INSTEAD[CATALOGUE[effect].excited_by], []
     for joint, drive in enumerate(arm.joints, 1):
@@ -89,7 +89,7 @@ def undetectable_without_warming(arm: Arm, data: Split[Dataset], known: Set[Effe
 
 
 def _turns(side: Dataset, arm: Arm, joint: int) -> float:
-    """Turns of a joint's motor from one end of its motion to the other."""
+    """Number of turns of a joint's motor between the ends of its motion."""
     return float(np.ptp(side.at_joint("q", joint)) * arm.joints[joint - 1].ratio / (2 * np.pi))
 
 
@@ -113,7 +113,7 @@ def times_noise(strength: float) -> str:
 
 
 def _did(need: Excitation, joint: int | None, side: Dataset, arm: Arm) -> str:
-    """How far the motion of a joint excited an effect; empty for an effect of the whole arm."""
+    """A sentence on how far the motion of a joint excited an effect; empty for an effect of the whole arm."""
     if joint is None:
         return ""
     drive, j = arm.joints[joint - 1], joint - 1

@@ -33,7 +33,7 @@ def estimates_of(state: State) -> list[list[Estimate]]:
 
 
 def together(state: State, index: int) -> float:
-    """How far the coefficients of a chosen candidate are from zero together, as std of one coefficient as unlikely.
+    """Significance of a chosen candidate's coefficients together, in std of one equally unlikely coefficient.
 
     A pendulum shows the sum of a body's mass times the length of its link and of its moment, and neither alone.
     """
@@ -77,14 +77,14 @@ def covariance_of(state: State) -> tuple[Array, list[slice]]:
         variance=alike * np.repeat(energy, fit.rows),
     )
     if model.uncertain is not None:
-        # what the coefficients would be off by if the parameters of the model were
+        # error of the coefficients due to errors of the model's parameters
         moved = scaled_lstsq(design, model.uncertain.directions.fit, model.limits.independent)
         covariance = covariance + moved @ moved.T
     return covariance, places
 
 
 def _slopes(candidate: Candidate, columns: Columns, c: Array, state: State) -> tuple[list[Array], list[float]]:
-    """(N,) derivatives of what a candidate explains by each of its nonlinear parameters, and the values of these."""
+    """(N,) derivatives of a candidate's contribution by each of its nonlinear parameters, and their values."""
     fit, slopes, values = state.data.fit, [], []
     for name in candidate.searched():
         value = dict(candidate.shape)[name]

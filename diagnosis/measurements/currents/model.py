@@ -99,7 +99,7 @@ class Currents(MeasurementModel[Candidate, State]):
         )
 
     def _of_chosen(self, score: Score[Candidate], state: State) -> bool:
-        """Whether a candidate belongs to an effect that is chosen: of equals, that comes before another effect."""
+        """Whether a candidate extends an effect that is already chosen; at equal gain it precedes a new effect."""
         return bool(score.candidate.terms) or is_of_ripple(score.candidate, state.chosen, self.arm)
 
     def fdr(self, score: Score[Candidate]) -> float | None:
@@ -175,18 +175,18 @@ class Currents(MeasurementModel[Candidate, State]):
         ]
 
     def rivals_of(self, candidate: Candidate, state: State) -> list[Score[Candidate]]:
-        """Of a chosen candidate, the candidates that would gain as much in its place."""
+        """The candidates that would gain as much as a chosen one in its place."""
         others = self.without(candidate, state)
         own = self.conditional(candidate, others, state)
         every = [one for one in self.scores(others) if one.candidate.key != candidate.key]
         return self._rivals(own, [own, *(one for one in every if self.admissible(one, others))])
 
     def stalled(self, state: State) -> State | None:
-        """Two effects that hide each other may enter together, or others take the place of causes."""
+        """The state with two effects that enter together because each hides the other, or with a cause exchanged."""
         joints = joints_above_noise(state.fitted.held_out, state.data.held_out, self.arm)
         both = pair_of(self.library, state.fitted, state.data, joints, self.taken(state))
         if not both:
-            # what a law leaves in the fitted recordings alone, another one may explain as well
+            # a residual that one law leaves in the fitted recordings only may also be explained by another law
             in_fit = joints_above_noise(state.fitted.fit, state.data.fit, self.arm)
             return self._swapped(state, {*joints, *in_fit}) or exchanged(state)
         held_out = state.data.held_out
@@ -222,7 +222,7 @@ class Currents(MeasurementModel[Candidate, State]):
         return corrected(state) if chosen else state
 
     def with_terms(self, state: State, chosen: Candidate, rival: Candidate) -> State:
-        """With a rival in the place of a chosen candidate, and with the first of its terms that is admissible."""
+        """The state with a rival in place of a chosen candidate, and its first next-order term that is admissible."""
         others = self.without(chosen, state).fitted
         sharp, place = refined(rival, others, self.data.fit), state.chosen.index(chosen)
         trial = _replaced(state, chosen, sharp)
@@ -244,7 +244,7 @@ class Currents(MeasurementModel[Candidate, State]):
                 if rival.key in self.taken(state):
                     continue
                 trial = self.with_terms(replace(state, rivals={**state.rivals, rival.key: ()}), c, rival)
-                # first-order columns screen: only what they show is evaluated exactly
+                # only exchanges that are promising by first-order columns are evaluated exactly
                 if sum(trial.energy) >= least:
                     continue
                 exact = self.refitted(trial.chosen, trial.rivals)
@@ -259,7 +259,7 @@ class Currents(MeasurementModel[Candidate, State]):
         alone = self.conditional(chosen, others, state).gain
         if score.gain > term_share(score.candidate) * (alone + score.gain):
             return False
-        # a law that is free to move follows much of a cube or a kink: with the term, the law must still be the larger
+        # the law alone, refitted, follows much of a cubic term: with the term in, the law must still be the larger part
         sharp = refined(score.candidate, others.fitted, self.data.fit)
         own = _replaced(state, chosen, sharp).coefficients[state.chosen.index(chosen)]
         return small_term(sharp, self.columns(sharp).fit.x * own, self.limits.next_order)
@@ -275,7 +275,7 @@ class Currents(MeasurementModel[Candidate, State]):
         return max(float(run.t[-1]) for part in self.data for run in part.runs)
 
     def _of_inertia(self, body: Candidate) -> Pair:
-        """The columns that a body has in addition to those of a mass point: its inertia."""
+        """The columns of a body's inertia, which a mass point does not have."""
         first = body.definition.link_parameters
         return self.columns(body).map(lambda own: Columns(own.x[:, first:], own.where))
 

@@ -47,7 +47,7 @@ class ModelUncertainty:
 
 
 def model_uncertainty(arm: Arm, data: Split[Dataset]) -> ModelUncertainty | None:
-    """What is known of an arm, as these recordings feel it; None where nothing is stated."""
+    """The stated uncertainty of an arm in the residuals of these recordings; None if it states none."""
     uncertainty = arm.uncertainty
     if uncertainty is None or not (uncertainty.parameters or any(uncertainty.left_over)):
         return None
@@ -61,7 +61,7 @@ def model_uncertainty(arm: Arm, data: Split[Dataset]) -> ModelUncertainty | None
 
 
 def parameter_std(run: Run) -> Array:
-    """(m, n) A: std of the currents that the arm of a run predicts, by what is known of its parameters; 0: exact."""
+    """(m, n) A: std of the predicted currents due to the uncertainty of the arm's parameters; 0 for an exact model."""
     uncertainty = run.arm.uncertainty
     if uncertainty is None or not uncertainty.parameters:
         return np.zeros_like(run.q)

@@ -162,7 +162,7 @@ def _coupled_axis(fit: Sequence[Recording], held_out: Sequence[Recording], axis:
 
 
 def _rows(recordings: Sequence[Recording], axis: int, motors: Sequence[int]) -> _Rows:
-    """All recordings one after the other, each about its mean: a constant is an offset."""
+    """All recordings one after the other, each with its mean removed: a constant is an offset, not a coupling."""
     differences, columns, blocks, first = [], [], [], 0
     for r in recordings:
         assert r.qref is not None

@@ -60,7 +60,7 @@ def link_side(arm: Arm, fit: Sequence[Recording], held_out: Sequence[Recording])
 
 
 def _selected(model: LinkEncoders) -> tuple[LinkEncoders, Chosen]:
-    """Causes that no two recordings contradict; one that they contradict is excluded, and searched around again."""
+    """Causes whose values agree between recordings; one whose values disagree is excluded and the search repeated."""
     while True:
         chosen = tuple(_settled(candidate, model) for candidate in select(model))
         refused = contradicted(chosen, model)
@@ -70,7 +70,7 @@ def _selected(model: LinkEncoders) -> tuple[LinkEncoders, Chosen]:
 
 
 def _settled(candidate: LinkCandidate, model: LinkEncoders) -> LinkCandidate:
-    """A gap refined from the nearest grid value by its own coefficient."""
+    """The candidate with its gap refined from the nearest grid value by its own coefficient."""
     if candidate.variant[0] != "half_gap":
         return candidate
     for _ in range(4):
@@ -79,7 +79,7 @@ def _settled(candidate: LinkCandidate, model: LinkEncoders) -> LinkCandidate:
 
 
 def _cause(candidate: LinkCandidate, chosen: Chosen, model: LinkEncoders, arm: Arm) -> Cause:
-    """A chosen candidate conditional on all others, where it shows most."""
+    """A chosen candidate as a cause, conditional on all others, at the joint where it shows most."""
     others = model.without(candidate, chosen)
     conditional = model.score(candidate, others)
     affected = model.affected(candidate)
@@ -119,7 +119,7 @@ def _cause(candidate: LinkCandidate, chosen: Chosen, model: LinkEncoders, arm: A
 
 
 def _deviations(candidate: LinkCandidate, others: Chosen, model: LinkEncoders) -> tuple[float, float] | None:
-    """How far a cause is from nothing, were the masses exact and as they are known; None: nothing is stated."""
+    """Significance of a cause with exact masses and with their stated uncertainty; None if the model states none."""
     if not model.knows_errors:
         return None
     return in_deviations(model.chance(candidate, others, exact=True)), in_deviations(model.chance(candidate, others))

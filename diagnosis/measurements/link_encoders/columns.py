@@ -118,7 +118,7 @@ def joints_with_both(recordings: Sequence[Recording], arm: Arm) -> Index:
 
 
 def behind(recording: Recording, arm: Arm) -> Array | None:
-    """(m, n) rad (m): angles of the motors over their gears, as the link encoders have them; None without any."""
+    """(m, n) rad (m): angles of the motors over their gears, computed from the link encoders; None without any."""
     return None if recording.ql is None else arm.reported_angles(recording.ql)
 
 
@@ -142,7 +142,7 @@ def rows_of(recordings: Sequence[Recording], arm: Arm, joints: Index) -> Rows:
             load = rigid_torque_along(arm, slow, slow_v, slow_a)
         else:
             load = low_pass(r.i, LOAD_BAND, rate) * arm.joint_array("drive_constant")
-        # springs that the model has are no news
+        # the deflection of springs that the model has is expected
         own = lost_motion(arm, slow, load) if known_load else np.zeros_like(read)
         difference = (r.q - read - own)[:, k]
         scatters.append(MAD_TO_STD * np.median(np.abs(np.diff(difference, 2, axis=0)), axis=0) / np.sqrt(6))
@@ -163,7 +163,7 @@ def rows_of(recordings: Sequence[Recording], arm: Arm, joints: Index) -> Rows:
         t,
         tuple(starts.tolist()),
         tuple(r.path.name for r in recordings),
-        # a joint that stands shows no step of its encoders: they are as coarse as where it moves
+        # a joint at rest shows no step of its encoders, so the step is taken from where it moves
         np.sqrt(np.mean(np.square(scatters), axis=0) + np.sum(np.max(steps, axis=0) ** 2, axis=1) / 12) + 1e-12,
         np.array([arm.joints[j].ratio for j in k]),
         np.maximum(np.max(np.abs(load), axis=0), 1e-12),
@@ -210,7 +210,7 @@ class LinkCandidate(Candidate):
         effect, signals = self.definition, Signals(motor=angle)
         law = effect.deflection or effect.angle
         assert law is not None
-        # what the link encoder reads in excess reduces the difference
+        # the difference is motor minus link, so an excess of the link encoder reduces it
         sign = 1.0 if effect.deflection is not None else -1.0
         return np.column_stack([sign * law(unit, signals) for unit in units(effect, self._order())])
 
@@ -245,7 +245,7 @@ def _at_joint(effect: Effect, rows: Rows, column: int, joint: int) -> Iterator[L
     elif effect.wave and effect.deflection is not None:
         yield from (LinkCandidate(effect.name, joint, (("order", n),)) for n in orders(effect))
     elif effect.wave and np.ptp(rows.q[:, column]) > np.pi:
-        # of the link encoder, whose angle is the joint's; over less than half a turn a slow wave is any bend
+        # ripple of the link encoder, over the joint's angle; within half a turn a slow wave could be any smooth curve
         yield from (LinkCandidate(effect.name, joint, (("turn_order", n),)) for n in orders(effect))
 
 
@@ -261,14 +261,14 @@ def standing_waves(residual: Array, rows: Rows, k: int) -> list[LinkCandidate]:
 
 
 def late() -> LinkCandidate:
-    """Late time stamps of the link encoders, with the same delay at all joints."""
+    """The candidate of late link encoders, with the same delay at all joints."""
     return next(
         LinkCandidate(effect.name, None) for effect in observed_by(Instrument.LINK_ENCODER) if effect.delay is not None
     )
 
 
 def couplings(rows: Rows) -> list[LinkCandidate]:
-    """Axes that turn with other motors than their own, where all of them have both encoders."""
+    """Candidates of axes that other motors turn too, if all of them have both encoders."""
     effects = (effect for effect in observed_by(Instrument.LINK_ENCODER) if effect.coupling)
     of_effects = (LinkCandidate(effect.name, None) for effect in effects)
     return [one for one in of_effects if {joint for pair in one.turns for joint in pair} <= set(rows.joints.tolist())]
@@ -280,7 +280,7 @@ def _gaps(gap: Parameter) -> tuple[float, ...]:
 
 
 def orders(effect: Effect) -> tuple[float, ...]:
-    """Orders of a wave that are tried."""
+    """Orders of a ripple that are tried."""
     return next((p.search for p in effect.parameters if p.whole), ())
 
 

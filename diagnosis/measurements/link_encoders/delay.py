@@ -10,7 +10,7 @@ from diagnosis.measurements.link_encoders.model import Chosen, LinkEncoders
 
 
 def delays_by_joint(others: Chosen, model: LinkEncoders) -> Array:
-    """(k,) s: the delay of each joint alone, conditional on the other causes."""
+    """(k,) s: the delay estimated from each joint alone, conditional on the other causes."""
     delays = []
     for k, joint in enumerate(int(j) for j in model.whole.joints):
         own = [s for s in others if s.joint in (None, joint)]

@@ -27,7 +27,7 @@ def parameters_of(candidate: LinkCandidate, chosen: Chosen, model: LinkEncoders,
     place = slice(at, at + candidate.width)
     c, covariance, systematic = values[place].tolist(), covariance[place, place], LIMITS.systematic
     if effect.delay is not None:
-        # the scatter from joint to joint has the error of the measurement model in it
+        # the scatter between joints includes errors of the measurement model
         delays, systematic = delays_by_joint(model.without(candidate, chosen), model), 0.0
         covariance = covariance + (np.var(delays, ddof=1) / len(delays) if len(delays) > 1 else 0.0)
     if effect.wave:

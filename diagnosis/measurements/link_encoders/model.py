@@ -104,7 +104,7 @@ class LinkEncoders(CandidateModel[LinkCandidate]):
         return self.rows.fit.load_errors.shape[2] > 0
 
     def chance(self, candidate: LinkCandidate, others: Chosen, *, exact: bool = False) -> float:
-        """Probability that the differences look as they do without a candidate, conditional on others.
+        """p-value of a candidate, conditional on others.
 
         exact: were the masses so. Each recording set has constants of its own.
         """
@@ -224,7 +224,7 @@ class LinkEncoders(CandidateModel[LinkCandidate]):
         return np.asarray(residual - residual.mean(axis=0), float)
 
     def is_physical(self, candidate: LinkCandidate, chosen: Sequence[LinkCandidate]) -> bool:
-        """Whether a compliance or a gap comes out positive."""
+        """Whether the fitted compliance or gap is positive."""
         effect = candidate.definition
         return (effect.spring is None and effect.gap is None) or bool(
             self.fitted([*chosen, candidate], self.rows.fit)[-1] > 0.0

@@ -32,7 +32,7 @@ def single_estimates(chosen: Chosen, model: LinkEncoders) -> list[SingleEstimate
 
 
 def contradicted(chosen: Chosen, model: LinkEncoders) -> LinkCandidate | None:
-    """The cause of which the recordings contradict each other most; None where all agree."""
+    """The cause whose values differ most between recordings; None if all agree."""
     seen = single_estimates(chosen, model)
     if len(seen) < 2:
         return None

@@ -58,7 +58,7 @@ def _offset(values: Array, covariance: Array, k: int, unit: str) -> Estimate:
 
 
 def _zero_sentence(joint: int, each: Mapping[str, Estimate]) -> str:
-    """What the motor encoder reads more than the link encoder: in every recording, or in all of them ("")."""
+    """A sentence on the excess of the motor encoder over the link encoder, per recording or for all of them ("")."""
     readings = [
         f"{abs(1e3 * one.value):.3g} m{one.unit} {'more' if one.value > 0 else 'less'}{f' in {name}' if name else ''}"
         for name, one in each.items()

@@ -79,7 +79,7 @@ AGAINST = "velocity near rest"
 
 @dataclass(frozen=True)
 class Friction:
-    """Laws of friction near rest that recordings determine, and joints where one shows that they do not."""
+    """Laws of friction near rest that the recordings determine, and joints where one is visible but undetermined."""
 
     causes: list[Cause]
     undetermined: list[Structure]
@@ -116,7 +116,7 @@ def left_over_near_rest(runs: Sequence[Run], joint: int) -> float | None:
 
     Under the smoothing velocity that explains most of it. None where no recording shows the joint there.
     """
-    # what the encoder's noise hides is part of it
+    # residuals below the encoder's noise are included
     passages = near_rest([replace(one, noise=0.0 * one.noise) for one in observations(runs, ())], joint)
     if not passages or max(runs[0].arm.joints[joint - 1].rest_friction) <= 0.0:
         return None
@@ -127,7 +127,7 @@ def left_over_near_rest(runs: Sequence[Run], joint: int) -> float | None:
 
 
 def _open(arm: Arm, joint: int, taken: Sequence[EffectKey]) -> bool:
-    """Whether a joint (from 1) has friction, and none of its laws near rest is known or excluded."""
+    """Whether a joint (from 1) has friction, and no law for it near rest is known or excluded."""
     rubs = max(arm.joints[joint - 1].rest_friction) > 0.0
     return rubs and not any((effect.name, joint) in taken for effect in friction_near_rest())
 
@@ -218,7 +218,7 @@ def estimates(every: Sequence[NearRest], law: Law) -> list[Estimate]:
     assert law.effect is not None
     effect, joint = CATALOGUE[law.effect], every[0].run.arm.joints[every[0].joint - 1]
     start = fitted_to_all(every, law)
-    # a damping may be 0; all others are positive, and are varied by factors
+    # a damping may be 0 and is varied in steps; all others are positive and are varied by factors
     added = {p.name: p.search[0] for p in effect.parameters if p.fixed}
     free = [name for name in start if name in added or start[name] > 0.0]
 
@@ -243,7 +243,7 @@ def estimates(every: Sequence[NearRest], law: Law) -> list[Estimate]:
     turned = _by_another_turn(every, values, np.asarray(fitted.jac))
     relative = np.sqrt(np.diag(covariance) + turned**2)
     stds = {name: added.get(name, values[name]) * by for name, by in zip(free, relative)}
-    # a current that is half a row late turns stiffness into damping
+    # a current that is half a row late makes stiffness look like damping
     late = 0.5 / rate_of(every[0].run.raw[0]) * sum(values[p.name] for p in effect.parameters if p.inverse)
     stds = {
         name: np.hypot(by, late if name in added else effect.model_error * values[name]) for name, by in stds.items()

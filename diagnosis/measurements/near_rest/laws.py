@@ -42,7 +42,7 @@ class Law:
 
 @dataclass(frozen=True)
 class Residuals:
-    """What a law leaves (r,) of every recording, over std."""
+    """Residuals (r,) of every recording after a law, over their std."""
 
     law: Law
     residuals: Sequence[Array]
@@ -54,14 +54,14 @@ class Residuals:
 
 
 def predicted(every: Sequence[NearRest], law: Law) -> Residuals:
-    """What a law leaves of every recording by the trial and the coefficient that fit all others best."""
+    """Residual of every recording with the trial and coefficient that fit all other recordings best."""
     products = _products(every, law)
     by = [_fitted(*(part.sum(axis=0) - part[k] for part in products)) for k in range(len(every))]
     return _residuals(every, law, by)
 
 
 def in_sample(every: Sequence[NearRest], law: Law) -> Residuals:
-    """What a law leaves of every recording by the trial and the coefficient that fit all of them best.
+    """Residual of every recording with the trial and coefficient that fit all recordings best.
 
     Of what another law must beat: the few rows of one recording may predict a long one as badly as they like.
     """
@@ -86,7 +86,7 @@ def _products(every: Sequence[NearRest], law: Law) -> tuple[Array, Array, Array]
 
 
 def _fitted(yy: Array, xy: Array, xx: Array) -> tuple[int, float]:
-    """Trial of (T,) that leaves least, and its coefficient, which is not negative."""
+    """The trial, of (T,), with the smallest residual, and its coefficient, which is not negative."""
     c = np.maximum(xy, 0.0) / np.where(xx > 0.0, xx, 1.0)
     trial = int(np.argmin(yy - 2.0 * c * xy + c**2 * xx))
     return trial, float(c[trial])

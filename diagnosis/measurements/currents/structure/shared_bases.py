@@ -66,11 +66,11 @@ class Bases:
 
     @cached_property
     def unseen(self) -> Array:
-        """(n rows,) of the held-out residual: what sampling may have put onto the acceleration unseen."""
+        """(n rows,) of the held-out residual: setpoint ripple that may be aliased onto the acceleration."""
         return unseen_inertia(self.held_out.runs)
 
     def compute(self, arm: Arm) -> None:
-        """Everything that several joints of an arm ask for, before they do so in processes of their own."""
+        """Computes everything that several joints need, before they are processed in parallel."""
         for joint in range(1, len(arm) + 1) if len(arm) > 1 else ():
             self.harmonics(joint)
             for _ in self.splines(arm, joint):
@@ -99,7 +99,7 @@ def _splines_of(x: Array, x_held_out: Array, *, same: bool) -> Splines | None:
     """Splines of a variable of values (rows,) in both sets, which may be the ``same``; None of a constant one."""
     if np.ptp(x) == 0.0:
         return None
-    # half where the rows are, half evenly: the ends of a range are passed rarely, and matter
+    # half of the knots by rows, half evenly: the ends of the range have few rows, but matter
     knots = (np.quantile(x, np.linspace(0.0, 1.0, KNOTS)) + np.linspace(x.min(), x.max(), KNOTS)) / 2
     if np.any(np.diff(knots) <= 0.0):
         return None  # practically constant

@@ -28,7 +28,7 @@ from diagnosis.selection.regression import score, with_columns
 
 
 def spurious(state: State, unexplained: Unexplained, bases: Bases) -> list[Candidate]:
-    """Chosen candidates that name parts of the structure that they leave unexplained; empty where none does."""
+    """Chosen candidates that only name a part of the structure that remains unexplained; empty if none does."""
     dominating = dominant(state)
     return _superfluous(state, unexplained, dominating) or _outdone(state, dominating, bases) or _compensating(state)
 
@@ -87,7 +87,7 @@ def _outdone(state: State, kept: Container[Candidate], bases: Bases) -> list[Can
         if len(own) > 3 and _cancelling(own, state) > limits.makeshift:
             allowed = max(allowed, limits.makeshift_leave * (before - after))
         better = better_than_causes(bases, reduced.fitted, state.fitted, model.arm, joint, allowed)
-        # a function of the right variable follows what an identified model leaves on any day as well
+        # a function of the right variable also follows the residual that an identified model leaves on any day
         times = state.significance.allowed.held_out[joint - 1]
         better = {name: gain for name, gain in better.items() if allowed or gain > (times**2 - 1.0) * held_out.rows}
         missed = limits.structure_share * (before - after)
@@ -119,7 +119,7 @@ def _compensating(state: State) -> list[Candidate]:
 
 
 def _cancelling(own: Sequence[Candidate], state: State) -> float:
-    """Sum of the energies of what some of the chosen explain, over the energy of the sum; 1 if independent."""
+    """Sum of the energies of the contributions of some candidates over the energy of their sum; 1 if independent."""
     contributions = [
         state.model.columns(c).fit.contribution(coefficients, len(state.fitted.fit))
         for c, coefficients in zip(state.chosen, state.coefficients)

@@ -149,7 +149,7 @@ def _strongest(
     rows = held_out.of(joint)
     gains = []
     for shape in shapes:
-        # a function that hardly follows the fitted recordings does not predict others
+        # a function that hardly fits the fitted recordings cannot predict others
         in_fit = shape.functions.fit.columns
         gain, c = fit_gain(in_fit, fitted)
         if gain < HARDLY * LIMITS.structure_gain * data.fit.rows:
