@@ -134,7 +134,7 @@ def _write_rig(folder: Path) -> Path:
         endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
     table |= {
         "name": f"puma560_demo_{os.getpid()}",
-        "watchdog": 3.0,  # s: no arm can be harmed, and the computer may be busy
+        "watchdog": 20.0,  # s: no arm can be harmed; a computer that is eight times too busy ends no run
         "model": str(shipped_folder() / "models/puma560.toml"),
         "zenoh": {"endpoint": endpoint},
     }
