@@ -27,7 +27,7 @@ def friction_near_rest(currents: CurrentDiagnosis, recordings: Recordings, exclu
     if currents.axis or not currents.library:
         return Friction([], [])
     taken = [*excluded, *(cause.key for cause in currents.causes)]
-    # what load or position predict is another law: friction is judged conditional on any function of them
+    # friction near rest is judged conditional on any function of load and position, which are other laws
     nuisance: dict[int, list[Variable]] = {}
     for one in currents.selection.unexplained.structures:
         if one.joint is not None and one.against in TWO_FACED:
@@ -74,7 +74,7 @@ def resonance_in_loop(currents: CurrentDiagnosis, recordings: Recordings) -> Cau
 
 
 def rows_lost_in_loop(currents: CurrentDiagnosis, recordings: Recordings) -> LostInLoop | None:
-    """Rows of currents that closed loops show to be lost, of recordings that no search has put back."""
+    """Rows of currents that closed loops show to be lost, in recordings that have not been realigned yet."""
     if currents.axis or currents.arm.uncertainty is not None or not currents.library:
         return None
     arm = with_smoothing_velocities(extend(currents.base, currents.causes), recordings.fit)

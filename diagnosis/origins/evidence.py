@@ -28,7 +28,7 @@ TOOTHED = 3
 
 @dataclass(frozen=True, kw_only=True)
 class Finding:
-    """One cause as seen from a place.
+    """One cause, as evidence at a place (a joint, or the arm).
 
     effects    of its ambiguity group that are at this place, the named one first if it is
     elsewhere  members of the group at another place
@@ -120,7 +120,7 @@ def _of_arm(cause: Cause) -> Finding | None:
 
 
 def _shared(effect: str, causes: Sequence[Cause], arm: Arm) -> Finding:
-    """An effect of several joints as one finding of the arm: what all of them have in common."""
+    """An effect that several joints have as one finding of the arm, with what they have in common."""
     at_joints = [cause for cause in causes if cause.effect == effect and cause.joint is not None]
     known = [dict(_qualifiers(cause, arm)) for cause in at_joints]
     names = set.intersection(*(set(one) for one in known))
@@ -153,7 +153,7 @@ def _searched(
 
 
 def _qualifiers(cause: Cause, arm: Arm) -> Iterator[tuple[str, bool]]:
-    """Names and truth of what is known of a cause beyond its effect."""
+    """Qualifiers of a cause (name -> whether it holds) beyond its effect."""
     effect, values = CATALOGUE[cause.effect], {p.name: p for p in cause.parameters}
     yield "changed", bool(cause.of_recordings)
     if not effect.per_joint:

@@ -74,7 +74,7 @@ def likelihood(origin: Origin, place: Evidence, table: Table) -> float:
     """Probability of an origin by the evidence of a place, between 0 and 1."""
     prior = table.priors[origin.prior]
     odds = prior / (1.0 - prior) * prod(ratio(origin, finding, table) for finding in place.findings)
-    # effects that are the same to every instrument are missing once
+    # effects that no instrument can distinguish count once as missing
     missing: dict[frozenset[str], float] = {}
     for sign in sorted(place.absent):
         same = frozenset({sign, *CATALOGUE[sign].aliases})

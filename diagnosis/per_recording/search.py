@@ -41,7 +41,7 @@ ROUNDS = 2
 
 
 class _Searched(Protocol):
-    """What a search names; see ``CurrentDiagnosis``."""
+    """The result of a search; see ``CurrentDiagnosis``."""
 
     @property
     def selection(self) -> Selection: ...
@@ -53,7 +53,7 @@ Search = Callable[[Sequence[Run], Set[EffectKey]], S]
 
 
 def per_recording(currents: S, runs: Sequence[Run], search: Search[S]) -> tuple[S, list[ValuesPerRecording]] | None:
-    """What is named with values per recording of some causes, and these; None where they do not explain everything.
+    """The search with values per recording for some causes, and these; None unless they explain everything.
 
     currents: what one value for all recordings shows; runs: its recordings, the fitted ones first.
     """
@@ -108,7 +108,7 @@ def _settled(
             return None
         trial = search([with_own(run, [own.terms[k] for own in values]) for k, run in enumerate(runs)], _taken(several))
         selection = trial.selection
-        # what the others explain is not the recordings' own
+        # causes of the arm are not causes of single recordings
         values = values_per_recording(several, state, selection.state.terms)
         if len(contradicting := [own.candidate for own in values if own.contradict]) < len(several):
             return _settled(contradicting, selection.state.terms, state, runs, search) if contradicting else None

@@ -67,7 +67,7 @@ class ValuesPerRecording:
 
     @property
     def contradict(self) -> bool:
-        """Whether one value cannot serve all recordings."""
+        """Whether the values of the recordings differ significantly."""
         return chance_of(self.alone, slice(0, len(self.alone[0].values))) < CHANCE
 
 
@@ -125,7 +125,7 @@ def noise_alone(state: State) -> bool:
 
 
 def exists_in_all(own: ValuesPerRecording, state: State) -> bool:
-    """Whether an arm can be described with the values of every recording, and no load is negative."""
+    """Whether the values of every recording give a possible arm, and no load is negative."""
     masses = [p for values in own.parameters for p in values if p.name == "mass"]
     possible = all(p.value > -IMPOSSIBLE * p.std for p in masses)
     return possible and all(exists(state.model.arm, [term]) for term in own.terms)
@@ -218,7 +218,7 @@ def _values_of(c: Candidate, of_recordings: Sequence[_OfRecording], state: State
 def cause_of(
     own: ValuesPerRecording, every: Sequence[ValuesPerRecording], state: State, others: Sequence[EffectTerm]
 ) -> Cause:
-    """The cause with its values per recording; it is of the recordings, not of the arm.
+    """The cause with its values per recording; it is not in the extended model.
 
     Its parameters are the mean of the recordings, with their scatter as std, or with that of the recording that
     determines it best where they scatter less: a nonlinear parameter does not scatter, since one value serves all
@@ -256,14 +256,14 @@ def cause_of(
 
 
 def _mean(several: Sequence[Estimate]) -> Estimate:
-    """Of the values of one parameter by single recordings."""
+    """Mean of one parameter over recordings, with its std."""
     values, stds = np.array([(p.value, p.std) for p in several]).T
     std = max(float(np.std(values)), float(np.min(stds)))
     return Estimate(several[0].name, float(np.mean(values)), std, several[0].unit)
 
 
 def _runs(state: State) -> list[Run]:
-    """Every recording without values of its own, the fitted ones first."""
+    """Every recording without its own values of causes, the fitted ones first."""
     return [with_own(with_free(run, None), ()) for part in state.data for run in part.runs]
 
 

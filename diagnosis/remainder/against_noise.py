@@ -69,7 +69,7 @@ def ratios(runs: Sequence[Run], whitened: Array) -> list[JointNoise]:
         deviation = np.concatenate([run.deviation[:, j] for run in runs])
         error = float(np.sqrt(np.mean((whitened[data.of(j + 1)] * deviation)[sure] ** 2)))
         ratio = noise_ratio(whitened, data, j + 1)
-        # noise that is as large in the quietest seconds is the floor, though the standstill shows less of it
+        # noise that is as large in the quietest seconds counts as the floor, even if the standstill shows less
         floor = error / ratio if ratio > 0.0 else float(np.sqrt(np.mean(deviation[sure] ** 2)))
         limit = LIMITS.above_noise
         joint_noises.append(

@@ -17,7 +17,7 @@ from identification.selection import Split
 
 
 def known_to(state: State) -> Split[Array]:
-    """(n,) times the noise that residuals may be by what the model says of its own uncertainty; 1 if it is exact."""
+    """(n,) residual, in units of the noise, that the stated uncertainty of the model allows; 1 if it is exact."""
     return state.significance.allowed
 
 
@@ -68,7 +68,7 @@ def not_held_out(residual: Array, fit: Dataset, structures: Sequence[Structure],
 
 
 def _above_in_fit(residual: Array, fit: Dataset, structures: Sequence[Structure], allowed: Array) -> dict[int, float]:
-    """Joint -> residual over the noise in the fitted recordings, where that is no noise and was not reported."""
+    """Joint -> residual over the noise in the fitted recordings, if above the noise and not reported yet."""
     reported = {structure.joint for structure in structures}
     joints = range(1, len(residual) // fit.rows + 1)
     by_joint = {joint: noise_ratio(residual, fit, joint) for joint in joints if joint not in reported}

@@ -44,7 +44,7 @@ class LeftOver:
 
 
 def left_over(arm: Arm, recordings: Sequence[Recording], others: Sequence[Recording] = ()) -> LeftOver:
-    """What ``arm`` leaves on ``recordings``; rows in which a joint moves, away from its reversals.
+    """Residual of ``arm`` in ``recordings`` above the noise, in rows in which a joint moves, away from reversals.
 
     others: of the same rig, whose standstills show its noise as well, and from which variables are learned.
     InputError where a recording is not one that ``diagnose`` takes.
@@ -82,7 +82,7 @@ def _against(arm: Arm, learned: Dataset, data: Dataset, joint: int) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class Remainder:
-    """What is above the noise at a joint (from 1), but no more than is known of an identified model.
+    """A residual at a joint (from 1) above the noise, but within the stated uncertainty of an identified model.
 
     against  variable that predicts most of it; "" where none does
     before   times the noise that the model left when it was identified; before_against: the variable then, or ""
@@ -95,7 +95,7 @@ class Remainder:
 
 
 def remainders(state: State, structures: Sequence[Structure]) -> list[Remainder]:
-    """Of every joint that is above the noise without unexplained structure; none where the model states nothing."""
+    """For every joint above the noise without unexplained structure; empty if the model states no uncertainty."""
     model, result = state.model, list[Remainder]()
     if model.uncertain is None or model.arm.uncertainty is None:
         return result

@@ -21,7 +21,7 @@ from diagnosis.residual.filters import COMPARE_BAND, MOTION_BAND, Motion, low_pa
 
 @dataclass
 class Evaluations:
-    """What the last evaluation of a recording of raw angles q (k, n) rad at times t (k,) s has computed.
+    """Cached results of the last evaluation of a recording with raw angles q (k, n) rad at times t (k,) s.
 
     errors, motion     errors of encoders, and the smoothed true motion (k, n) of the motors
     links              ... as the links carry it

@@ -68,7 +68,7 @@ class Links:
 
     @cached_property
     def motion(self) -> Motion:
-        """Of the motors: that of the links, if nothing is elastic."""
+        """The motion of the motors, which is that of the links if nothing is elastic."""
         return motion_of(self.angle, COMPARE_BAND, self.rate)
 
     @cached_property
@@ -171,7 +171,7 @@ def _twist(effect: Effect, values: Values, links: Links, j: int, teeth: Teeth) -
 
 
 def possible_teeth(arm: Arm) -> tuple[Teeth, ...]:
-    """What teeth of an arm may do instead of what the law says; nothing where no joint has play."""
+    """Other ways in which the teeth of an arm may meet than the law's; empty if no joint has backlash."""
     return POSSIBLE if any(effect.gap is not None for effect, _, _ in terms_of(arm)) else ()
 
 

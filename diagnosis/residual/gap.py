@@ -21,7 +21,7 @@ NO_INERTIA = 1e-12
 
 
 class Teeth(NamedTuple):
-    """How a link meets a flank, and where it begins.
+    """How a link meets a flank, and on which flank it starts.
 
     rebound  share of its speed at which it leaves the flank again
     apart    it begins on the flank off which its load pulls it
@@ -79,7 +79,7 @@ def _flights(meetings: int) -> Steps:
     d, v = tape.where(0.0, flies, further, leaving), tape.where(0.0, flies, further_rate, leaving_rate)
     for _ in range(meetings):
         back, met = -rebound * v, tape.where(d, 0.0, -half_gap, half_gap)
-        # a rebound that is over within a row is none
+        # a rebound that ends within a row is ignored
         stays = tape.where(step * abs(load), abs(back) * inertia, tape.where(abs(d), half_gap, 1.0, 0.0), 1.0)
         d, v = tape.where(0.0, stays, d, met + 0.5 * step * back), tape.where(0.0, stays, v, back)
     flying = tape.where(abs(d), half_gap, moves, 0.0)
@@ -90,6 +90,6 @@ def _flights(meetings: int) -> Steps:
 
 
 def gap_of(effect: Effect, values: Values) -> float:
-    """rad (m): half of the play of a transmission that has some."""
+    """rad (m): half of the backlash of a transmission that has some."""
     assert effect.gap is not None
     return float(values[effect.gap.name])

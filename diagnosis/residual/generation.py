@@ -56,7 +56,7 @@ def residual_run(
     motion, keep = motion_of(angle, MOTION_BAND, rate), kept_rows(rate)
 
     def thin(values: Array, band: float = COMPARE_BAND) -> Array:
-        # joint by joint in memory, as columns take them, and without all the rows between
+        # stored joint by joint, as columns read them, and without the rows that are left out
         return np.asfortranarray(low_pass(values, band, rate)[keep])
 
     # Columns are made from a motion smoothed further: what they have in common with the noise of the residual would
@@ -132,7 +132,7 @@ def _instruments(arm: Arm, samples: Samples, a: Array, slow_v: Array, known: Kno
 
 
 def _ripple_of(i: Array, a: Array, rate: float) -> tuple[Array, Array]:
-    """(k, n) A what servos do in currents, and (k, n) rad/s2 the acceleration that causes it."""
+    """(k, n) A ripple of the currents at setpoints, and (k, n) rad/s2 the ripple of the acceleration."""
     return i - low_pass(i, COMPARE_BAND, rate), low_pass(a, COLUMN_BAND, rate)
 
 

@@ -24,7 +24,7 @@ LEAST = 3.0
 
 
 def warmth(run: Run, joint: int) -> Array | None:
-    """(m,) K of the motor of a joint (from 1) above where its friction holds; None where that is not known."""
+    """(m,) K: temperature of a joint's (from 1) motor above the one at which its friction holds; None if unknown."""
     reference, temperatures = run.arm.joints[joint - 1].temperature, run.arm.temperatures
     degc = None if temperatures is None else temperatures.at(joint - 1, run.t)
     return None if degc is None or reference is None else degc - reference
@@ -69,7 +69,7 @@ def reference_taken(model: Arm, named: Iterable[EffectKey], runs: Sequence[Run])
 
 
 def not_warmed(fit: Sequence[Run], held_out: Sequence[Run], joint: int) -> str:
-    """Why recordings show no dependence of friction at a joint (from 1) on temperature; "" where they may."""
+    """Why recordings cannot show a dependence of friction at a joint (from 1) on temperature; "" if they can."""
     seen = [warmth(run, joint) for run in (*fit, *held_out)]
     if any(one is None for one in seen):
         return f"not every recording has the temperature of motor {joint}"

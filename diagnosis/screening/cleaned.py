@@ -69,7 +69,7 @@ def screened(arm: Arm, recordings: Sequence[Recording], progress: Progress = lam
     powered = [r for r in recordings if not setup_of(r).drives_off]
     still, oscillating = still_noise(powered), oscillations(powered)
     for oscillation in oscillating:
-        still[oscillation.joint - 1] = 0.0  # not known: what oscillates is no noise
+        still[oscillation.joint - 1] = 0.0  # unknown, because an oscillation is not noise
     known = [KnownNoise(still=still, setpoints=known_setpoints(arm, r), demands=r.qref) for r in recordings]
     missing = missing_rows(recordings)
     of_all = [event_of_missing(missing, recordings)] if any(missing) else []
@@ -102,7 +102,7 @@ def screened(arm: Arm, recordings: Sequence[Recording], progress: Progress = lam
 
 
 def with_rows_put_back(screened: Screened, losses: Sequence[DroppedTriggers], event: Event) -> Screened:
-    """The same with the currents put back that triggers dropped, and that event."""
+    """The same with the currents realigned after dropped triggers, and with that event."""
     samples = list(screened.samples)
     for loss in losses:
         t, q, i = samples[loss.recording]
@@ -124,7 +124,7 @@ def _counter_gaps(
 
 
 def _its_own(arm: Arm, limit: Event) -> bool:
-    """Whether a current is clipped at the torque limit of the model."""
+    """Whether a current is clipped at its own torque limit in the model."""
     assert limit.joint is not None
     joint = arm.joints[limit.joint - 1]
     value, std = next((p.value, p.std) for p in limit.parameters if p.name == "limit")

@@ -27,7 +27,7 @@ RUNS_AWAY = 1.5
 """Tracking error of a joint with a clipped current, over the largest one before and in other recordings."""
 AVERAGED, FLAT_SECONDS, AT_SECONDS = 0.01, 0.03, 1.0
 """s over which a current is averaged, for which a clipped one is constant once, and in all where few visits tell."""
-# of all: a single crest of a smooth current may be flat
+# of all visits: a single crest of a smooth current may be flat
 PILED, BEYOND = 4.0, 0.03
 """Rows at a limit over those in an equally wide range below, at least, and share of them that noise may lift above:
 0.02 of them exceed three noises where half of the variance is slower than the noise that is measured. The crests of a
@@ -60,7 +60,7 @@ STANDS, STEPS = 0.1, 8.0
 
 @dataclass(frozen=True)
 class _Pile:
-    """Where the rows of a joint's current, averaged, pile up below its largest value.
+    """A level near the largest value of a joint's averaged current at which its rows pile up.
 
     level  A, with its noise; at, below, beyond: s of rows within two noises of it, from 8 to 4 below, and 3 above
     turns  of a visit: the joint reverses where it begins or ends, and so may its friction
@@ -80,7 +80,7 @@ class _Pile:
 
     @property
     def high(self) -> bool:
-        """... and for so long that a crest is not."""
+        """Whether it stays at the level for longer than a smooth maximum would."""
         return self.flat and self.at > AT_SECONDS
 
     def of(self, values: Array, period: float) -> _Pile:
@@ -179,7 +179,7 @@ def _clipped(
 
 
 def _visits(recordings: Sequence[Recording], values: Sequence[Array], j: int, pile: _Pile) -> list[_Pile]:
-    """What each visit of joint j's current to the level of a pile, in one direction, adds to it."""
+    """The rows that each visit of joint j's current to the level, in one direction, adds to a pile."""
     visits = []
     for r, value in zip(recordings, values):
         rows = max(1, round(GAP / r.dt))

@@ -88,7 +88,7 @@ def _event(recordings: Sequence[Recording], drive: Joint, joint: int, found: Seq
 
 
 def _std(counts: float) -> float:
-    """Of a number of counts, by the parabolas on both sides of a jump."""
+    """Std of a number of counts, from the parabolas on both sides of a jump."""
     return max(1.0, 0.01 * abs(counts))
 
 
@@ -180,7 +180,7 @@ def _steep(q: Array, t: Array) -> list[tuple[int, float]]:
     if np.ptp(q) == 0.0 or len(q) < 8 * rows_near(_period(t)):
         return []
     beyond, near = _beyond(q, t), rows_near(_period(t))
-    # no more than the noise of an angle without steps is no jump
+    # a difference within the noise of an angle without steps is no jump
     least = max(JUMP_IN_STEPS * step, JUMP_OVER_OTHERS * _usual(beyond))
     steep = np.flatnonzero((np.abs(beyond) >= least) & (_sharp(q, t) >= JUMP_IN_STEPS * step))
     found: list[tuple[int, float]] = []
@@ -192,7 +192,7 @@ def _steep(q: Array, t: Array) -> list[tuple[int, float]]:
                 fastest = max(fastest, abs(size))
             else:
                 found.append((row, size))
-    # what is as fast as a motion of this angle is one
+    # a change as fast as the motion elsewhere is motion
     return [(row, size) for row, size in found if abs(size) >= JUMP_OVER_OTHERS * fastest]
 
 

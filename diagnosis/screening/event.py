@@ -10,7 +10,7 @@ from diagnosis.cause import EncoderJump, Estimate, LostRows
 
 @dataclass(frozen=True, kw_only=True)
 class Gain:
-    """What an event explains where it shows.
+    """The residual that an event explains, where it shows.
 
     Rms of that error without and with it, in ``unit``, at ``joint`` (from 1), and the probability that the fall is
     chance.
@@ -47,7 +47,7 @@ class Event:
 
 
 def united(events: Sequence[Event]) -> list[Event]:
-    """The events, each effect of a joint (or of the arm) once.
+    """The events with those of one effect at one joint (or of the arm) united.
 
     Parameters are those of the first with that effect; evidence, recordings and lost rows are those of all.
     """

@@ -83,7 +83,7 @@ def lines_near_mains(recordings: Sequence[Recording], arm: Arm) -> dict[int, lis
 
 
 def _no_mains(lines: Sequence[Line]) -> str | None:
-    """Why the lines of all recordings at one joint are no hum of the mains; None where they may be."""
+    """Why the lines of all recordings at one joint cannot be mains hum; None if they may be."""
     if not all(line.at_rest for line in lines) and any(_modulated(line) for line in lines):
         return "its amplitude varies, as that of servos' transients at setpoints does with the motion"
     if min(abs(_frequency(lines) / mains - 1.0) for mains in MAINS) > OFF_MAINS:
@@ -92,7 +92,7 @@ def _no_mains(lines: Sequence[Line]) -> str | None:
 
 
 def _modulated(line: Line) -> bool:
-    """Whether the amplitude of a line varies beyond doubt."""
+    """Whether the amplitude of a line varies significantly."""
     return line.modulation - SURE * line.modulation_std > MODULATED
 
 

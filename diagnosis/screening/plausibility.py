@@ -52,7 +52,7 @@ def check(arm: Arm, recordings: Sequence[Recording]) -> None:
 
 
 def recorded_otherwise(arm: Arm, recordings: Sequence[Recording]) -> list[str]:
-    """What the models that recordings carry say otherwise of the drives, each sentence once, with their names."""
+    """Differences between the drives of ``arm`` and of the models in the recordings; each sentence once, with names."""
     names: dict[str, dict[str, None]] = {}
     for r in recordings:
         for difference in other_drives(r, arm):

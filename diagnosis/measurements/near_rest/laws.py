@@ -111,10 +111,10 @@ def law_of(every: Sequence[NearRest], effect: Effect) -> Law:
 
 
 def _trials(every: Sequence[NearRest], effect: Effect, grid: Mapping[str, Array]) -> Law:
-    """Trials of all combinations of the values in a grid; of ``width`` where friction turns by it."""
+    """Trials of all combinations of the values in a grid, and of smoothing velocities ``width`` if the law has one."""
     values = [dict(zip(grid, map(float, one))) for one in itertools.product(*grid.values())]
     if effect.rate is not None:
-        # friction with a state turns by itself: no smoothing is left. Its damping multiplies a column
+        # friction with a state reverses by its own dynamics, without smoothing; its damping multiplies a column
         fixed = [p.name for p in effect.parameters if p.fixed]
         none, unit = (dict.fromkeys(fixed, size) for size in (0.0, 1.0))
         offset = [_laws(one, effect, [{**v, **none} for v in values]) for one in every]
@@ -134,7 +134,7 @@ def _laws(one: NearRest, effect: Effect, values: Sequence[dict[str, float]]) -> 
 
 
 def _grid(every: Sequence[NearRest], effect: Effect) -> dict[str, Array]:
-    """Values of the searched parameters: as the catalogue has them; bristles as far as encoders show them yield."""
+    """Values of the searched parameters from the catalogue; stiffnesses of bristles as far as encoders resolve them."""
     one = every[0]
     drive = one.run.arm.joints[one.joint - 1]
     grid = {p.name: np.array(p.search) for p in effect.parameters if p.search and not p.fixed}
@@ -150,12 +150,12 @@ def _grid(every: Sequence[NearRest], effect: Effect) -> dict[str, Array]:
 
 
 def _travel(run: Run, joint: int) -> float:
-    """rad (m): between the outermost angles of a joint (from 1)."""
+    """rad (m): travel of a joint (from 1)."""
     return float(np.ptp(run.raw[1][:, joint - 1]))
 
 
 def _about(law: Law, best: Mapping[str, float]) -> dict[str, Array]:
-    """Values about the best of a law's trials, to its neighbours on either side."""
+    """Values between the best of a law's trials and its neighbours on either side."""
     grid = {}
     for name in law.values[0]:
         known = np.unique([values[name] for values in law.values])
@@ -201,7 +201,7 @@ def fitted_to_all(every: Sequence[NearRest], law: Law) -> dict[str, float]:
 
 
 def coefficients(effect: Effect) -> list[str]:
-    """Parameters that a law is proportional to, or that multiply a column of it: the damping of bristles."""
+    """Linear parameters of a law: its scale, and the factor of a further column (the damping of bristles)."""
     return [p.name for p in effect.parameters if (p.fixed if effect.rate is not None else p.linear and not p.term)]
 
 

@@ -149,7 +149,7 @@ def observation(run: Run, effects: Sequence[EffectTerm]) -> Observation:
     shown = motion_of(true_angle(arm, q), MOTION_BAND, rate)
     standstill = np.stack([standstill_rows(v, rate) for v in shown[1].T], axis=1)
     delay = np.sum([current_delay(effect, values, t) for effect, _, values in terms_of(arm)], axis=0) + np.zeros_like(t)
-    # an angle between two steps has no noise of readings
+    # an angle interpolated between two steps has no reading noise
     read = ndimage.uniform_filter1d((angle == q).astype(float), max(1, round(SMEARED * rate)), axis=0)
     noise = np.sqrt(np.maximum(read, 0.0)) * [speed_noise(run, joint) for joint in range(1, q.shape[1] + 1)]
     noise = noise * (arm.uncertainty is None)
@@ -170,7 +170,7 @@ def _model_std(run: Run) -> Array:
 
 
 def near_rest(recordings: Sequence[Observation], joint: int, nuisance: Collection[Variable] = ()) -> list[NearRest]:
-    """A joint near rest in each recording; none where its speed is not known so finely, or its model not near rest.
+    """A joint near rest in each recording; empty if its speed or its model is not known well enough near rest.
 
     nuisance: variables of another law; what functions of them explain, one per direction, is projected out.
     """
@@ -200,13 +200,13 @@ def _with_nuisance(one: NearRest, variables: Collection[Variable]) -> NearRest:
 
 
 def known_speed(recording: Observation, joint: int) -> bool:
-    """Whether the encoder shows that a joint moves faster than it stands, or finely where its noise is not counted."""
+    """Whether the encoder tells motion from standstill; if its noise is not counted, it must not be ``coarse``."""
     counted = recording.noise[:, joint - 1].any()
     return speed_noise(recording.run, joint) < (SPEED_NOISE if counted else COARSE)
 
 
 def coarse(run: Run, joint: int) -> bool:
-    """Whether the encoder does not show the speed of a joint to a fraction of that at which it stands."""
+    """Whether the encoder cannot resolve a fraction of the speed below which a joint counts as at rest."""
     return speed_noise(run, joint) >= COARSE
 
 
@@ -252,24 +252,24 @@ def _of_run(recording: Observation, joint: int) -> NearRest:
 
 def direction_noise(v: Array, noise: Array) -> Array:
     """(k,) std of the direction of motion, +-1, where a speed v (k,) rad/s has that noise (k,)."""
-    # without noise infinitely many std from the other direction
+    # without noise the direction is certain
     stds = np.divide(np.abs(v), noise, out=np.full(np.shape(v), np.inf), where=noise > 0.0)
     other_way = ndtr(-stds)
     return np.asarray(2.0 * np.sqrt(other_way * (1.0 - other_way)))
 
 
 def standstill_rows(v: Array, rate: float) -> NDArray[np.bool_]:
-    """(k,) where a joint of speeds v (k,) rad/s at ``rate`` Hz stands."""
+    """(k,) True where a joint with speeds v (k,) rad/s at ``rate`` Hz is at rest."""
     return _longer(np.abs(v) < STANDS, STANDS_FOR * rate)
 
 
 def _longer(flags: NDArray[np.bool_], rows: float) -> NDArray[np.bool_]:
-    """Where ``here`` holds for more than so many rows on end."""
+    """Where ``here`` is True for more than so many successive rows."""
     label, count = ndimage.label(flags)
     length = np.bincount(label, minlength=count + 1)
     return np.asarray(flags & (length[label] > rows))
 
 
 def _spread(flags: NDArray[np.bool_], rows: float) -> NDArray[np.bool_]:
-    """``here`` and so many rows before and after."""
+    """``here`` extended by so many rows before and after."""
     return np.asarray(ndimage.maximum_filter1d(flags.astype(np.uint8), 2 * int(rows) + 1) > 0)

@@ -58,7 +58,7 @@ class BreakAways:
 
 
 def with_rise_at_rest(causes: Sequence[Cause], runs: Sequence[Run], terms: Sequence[EffectTerm]) -> list[Cause]:
-    """The causes, humps of friction with the rise of their level with the time at rest.
+    """The causes; those that are humps of friction get the rise of their level with the time at rest.
 
     terms: effects of all causes that the arm of the ``runs`` does not have.
     """
@@ -73,7 +73,7 @@ def with_rise_at_rest(causes: Sequence[Cause], runs: Sequence[Run], terms: Seque
 
 
 def _is_hump(effect: Effect) -> bool:
-    """Whether it is friction near rest that has a level."""
+    """Whether an effect is a hump of friction near rest, whose level may rise."""
     return bool(effect.rises_by)
 
 
@@ -87,7 +87,7 @@ def rise_at_rest(cause: Cause, every: Sequence[NearRest]) -> RiseAtRest:
     if result.rests < FEWEST or longest < VARIES * shortest:
         return result
     x = np.column_stack([np.ones_like(measured.rested), np.log10(measured.rested)])
-    # one break-away scatters by more than the noise of its rows
+    # break-aways scatter by more than the noise of their rows
     weight = 1.0 / np.maximum(measured.std, np.median(measured.std))
     weighted = x * weight[:, None]
     solved = np.linalg.lstsq(weighted, measured.height * weight, rcond=None)[0]

@@ -117,13 +117,13 @@ def axis_side(
     side = _side(sharp, recordings, two_fold, temperatures)
     if side is None or sharp == arm or not side.causes:
         return side
-    # beside sharp friction, friction of the smoothing velocity that the model has is less of it near rest
+    # compared with sharp friction, the model's smoothed friction is smaller near rest
     own = _side(arm, recordings, two_fold, temperatures)
     return own if own is not None and np.sum(own.residual**2) <= np.sum(side.residual**2) else side
 
 
 def load_changes(run: Run) -> bool:
-    """Whether the load that gravity makes of a body on the last link changes while the arm moves."""
+    """Whether the gravity load of a body on the last link changes while the arm moves."""
     still = np.zeros_like(run.q)
     loads = link_regressor(described(run.arm), run.q, still, still)[..., -10:]
     return bool(np.ptp(loads, axis=0).max() > LOAD * np.abs(loads).max(initial=1e-300))
@@ -135,7 +135,7 @@ def _side(
     two_fold: bool,
     temperatures: Sequence[Temperatures | None],
 ) -> AxisSide | None:
-    """``axis_side`` of friction that turns round as that of ``arm``."""
+    """``axis_side`` with the Coulomb smoothing velocity of ``arm``."""
     every = [*recordings[0], *recordings[1]]
     samples = [AxisSamples(*one, warm) for one, warm in zip(every, temperatures or [None] * len(every))]
     fit, held_out = samples[: len(recordings[0])], samples[len(recordings[0]) :]
@@ -199,7 +199,7 @@ def _cause(candidate: Candidate, chosen: Chosen, model: SingleAxis) -> AxisCause
 
 
 def _deviations(candidate: Candidate, others: Chosen, model: SingleAxis) -> tuple[float, float] | None:
-    """How far a cause is from nothing, were the model exact and as it is known."""
+    """Significance of a cause with an exact model and with its stated uncertainty."""
     if model.errors is None:
         return None
     exact, known = (model.chance(candidate, others, errors) for errors in (model.errors.exact(), model.errors))

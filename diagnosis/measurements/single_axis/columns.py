@@ -128,7 +128,7 @@ def _kept(rate: float) -> slice:
 
 
 def _noise(arm: Arm, q: Array, rate: float) -> float:
-    """A: what the noise of the encoder (its steps), twice differentiated, leaves in the residual."""
+    """A: noise of the residual due to the encoder's steps, differentiated twice."""
     inertia = arm.joints[0].mass + arm.joints[0].ratio ** 2 * arm.joints[0].rotor_inertia
     w = 2 * np.pi * _bands(rate)[1]
     # sqrt(int_0^w x^4 dx / (pi rate))
@@ -137,7 +137,7 @@ def _noise(arm: Arm, q: Array, rate: float) -> float:
 
 
 def encoder_noise(rows: Rows) -> float:
-    """What the encoder's steps leave in the residual, as a share of the current that friction takes."""
+    """Noise of the residual due to the encoder's steps, as a share of the friction current."""
     drive = rows.arm.joints[0]
     friction = max(drive.rest_friction) / drive.drive_constant
     return rows.noise / friction if friction > 0.0 else np.inf

@@ -98,7 +98,7 @@ class SingleAxis(CandidateModel[Candidate]):
         return self.errors is None or self.chance(candidate, others, self.errors) < self.limits.beyond_model
 
     def chance(self, candidate: Candidate, others: Chosen, errors: ModelErrors) -> float:
-        """Probability that the residuals look as they do without a candidate, conditional on others."""
+        """p-value of a candidate, conditional on others."""
         x = self.rows.map(lambda rows: self.columns(candidate, rows))
         return errors.chance(x, self.rows.map(lambda rows: self.stacked(others, rows)), self.rows)
 
@@ -173,7 +173,7 @@ class SingleAxis(CandidateModel[Candidate]):
         return possible and (not candidate.definition.friction or self._opposes_motion(together, coefficients))
 
     def _admitted(self, candidate: Candidate, own: Array) -> bool:
-        """Whether an effect that is no friction can have its coefficients (k,)."""
+        """Whether an effect other than friction can have these coefficients (k,)."""
         effect = candidate.definition
         if effect.friction:
             return True
@@ -194,7 +194,7 @@ class SingleAxis(CandidateModel[Candidate]):
         return not driven(arm, [max(float(np.abs(rows.v).max()) for rows in self.rows)])
 
     def holds_across_directions(self, candidate: Candidate, chosen: Sequence[Candidate]) -> bool:
-        """Whether what one direction shows of it predicts the other, in both sets."""
+        """Whether its contribution, estimated in one direction of motion, predicts the other, in both sets."""
         if candidate.definition.directional:
             return True
         for rows in self.rows:
@@ -226,7 +226,7 @@ class SingleAxis(CandidateModel[Candidate]):
 
             reach = 2.0
             if candidate.definition.wave:
-                # half a wave in the travel: beyond, another one fits
+                # at least half a wave within the travel: over longer waves, neighbouring ones fit as well
                 reach = 1.0 + np.pi / (value * rows.arm.joints[0].ratio * float(np.ptp(rows.q)))
             optimum = optimize.minimize_scalar(
                 worse, bounds=(np.log(value / reach), np.log(value * reach)), method="bounded", options={"maxiter": 12}

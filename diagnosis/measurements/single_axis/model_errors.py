@@ -34,7 +34,7 @@ class ModelErrors:
     noise: float
 
     def chance(self, x: Split[Array], free: Split[Array], rows: Split[Rows]) -> float:
-        """Probability that columns x (m, k) A look as they do without their effect, beside those of other causes."""
+        """p-value of columns x (m, k) A conditional on those of other causes."""
         return self.evidence(free, rows).chance(self._weighted(x))
 
     def evidence(self, free: Split[Array], rows: Split[Rows]) -> Evidence:

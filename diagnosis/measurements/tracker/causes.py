@@ -40,7 +40,7 @@ OTHER_POSES = "more varied poses: armscope calibrate --poses 40"
 
 @dataclass(frozen=True)
 class Tracked:
-    """What the tracked points show.
+    """The result of the search in the tracked points.
 
     noise           m, of a coordinate
     rms, distances  (before, after) of "fit" and "held_out": m, and (N,) m
@@ -127,7 +127,7 @@ def _points_and_outliers(arm: Arm, start: Chain, part: Part) -> tuple[Side, list
 
 
 def _survey(recordings: Sequence[Recording]) -> Survey:
-    """What the rigs in the recordings say of frame and target."""
+    """Frame and target as the rig files in the recordings state them."""
     stated = recordings[0].rig.get("tracker", {}).get("target")
     x, y, z = (float(v) for v in stated or (0.0, 0.0, 0.0))
     return Survey(
@@ -136,13 +136,13 @@ def _survey(recordings: Sequence[Recording]) -> Survey:
 
 
 def _start(arm: Arm, part: Sequence[tuple[Recording, Array]], survey: Survey) -> Chain:
-    """The model's chain; what no rig file has, the pose of the tracker or the target, fitted to the points."""
+    """The model's chain; pose of the tracker and target, if no rig file states them, are fitted to the points."""
     chain = chain_of(described(arm), survey.target)
     q = np.concatenate([angles for _, angles in part])
     xyz = np.concatenate([_points(r) for r, _ in part])
     there = np.isfinite(xyz).all(axis=1)
     q, xyz = q[there], xyz[there]
-    # one solves for the other: together they converge
+    # solved alternately, which converges
     rounds = 1 if survey.target_known or survey.frame_known else ALTERNATIONS
     for _ in range(rounds):
         if not survey.frame_known:
@@ -206,7 +206,7 @@ def _sparse(state: State, model: TrackedPoints) -> State:
             ):
                 break
             candidate, state = fewer, without
-    # of a joint that moves several links, an error of theta is of the link alone
+    # an error of theta moves one link, a zero offset all links that the joint moves
     alone = model.points.fit.moves_alone
     chosen = [
         replace(c, effect=JOINT_ZERO_OFFSET.name) if c.names == ("d_theta",) and alone[(c.joint or 1) - 1] else c
@@ -221,7 +221,7 @@ def _sparse(state: State, model: TrackedPoints) -> State:
 
 
 def _step(candidate: TrackedCandidate, steps: Array) -> float:
-    """rad: a count of the candidate's joint."""
+    """rad: one encoder count at the candidate's joint."""
     return float(steps[(candidate.joint or 1) - 1])
 
 

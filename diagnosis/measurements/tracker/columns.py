@@ -39,7 +39,7 @@ BOUND = 2.5
 
 @dataclass(frozen=True)
 class Survey:
-    """What the rig files of recordings say of the tracker.
+    """Frame and target of the tracker as the rig files of recordings state them.
 
     target (3,) m in the frame of the last link, its origin where it is not known; frame_known: whether the points are
     in the frame of the arm's base.
@@ -89,14 +89,14 @@ class TrackedCandidate(Candidate):
         A geometric error is its coefficient, an inverse parameter the reciprocal of it.
         """
         if self.definition is JOINT_ZERO_OFFSET:
-            # the chain's theta has the zero's error with its sign turned
+            # theta of the chain has the opposite sign of the zero's error
             return {self.definition.linear[0].name: -coefficients[0]}
         if self.names:
             return dict(zip(self.names, coefficients))
         if self.parameter.inverse:
             return {self.parameter.name: 1.0 / coefficients[0] if coefficients[0] else np.inf}
         if self.unit_amplitude:
-            # of a gap: nothing that it does to currents is linear in it, but points are
+            # a gap acts nonlinearly on currents, but linearly on points
             return {self.parameter.name: coefficients[0]}
         return super().parameters(coefficients)
 
@@ -119,7 +119,7 @@ def candidates(arm: Arm) -> Iterator[TrackedCandidate]:
         if parallel[j - 1]:
             yield TrackedCandidate(LINK_GEOMETRY.name, j, names=tuple(GEOMETRY))
         else:
-            # beta is there nearly aliased with theta and the theta of the next joint: it is a candidate of its own
+            # beta is nearly aliased there with this theta and the next: it is a candidate of its own
             yield TrackedCandidate(LINK_GEOMETRY.name, j, names=tuple(name for name in GEOMETRY if name != "beta"))
             yield TrackedCandidate(LINK_GEOMETRY.name, j, names=("beta",))
 
@@ -153,7 +153,7 @@ def turns(candidate: TrackedCandidate, side: Side) -> Array:
         columns = [-effect.angle(unit, signals) for unit in unit_values]
     elif effect.deflection is not None:
         columns = [-effect.deflection(unit, signals) for unit in unit_values]
-    # a link that gives way turns alone; what happens between motor and link turns all links that the motor moves
+    # sag of a link rotates this link alone; effects between motor and link rotate all links that the motor moves
     moved = np.eye(n)[j] if effect.bend is not None else side.coupling[:, j]
     return np.asarray(np.column_stack(columns)[:, None, :] * moved[:, None])
 
@@ -246,7 +246,7 @@ def fitted(
 
 
 def _beyond_known(parameters: Parameters, estimate: Fit) -> Array:
-    """(free, h) directions, in units of the prior, in which the points deny what is known of the model.
+    """(free, h) directions, in units of the prior, in which the points contradict the model's stated uncertainty.
 
     The directions are those in which the points determine the parameters one by one. With nothing wrong, the estimate
     in units of the prior has a variance of 1 less that of the estimate itself.
@@ -275,7 +275,7 @@ def _widened(covariance: Array, root: Array, correlated: float) -> Array:
 
 
 def _with_zeros(points: Points, side: Side) -> Points:
-    """The points with a turn of its own for every joint in every recording."""
+    """The points with a free zero for every joint in every recording."""
     n, runs = side.q.shape[1], np.unique(side.of)
     columns = np.zeros((len(side), n, len(runs) * n))
     for k, run in enumerate(runs):
@@ -323,7 +323,7 @@ def _with_known(parameters: Parameters, arm: Arm) -> Parameters:
 
 
 def is_physical(candidate: TrackedCandidate, coefficients: Array) -> bool:
-    """Whether a compliance or a gap is positive, and no gap wider than gears have."""
+    """Whether a compliance or a gap is positive, and a gap not wider than gears have."""
     if candidate.names or candidate.shape or candidate.definition is JOINT_ZERO_OFFSET:
         return True
     return candidate.definition.admits(candidate.parameter.name, float(coefficients[0])) and coefficients[0] != 0.0

@@ -22,7 +22,7 @@ BINS = 24
 
 
 def no_tracker(placed: bool, fitted: bool) -> list[Undetectable]:
-    """Everything that only a tracker shows, where there is none."""
+    """All effects that only a tracker shows, for recordings without one."""
     if placed:
         why = "the model places its joints as URDF does; the tracker's points are compared with D-H models only"
         experiment = "armscope calibrate, whose model.toml has D-H parameters"
@@ -36,7 +36,7 @@ def no_tracker(placed: bool, fitted: bool) -> list[Undetectable]:
 
 
 def only_tracked() -> list[str]:
-    """Effects of which currents and encoders say nothing."""
+    """Effects that neither currents nor encoders show."""
     tracked = {Instrument.TRACKER, Instrument.CALIBRATION}
     return [effect.name for effect in observed_by(Instrument.TRACKER) if set(effect.observed_by) <= tracked]
 
@@ -107,7 +107,7 @@ def _typical(candidate: TrackedCandidate) -> tuple[list[float], str]:
 def structure(
     sides: Sequence[Side], residuals: Sequence[Array], without_zeros: Sequence[Array], level: float
 ) -> list[Structure]:
-    """What is left of the tracked points: waves, drifts, and the variable that predicts most of the held-out residual.
+    """Structure in the residual of tracked points: waves, drifts, and the variable that predicts most of it.
 
     Of a residual far above the noise that no variable predicts, the size. Empty where the residual is noise.
     ``beside``: the residuals beside the encoders' zeros, of which waves and drifts are.

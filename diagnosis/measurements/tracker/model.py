@@ -64,10 +64,10 @@ LIMITS = TrackerLimits(
     min_gain=0.1,
     kept_gain=0.1,
     tie=0.02,
-    # of a cause's linear gain, that makes another worth a refit in its place
+    # share of a cause's linear gain from which a rival is refitted in its place
     ambiguity=0.7,
     attempts=4,
-    # covariances are those of the fit
+    # covariances come from the fit
     systematic=0.0,
 )
 
@@ -249,7 +249,7 @@ def _score(candidate: TrackedCandidate, blocks: Array, coefficients: Array) -> S
 
 
 def _new(candidate: TrackedCandidate, chosen: Sequence[TrackedCandidate]) -> bool:
-    """Not chosen yet, nor part of what is."""
+    """Whether a candidate is neither chosen nor contained in a chosen one."""
     return not any(_within(candidate, c) for c in chosen)
 
 
@@ -274,5 +274,5 @@ def _of_the_same_errors(alike: Sequence[TrackedCandidate], candidate: TrackedCan
 
 
 def _distinct(aliased: Sequence[TrackedCandidate]) -> tuple[TrackedCandidate, ...]:
-    """The first of each effect and joint."""
+    """The first candidate of each effect and joint."""
     return tuple({c.key: c for c in reversed(aliased)}[key] for key in dict.fromkeys(c.key for c in aliased))

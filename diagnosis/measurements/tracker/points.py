@@ -124,7 +124,7 @@ def _part(arm: Arm, rows: _Rows, index: int, limit: int, before: Sequence[Side])
     late = q - latency(arm) * v
     first = int(before[-1].block[-1]) + 1 if before and len(before[-1].block) else 0
     load = rigid_torque(bare, q, v, a) @ arm.coupling_matrix
-    # springs that the model has are no news
+    # the deflection of springs that the model has is expected
     links = late - lost_motion(arm, arm.reported_angles(late), load) @ arm.coupling_matrix.T
     return Side(
         q=links + bends(arm, links),
@@ -144,7 +144,7 @@ def _rows(t: Array, q: Array, xyz: Array, off: Array) -> _Rows:
     v, a = _rates(t, q)
     tracked = np.flatnonzero(np.isfinite(xyz).all(axis=1))
     away = off[tracked]
-    # the noise from second differences: what is wrong with the arm is smooth
+    # noise from second differences, since errors of the arm are smooth
     second = (away[:-2] - 2 * away[1:-1] + away[2:]) / np.sqrt(6.0)
     noise = float(MAD_TO_STD * np.median(np.abs(second))) if len(second) else 0.0
     deviation = away - ndimage.median_filter(away, size=(NEIGHBOURS, 1), mode="nearest")

@@ -73,7 +73,7 @@ def unweighted(run: Run, blanks: Sequence[Blank]) -> Run:
 
 
 def sentences(recording: Recording) -> list[str]:
-    """Says which samples are none: those flagged as ``identify`` says it, and NaN that no flag explains."""
+    """Sentences on blank samples: flagged ones in the words of ``identify``, and NaN without a flag."""
     remarks = trusted(recording).sentences
     for name, values in (("q", recording.q), ("i", recording.i)):
         silent = np.isnan(values)
@@ -107,7 +107,7 @@ def _spans(t: Array, blank: Mask) -> list[tuple[float, float]]:
 
 
 def _check_share(recording: Recording, angles: Mask, currents: Mask) -> None:
-    """InputError where too little of a joint is left beside what filters mix the blank rows into."""
+    """InputError if filters spread the blank rows over too large a part of a joint's rows."""
     t, no_angle = recording.t, angles.any(axis=1)
     for j in range(currents.shape[1]):
         blank = no_angle | currents[:, j]

@@ -91,7 +91,7 @@ def _change(lag: Array, weight: Array, pieces: Array, at: int, *, agree: bool = 
     step, _ = _step(lag, weight, at)
     after = (np.arange(len(lag)) >= at)[:, None]
     residual = lag - step * after - _means(lag - step * after, weight)
-    # scatter per joint: it includes other errors there
+    # scatter per joint, since it includes other errors of this joint
     scatter = np.sum(weight * residual**2, axis=0) / max(len(lag) - 2, 1)
     per_joint = _steps_by_joint(lag, weight, at)
     shows, inverse_variance = _on_both_sides(weight, at), np.zeros(len(scatter))

@@ -140,7 +140,7 @@ def _long(
     edges = [0.0, *(step.time for step in steps), np.inf]
     near = edges[k], min(edges[k + 2], run.t[-1] - abs(lags[1]))
     if not np.any((run.t >= near[0]) & (run.t < near[1])):
-        # a step at the end, with no row left to judge it by
+        # a step at the very end, without rows after it
         return []
     time, time_std = instant(run, lags, near)
     if time_std > PLACED:
@@ -156,7 +156,7 @@ def _aligned(run: Run, steps: Sequence[Step]) -> tuple[Run, list[float]]:
     shifts = [0.0, *itertools.accumulate(step.step for step in steps)]
     times = [step.time + shift for step, shift in zip(steps, shifts)]
     rate = put_back(run.current_rate, run.t, steps)
-    for time, step in zip(times, steps):  # what nobody measured has no say
+    for time, step in zip(times, steps):  # rows that were not measured have no weight
         rate[(run.t >= time - 0.05) & (run.t < time + max(step.step, 0.0) + 0.05)] = 0.0
     return replace(run, current=put_back(run.current, run.t, steps), current_rate=rate), times
 
