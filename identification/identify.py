@@ -45,7 +45,7 @@ def identify_by(
             "--shape",
             f"free is determined by ols, wls and irls, not by {method}; use wls, then its model.toml as --model",
         )
-    # what was known of the numbers that are identified anew
+    # the uncertainty of values that are identified again is obsolete
     arm = replace(straightened(arm) if shape == "straight" else arm, uncertainty=None)
     match method:
         case "ols" | "wls" | "irls":

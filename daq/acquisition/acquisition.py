@@ -131,7 +131,7 @@ class Acquisition:
             self._stop = self._stop or Ending(reason, detail)
 
     def _stop_at_once(self, reason: End, detail: str) -> None:
-        """Ends the run with all outputs safe now, whatever the other devices and the consumer of the rows may take."""
+        """Ends the run with all outputs safe now, without waiting for other devices or the consumer of the rows."""
         self.bench.guard.make_safe()
         self.stop(reason, detail)
 
@@ -176,7 +176,7 @@ class Acquisition:
 
     def _cycle(self) -> tuple[int, Ending | None]:
         """Reads every device once; the last trigger of the run and why it ends, if it does."""
-        asked = self.bench.clock.monotonic_ns()  # before the reading: a host that pauses in it saw no quiet line
+        asked = self.bench.clock.monotonic_ns()  # taken before reading, in case the host is suspended in it
         for stream in self._intake.streams:
             if stream.name in self._join.gone:
                 continue
@@ -252,7 +252,7 @@ class Acquisition:
         )
 
     def _make_join(self) -> None:
-        """Readers and join from their beginning: of the run, and once more when the counters have been set for it."""
+        """Creates readers and join; called again when the counters have been preset for the run."""
         period = 1.0 / self.plan.rate
         self._intake = Intake(self.bench, self.plan)
         self._clock = self._intake.clock
@@ -307,7 +307,7 @@ class Acquisition:
                 self.stop(End.DEVICE_SILENT, stream.name)
 
     def _seeks(self, stream: Stream) -> bool:
-        """Whether its device has lost its connection and is seeking it: it will be back, or raise."""
+        """Whether its device has lost its connection and tries to reconnect; it then returns or raises DeviceFault."""
         device = self.bench.devices[stream.name]
         return isinstance(device, Reconnecting) and device.seeking
 
@@ -326,7 +326,7 @@ class Acquisition:
             )
 
     def _note_oddities(self) -> None:
-        """Sentences about this run that are no losses."""
+        """Adds notes about irregularities of this run that are not losses."""
         for stream in self._intake.streams:
             if stream.indexer.extra:
                 self.notes.append(f"{stream.name}: {stream.indexer.extra} edges on its trigger input were interference")

@@ -15,7 +15,7 @@ from drivers.protocols import Block, Quality
 
 Table = dict[str, NDArray[Any]]
 VALUES = ("counts", "volts", "points", "readings")
-MISSING = int(Quality.MISSING)  # numpy looks an enum member over at every operation
+MISSING = int(Quality.MISSING)  # a plain integer: numpy is slow with enum members
 
 
 class Stream:
@@ -118,7 +118,7 @@ class Stream:
         gaps = bool((quality[:, : len(self._widths)] & MISSING).any())
         for c, width in enumerate(self._widths):
             shown, last = raw[:, c], self._last[c]
-            if gaps:  # placeholders, not counts: the count of before stands in their place
+            if gaps:  # missing counts are placeholders: the previous count is used instead
                 missing = (quality[:, c] & MISSING) != 0
                 if missing.all():
                     out[:, c] = last or 0

@@ -89,7 +89,7 @@ class Ledger:
             self._triggers = max(self._triggers, triggers)
 
     def latch(self, rows: int) -> None:
-        """The sampler made so many more complete rows."""
+        """The sampler made ``rows`` more complete rows."""
         with self._lock:
             self._latched += rows
 

@@ -19,7 +19,7 @@ from drivers.protocols import Block, HostClock, Quality
 
 
 class PolledDevice(Protocol):
-    """What is needed of a device here."""
+    """The part of a device that a poller uses."""
 
     name: str
 

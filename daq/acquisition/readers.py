@@ -50,7 +50,7 @@ class Intake:
             self.bench.devices[name].arm(self._plan_of(name))
 
     def _plan_of(self, name: str) -> Plan:
-        """What is asked of one device: those on their own time go at their own rate."""
+        """The plan for one device: devices on their own time are read at their own rate."""
         device, rate = self.bench.devices[name], self.plan.rate
         if name in self.pollers:
             rate = min(rate, 1e9 / self.pollers[name].period_ns)
@@ -68,7 +68,7 @@ class Intake:
         return tracks or isinstance(device, Readings)
 
     def arm_afresh(self) -> None:
-        """Just before the start: where edges come already (a free-running line), all numbering begins anew."""
+        """Just before the start: if edges arrive already (a free-running line), arms again, to restart the numbers."""
         running = False
         for name in self.bench.devices:
             device = self.bench.devices[name]
@@ -79,7 +79,7 @@ class Intake:
             self.arm()
 
     def start(self, now: int) -> None:
-        """Begins to ask those that have to be asked."""
+        """Starts the pollers."""
         for poller in self.pollers.values():
             poller.start(now)
 
@@ -90,7 +90,7 @@ class Intake:
             stream.push(block)
 
     def _reader(self, name: str) -> Callable[[], Block | None]:
-        """How a device is read; looked up once, for asking an object for its shape is slow."""
+        """The function that reads a device; determined once, because isinstance with a Protocol is slow."""
         device = self.bench.devices[name]
         if name in self.pollers:
             return self.pollers[name].read
@@ -113,7 +113,7 @@ class Intake:
         return any(s.newest < last for s in awaited if s.name not in gone)
 
     def finish(self) -> None:
-        """No more rows will come: decides on those that waited for their successors."""
+        """No more rows will come: rows that waited for their successors are decided."""
         for poller in self.pollers.values():
             poller.stop()
         for stream in self.streams:
@@ -151,6 +151,6 @@ class Intake:
 
 
 def _rows_of_clock(rows: Latched, edges: TriggerInput) -> Block:
-    """The rows say the same as the edges and more; the driver's list of edges must not grow."""
+    """The rows of a clock that also lists its edges; the list is discarded, so that it does not grow."""
     edges.read_edges()
     return rows.read()

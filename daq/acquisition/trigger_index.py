@@ -133,14 +133,14 @@ class Indexer:
             return
         steps = np.round(intervals / median)  # counts missed edges too
         self.period = float(clock[-1] - clock[0]) / float(steps.sum())
-        # A few uneven intervals say less than the rig file, until there are more.
+        # A few uneven intervals determine the period less well than the rig file states it.
         scatter = float(np.std(np.cumsum(intervals / self.period - steps)))
         nominal = self.period_ns * float(clock[-1] - clock[0]) / max(float(host[-1] - host[0]), 1.0)
         if abs(self.period / nominal - 1) < UNSURE * scatter / len(steps):
             self.period = nominal
 
     def _settle_later(self, number: Ints, host: Ints, tick: Ints) -> None:
-        """Judges stamps again that were uneven so far: at the start of a run a computer is busy."""
+        """Judges uneven stamps again later: at the start of a run a computer is busy."""
         self.unguarded = self._count
         self._uneven.append((number, host, tick))
         rows = tuple(np.concatenate(column) for column in zip(*self._uneven))
@@ -166,7 +166,7 @@ class Indexer:
         return keep
 
     def _advance(self, clock: float, number: int, index: int, off_grid: NDArray[np.float64]) -> None:
-        """Moves the grid to the newest row: its own stamp may be a bad one, the mean of the good ones is not."""
+        """Moves the grid to the newest row, by the mean of the good stamps, since its own stamp may be late."""
         good = off_grid[np.abs(off_grid) < TAIL]
         on_grid = clock - float(off_grid[-1] - (good.mean() if len(good) else 0.0)) * self.period
         self._last = on_grid, number

@@ -104,7 +104,7 @@ class Contents:
         return _columns(self.form, np.empty(0, self.form.dtype))
 
     def ledger(self) -> tuple[LedgerSummary, bool]:
-        """The ledger, and whether it is sure that nothing more is missing."""
+        """The ledger, and whether it is certain that nothing more is missing."""
         return reconciled(FoundRows(self.numbers.runs(), self.finished), self.written_ledger(), self.progress)
 
     def notes(self, sure: bool) -> tuple[str, ...]:
@@ -147,7 +147,7 @@ def _topics(path: Path) -> list[str]:
 
 
 def _foreign(path: Path, data: memoryview) -> str:
-    """What a file without rows of ours is, and what to do with it."""
+    """A sentence on what a file without armscope's rows is, and what to do with it."""
     if data[: len(MAGIC)] != MAGIC:
         return "is not an MCAP file; 'armscope import' takes tables and ROS 2 bags"
     topics = _topics(path)
@@ -173,7 +173,7 @@ def read_contents(path: Path, sink: Callable[[Layout], K]) -> tuple[Contents, K]
                 contents.damages.append(mcap_walk.Damage(0, 0, "a chunk has other columns than those before it"))
             case mcap_walk.Rows():
                 if kept is None:
-                    contents.form = part.form  # what a chunk's checksum confirms is surer than the head
+                    contents.form = part.form  # unlike the head, it is protected by a checksum
                     kept = sink(contents.layout)
                 columns = _columns(part.form, part.rows)
                 contents.numbers.append(columns["number"], torn=torn)

@@ -22,7 +22,7 @@ CALENDAR = 10**17
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RecordingHead:
-    """What ``Recording`` (all rows in memory) and ``LongRecording`` (block by block) have in common.
+    """The common part of ``Recording`` (all rows in memory) and ``LongRecording`` (block by block).
 
     path        the file
     layout      its columns; ``layout.raw`` distinguishes a recording of devices from an imported or simulated one

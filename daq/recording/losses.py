@@ -18,7 +18,7 @@ UNSURE = "the number of rows after the last one is unknown"
 
 @dataclass(frozen=True)
 class Account:
-    """Of a recording: its file, its ledger, and sentences about what is wrong with the file."""
+    """A recording's file, its ledger, and sentences about damage of the file."""
 
     path: Path
     ledger: LedgerSummary
@@ -30,14 +30,14 @@ _silent = ContextVar("silent", default=False)
 
 
 def opened(account: Account) -> None:
-    """To be called with the account of every recording that is read."""
+    """Reports the account of a recording that was read to all listeners."""
     for listener in () if _silent.get() else _listeners:
         listener(account)
 
 
 @contextmanager
 def unreported() -> Iterator[None]:
-    """Within it, this thread reads recordings without a report: for a list of files with a column of losses."""
+    """While the block runs, this thread reads recordings without reports: for lists that show losses themselves."""
     before = _silent.set(True)
     try:
         yield

@@ -179,7 +179,7 @@ class Recorder:
         return ledger
 
     def balance(self, triggers: int | None, losses: Sequence[Loss]) -> LedgerSummary:
-        """The account of the rows so far, with what the disk has refused; arguments as for ``finish``."""
+        """The ledger so far, with the rows that the disk refused; arguments as of ``finish``."""
         latched = self._progress.rows
         before = sum(loss.rows for loss in losses)
         merged = sorted([*losses, *self._losses], key=lambda loss: loss.first)
@@ -193,11 +193,11 @@ class Recorder:
             self.finish()
 
     def _note(self, rows: Rows) -> None:
-        """The progress in the file, so that after a crash it is known what is missing."""
+        """Writes the progress into the file, so that the missing rows are known after a crash."""
         first = self._progress.first if self._progress.rows else int(rows.number[0])
         count = self._progress.rows + len(rows)
         self._progress = Progress(count, first, int(rows.number[-1]), int(rows.wall_ns[-1]))
-        with contextlib.suppress(OSError):  # the rows themselves will meet the same disk, and are counted there
+        with contextlib.suppress(OSError):  # the rows go to the same disk, and their loss is counted
             self._file.progress(self._progress)
 
     def _run(self) -> None:
@@ -240,11 +240,11 @@ class Recorder:
                 with self._change:
                     self._lose(piece["number"], LossReason.DISK, str(error.strerror))
         if self._viewers is not None:
-            with contextlib.suppress(OSError):  # rows that met the same disk are counted above; pictures are not data
+            with contextlib.suppress(OSError):  # lost rows are counted above; pictures are not data
                 pose = np.concatenate(poses) if self.layout.pose else None
                 for content in self._viewers.contents(columns["q"], columns["wall_ns"], pose):
                     write_pictures(self._file, content)
-        # A disk that refuses to sync will refuse the end of the file, too, and is reported there.
+        # a disk that fails to sync fails at the end of the file too, which is reported
         with contextlib.suppress(OSError):
             self._file.sync()
 

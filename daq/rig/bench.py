@@ -72,7 +72,7 @@ class Bench:
         self.identities = {}
 
     def check(self) -> list[str]:
-        """What the devices themselves complain of, one sentence each."""
+        """Problems that the devices themselves report, one sentence each."""
         return [f"{name}: {sentence}" for name, device in self.devices.items() for sentence in device.check()]
 
     def preset(self, device: str, channel: int, count: int) -> None:

@@ -186,14 +186,14 @@ class Guard:
         self.make_safe()
 
     def hold(self, why: str) -> threading.Thread:
-        """As ``trip``, without waiting: the thread that makes all safe, whatever the devices are doing meanwhile."""
+        """As ``trip``, without waiting; returns the thread that brings all outputs to their safe state."""
         self.tripped = self.tripped or why
         making_safe = threading.Thread(target=self.make_safe, name="hold", daemon=True)
         making_safe.start()
         return making_safe
 
     def reset(self) -> None:
-        """Somebody has looked: commands are taken again."""
+        """A person has removed the cause: commands are accepted again."""
         self.tripped = self.silent = None
 
     def make_safe(self) -> None:

@@ -41,12 +41,12 @@ Criterion = Literal["d", "condition"]
 Progress = Callable[[float, str], None]
 
 TWENTY_SECONDS = Series()
-ROUNDED = 1e-5  # of a column: what an angle that a file has rounded shows (1.5708 for a right angle), no motor feels
-CLOSE = 0.98  # of a limit: what may hide between the instants looked at
+ROUNDED = 1e-5  # share of a column: a smaller remainder comes from rounded angles in the file (1.5708)
+CLOSE = 0.98  # share of a limit that is used: peaks may lie between the instants that are checked
 TOGETHER = 16  # candidates judged at a time
-PRODUCT = 1e-11  # least eigenvalue of A^T A over its largest: above it, rounding changes a singular value by 1e-5
-HIDDEN = -1e6  # more than any score: of two motions, that which shows more parameters is the better
-STILL = 0.02  # of a motion that is within the other limits: below it, the arm as good as stands
+PRODUCT = 1e-11  # smallest over largest eigenvalue of A^T A: above it, rounding changes a singular value by 1e-5
+HIDDEN = -1e6  # larger than any score: a motion that excites more parameters is always better
+STILL = 0.02  # smallest scale of a motion: with a smaller one the arm hardly moves
 ROWS = 160  # instants at which a candidate is judged
 
 
@@ -99,7 +99,7 @@ def design_excitation(
 
 @dataclass(frozen=True)
 class _Task:
-    """Whose motions are designed: within which limits, of which form; the instants at which limits are checked."""
+    """The arm, the limits and the form of the motions to be designed, and the instants at which limits are checked."""
 
     arm: Arm
     limits: Limits
@@ -185,7 +185,7 @@ def _held(task: _Task, poses: Array) -> NDArray[np.bool_]:
 
 
 def _checked(task: _Task, proposal: Array) -> Experiment:
-    """The best proposal, clear at every instant; InputError where it is not even clear where it was looked at."""
+    """The best proposal that is clear at every instant; InputError if none is clear even at the checked instants."""
     share = 1.0
     (start,), (weights,), (clear,) = _feasible(task, proposal[None])
     while clear and share >= SMALLEST:
@@ -240,7 +240,7 @@ def _within_torque(task: _Task, start: Array, q: Array, qd: Array, qdd: Array, s
 
 
 def _none_found(task: _Task) -> InputError:
-    """Why no candidate can be run."""
+    """The error that says why no candidate can be run."""
     random = np.random.default_rng(0)
     proposals = np.stack([_random(task, random) for _ in range(DRAWN)])
     start = _start(task, proposals)

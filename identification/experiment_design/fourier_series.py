@@ -29,7 +29,7 @@ class Series:
 
 @dataclass(frozen=True)
 class Shapes:
-    """What a coefficient of 1 of a series does, at the same instants for all motions: a motion is linear in them.
+    """The motion per unit of each coefficient of a series, at given instants: a motion is linear in its coefficients.
 
     t (k,) s; position, speed and acceleration (k, 2 harmonics): of the sines, then of the cosines, faded.
     """

@@ -24,7 +24,7 @@ def clear_poses(pairs: Pairs, poses: Array) -> NDArray[np.bool_]:
 
 
 def clear_share(pairs: Pairs, start: Array, way: Array) -> float:
-    """The share of a motion ``way`` (rows, n) about ``start`` (n,) that is clear at these rows; 0 where none is."""
+    """The largest factor with which a motion ``way`` (rows, n) about ``start`` (n,) is clear at its rows; 0 if none."""
     if not _room(pairs, start[None])[0] >= RESERVE:
         return 0.0
     share = 1.0
@@ -42,7 +42,7 @@ def is_clear(demand: Demand, pairs: Pairs) -> bool:
 
 
 def none_is_clear(pairs: Pairs, low: Array, high: Array) -> InputError:
-    """Why there is no motion: what stands most in the way of poses between low and high (n,)."""
+    """A sentence that says why there is no motion: what most poses between low and high (n,) collide with."""
     poses = low + (high - low) * np.random.default_rng(0).random((DRAWN, len(low)))
     room = pairs.clearance(poses) - pairs.required()
     blocked = room < RESERVE

@@ -30,12 +30,12 @@ class Limits:
 
     @staticmethod
     def of(arm: Arm, *, share: float = 0.8) -> Limits:
-        """What the model states, less a margin; torque enough for the fiercest motion where it states none."""
+        """The model's limits less a margin; a torque limit that is not stated is large enough for any motion."""
         position, speed, torque = [], [], []
         for joint in arm.joints:
             low, high = joint.limits or ((-1.5, 1.5) if joint.revolute else (-0.2, 0.2))
             middle, half = (low + high) / 2, (high - low) / 2 * share
-            # A joint that can turn about need not: half a turn each way shows all that its gravity has to show.
+            # A joint without position limits: half a turn each way excites all of its gravity terms.
             half = min(half, np.pi / 2) if joint.revolute else half
             position.append([middle - half, middle + half])
             speed.append(share * min(joint.motor_speed_limit / joint.ratio, 3.0) if joint.motor_speed_limit else SPEED)

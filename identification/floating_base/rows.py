@@ -145,7 +145,7 @@ def _gridded(recording: Recording, columns: Array) -> tuple[Array, float, Array]
     where = recording.path
     if len(recording) < 2 or recording.t[-1] - recording.t[0] < 4 * ENDS + 2 * BLOCK_SECONDS:
         raise InputError(where, f"is too short; at least {4 * ENDS + 2 * BLOCK_SECONDS:g} s are needed")
-    # instruments of their own rates: from the first row that all have begun before, to the last that all go beyond
+    # instruments with rates of their own: only rows for which all of them have earlier and later readings
     known = [recording.t[np.isfinite(column)] for column in columns.T]
     if not all(len(one) for one in known):
         raise InputError(where, "has a column of joints, pose or thrusters without any value")

@@ -38,7 +38,7 @@ from identification.result import Identification
 ClosedLoopMethod = Literal["iv", "didim"]
 
 ITERATIONS = 8
-ASTRAY = 0.5  # of the measured range: a simulated motion further off is not that of this run
+ASTRAY = 0.5  # share of the measured range: largest difference of a simulated motion from the measured one
 
 
 def identify_closed_loop(
@@ -71,7 +71,7 @@ def identify_closed_loop(
             uncertainty = fit_uncertainty(simulated, problem.rows, fit)
         if settled(before, fit, uncertainty):
             break
-    # What is reported is the same measure for every method: the inverse dynamics on the measured motion.
+    # Errors are reported in the same way for every method: by the inverse dynamics on the measured motion.
     solved = Fit(fit.values, fit.weight, torque - columns @ fit.values, fit.scaled)
     solved, held = regularised_to_model(problem, solved, uncertainty.information)
     result = conclude(

@@ -29,7 +29,7 @@ from identification.regression.uncertainty import FitUncertainty, fit_uncertaint
 from identification.result import Prediction
 
 ITERATIONS = 12
-STEP = 0.05  # of a parameter, for its column of the Jacobian
+STEP = 0.05  # share of a parameter by which it is changed for its column of the Jacobian
 DIRECTIONS = ("coulomb_positive", "coulomb_negative")
 
 
@@ -126,7 +126,7 @@ class _Loops:
 
 
 def _minimised(loops: _Loops, values: Array, floor: Array, progress: Progress) -> tuple[Array, Array, Array, int]:
-    """Values (p,) that leave the least error, from ``values`` on; that error (rows,), its Jacobian, loops simulated.
+    """Values (p,) with the least error, starting at ``values``; the error (rows,), its Jacobian, loops simulated.
 
     In every iteration the best of five dampings, of which each is a lane. floor (p,): least values in the step of a
     derivative.

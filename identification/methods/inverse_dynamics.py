@@ -76,7 +76,7 @@ def identify(
         result.notes.append(str(lag))
         result.extra["lag_of_currents"] = lag.to_json()
     bands = bands_of(found.problem, result.arm, found.uncertainty)
-    # curves of shape free are there whatever the held-out rows say
+    # with shape free, curves were not chosen by held-out rows
     chosen = chosen_terms(lag, first.sign_velocities, [] if shape == "free" else trials, depends, ripples or [])
     result = replace(result, friction_bands=bands, smoothness=found.scale, chosen_on_held_out=chosen)
     return result if ripples is None else with_found(result, found.problem, ripples)

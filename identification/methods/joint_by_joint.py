@@ -23,7 +23,7 @@ from identification.result import Identification, Prediction, Value, unit_of
 Run = tuple[Recording, Motion]
 
 WAYS: tuple[Way, Way] = ("filter", "integral")
-ACTIVE = 0.2  # of the liveliest joint's travel: a joint that moves less in a run is not the one that run is about
+ACTIVE = 0.2  # share of the largest travel in a run: a joint that moves less is not identified from this run
 
 
 @dataclass
@@ -98,7 +98,7 @@ def _identify_all(arm: Arm, fitted: Sequence[Run], held_out: Sequence[Run], own:
 def _with_friction(arm: Arm, friction: Mapping[str, float]) -> Arm:
     """The arm with identified friction by parameter name; none is negative."""
     physical = {name: max(value, 0.0) for name, value in friction.items()}
-    # The Coulomb friction of the two directions carries the offset already.
+    # The Coulomb friction of the two directions includes the offset.
     physical |= {name.replace("viscous", "offset"): 0.0 for name in friction if name.endswith("viscous")}
     return with_parameters(arm, physical)
 

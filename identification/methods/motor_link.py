@@ -39,8 +39,8 @@ from identification.regression.uncertainty import FitUncertainty, fit_uncertaint
 Way = Literal["filter", "integral"]
 
 MEMORY = 8.0  # time constants of the state-variable filter, (1 + s / lambda)^-3, until 99 % is forgotten
-PASSING = 0.02  # of the rows in the other direction: less is how a filter ends, not a motion
-RANK = 1e-6  # of the largest singular value: directions below it are not in the data
+PASSING = 0.02  # share of rows in a direction of motion: fewer rows are the transient of a filter
+RANK = 1e-6  # share of the largest singular value, below which a direction is not excited
 
 
 @dataclass(frozen=True)
@@ -123,7 +123,7 @@ def motor_link_rows(
     torque, folded = motion.torque[:, joint], None if motion.folded is None else motion.folded[:, joint]
     terms = {"gravity_cos": np.cos(q), "gravity_sin": np.sin(q)} if gravity else {}
     terms |= {"coulomb_positive": (sign > 0).astype(float), "coulomb_negative": -(sign < 0).astype(float)}
-    # A filter that remembers longer than the joint moves at a time would leave no row that forgot its standstills.
+    # A filter with a memory longer than one motion would leave no row that is free of standstill.
     stretch = _longest(motion.usable[:, joint]) * motion.dt
     widest = 2 * MEMORY / (2 * np.pi * stretch) if stretch > 0 else 0.0
     bandwidth = bandwidth or max(motion.band.parallel, widest)
@@ -135,7 +135,7 @@ def motor_link_rows(
         folded = None if folded is None else _filtered(folded, motion.dt, bandwidth)[0]
         memory = int(MEMORY / (2 * np.pi * bandwidth * motion.dt))
     else:
-        # Integrated from row to row, not from the start: what goes wrong at one reversal then stays there.
+        # Integrated from row to row, not from the start: an error at one reversal then affects no other row.
         over = {name: _window(_integral(term, motion.dt), step) for name, term in terms.items()}
         columns = [_window(motion.qd[:, joint], step), _window(q, step), *over.values()]
         torque = _window(_integral(torque, motion.dt), step)

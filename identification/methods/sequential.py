@@ -29,7 +29,7 @@ from identification.regression.problem import Problem, prepare
 from identification.regression.uncertainty import fit_uncertainty
 from identification.result import Identification
 
-RANK_TOLERANCE = 1e-2  # of a step's largest singular value, columns scaled: fainter directions are left to a later step
+RANK_TOLERANCE = 1e-2  # share of a step's largest singular value: weaker directions wait for a later step
 
 
 def identify_in_sequence(
@@ -50,7 +50,7 @@ def identify_in_sequence(
     values, covariance, steps = _steps(problem, size, progress)
     columns = problem.rows.columns[:, problem.columns]
     fitted = Fit(values, np.ones(len(columns)), problem.rows.torque - columns @ values, np.empty((0, 0)))
-    # what no row shows is known as the model has it
+    # directions that no row excites keep the model's values
     doubt = np.diag(float(np.sqrt(np.mean(fitted.residual**2))) / size)
     uncertainty = fit_uncertainty(columns, problem.rows, fitted, prior=doubt)
     uncertainty = replace(
@@ -113,7 +113,7 @@ def _steps(problem: Problem, size: Array, progress: Progress) -> tuple[Array, Ar
     """Values (b,) and covariance (b, b) of the base parameters, and a sentence per step; ``size`` (b,) of each."""
     base, rows = problem.base, problem.rows
     start = base.grouping @ model_values(problem.arm, problem.friction)
-    # In units of ``size``. What no step shows is as uncertain as the model's own number is large.
+    # In units of ``size``. A direction that no step excites is as uncertain as its value in the model is large.
     known = Known(start / size, np.eye(len(base)), np.eye(len(base)))
     sentences = []
     for j in reversed(range(joints := len(problem.arm))):

@@ -16,7 +16,7 @@ from scipy import signal
 from arm_io.types import Array
 from identification.preprocessing.signals import Motion, parallel_filter, parallel_taps
 
-NOTABLE = 0.02  # share of noise from which it is said
+NOTABLE = 0.02  # share of noise from which a warning is given
 GRID = 512  # frequencies at which the noise is integrated
 
 

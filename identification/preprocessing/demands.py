@@ -16,7 +16,7 @@ from arm_model.simulation import Demand, Sampled
 from daq.recording import Recording
 from identification.preprocessing.setpoints import stated_period
 
-BENT = 1e-9  # rad or m: what a straight line's second difference may be
+BENT = 1e-9  # rad or m: largest second difference of a straight line
 FEW = 3  # rows per setpoint: with fewer, lines and a plan cannot be distinguished
 MOSTLY = 0.5
 

@@ -14,8 +14,8 @@ from arm_io.types import Array
 
 Mask = NDArray[np.bool_]
 
-JITTER = 0.01  # of the period: stamps this close to a grid are on it
-HOLE = 2.5  # periods between two samples that are no mere jitter
+JITTER = 0.01  # share of the period within which stamps count as evenly spaced
+HOLE = 2.5  # periods between two samples from which there is a hole, not only jitter
 
 
 def uniform_grid(t: Array) -> tuple[Array, float]:

@@ -23,15 +23,15 @@ from identification.preprocessing.quality import Trusted
 from identification.preprocessing.signals import Motion
 
 HOLES = 0.05  # share of excluded rows worth a warning;
-STANDING = 0.3  # where a joint stands: a motion begins and ends so
+STANDING = 0.3  # share of excluded rows at standstill worth a warning: every motion begins and ends with some
 LAG = 0.5  # s within which current and acceleration are compared
 FURTHEST = 0.1  # s: the largest lag that is searched for
-LEAST_SHIFTS = 4  # rows in LAG: fewer leave no room for a search
-EXPLAINED = 0.9  # of the torque's square: below it, the motion does not determine the lag
+LEAST_SHIFTS = 4  # smallest number of rows in LAG for a search
+EXPLAINED = 0.9  # share of the torque's square that the motion must explain to determine the lag
 ILL_CONDITIONED = 1e4  # of the regressor with its columns scaled alike
-TELLING = 1.5  # times the unexplained at no lag over that at the best: less is chance
-LIMIT = 0.98  # of the torque limit counts as reached
-FAR_BEYOND = 2.0  # times the torque limit: no drive does that, a wrong unit or constant does
+TELLING = 1.5  # ratio of the unexplained torque without lag to that with the best lag, below which the lag is chance
+LIMIT = 0.98  # share of the torque limit that counts as reached
+FAR_BEYOND = 2.0  # torque over the torque limit that only a wrong unit or constant can explain
 BLOCK = 1 << 17  # rows of a correlation at a time
 
 
@@ -133,7 +133,7 @@ class Readiness:
 
 
 def readiness_of(recording: Recording, found: Trusted, motion: Motion, arm: Arm) -> RunReadiness:
-    """The account of one run."""
+    """The readiness of one run."""
     joints = []
     for j, joint in enumerate(arm.joints):
         torque = float(np.max(np.abs(motion.torque[:, j])))

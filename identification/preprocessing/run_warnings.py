@@ -12,7 +12,7 @@ from identification.preprocessing.readiness import RunReadiness
 from identification.preprocessing.setpoint_ripple import rate_beside, unbounded, whole_rows
 from identification.preprocessing.signals import Motion
 
-FOLDED = 0.01  # of a torque: what less than it does unseen, where rows come at no multiple of the setpoints' rate
+FOLDED = 0.01  # share of the torque from which aliased setpoint ripple is worth a warning, at unrelated rates
 
 
 def said_once(runs: Sequence[RunReadiness], motions: Sequence[Motion]) -> list[RunReadiness]:

@@ -25,15 +25,15 @@ from identification.preprocessing.spectrum import Band, choose_band
 
 Mask = NDArray[np.bool_]
 
-FLAT = 5  # rows at the extreme value of a channel, while the joint moves, that make it saturated
-SHAKEN = 0.02  # of the liveliest joint's travel: less is no motion of a joint's own
-CREEP = 0.005  # of a joint's peak speed: below it the direction of Coulomb friction is not known
+FLAT = 5  # successive rows at the extreme value of a channel, while the joint moves, that count as saturated
+SHAKEN = 0.02  # share of the largest travel below which a joint is only shaken by the others
+CREEP = 0.005  # share of a joint's peak speed below which the direction of Coulomb friction is uncertain
 
-# s: a joint slow for longer stands, or sticks; what is quicker is a reversal, and Coulomb's law holds through it
+# s: a joint that is slow for longer is at rest; a shorter passage is a reversal, in which Coulomb's law holds
 REVERSAL = 0.01
 ROWS = 16  # rows of the parallel filter at a time
 SMEARED = 0.6  # periods of the low-pass's cut-off until a step that went through it is within 5 % of itself
-MOST_ROWS = 200_000  # of a regression: each has a hundred columns
+MOST_ROWS = 200_000  # largest number of rows of a regression: each has some hundred columns
 BLOCK = 1 << 15  # rows of a spline at a time
 SPLINE_END = 25  # rows in which a quintic spline forgets its end or a hole (by 0.43 a row; Unser, 1999)
 
@@ -218,7 +218,7 @@ def slowest_certain_speed(q: Array, qd: Array, band: Band, dt: float) -> Array:
     # White position noise of rms s has density 2 dt s^2; differentiated and cut at f: s_v^2 = 2 dt s^2 (2 pi)^2 f^3 /
     # 3.
     noise = band.noise_rms * 2 * np.pi * np.sqrt(2 * dt * band.motion**3 / 3)
-    rounding = 1e-9 * np.maximum(np.max(np.abs(q), axis=0), 1.0)  # of a joint that stands in a simulation
+    rounding = 1e-9 * np.maximum(np.max(np.abs(q), axis=0), 1.0)  # a joint at rest in a simulation has noise 0
     still = np.where(np.ptp(q, axis=0) < rounding, np.inf, 0.0)
     return np.maximum.reduce([step * band.motion, 3 * noise, CREEP * np.max(np.abs(qd), axis=0), still])
 

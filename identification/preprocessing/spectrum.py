@@ -22,7 +22,7 @@ from identification.preprocessing.filtering import zero_phase
 OCCUPIED = 0.95  # share of the acceleration's power that counts as the bandwidth of the dynamics
 SPEEDY = 0.9  # share of the speed's power, without that of noise, that lies below the valley
 STANDING = 0.02  # of a joint's peak speed: below it the sign of the velocity may be noise
-SHAKEN = 0.01  # of the liveliest joint's travel in noise levels
+SHAKEN = 0.01  # share of the largest travel, in units of the noise, from which a joint counts
 SEGMENT = 8.0  # s, length of Welch's segments: resolution 0.125 Hz
 
 
@@ -49,7 +49,7 @@ def choose_band(q: Array, dt: float) -> Band:
     f, density = _spectra((np.diff(column, 2) / dt**2 for column in q.T), rate, segment)
     noise = _white_noise(f, density, dt)
     travel = np.ptp(q, axis=0) / np.maximum(noise, 1e-15)
-    # Joints that the moving ones only shake by a few counts would make the spectrum that of their counts.
+    # Joints that are only shaken by a few counts are left out: their spectrum is that of quantisation.
     moving = travel > max(20.0, SHAKEN * travel.max())
     if not moving.any():
         return Band(rate / 4, rate / 8, f, density, noise)
@@ -74,13 +74,13 @@ def _spectra(signals: Iterable[Array], rate: float, segment: int) -> tuple[Array
 
 
 def _occupied(f: Array, density: Array) -> float:
-    """Hz below which OCCUPIED of the power is, of the mean over columns of equal power each."""
+    """Hz: frequency below which the share OCCUPIED of the mean power is, each column scaled to equal power."""
     power = np.cumsum(np.mean(density / np.maximum(density.sum(axis=0), 1e-300), axis=1))
     return float(f[np.searchsorted(power, OCCUPIED * power[-1])])
 
 
 def _signs(q: Array, dt: float, cut: float) -> Array:
-    """Direction of motion (n,) of a joint, 0 where it all but stands."""
+    """Direction of motion (n,) of a joint, 0 near standstill."""
     low_pass = signal.butter(2, min(2 * cut * dt, 0.98), output="sos")
     speed = np.gradient(zero_phase(low_pass, q), dt)
     return np.where(np.abs(speed) > STANDING * np.max(np.abs(speed)), np.sign(speed), 0.0)
@@ -124,10 +124,10 @@ def _valley(f: Array, share: Array, above: float) -> float:
     last = np.minimum(last, len(level))
     first = np.minimum(first, last - 1)
     smooth = (total[last] - total[first]) / (last - first)
-    # Beyond half the Nyquist frequency anti-aliasing makes valleys of its own, and filters ring long.
+    # Above half the Nyquist frequency anti-aliasing filters cause valleys too, and filters ring for long.
     usable = (2.0**grid <= 0.5 * f[-1]) & (2.0**grid >= min(above, 0.25 * f[-1]))
     floor, frequency = smooth[usable], 2.0 ** grid[usable]
     lowest = int(np.argmin(floor))
-    # Its far side, where the power has doubled again.
+    # the upper end of the valley, where the power has doubled again
     risen = np.flatnonzero(floor[lowest:] > floor[lowest] + np.log(2.0))
     return float(frequency[lowest + (risen[0] if len(risen) else 0)])

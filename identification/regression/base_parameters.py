@@ -23,7 +23,7 @@ from identification.regression.effect_columns import definition, effect_paramete
 from identification.regression.model_parameters import Friction, column_names, lifts, model_columns
 from identification.regression.qr import pivoted_triangle, triangle_of
 
-NEGLIGIBLE = 1e-8  # of the size of a column: a smaller remainder counts as rounding
+NEGLIGIBLE = 1e-8  # share of a column's size below which a remainder counts as rounding
 GENERIC_ARMS = 2
 """Arms beside the model: a dependence between columns that holds on all of them is one of structure."""
 SIZE = 0.1
@@ -80,7 +80,7 @@ def base_parameters(
     pivoted, turned = pivoted_triangle(scaled)
     pivots = np.abs(np.diag(pivoted))
     rank = int(np.sum(pivots > negligible * max(pivots.max(initial=0.0), 1e-300)))
-    scaled = np.empty((rank, len(wanted)))  # beyond the rank, rows are rounding
+    scaled = np.empty((rank, len(wanted)))  # rows beyond the rank hold rounding errors only
     scaled[:, turned] = pivoted[:rank]
     standing = _first_independent(scaled, negligible)
     kept, others = wanted[standing], np.delete(wanted, standing)
@@ -142,7 +142,7 @@ def structural_base(arm: Arm, friction: Friction = "symmetric", *, negligible: f
     Columns of effects depend on the other parameters, so that arms with other bodies decide too (``_generic_arms``).
     negligible as ``base_parameters`` has it.
     """
-    # Where friction only turns about, Coulomb's magnitudes and an offset are not the same: let it turn at once.
+    # A smooth sign would make Coulomb friction per direction and an offset distinguishable: use a sharp one.
     arm = replace(arm, joints=tuple(replace(joint, sign_velocity=1e-7) for joint in arm.joints))
     names = column_names(arm, friction)
     random, count = np.random.default_rng(1), 4 * len(names)
@@ -156,7 +156,7 @@ def structural_base(arm: Arm, friction: Friction = "symmetric", *, negligible: f
     t = random.uniform(0.0, 60.0, count)
     arm = replace(arm, temperatures=_any_temperatures(arm, random))
     columns = [model_columns(one, q, qd, qdd, friction, t) for one in _generic_arms(arm, random)]
-    # what lifts has a weight, an offset only beside it: sums of masses and rotors read better than sums of offsets
+    # a joint that lifts is described by masses and rotors rather than by its offset
     last = {f"joint{j + 1}.offset" for j in range(len(arm)) if lifts(arm, j)}
     order = sorted(reading_order(tuple(names)), key=lambda column: names[column] in last)
     return base_parameters(np.concatenate(columns).reshape(-1, len(names)), names, order=order, negligible=negligible)

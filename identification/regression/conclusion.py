@@ -79,9 +79,9 @@ def with_values(problem: Problem, physical: Array) -> Arm:
     difference: while a joint moves the two are one, but at rest an offset is a torque and a difference is none.
     """
     values = dict(zip(problem.base.names, map(float, physical)))
-    if problem.friction == "asymmetric":  # what was constant is in the two magnitudes now
+    if problem.friction == "asymmetric":  # the two magnitudes include the offset
         values |= {f"joint{j}.offset": 0.0 for j in range(1, len(problem.arm) + 1)}
-    # the real servo does not follow our estimates
+    # servo gains that follow from the model's inertia must stay as they are: the real servo did not change
     even = with_parameters(fixed_gains(problem.arm), values)
     even = replace(even, joints=tuple(map(completed, even.joints)))
     if problem.friction == "asymmetric":
@@ -114,7 +114,7 @@ def warnings_of_fit(problem: Problem) -> list[str]:
 
 def _unexplained_channels(problem: Problem, best: Fit) -> list[str]:
     """Sentences on currents that hardly follow the motion of their joint; InputError where one does not at all."""
-    # by the fit itself: an arm that could exist may not follow a channel that nevertheless knows of the motion
+    # judged by the unconstrained fit, which follows the channel even if no possible arm does
     unconstrained, judged, found = _residual(problem, problem.judged, best), problem.judged, []
     torque = judged.torque if judged.rest is None else judged.torque - judged.rest
     for number, recording in enumerate(problem.fit):
@@ -259,7 +259,7 @@ def _predictions(
     )
     if early.sum() < 2 * len(problem.columns) or not late.any():
         return found, (fitted, float("nan")), "split"
-    # Trained on part of the time, a direction may be unexcited that all of it excites: then least norm.
+    # The first part may leave a direction unexcited that the whole run excites: then least norm.
     first = solve(problem.rows.of(early))
     earlier = with_values(problem, physical_values(problem, first, uncertainty.information))
     rows = problem.judged.of(late)

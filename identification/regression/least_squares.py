@@ -47,7 +47,7 @@ def least_squares(columns: Array, y: Array, joint: Joints, method: Method = "wls
     """Fits y (rows,) by columns (rows, b); ``joint`` (rows,) says which equation each row is of."""
     if method == "ols":
         return weighted(columns, y, np.ones(len(y)))
-    # Once: iterated, the joint with the most parameters of its own would draw all weight to itself.
+    # Not iterated: the joint with most parameters of its own would get more weight each time.
     fit = weighted_by_joint(columns, y, joint, joint_triangles(columns, y, joint))
     if method == "wls":
         return fit
@@ -117,7 +117,7 @@ def joint_triangles(columns: Array, y: Array, joint: Joints) -> Triangles:
     parts = []
     for j in present:
         index = np.flatnonzero(joint == j)
-        # Together, as they are in one run, they need no copy.
+        # the rows of a joint in one run are contiguous, and a slice needs no copy
         rows = slice(index[0], index[-1] + 1) if index[-1] - index[0] < len(index) else index
         of_joint = columns[rows]
         shown = np.flatnonzero(of_joint.any(axis=0))

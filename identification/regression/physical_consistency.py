@@ -31,9 +31,7 @@ from identification.regression.effect_columns import definition, is_effect
 REGULARISATION = 1e-2  # a divergence of 1 (a mass 2.1 times the prior's) weighs like a tenth of a standard deviation
 BARRIER = 1e-3
 OF_ONE_SPEED = 0.04  # weight of the friction at one speed: the 25 of a direction weigh like one number
-SMALLEST = (
-    1e-6  # of the arm's mean link: what a massless or sizeless prior is given, so that it can be written as a body
-)
+SMALLEST = 1e-6  # share of the mean link's mass (size) that is given to a prior link without mass (size)
 NEVER_NEGATIVE = ("rotor_inertia", "drag", *COEFFICIENTS, *LINK_FRICTION)
 """Parameters of a joint or of its link's cylinder that must not be negative, each for itself."""
 BODY, RADIUS = 0.05, 0.05
@@ -111,10 +109,10 @@ def consistent_parameters(
 def _nearest(problem: _Problem, prior: Array) -> Array:
     """(p,) the minimum of a problem; what no base parameter speaks of is the ``prior``'s (p,)."""
     delta = problem.centre
-    # From a path well inside the cone of bodies towards its wall, where the data may lie beyond it.
+    # An interior-point path: from inside the cone of possible bodies towards its boundary.
     for factor in 10.0 ** np.arange(6, -1, -1):
         delta = _newton(problem, delta, REGULARISATION * factor, BARRIER * factor)
-    # What acts in none of these sums is the prior's, to the last digit, though it were no friction at all.
+    # A parameter that is in none of these sums keeps the prior's value exactly.
     untold = np.setdiff1d(np.flatnonzero(~np.any(problem.grouping != 0, axis=0)), problem.inertial)
     delta[untold] = prior[untold]
     return delta
@@ -156,7 +154,7 @@ class _Problem:
         self.ridge = np.zeros(len(names))
         self.ridge[free] = 1e-6 / np.maximum(np.abs(centre[free]), 1.0) ** 2
         self.ridge[scale > 0] = REGULARISATION / scale[scale > 0] ** 2
-        for k in np.flatnonzero(of_effects).tolist():  # what repeats a drive's own friction must not run off against it
+        for k in np.flatnonzero(of_effects).tolist():  # may be like a drive's own friction
             self.ridge[k] = REGULARISATION / max(abs(centre[k]), definition(names[k]).typical[0]) ** 2
 
     def _bodies(self, delta: Array) -> Array:
@@ -195,7 +193,7 @@ class _Problem:
 
 
 def _newton(problem: _Problem, delta: Array, regularisation: float, barrier: float) -> Array:
-    """Damped Newton steps until the expected decrease is nothing."""
+    """Damped Newton steps until the expected decrease is negligible."""
     value = problem.cost(delta, regularisation, barrier)
     for _ in range(60):
         gradient, hessian = problem.derivatives(delta, regularisation, barrier)

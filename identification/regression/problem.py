@@ -30,10 +30,10 @@ from identification.regression.equations import Equations, described_rows, equat
 from identification.regression.least_squares import weighted
 from identification.regression.model_parameters import Friction, freed_rotors, model_values
 
-TREMBLE = 20.0  # rms of its angle's noise: a joint whose whole travel is less has not left its place;
-SHAKEN = 0.01  # of the travel of the liveliest joint of its kind: nor has one that the others shake
-SLOW = 10.0  # Hz: accelerations below it are demanded, where the setpoints' rate is not stated
-EXCITED = 1e-4  # share of a column that no other explains; below it, this experiment says nothing about the parameter
+TREMBLE = 20.0  # travel, in rms of the angle's noise, below which a joint only trembles
+SHAKEN = 0.01  # share of the largest travel (of joints of its kind) below which a joint is only shaken by the others
+SLOW = 10.0  # Hz: accelerations below this are taken as demanded, if the setpoints' rate is not stated
+EXCITED = 1e-4  # share of a column that no other explains: with less, the parameter is not excited by these runs
 
 
 @dataclass(frozen=True)
@@ -73,14 +73,14 @@ class Problem:
         return np.max([np.abs(motion.qd).max(axis=0) for motion in [*self.motions, *self.held_motions]], axis=0)
 
     def given_torque(self, rows: Equations) -> Array:
-        """(rows,) torque of unexcited base parameters at the model's own values, and of what no column carries."""
+        """(rows,) torque of unexcited base parameters at the model's values, and torque that belongs to no column."""
         silent = np.setdiff1d(np.arange(len(self.base)), self.excited)
         values = self.base.grouping[silent] @ model_values(self.arm, self.friction)
         torque = rows.columns[:, self.base.kept[silent]] @ values
         return np.asarray(torque if rows.rest is None else torque + rows.rest)
 
     def doubting(self, error: Array) -> Problem:
-        """The problem with one more error (rows,) N m (N) that its torques may have all along: one deviation of it."""
+        """The problem with one more systematic error of its torques: (rows,) N m (N) of one standard deviation."""
         rows = self.rows
         known = np.zeros((len(rows), 0)) if rows.systematic is None else rows.systematic
         return replace(self, rows=replace(rows, systematic=np.column_stack([known, error])))
@@ -181,7 +181,7 @@ def prepare(
     progress: Progress = lambda _: None,
     sparse: bool = False,
 ) -> Problem:
-    """Checks the recordings and makes their equations; InputError where nothing can come of them.
+    """Checks the recordings and makes their equations; InputError if they cannot be used.
 
     ``sparse``: the runs are of one joint each and need not excite the whole arm.
     """

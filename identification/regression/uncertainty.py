@@ -22,8 +22,8 @@ from identification.regression.least_squares import Fit
 from identification.regression.qr import triangle_of
 
 REPLICATES = 400
-LEAST_BLOCKS = 12  # fewer say nothing about their own scatter
-MOST_BLOCKS = 2500  # each has normal equations of its own
+LEAST_BLOCKS = 12  # smallest number of blocks that shows their scatter
+MOST_BLOCKS = 2500  # largest number of blocks: each has its own normal equations
 MEMORIES = 4.0  # block length in correlation times of the residual
 
 
@@ -97,7 +97,7 @@ def fit_uncertainty(
     total = grams.sum(axis=0) if held is None else grams.sum(axis=0) + held
     pull = 0.0 if held is None else scores.sum(axis=0)
     covariance = _jackknife(total, grams, scores, pull)
-    # Few blocks may agree by luck; no claim is finer than what white residuals would allow.
+    # Few blocks may agree by chance: no std is smaller than that for white residuals.
     blockwise = np.sqrt(np.diag(covariance))
     std = np.maximum(blockwise, formula)
     raised = std / np.maximum(blockwise, 1e-300)

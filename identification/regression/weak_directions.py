@@ -22,7 +22,7 @@ from identification.regression.problem import Problem
 from identification.result import unit_of
 
 WEAK = 0.1  # of the model's size
-SURE = 3.0  # standard deviations, with the residual's colour in them
+SURE = 3.0  # standard deviations, including the correlation of the residual
 
 
 def regularised_to_model(problem: Problem, fit: Fit, information: Array) -> tuple[Fit, int]:
@@ -42,7 +42,7 @@ def regularised_to_model(problem: Problem, fit: Fit, information: Array) -> tupl
 
 
 def held_note(held: int, directions: int) -> list[str]:
-    """What the result says of it."""
+    """The note about it in the result."""
     if not held:
         return []
     return [
@@ -62,7 +62,7 @@ def _sizes(problem: Problem, information: Array) -> Array:
     for unit in set(units):
         of_unit = units == unit
         size[of_unit] = np.maximum(size[of_unit], LEAST * size[of_unit].max())
-    # friction curves are smoothed, which already says what these runs do not
+    # friction curves are regularised already
     unknown = (size == 0) | np.array([".curve" in problem.base.names[column] for column in problem.columns])
     size[unknown] = 1e3 / np.sqrt(np.maximum(np.diag(information)[unknown], 1e-300))
     return np.asarray(size)
