@@ -37,6 +37,7 @@ from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Dataset
 from diagnosis.selection.harmonics import with_harmonics
 from diagnosis.selection.ripple_orders import is_of_gravity, of_shafts, order_of
+from diagnosis.verification.beyond_folding import beyond_folding, resolved
 from diagnosis.verification.held_currents import as_held
 from diagnosis.verification.smoothing_velocity import other_smoothing
 from diagnosis.verification.tenable import tenable_causes
@@ -178,7 +179,18 @@ def _above_noise(currents: CurrentDiagnosis) -> bool:
 
 
 def _searched_beside(search: Search, residuals: Residuals, axis: AxisSide | None) -> CurrentDiagnosis:
-    """The search conditional on the causes of a single ``axis``; None: the search that every arm gets."""
+    """The search conditional on the causes of a single ``axis``; None: the search that every arm gets.
+
+    Repeated with all that joints show along their acceleration, where that is more than sampling may put there.
+    """
+    found = _searched_once(search, residuals, axis)
+    if not (joints := beyond_folding(found.state)):
+        return found
+    return _searched_once(search, replace(residuals, runs=resolved(residuals.runs, joints)), axis)
+
+
+def _searched_once(search: Search, residuals: Residuals, axis: AxisSide | None) -> CurrentDiagnosis:
+    """One search conditional on the causes of a single ``axis``."""
     arm, recordings, excluded, progress = search.arm, search.recordings, search.excluded, search.progress
     first, parts = len(recordings.fit), recordings.two_fold
     progress("computing the columns of every effect")

@@ -55,7 +55,8 @@ class Run:
     hold the arm, and the currents show what their own instruments add; own: effects that only this recording has, which
     ``expected`` contains (``with_own``); own_directions (m n, r), orthonormal: what values of this recording alone
     explain of the whitened residual, which is no evidence of anything else (``with_free``);
-    unmeasured: spans without a sample, which weigh nothing (``deviation``).
+    unmeasured: spans without a sample, which weigh nothing (``deviation``);
+    resolved: joints (from 1) that show more along ``folded`` than sampling may put there: it counts in full.
     """
 
     name: str
@@ -85,6 +86,7 @@ class Run:
     own_directions: Array | None = None
     recordings: tuple[Run, ...] = ()
     unmeasured: tuple[Span, ...] = ()
+    resolved: tuple[int, ...] = ()
 
     @cached_property
     def parts(self) -> tuple[slice, ...]:
@@ -203,8 +205,12 @@ class Run:
         return white
 
     def less_folded(self, values: Array) -> Array:
-        """Values (m, n) A less as much of what sampling may have put into them unseen as ``whiten`` does not count."""
-        return self.deviation * replace(self, own_directions=None).whiten(values) if self._unseen else values
+        """Values (m, n) A less as much of what sampling may have put into them unseen as ``whiten`` does not count.
+
+        Of ``resolved`` joints as well: causes explain the rest of what these show.
+        """
+        hiding = replace(self, own_directions=None, resolved=())
+        return self.deviation * hiding.whiten(values) if hiding._unseen else values
 
     @property
     def without_ripple(self) -> Run:
@@ -222,11 +228,13 @@ class Run:
     def _unseen(self) -> list[tuple[slice, int, Array, Array]]:
         """Rows, joint, orthonormal directions (r, k) of what folds there, and the share by which these count less."""
         directions, of_unseen = [], unbounded(self.setpoints, rate_of(self.raw[0]))
-        matters = self.folded.any(axis=0) | self.rippled.any(axis=(0, 2))
+        counted = np.isin(np.arange(len(self.arm)) + 1, self.resolved)
+        along = np.where(counted, 0.0, self.folded)
+        matters = along.any(axis=0) | self.rippled.any(axis=(0, 2))
         for part, j in itertools.product(self.parts, np.flatnonzero(matters).tolist()):
             over, t = 1.0 / self.deviation[part, j], self.t[part] - self.t[part][0]
-            folded, rippled = self.folded[part, j] * over, self.rippled[part, j] * over[:, None]
-            ahead = lead_of(self.folded[part, j], rate_of(self.t[part])) * over * of_unseen
+            folded, rippled = along[part, j] * over, self.rippled[part, j] * over[:, None]
+            ahead = lead_of(along[part, j], rate_of(self.t[part])) * over * of_unseen
             directions.append((part, j, *unseen_directions(folded, ahead, rippled, t)))
         return directions
 

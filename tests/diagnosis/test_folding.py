@@ -18,11 +18,15 @@ from daq.recording.parts import Attachments
 from daq.recording.tables.table import write_table
 from diagnosis.measurements.currents.columns import candidates
 from diagnosis.measurements.currents.design_matrix import Library, dataset_of
+from diagnosis.measurements.currents.estimates import estimates_of
 from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.measurements.currents.model import Currents
+from diagnosis.measurements.currents.state import State
 from diagnosis.residual.generation import residual_run
 from diagnosis.residual.noise.channels import NOTHING_KNOWN, KnownNoise
+from diagnosis.residual.run import Run
 from diagnosis.screening.mains_hum import lines_near_mains, mains_hum, other_lines
+from diagnosis.verification.beyond_folding import beyond_folding, resolved
 from experiment import Demand, demand_of, read_experiment
 from identification.preprocessing import folding_line, setpoints_of
 from identification.selection import Split, select
@@ -155,6 +159,38 @@ def test_an_inertia_beyond_what_folds_is_named_with_a_deviation_that_contains_it
     (inertia,) = cause.parameters
     assert abs(inertia.value - rotor) < 2 * inertia.std
     assert inertia.std > 1.2 * 0.02 * inertia.value  # more than the model error alone
+
+
+@pytest.mark.parametrize("change", [0.0, -0.25, 0.25])
+def test_an_inertia_of_many_times_what_folds_is_searched_for_as_if_nothing_did(root: Path, change: float) -> None:
+    """The Puma at 14 rows per setpoint: what a residual shows along its acceleration counted for next to nothing."""
+    arm = armscope.read_model(root / "config/models/puma560.toml")
+    rotor, drive = arm.joints[1].ratio ** 2 * arm.joints[1].rotor_inertia, arm.joint_array("drive_constant")
+    actual = replace(arm, effects=(EffectTerm("rotor_inertia", 2, {"inertia": change * rotor}),) if change else ())
+    runs, rng, step = [], np.random.default_rng(7), 2 * np.pi / COUNTS
+    for name in ("excitation", "excitation_held_out"):
+        demand = demand_of(read_experiment(root / f"config/experiments/{name}.toml"))
+        t = np.arange(int(15.0 * 500.0)) / 500.0
+        motion = simulate(actual, demand, duration=15.0, rate=500.0, times=t)
+        current = motion.torque / drive + 2e-3 * rng.standard_normal(motion.torque.shape)
+        runs.append(residual_run(name, arm, t, np.round(motion.qm / step) * step, current))
+    every = [c for c in candidates(arm) if c.effect == "rotor_inertia"]
+
+    def chosen(several: list[Run]) -> State:
+        data = Split(*(dataset_of([run]) for run in several))
+        return select(Currents(arm, data, Library(every, data), []))
+
+    hidden = chosen(runs)
+    assert not hidden.chosen
+    beyond = beyond_folding(hidden)
+    assert beyond == ((2,) if change else ())
+    if change:
+        state = chosen(resolved(runs, beyond))
+        assert [c.key for c in state.chosen] == [("rotor_inertia", 2)]
+        ((inertia,),) = estimates_of(state)
+        assert abs(inertia.value - change * rotor) < 2 * inertia.std
+        by_folding = float(np.sqrt(np.mean(runs[0].folded[:, 1] ** 2) / np.mean(runs[0].a[:, 1] ** 2))) * drive[1]
+        assert by_folding < 1.05 * inertia.std < 2 * by_folding
 
 
 def test_a_line_of_the_setpoints_that_sampling_puts_at_60_hz_is_no_hum(

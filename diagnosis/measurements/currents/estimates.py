@@ -10,7 +10,7 @@ from diagnosis.cause import Estimate
 from diagnosis.measurements.currents.design_matrix import columns_of
 from diagnosis.measurements.currents.state import State
 from diagnosis.selection.candidate import Candidate
-from diagnosis.selection.design import Columns
+from diagnosis.selection.design import Columns, Dataset
 from diagnosis.selection.estimates import estimates
 from identification.selection import scaled_lstsq
 from identification.selection.cluster_covariance import cluster_covariance
@@ -51,8 +51,9 @@ def covariance_of(state: State) -> tuple[Array, list[slice]]:
 
     It is clustered by block, with one more column for every nonlinear parameter (derivative of its
     columns). In addition to the residual, the share ``Limits.systematic`` of what is explained is uncertain,
-    independently in every block; so are the parameters of a model that says so; and the residual of every joint, as if
-    it were alike in all blocks: a column that acts in few of them follows what is there.
+    independently in every block; so are the parameters of a model that says so, and what may fold at joints that show
+    more; and the residual of every joint, as if it were alike in all blocks: a column that acts in few of them follows
+    what is there.
     """
     model, fit = state.model, state.data.fit
     x, unknown, places = list[Array](), list[Array](), list[slice]()
@@ -76,11 +77,23 @@ def covariance_of(state: State) -> tuple[Array, list[slice]]:
         unknown=np.concatenate([*unknown, np.zeros(len(model.free))]),
         variance=alike * np.repeat(energy, fit.rows),
     )
-    if model.uncertain is not None:
-        # error of the coefficients due to errors of the model's parameters
-        moved = scaled_lstsq(design, model.uncertain.directions.fit, model.limits.independent)
+    directions = [] if model.uncertain is None else [model.uncertain.directions.fit]
+    if (folded := _folded(fit)).size:
+        directions.append(folded)
+    for direction in directions:
+        # error of the coefficients due to errors of the model's parameters, or to what may fold
+        moved = scaled_lstsq(design, direction, model.limits.independent)
         covariance = covariance + moved @ moved.T
     return covariance, places
+
+
+def _folded(fit: Dataset) -> Array:
+    """(N, k): one std of what may fold at the joints where a residual shows more, alike in all recordings."""
+    joints = sorted({joint for run in fit.runs for joint in run.resolved})
+    columns = np.zeros((len(fit.y), len(joints)))
+    for k, joint in enumerate(joints):
+        columns[fit.of(joint), k] = fit.at_joint("folded", joint) / fit.at_joint("deviation", joint)
+    return columns
 
 
 def _slopes(candidate: Candidate, columns: Columns, c: Array, state: State) -> tuple[list[Array], list[float]]:
