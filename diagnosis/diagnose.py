@@ -192,11 +192,11 @@ def _warnings(arm: Arm, instruments: OtherInstruments, currents: CurrentDiagnosi
         yield f"{arm.name} has neither masses nor friction: its {recorded_signals(arm)} were not judged"
     for uncertainty, subject in ((arm.uncertainty, "parameters are"), (arm.kinematic_uncertainty, "geometry is")):
         if uncertainty is not None and not uncertainty.parameters:
-            yield f"the model names {uncertainty.file}, which is not beside it: its {subject} taken for exact"
+            yield f"the model names {uncertainty.file}, which is not in its folder: its {subject} taken as exact"
     if instruments.judged and arm.uncertainty is not None and not arm.uncertainty.near_rest:
         yield (
-            f"friction near rest was not judged: {arm.uncertainty.file} does not say what the model left there; "
-            "a model that 'armscope identify' writes now does"
+            f"friction near rest was not judged: {arm.uncertainty.file} has no entry left_over_near_rest; "
+            "identify the arm again with this version of armscope to get one"
         )
     yield from reference_taken(arm, [cause.key for cause in currents.causes], state.data.fit.runs)
     yield from smoothing_replaced(arm, currents.base)

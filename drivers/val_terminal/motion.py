@@ -49,7 +49,7 @@ def steps(experiment: Experiment, config: Config) -> list[Step]:
                 found.append(Step((val.program_speed(_percent(segment.speed)), val.move(at))))
             case _:
                 can = "hold, drive and move" if config.dialect == "val2" else "hold and drive"
-                raise ValueError(f"a segment of type {segment.type!r} is none of its terminal's; it can {can}")
+                raise ValueError(f"cannot execute a segment of type {segment.type!r}; it can {can}")
     return found
 
 

@@ -51,9 +51,9 @@ class Coupling:
             if rms > 0.1 * max(self.by_joint.values())
         )
         return (
-            f"joint {self.joint}: {self.share:.0%} of what the motor-link pair leaves ({self.residual_rms:.2g} -> "
-            f"{self.residual_rms_without:.2g} rms) is the coupling torque of the other links, of joint {most} above "
-            "all; the pair's values hold it for inertia and friction"
+            f"joint {self.joint}: {self.share:.0%} of the residual of the motor-link pair ({self.residual_rms:.2g} -> "
+            f"{self.residual_rms_without:.2g} rms) is coupling torque of the other links, mostly of joint {most}; the "
+            "pair's inertia and friction are wrong by it"
         )
 
 

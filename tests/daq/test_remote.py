@@ -180,7 +180,7 @@ def test_an_interrupted_fetch_goes_on_where_it_ended(machines: TwoMachines) -> N
     daemon.kill()
     _, err = fetching.communicate(timeout=60)
     assert (fetching.returncode, err.count("\n")) == (3, 1), err
-    assert "the same command goes on from there" in err
+    assert "run the same command again to continue from there" in err
     daemon.wait()
 
     machines.serve()

@@ -42,7 +42,7 @@ def test_rows_that_stamps_leave_out_are_no_dropped_trigger(tmp_path: Path, root:
     result = diagnose(arm, runs[:2], runs[2:])
     assert (result.verdict, [cause.key for cause in result.causes]) == ("consistent", [])
     (said,) = result.warnings
-    assert "1.mcap leaves out 57 rows" in said and "40 after 5.996 s" in said
+    assert "1.mcap: 57 rows are missing by its time stamps" in said and "40 after 5.996 s" in said
     # the yardstick of identify does not take them for an error of the model either
     assert all(one.ratio < 1.3 for one in against_noise(arm, runs[:1]))
 
@@ -84,6 +84,6 @@ def test_jitter_is_no_hole() -> None:
 
 def test_a_recording_with_more_holes_than_rows_is_refused(tmp_path: Path, root: Path) -> None:
     recording = _recorded(tmp_path / "run.mcap", puma(root, 2), 1, ((100, 3000),))
-    with pytest.raises(InputError, match=r"leaves out 3000 rows, more than its 750 \(none from 0.396 to 12.400 s\)"):
+    with pytest.raises(InputError, match=r"3000 rows are missing, more than its 750 \(none from 0.396 to 12.400 s\)"):
         filled(recording, holes_of(recording.t))
     assert holes_of(recording.t) == (Hole(100, 3000, pytest.approx(0.396), pytest.approx(12.4)),)

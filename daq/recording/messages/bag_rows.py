@@ -54,8 +54,8 @@ class BagRows:
                 raise InputError(
                     self.path,
                     f"the stamps of {name} go back by {(self._newest - stamp) / 1e9:.3f} s, from {self._newest} to "
-                    f"{stamp} ns; the clock was set, or a simulation began anew: --recorded-times takes the times of "
-                    "recording instead",
+                    f"{stamp} ns; the clock was set, or a simulation was restarted; --recorded-times uses the times "
+                    "of recording instead",
                 )
             self._newest = max(self._newest, stamp)
             if columns.keys() & self._waiting.get(stamp, {}).keys():

@@ -34,12 +34,11 @@ def open_source(
     """
     if is_bag(path):
         return BagSource(path, topic=topic, joints=joints, recorded=recorded)
-    if recorded:
-        raise InputError(
-            "--recorded-times", f"is for a ROS 2 bag; {path} is none (a folder with metadata.yaml, .mcap, .db3)"
-        )
-    if topic is not None:
-        raise InputError("--topic", f"is for a ROS 2 bag; {path} is none (a folder with metadata.yaml, .mcap, .db3)")
+    for option, is_given in {"--recorded-times": recorded, "--topic": topic is not None}.items():
+        if is_given:
+            raise InputError(
+                option, f"is for ROS 2 bags only; {path} is not one (a folder with metadata.yaml, .mcap, .db3)"
+            )
     if os.path.isdir(path):
         raise InputError(path, "is a folder without metadata.yaml, so no ROS 2 bag; the name of a file is needed")
     match path.suffix.lower():

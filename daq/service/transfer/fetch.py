@@ -101,4 +101,4 @@ def _verify(handle: int, size: int, sha256: str, part: Path) -> None:
 def _kept(part: Path) -> str:
     if not part.exists():
         return "nothing was kept"
-    return f"{part.stat().st_size} bytes are in {part}: the same command goes on from there"
+    return f"{part.stat().st_size} bytes are in {part}: run the same command again to continue from there"

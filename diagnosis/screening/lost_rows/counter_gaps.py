@@ -117,8 +117,8 @@ def event_of(
         effect=DROPPED_TRIGGER.name,
         joint=None,
         parameters=parameters[joint],
-        evidence="the counter of one joint lost rows while all other channels went on: its angle jumps by what it "
-        f"turned in them, and belongs to later rows from there on ({'; '.join(places)})",
+        evidence="the counter of one joint lost rows while all other channels continued: its angle jumps by the travel "
+        f"in these rows, and from there on belongs to later rows ({'; '.join(places)})",
         recordings=tuple(shown),
         gain=Gain(before=float(rms[0]), after=float(rms[1]), unit="A", joint=joint),
         of_joints=parameters,

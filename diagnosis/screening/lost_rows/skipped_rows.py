@@ -58,8 +58,8 @@ def filled(recording: Recording, holes: Sequence[Hole]) -> Recording:
         longest = max(holes, key=lambda hole: hole.rows)
         raise InputError(
             recording.path,
-            f"leaves out {missing} rows, more than its {len(t)} (none from {longest.start:.3f} to {longest.end:.3f} s);"
-            " give what is before and after as recordings of their own",
+            f"{missing} rows are missing, more than its {len(t)} (none from {longest.start:.3f} to "
+            f"{longest.end:.3f} s); give the parts before and after as separate recordings",
         )
     stamps = np.insert(
         t,
@@ -93,6 +93,6 @@ def remark(recording: Recording, holes: Sequence[Hole]) -> str:
     places = ", ".join(f"{hole.rows} after {hole.start:.3f} s" for hole in holes[:3])
     further = f" and {len(holes) - 3} more" if len(holes) > 3 else ""
     return (
-        f"{recording.path.name} leaves out {count} rows, as its stamps say ({places}{further}); they were "
-        "interpolated, and count for nothing"
+        f"{recording.path.name}: {count} rows are missing by its time stamps ({places}{further}); they were "
+        "interpolated, and have no weight"
     )

@@ -308,7 +308,7 @@ def _check(arm: Arm, runs: Sequence[Run], least: int) -> None:
         )
     for run in runs:
         if not run.usable.any():
-            raise InputError(run.name, "no row has all joint angles and a point of it; leave out what was never seen")
+            raise InputError(run.name, "no row has all joint angles and its point; leave out targets never seen")
     q = np.concatenate([run.q[run.usable] for run in runs])
     if least > 1 and not np.any(np.ptp(q, axis=0) >= RESTING):
         raise InputError(where, "no joint moves; a calibration needs the target tracked while the joints move")
