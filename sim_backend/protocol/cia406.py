@@ -83,7 +83,7 @@ class SimulatedCia406:
         self.encoders: dict[int, Encoder] = {}
         self._mask = (1 << config.bits) - 1
         self._timers: list[threading.Timer] = []
-        self._syncs: Loop | None = None
+        self._syncs = Loop(self._make_syncs, list, self._until_sync)
         self._due = 0  # ns: the next SYNC
 
     @property
@@ -96,7 +96,6 @@ class SimulatedCia406:
         self.bus.open()
         if not self.encoders:
             self._power_up()
-        self._syncs = Loop(self._make_syncs, list, self._until_sync)
         self._syncs.start()
 
     def _power_up(self) -> None:
@@ -114,9 +113,7 @@ class SimulatedCia406:
         network.subscribe(cia.SYNC, self._on_sync)
 
     def close(self) -> None:
-        syncs, self._syncs = self._syncs, None
-        if syncs is not None:
-            syncs.stop()
+        self._syncs.stop()
         for timer in self._timers:
             timer.cancel()
         self.bus.close()

@@ -39,7 +39,7 @@ class SimulatedIvts:
         self.mute = False
         self._commands = self.bus.listen([s.command for s in config.sensors])
         self._lock = threading.RLock()
-        self._loop: Loop | None = None
+        self._loop = Loop(self._step, list, 0.0005)
 
     @property
     def address(self) -> str:
@@ -47,13 +47,10 @@ class SimulatedIvts:
 
     def open(self) -> None:
         self.bus.open()
-        self._loop = Loop(self._step, list, 0.0005)
         self._loop.start()
 
     def close(self) -> None:
-        loop, self._loop = self._loop, None
-        if loop is not None:
-            loop.stop()
+        self._loop.stop()
         self.bus.close()
 
     def restart(self, k: int) -> None:

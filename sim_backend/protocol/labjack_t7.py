@@ -106,7 +106,7 @@ class SimulatedT7:
         self.tripped = 0  # times the watchdog has acted
         self._command, self._stream = Listener(config.host, config.port), Listener(config.host, config.stream_port)
         self._lock = threading.RLock()
-        self._loop: Loop | None = None
+        self._loop = Loop(self._step, lambda: self._command.files() + self._stream.files())
         self._power_up(0)
 
     @property
@@ -117,13 +117,10 @@ class SimulatedT7:
 
     def open(self) -> None:
         self.plug_cable()
-        self._loop = Loop(self._step, lambda: self._command.files() + self._stream.files())
         self._loop.start()
 
     def close(self) -> None:
-        loop, self._loop = self._loop, None
-        if loop is not None:
-            loop.stop()
+        self._loop.stop()
         self.pull_cable()
 
     def pull_cable(self) -> None:

@@ -33,7 +33,7 @@ class SimulatedCounter:
         self._mask = (1 << config.bits) - 1
         self._files: list[int] = []
         self._lock = threading.RLock()
-        self._loop: Loop | None = None
+        self._loop = Loop(self._step, list, 0.001)
 
     @property
     def address(self) -> str:
@@ -41,13 +41,10 @@ class SimulatedCounter:
 
     def open(self) -> None:
         self.load()
-        self._loop = Loop(self._step, list, 0.001)
         self._loop.start()
 
     def close(self) -> None:
-        loop, self._loop = self._loop, None
-        if loop is not None:
-            loop.stop()
+        self._loop.stop()
         self.unload()
 
     def load(self) -> None:

@@ -29,7 +29,10 @@ class Simulator(Protocol):
 
 
 class Loop:
-    """Calls ``step(now_ns)`` when one of ``files()`` is readable, and every ``period()`` s, until stopped."""
+    """Calls ``step(now_ns)`` when one of ``files()`` is readable, and every ``period()`` s, from start to stop.
+
+    It may be started again.
+    """
 
     def __init__(
         self,
@@ -40,18 +43,23 @@ class Loop:
         self._step, self._files = step, files
         self._period = period if callable(period) else (lambda: period)
         self._stopping = threading.Event()
-        self._thread = threading.Thread(target=self._run, daemon=True)
-        self.error: BaseException | None = None
+        self._thread: threading.Thread | None = None
+        self._error: BaseException | None = None
 
     def start(self) -> None:
+        self._stopping.clear()
+        self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
 
     def stop(self) -> None:
-        """Ends the thread; raises what it died of, if it did."""
+        """Ends the thread, if there is one; raises what it died of, if it did."""
         self._stopping.set()
-        self._thread.join()
-        if self.error is not None:
-            raise self.error
+        if self._thread is not None:
+            self._thread.join()
+        self._thread = None
+        error, self._error = self._error, None
+        if error is not None:
+            raise error
 
     def _run(self) -> None:
         try:
@@ -61,7 +69,7 @@ class Loop:
                     select.select(files, [], [], self._period())
                 self._step(time.monotonic_ns())
         except BaseException as error:
-            self.error = error
+            self._error = error
 
 
 class Terminal:
@@ -160,9 +168,9 @@ class OnTerminal(ABC):
         self.name = name
         self.corrupt: Callable[[bytes], bytes] = lambda data: data
         self._terminal = terminal
-        self._period = terminal.until_due if period is None else period
         self._lock = threading.RLock()
-        self._loop: Loop | None = None
+        due = terminal.until_due if period is None else period
+        self._loop = Loop(self._step, lambda: [terminal.fileno()], due)
 
     @property
     def address(self) -> str:
@@ -170,13 +178,10 @@ class OnTerminal(ABC):
 
     def open(self) -> None:
         self._terminal.open()
-        self._loop = Loop(self._step, lambda: [self._terminal.fileno()], self._period)
         self._loop.start()
 
     def close(self) -> None:
-        loop, self._loop = self._loop, None
-        if loop is not None:
-            loop.stop()
+        self._loop.stop()
         self._terminal.close()
 
     def pull_cable(self) -> None:

@@ -40,7 +40,7 @@ class SimulatedTracker:
         self.edges: list[int] = []  # ns of every sample of this run
         self._random = np.random.default_rng(1)
         self._lock = threading.RLock()
-        self._loop: Loop | None = None
+        self._loop = Loop(self._step, list)
         self._socket: socket.socket | None = None
         self._terminal = Terminal(name, config.serial, config.baud / 10) if config.serial is not None else None
         self._started: int | None = None
@@ -55,13 +55,10 @@ class SimulatedTracker:
 
     def open(self) -> None:
         self.plug_cable()
-        self._loop = Loop(self._step, list)
         self._loop.start()
 
     def close(self) -> None:
-        loop, self._loop = self._loop, None
-        if loop is not None:
-            loop.stop()
+        self._loop.stop()
         self.pull_cable()
 
     def pull_cable(self) -> None:
