@@ -16,29 +16,41 @@ from tests.diagnosis import two_link
 from tests.diagnosis.two_link import COUNTS, DRIVE, RATE, Day, model, motion, torque
 
 HIDDEN = {("current_nonlinearity", 1), ("viscous_friction", 1)}
-CUBIC, VISCOUS = 0.01, -0.5
 
 
-def _recorded(path: Path, seed: int, speed: float | None = None) -> Recording:
-    """The motion ``seed``; joint 1 goes to and fro at one ``speed`` (rad/s) instead, where that is given."""
+def _recorded(path: Path, seed: int, sizes: tuple[float, float], speed: float | None = None) -> Recording:
+    """The motion ``seed``; joint 1 goes to and fro at one ``speed`` (rad/s) instead, where that is given.
+
+    sizes: of the current's cubic term (1/A2) and of viscous friction (N m s/rad).
+    """
+    cubic, viscous = sizes
     t, q, v, a = motion(seed, 14.0)
     if speed is not None:
         v[:, 0] = speed * np.tanh(8.0 * np.sin(2 * np.pi * 0.25 * t)) * np.clip(t - 0.6, 0.0, 1.0)
         q[:, 0] = q[0, 0] + np.cumsum(v[:, 0]) / RATE
         a[:, 0] = np.gradient(v[:, 0], t)
     rng, step = np.random.default_rng(seed + 1), 2 * np.pi / COUNTS
-    current = torque(q, v, a, Day(viscous=(VISCOUS, 0.0))) / DRIVE
-    current[:, 0] -= CUBIC * current[:, 0] ** 3
+    current = torque(q, v, a, Day(viscous=(viscous, 0.0))) / DRIVE
+    current[:, 0] -= cubic * current[:, 0] ** 3
     current += 0.01 * rng.normal(size=q.shape)
     write_table(path, t, {"q": np.round(q / step) * step, "i": current}, Attachments())
     return open_recording(path)
 
 
+@pytest.mark.parametrize(
+    ("sizes", "speed"),
+    [
+        ((0.01, -0.5), 0.4),
+        # what was exchanged is not taken back where one law explains the held-out rows as well as the two do
+        ((0.005, -0.8), 0.4),
+        ((0.01, -1.0), 0.3),
+    ],
+)
 def test_two_effects_are_not_named_as_one_law_with_more_coefficients(
-    root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, sizes: tuple[float, float], speed: float
 ) -> None:
     monkeypatch.setattr(two_link, "GRAVITY", 0.0)
-    fit = [_recorded(tmp_path / "fit.mcap", 10)]
-    held_out = [_recorded(tmp_path / "held_out.mcap", 15, 0.4)]
+    fit = [_recorded(tmp_path / "fit.mcap", 10, sizes)]
+    held_out = [_recorded(tmp_path / "held_out.mcap", 15, sizes, speed)]
     found = diagnose(replace(model(root), gravity=(0.0, 0.0, 0.0)), fit, held_out)
     assert {cause.key for cause in found.causes} == HIDDEN

@@ -73,7 +73,7 @@ def _one_for_several(state: State) -> State:
     """The state with a rival of a cause in its place that makes all later causes of its joint superfluous.
 
     A simpler cause is chosen first among those whose gains differ by less than first-order columns are wrong. What it
-    leaves of a richer one, other causes then imitate.
+    leaves of a richer one, other causes then imitate. Not where ``exchanged`` would take these causes again.
     """
     model, noise = state.model, float(state.data.held_out.rows)
     for c in state.chosen:
@@ -84,11 +84,20 @@ def _one_for_several(state: State) -> State:
             if rival.terms or rival.key in model.excluded or rival.key in {one.key for one in state.chosen}:
                 continue
             trial = model.refitted([*others[:place], rival, *others[place:]], {**state.rivals, rival.key: ()})
-            if trial.energy.held_out - state.energy.held_out < model.limits.min_gain * noise:
+            as_well = trial.energy.held_out - state.energy.held_out < model.limits.min_gain * noise
+            if as_well and not _clearly_worse(trial, state, rival.joint):
                 own = [one for one in state.rivals[c.key] if one.candidate.key != rival.key]
                 state = replace(trial, rivals={**state.rivals, rival.key: own})
                 break
     return state
+
+
+def _clearly_worse(trial: State, state: State, joint: int | None) -> bool:
+    """Whether a trial leaves so much of the fitted rows of a joint that ``exchanged`` would take the state again."""
+    if joint is None:
+        return False
+    left = _residual_energy(trial, joint)
+    return left > state.data.fit.rows and _residual_energy(state, joint) < LIMITS.swapped * left
 
 
 def _is_body(state: State, chosen: Candidate) -> bool:
