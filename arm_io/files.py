@@ -64,7 +64,7 @@ def read_head(path: str | Path, size: int) -> bytes:
     """The first ``size`` bytes of a regular file, or all of a shorter one. InputError as ``open_regular``."""
     with os.fdopen(open_regular(path), "rb") as file:
         try:
-            return file.read(size) or b""  # None: nothing to read yet, of what is no file on a disk
+            return file.read(size) or b""  # None: a special file that has nothing to read yet
         except OSError as error:
             raise InputError(path, f"cannot be read: {error.strerror}") from None
 

@@ -28,7 +28,7 @@ def write_json(path: str | Path, content: Any, indent: int | None = None) -> Non
 
 
 def _not_finite(value: Any, name: str = "") -> Iterator[str]:
-    """What is wrong with each number that is not finite; entries of lists are numbered from 1."""
+    """A sentence for each number that is not finite; entries of lists are numbered from 1."""
     if isinstance(value, dict):
         for key, entry in value.items():
             yield from _not_finite(entry, f"{name}.{key}" if name else str(key))

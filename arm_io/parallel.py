@@ -40,7 +40,7 @@ _sharing = False
 
 @dataclass(frozen=True)
 class _Way:
-    """How results come from another process: the end of a pipe, and the memory of their arrays where there is any."""
+    """The channel for results of another process: the end of a pipe, and shared memory for arrays if there are any."""
 
     pipe: int
     memory: int | None
@@ -81,7 +81,7 @@ def in_parallel(work: Callable[[T], R], items: Sequence[T]) -> list[R]:
     finally:
         os.close(queue)
         _end(others)
-    # what failed is done again, so that its exception is that of one process
+    # failed items are computed again here, so that their exception is raised in this process
     return [done[number] if number in done else work(item) for number, item in enumerate(items)]
 
 
@@ -96,7 +96,7 @@ def _forks_safely() -> bool:
 
 @contextmanager
 def _shared() -> Iterator[None]:
-    """Whatever is called within uses one core."""
+    """While the block runs, ``cores`` is 1."""
     global _sharing
     _sharing = True
     try:
@@ -126,7 +126,7 @@ def _done(work: Callable[[T], R], items: Sequence[T], queue: int) -> dict[int, R
 
 
 def _fork(work: Callable[[T], R], items: Sequence[T], queue: int, others: dict[int, _Way]) -> None:
-    """One more process that takes from the queue; adds its number and the way that its results come."""
+    """Forks one more process that takes items from the queue; records its number and the channel of its results."""
     here, there = os.pipe()
     way = _Way(here, os.memfd_create("results") if hasattr(os, "memfd_create") else None)
     # an interrupt is the parent's to answer, which ends the other process
@@ -146,7 +146,7 @@ def _work_and_exit(work: Callable[[T], R], items: Sequence[T], queue: int, there
     try:
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
         if sys.platform == "linux":
-            # with its parent; elsewhere at the latest when it writes what nobody reads
+            # ends with its parent; on other systems at the latest when it writes to the closed pipe
             ctypes.CDLL(None).prctl(_DEATH_SIGNAL, signal.SIGKILL)
         done, arrays = _done(work, items, queue), list[pickle.PickleBuffer]()
         text = pickle.dumps(done, pickle.HIGHEST_PROTOCOL, buffer_callback=None if memory is None else arrays.append)
@@ -171,14 +171,14 @@ def _shared_arrays(arrays: Sequence[pickle.PickleBuffer], memory: int) -> list[t
 
 
 def _received(way: _Way) -> dict[int, Any]:
-    """What a process sends; nothing of one that was killed."""
+    """The results that a process sends; empty for one that was killed."""
     with os.fdopen(way.pipe, "rb", closefd=False) as pipe:
         try:
             text, places = pickle.load(pipe)
         except (EOFError, pickle.UnpicklingError):
             return {}
     size = max((last for _, last in places), default=0)
-    # private: what a later fork writes there is its own
+    # private mapping: writes of a later fork are not seen here
     arrays = memoryview(
         mmap.mmap(way.memory, size, mmap.MAP_PRIVATE) if way.memory is not None and size else bytearray()
     )

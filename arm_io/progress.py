@@ -51,7 +51,7 @@ class Step(str):
 
 @contextmanager
 def following(progress: Progress) -> Iterator[None]:
-    """Within it, ``progress`` is called with what is reported below; in this thread only."""
+    """While the block runs, ``progress`` is called with every ``report`` of this thread."""
     before = _follower.set(progress)
     try:
         yield
@@ -60,7 +60,7 @@ def following(progress: Progress) -> Iterator[None]:
 
 
 def report(stage: str, done: float, of: float | None = None) -> None:
-    """Tells whoever follows how far a stage is."""
+    """Reports the progress of a stage to the innermost ``following`` block."""
     progress = _follower.get()
     if progress is not None:
         progress(Step(stage, done, of))

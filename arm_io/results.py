@@ -47,7 +47,7 @@ def check_folder(path: str | Path) -> None:
     if not stat.S_ISDIR(mode):
         raise InputError(path, "is a file; expected a folder for the results")
     try:
-        os.rmdir(tempfile.mkdtemp(dir=nearest))  # the only sure test: root may do what a file system cannot
+        os.rmdir(tempfile.mkdtemp(dir=nearest))  # permissions alone do not tell
     except OSError as error:
         raise InputError(path, f"cannot be made in {nearest}: {error.strerror}") from None
 

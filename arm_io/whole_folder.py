@@ -61,7 +61,7 @@ def _move(temporary: Path, path: Path, record: Path) -> None:
     before, written = _recorded(record), {name: _digest(file) for name, file in made.items()}
     for folder in sorted(folders):
         make_folder(folder)
-    # until the last file is in its place, files of both runs are on record
+    # until all files have been moved, the record names those of both runs
     _write(record, before | written)
     for name, digest in before.items():
         if name not in made and _digest(path / name) == digest:

@@ -14,7 +14,7 @@ DPI = 100
 
 
 def image(figure: Figure, alt: str) -> str:
-    """The figure as an <img> that carries its own data; ``alt`` describes it in words.
+    """The figure as an <img> with embedded data; ``alt`` describes it in words.
 
     On a narrow screen it can be scrolled.
     """

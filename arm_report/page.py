@@ -50,7 +50,7 @@ class Report:
         self._filled(collect, Markup())
         if not charts:
             return self._filled(collect, Markup()), charts
-        # how much of each chart there is room for depends on all of them
+        # the number of points per chart depends on all charts
         drawn: list[Callable[[], Any]] = [
             lambda: page_data(charts, self.motion, list(self.joints)),
             lambda: stills(charts),
@@ -98,7 +98,7 @@ def _parts() -> Any:
 
 
 def _scripts(data: str) -> Markup:
-    """Data and scripts; what a reader could take for the end of a script is written otherwise."""
+    """Data and scripts; text that a browser would take for the end of a script is escaped."""
     harmless = data.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
     module = _text("vendor/uplot.js").strip()
     library = re.sub(r"export\s*\{\s*(\w+) as default\s*\};?$", r"return \1;", module)
@@ -121,5 +121,5 @@ def table(
 
 
 def warning(sentence: str) -> Markup:
-    """What weakens a verdict; text."""
+    """A paragraph with a warning that weakens a verdict."""
     return Markup(_parts().module.warning(sentence))

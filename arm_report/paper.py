@@ -55,7 +55,7 @@ def _named(panel: Panel) -> bool:
 
 def _draw(axis: Axes, panel: Panel) -> None:
     if panel.y_range is not None and panel.y_range[0] < panel.y_range[1]:
-        # before anything is drawn: the range of equal values on a logarithmic axis is none
+        # before anything is drawn: on a logarithmic axis the range of equal values is empty
         axis.set_ylim(*panel.y_range)
     for zone in panel.zones:
         span = axis.axhspan if zone.axis == "y" else axis.axvspan

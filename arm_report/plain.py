@@ -83,7 +83,7 @@ def plain_page(charts: list[Chart], motion: Motion | None, names: list[str], poi
 
 
 def thinned(chart: Chart, points: int = POINTS) -> int:
-    """Rows of which the lowest and the highest value are drawn in a page, the most of all series; 1: all are."""
+    """Rows per drawn pair of minimum and maximum in a page, the largest of all series; 1: all rows are drawn."""
     return max((rows_per_bucket(len(one.y), points) for panel in chart.panels for one in panel.series), default=1)
 
 
@@ -125,7 +125,7 @@ def _series(one: Series, panel: Panel, arrays: Arrays, points: int) -> Table:
     if one.kind == "line":
         kept, y = envelope(one.y, bucket)
     else:
-        # dots stay where they were measured
+        # dots keep their exact positions
         kept = extremes(one.y, bucket)
         y = one.y[kept]
     in_order = one.kind == "line"

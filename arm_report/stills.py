@@ -56,7 +56,7 @@ def stills(charts: Sequence[Chart]) -> list[Markup]:
     size = sum(map(len, drawn))
     if size <= MOST_STILLS:
         return drawn
-    # axes and words take their room whatever is drawn in them
+    # axes and text need their room independent of the number of points
     least = sum(len(still(chart, 0.0)) for chart in charts)
     detail = 0.9 * max(MOST_STILLS - least, 0) / max(size - least, 1)
     return [still(chart, detail) for chart in charts]

@@ -15,7 +15,7 @@ OBJECTS = 50_000
 
 
 def for_computation() -> None:
-    """Keeps freed memory for the next array, and seldom searches for rings of objects.
+    """Keeps freed memory for later arrays, and runs the garbage collector less often.
 
     Arrays of megabytes come and go in thousands: the kernel clears every page that it hands out, which was a tenth of
     the time of a diagnosis. Imports make a hundred thousand objects that stay.

@@ -179,7 +179,7 @@ def _guarded(command: Callable[..., Any], infinite: Sequence[str]) -> Callable[.
 def _keep_measurements(given: Mapping[str, Any]) -> None:
     """InputError where the result would replace a file that the command reads, or a recording of a rig."""
     out = given.get("out")
-    # os.path, not Path: of what no file can be called, these say False
+    # os.path, not Path: it returns False for impossible names, Path raises
     if not isinstance(out, Path) or not os.path.isfile(out):
         return
     for name, value in given.items():

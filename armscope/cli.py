@@ -29,7 +29,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         status = run(sys.argv[1:] if arguments is None else list(arguments))
         sys.stdout.flush()
     except BrokenPipeError:
-        # whoever read the output (head, less) has gone; at its end Python would complain once more
+        # the reader of the output (head, less) has exited; without this Python would raise again at exit
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         status = NOBODY_READS
     sys.exit(status)
@@ -40,7 +40,7 @@ def run(arguments: list[str]) -> int:
     if (said := answer(arguments)) is not None:
         print(said)
         return DONE
-    # the overview above needs none of these, which cost ten times its time
+    # not needed for the overview above, and ten times slower
     from typer.exceptions import TyperException
 
     from arm_io import DeviceFault, InputError

@@ -50,7 +50,7 @@ class Calibration:
 
     @property
     def failures(self) -> tuple[str, ...]:
-        """Why the points refute the calibration, a sentence each; empty: they do not."""
+        """Reasons why the points refute the calibration, a sentence each; empty if they do not."""
         return self.details.failures
 
     @property
@@ -107,7 +107,7 @@ class Calibration:
             return self.write_into(there, pictures=pictures)
 
     def write_into(self, there: Path, *, pictures: Collection[str] = ()) -> dict[str, Any]:
-        """What ``write`` writes, into a folder that exists, whose owner adds other files."""
+        """Writes the files of ``write`` into an existing folder, to which the caller adds others."""
         from arm_model import write_model
         from arm_report import write_report
 
@@ -123,7 +123,7 @@ class Calibration:
         return page(self.nominal, table, self.details, gravity_of(self.nominal), self._cubes())
 
     def _cubes(self) -> list[Any]:
-        """What the standstills of ISO cube runs show."""
+        """Positioning errors at the standstills of ISO cube runs."""
         from identification.kinematics.data import gravity_of
         from identification.kinematics.estimation import linked, predicted
         from identification.kinematics.use import NAME, cube_report
@@ -138,7 +138,7 @@ class Calibration:
 
 @dataclass(frozen=True)
 class Tracker:
-    """What is known of the tracker and its targets.
+    """What the user states about the tracker and its targets.
 
     files          the tracker's own file (t, x, y, z) of every recording, in the same order; (): the points are in the
                    recordings
@@ -155,7 +155,7 @@ class Tracker:
 
     @property
     def given(self) -> dict[str, Point | None]:
-        """Places by name; "" is the name of all."""
+        """Positions of targets by name; "" stands for all targets."""
         if self.target is None:
             return {}
         return dict(self.target) if isinstance(self.target, Mapping) else {"": self.target}

@@ -57,7 +57,7 @@ def compare(
 
 
 def _expanded(side: Comparable | Sequence[Comparable], where: str) -> list[Comparable]:
-    """Its members: a folder without a result stands for the recordings in it. InputError where there is none."""
+    """The members of a group: a folder without a result stands for its recordings. InputError if there are none."""
     members = list(side) if isinstance(side, Sequence) and not isinstance(side, str) else [side]
     paths: list[Comparable] = []
     for one in members:

@@ -48,7 +48,7 @@ class Diagnosis:
 
     @property
     def too_short(self) -> str | None:
-        """What could not be judged for want of rows, and how many s more are needed; None where all could."""
+        """What could not be judged because rows are too few, and how many s more are needed; None if all was judged."""
         return None if self.details.shortage is None else str(self.details.shortage)
 
     @property
@@ -68,7 +68,7 @@ class Diagnosis:
 
     @property
     def warnings(self) -> list[str]:
-        """What to know of the recordings and the model beside the verdict, a sentence each."""
+        """Sentences on the recordings and the model that qualify the verdict."""
         return list(self.details.warnings)
 
     @property

@@ -101,7 +101,7 @@ def _task(plan: Plan, nights: Sequence[ArmNight], model: str, before: Task | Non
 
 
 def _text(arm: Arm) -> str:
-    """A model as TOML, so that workers need no file."""
+    """A model as TOML text, so that workers need no file."""
     with TemporaryDirectory() as folder:
         path = Path(folder, "model.toml")
         write_model(path, arm)

@@ -21,7 +21,7 @@ def floats(model: File | Arm) -> bool:
 
 
 def refuse(model: File, options: Mapping[str, bool]) -> None:
-    """InputError for the first option that is given and that a floating base has no use for."""
+    """InputError for the first given option that does not apply to a floating base."""
     for option, given in options.items():
         if given:
             raise InputError(option, f"is for arms on a fixed base; {model} has a floating one")

@@ -52,7 +52,7 @@ def identify(
     arm = fixed_model(model, "'armscope identify'")
     fitted, held = for_analysis(recordings, held_out)
     check_distinct(fitted, held)
-    # Imported last: these libraries take a second, for which a wrong file need not wait.
+    # imported last: loading takes a second, and a wrong file is reported sooner
     from arm_report.motion import clip_of
     from identification import identify_by, own_friction
 

@@ -111,7 +111,7 @@ def _floats(model: str) -> bool:
         return False
     try:
         base = toml_of(model, "model.toml").get("base")
-    except InputError:  # XML, or damaged: others say so
+    except InputError:  # XML, or damaged, which the reader reports
         return False
     return isinstance(base, dict) and base.get("kind") == "floating"
 

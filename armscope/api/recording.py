@@ -59,7 +59,7 @@ class Recorded:
         return text_of(self.details)
 
     def _repr_html_(self) -> str:
-        """What came of the run, and the recording, where its file is on this machine."""
+        """The result of the run, and the recording if its file is on this machine."""
         from html import escape
 
         summary = f"<pre>{escape(str(self))}</pre>"
@@ -151,14 +151,14 @@ def _through_server(
 
 
 def _as_given(text: str, place: Path, out: Path, folder: str | None) -> str:
-    """A sentence of the server, which knows the whole path alone, with the path that was given; but for its folder."""
+    """A sentence of the server with the path as the user gave it: the server has only the absolute one."""
     return text.replace(str(place), str(out)) if folder is None else text
 
 
 def _place(out: Path, folder: str | None, fetch: bool) -> Path:
     """Where the recording is made, as the server sees it."""
     if folder is None:
-        check_file(out)  # as it was given: the server knows the whole path alone
+        check_file(out)  # checked here, so that the error names the path as it was given
         return out.absolute()
     if not fetch and out.name != str(out):
         raise InputError(
@@ -219,7 +219,7 @@ def _stop_signals() -> Iterator[list[int]]:
 
 
 def _left(place: Path, remote: bool) -> str:
-    """What a daemon that went away has left, as far as it can be seen from here."""
+    """Where the rows are that a daemon recorded before it went away, as far as this machine can see."""
     active = place.with_name(place.name + ".active")
     if remote:
         return f"; what it recorded is on its machine, {place} or {active}"

@@ -292,7 +292,7 @@ def _run(task: _Task) -> Motion:
 
 
 def _name(source: object) -> str | Path:
-    """What an error calls it."""
+    """The name for error messages."""
     if isinstance(source, Recording):
         return source.path
     return source.name if isinstance(source, Arm | Experiment) else Path(str(source))

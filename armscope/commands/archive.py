@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 class Action(StrEnum):
-    """What is done with the archive."""
+    """The actions of the command."""
 
     LIST = "list"
     PARAMETERS = "parameters"

@@ -261,7 +261,7 @@ def _cubes(arm: Arm, calibration: Estimate | None) -> list[_Cube]:
 
 
 def _write_cubes(there: Path, out: Path, cubes: list[_Cube]) -> dict[str, Any]:
-    """Writes into ``there``, whose files are those of ``out`` soon."""
+    """Writes into ``there``, a temporary folder whose files are moved to ``out``."""
     from experiment import write_experiment
     from identification.kinematics.use import SIDE
 

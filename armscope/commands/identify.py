@@ -70,7 +70,7 @@ def command(
     friction: Annotated[
         Friction | None,
         typer.Option(
-            help="asymmetric: direction-dependent viscous and Coulomb friction; default: asymmetric where the model "
+            help="asymmetric: direction-dependent viscous and Coulomb friction; default: asymmetric if the model "
             "has viscous friction per direction"
         ),
     ] = None,
