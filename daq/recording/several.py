@@ -54,11 +54,11 @@ def open_recordings(
         if total > most_numbers:
             most = most_numbers * extent.numbers // total
         if rate is not None and extent.seconds > 0.0:
-            # intervals, not rows, and stamps of whole ns: 2 kHz is twice 1 kHz, not more
+            # by intervals, rounded: 2 kHz must be twice 1 kHz exactly
             times = (extent.rows - 1) / (rate * extent.seconds)
             halvings = math.ceil(math.log2(max(times, 1.0)) - 1e-6) - 1
             if halvings > 0:
-                # an even number, as rows are kept: one less would halve them once more
+                # an even number of rows, since an odd one would be halved once more
                 kept = -(-extent.rows // 2**halvings)
                 most = min(most, (kept + kept % 2) * extent.joints)
         return open_recording(path, most_numbers=most)

@@ -41,7 +41,7 @@ OWN = ("ledger.json", "recovery.json", CHECKSUMS)
 
 @dataclass(frozen=True)
 class Ranges:
-    """A finished recording of which ranges are read, and what its summary says.
+    """A finished recording from which ranges are read, with the content of its summary.
 
     name         of the file, for errors
     read         of its bytes
@@ -139,7 +139,7 @@ Piece = tuple[bytes, np.ndarray]
 
 
 def _pieces(ranges: Ranges, begin: float, end: float) -> Iterator[Piece]:
-    """What lies within a span, chunk by chunk."""
+    """The rows within a span, chunk by chunk."""
     low, high = (ranges.first_ns + round(1e9 * at) for at in (begin, end))
     form, size = ranges.form, len(ranges.form.template)
     for data in _read_merged(
@@ -158,7 +158,7 @@ def _pieces(ranges: Ranges, begin: float, end: float) -> Iterator[Piece]:
 
 
 def _read_merged(read: Read, chunks: Sequence[ChunkIndex]) -> Iterator[bytes]:
-    """The bytes of chunks, those that lie near each other in one request."""
+    """The bytes of chunks; chunks that are near each other are read in one request."""
     start = end = 0
     for one in chunks:
         first, last = one.chunk_start_offset, one.chunk_start_offset + one.chunk_length

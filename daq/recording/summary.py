@@ -106,7 +106,7 @@ class _Statistics:
 
 
 class _Rows:
-    """What the rows of a recording are like; ``period`` is the median time between them, s."""
+    """Statistics of the rows of a recording; ``period`` is the median time between them, s."""
 
     def __init__(self, period: float) -> None:
         self._pause = PAUSE * period
@@ -140,7 +140,7 @@ class _Rows:
         self._number, self._t = number[-1:].copy(), t[-1:].copy()
 
     def _doubt(self, quality: NDArray[np.uint8]) -> None:
-        """How many values carry which quality bit."""
+        """Number of values with each quality bit."""
         counts = self.flags or {}
         for bit in Quality:
             if bit and bit.name:
@@ -150,7 +150,7 @@ class _Rows:
 
 
 def _signals(recording: RecordingHead, found: _Rows) -> list[dict[str, Any]]:
-    """Each measured column: which samples are missing, and what the others are like."""
+    """Statistics of each measured column, and its missing samples."""
     table = []
     for signal in JOINT_TOPICS:
         for joint in recording.layout.signals.get(signal, ()):

@@ -69,7 +69,7 @@ class Thinned:
         self._filled = end
 
     def _longer(self, buffer: NDArray, needed: int) -> NDArray:
-        """Twice as long where that is allowed: a short recording takes no memory for a long one."""
+        """Doubles the arrays, up to the limit: a short recording needs no more memory than it fills."""
         longer = np.empty((min(self._most, max(2 * len(buffer), needed)), *buffer.shape[1:]), buffer.dtype)
         longer[: self._filled] = buffer[: self._filled]
         return longer

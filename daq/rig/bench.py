@@ -100,7 +100,7 @@ class Bench:
 
 @contextmanager
 def open_bench(rig: Rig, chain: Chain | None = None) -> Iterator[Bench]:
-    """The rig's devices, open, and closed again whatever happens."""
+    """The open bench of a rig; it is closed at the end of the block in any case."""
     bench = Bench(rig, chain)
     bench.open()
     try:

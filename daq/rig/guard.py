@@ -33,7 +33,7 @@ from drivers.protocols import AnalogOutput, ArmController, Device, DigitalOutput
 from experiment import Experiment
 
 START = "start"  # the output that begins a run
-PATIENCE = 0.25  # of the watchdog's time: how long the safe state waits for a command that is under way
+PATIENCE = 0.25  # share of the watchdog's time that the safe state waits for a command in progress
 
 
 class Guard:
@@ -53,7 +53,7 @@ class Guard:
         self._arm, self.controller = _controller(devices)  # its name, "" for none, and the device
         _check_watchdogs(rig, devices)
         self._lock = threading.RLock()
-        self._overtaken = 0  # times that all was made safe beside a command that hung
+        self._overtaken = 0  # number of times that the safe state was commanded while another command hung
         self._fed = 0
         self._awaited: str | None = None  # device that is being read
         self._slow: str | None = None  # device whose reading took long since the last sign of life
@@ -200,7 +200,7 @@ class Guard:
         """Stops the arm and brings every output to its safe state; never raises, tries every open device."""
         self._end.set()
         patience = PATIENCE * self.rig.watchdog
-        alone = self._lock.acquire(timeout=patience)  # whoever holds it may be what hangs
+        alone = self._lock.acquire(timeout=patience)  # a hanging command may hold it
         if not alone:
             self._overtaken += 1
         try:

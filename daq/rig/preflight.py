@@ -98,7 +98,7 @@ def check_motion(rig: Rig, experiment: Experiment, chain: Chain | None = None) -
     problems = _away_from_start(rig, experiment, demand(np.zeros(1))[0], speed) + [
         _sentence(rig, one) for one in violations
     ]
-    # A motion that is refused already may be anything, an endless one included.
+    # not checked further: a refused motion may be endless
     return problems or _check_space(rig, demand, chain)
 
 
@@ -111,7 +111,7 @@ def _check_space(rig: Rig, demand: Demand, chain: Chain | None) -> list[str]:
 
 
 def _away_from_start(rig: Rig, experiment: Experiment, first: Array, speed: Array | None) -> list[str]:
-    """Joints that are asked to be elsewhere at once: a table of positions need not begin where the arm stands."""
+    """Joints whose first demand is not the start pose: a table of positions may begin anywhere."""
     if speed is None:
         return []
     jump = np.abs(first - np.array(experiment.start))

@@ -48,7 +48,7 @@ class Rig(Table):
     joint: list[JointTable] = Field(min_length=1, max_length=64)
     tracker: TrackerTable | None = None
     limits: Limits = Limits()
-    space: Space | None = None  # what stands around the arm; None: nothing is said, and nothing is checked
+    space: Space | None = None  # obstacles around the arm; None: collisions are not checked
     outputs: dict[str, Output] = Field(default={})
     watchdog: Seconds = 0.5  # s without a sign of life after which the guard brings all outputs to their safe state
     block_seconds: Annotated[float, Field(gt=0, le=1)] = 0.01  # how often the devices are read
@@ -108,7 +108,7 @@ def _device_uses(rig: Rig) -> list[tuple[str, str]]:
 
 
 def _check_double_use(rig: Rig) -> None:
-    """Two joints on one channel is a slip of the pen that would look like a coupling of the arm."""
+    """ValueError for two joints on one channel: a typing error that would look like a coupling of the arm."""
     for kind in ("encoder", "current"):
         taken: dict[tuple[str, int], int] = {}
         for number, joint in enumerate(rig.joint, 1):
@@ -139,7 +139,7 @@ def read_rig(path: str | Path, *, drivers: bool = True) -> Rig:
 
 
 def context_of(rig: Rig) -> RigContext:
-    """What the rig's drivers share."""
+    """The context that all drivers of the rig share."""
     return RigContext(
         simulation=dict(rig.simulation),
         model=rig.model_path,

@@ -195,4 +195,4 @@ class Output(Table):
 class RecordingTable(Table):
     """How recordings are written."""
 
-    chunk_seconds: Annotated[float, Field(gt=0, le=10)] = 0.2  # what a power cut may cost
+    chunk_seconds: Annotated[float, Field(gt=0, le=10)] = 0.2  # s: longest loss in a power cut

@@ -37,13 +37,13 @@ class _Command:
         self._call, self._failed, self._over = call, False, threading.Event()
         try:
             threading.Thread(target=self._run, name="safe state", daemon=True).start()
-        except RuntimeError:  # no thread to be had: better one after the other than not at all
+        except RuntimeError:  # no thread available: one after the other
             self._run()
 
     def _run(self) -> None:
         try:
             self._call()
-        except Exception:  # one device may be what is broken; the others still have to be made safe
+        except Exception:  # one device may have failed, and the others must still be made safe
             self._failed = True
         finally:
             self._over.set()

@@ -42,7 +42,7 @@ class Armed:
     expires: float
 
     def lapsed(self, clients: Container[str]) -> str | None:
-        """Why it is not to wait any longer; clients: names of the liveliness tokens that are there."""
+        """Why an armed run must not wait any longer, or None; clients: names of the liveliness tokens present."""
         now = time.monotonic()
         if now >= self.until:
             return f"not started within {self.expires:g} s"
@@ -52,7 +52,7 @@ class Armed:
 
 
 class DeviceJobs:
-    """The open rig, and what can be asked of it."""
+    """The jobs of the thread that talks to the devices of an open rig."""
 
     def __init__(self, rig: Rig, rig_text: str, chain: Chain | None = None) -> None:
         self.bench = Bench(rig, chain)

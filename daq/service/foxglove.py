@@ -55,7 +55,7 @@ class LiveView:
         """Shows rows of a block, ``RATE`` a second of acquisition time; NaN is a gap."""
         wall_ns = columns["wall_ns"]
         if len(wall_ns) and int(wall_ns[0]) < self._next_ns - 1_000_000_000:
-            self._next_ns, self._base_pose = 0, UNKNOWN_POSE  # an older recording than the last
+            self._next_ns, self._base_pose = 0, UNKNOWN_POSE  # time went back: another recording
         poses = poses_of(columns, self._base_pose)
         if len(poses):
             self._base_pose = poses[-1]

@@ -61,7 +61,7 @@ class Lifecycle:
         return self._answers.of(started, lambda _: {"state": "running"})
 
     def stop(self, reason: End) -> None:
-        """Makes for idle from any state. An arm on its way to the start pose is stopped where it is."""
+        """Ends any state towards idle. An arm on its way to the start pose is stopped where it is."""
         if self.state == "arming":
             if self._cancelled is None:
                 self._cancelled = "was stopped before it was ready"

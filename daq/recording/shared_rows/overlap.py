@@ -90,11 +90,11 @@ class _Rows:
 
 
 def _keys_of(recording: Recording, every: np.uint64) -> Keys:
-    """Of the rows as they are in the file, also where the recording has means of them."""
+    """Keys of the rows in the file, also if the recording holds means of them."""
     if recording.averaged > 1:
         try:
             return _sampled(_recorded(recording), every)
-        except InputError:  # the file is gone: the means are all that is known
+        except InputError:  # the file no longer exists, so the means are used
             pass
     return _sampled([recording], every)
 
@@ -114,7 +114,7 @@ def _recorded(recording: Recording) -> Iterator[Recording]:
 
 
 def _candidates(sides: Sequence[_Rows]) -> list[tuple[int, int]]:
-    """Pairs with rows enough in common for a run, or of equal length."""
+    """Pairs of recordings that share enough rows for a run, or have equal length."""
     if not sides:
         return []
     keys = np.concatenate([one.once for one in sides])

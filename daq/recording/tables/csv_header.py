@@ -118,7 +118,7 @@ def read_header(path: str | Path, file: TextIO, separator: str = ",") -> tuple[l
 
 
 def _first_cell(line: str) -> str:
-    """Of a row, whatever separates its cells."""
+    """The first cell of a row, with any separator."""
     return re.split(r"[,;\t| ]", line.lstrip(), maxsplit=1)[0].strip("\"'")
 
 

@@ -126,7 +126,7 @@ class CsvSource:
             reader = csv.reader(text, delimiter=self._separator, skipinitialspace=self._separator == " ")
             rows = [(line + reader.line_num, row) for row in reader if row]
             for number, row in rows:
-                if len(row) == width + 1 and not row[-1].strip():  # a separator at the end of the line
+                if len(row) == width + 1 and not row[-1].strip():  # the line ends with a separator
                     row.pop()
                 if len(row) != width:
                     raise InputError(
@@ -160,7 +160,7 @@ def _numbers(path: str | Path, name: str, lines: Sequence[int], cells: Sequence[
 
 
 def _number(path: str | Path, name: str, line: int, cell: str) -> float:
-    """One cell, slowly, to say which one is wrong."""
+    """One cell as a number; slow, used to find the wrong one."""
     try:
         value = float(cell.replace("_", "?") or "nan")
     except ValueError:

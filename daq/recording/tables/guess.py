@@ -169,7 +169,7 @@ def _from_words(names: Sequence[str], numbers: dict[str, Array], joints: Sequenc
             columns[signal], unit, first[signal] = series
             taken |= set(columns[signal])
             units |= {signal: unit} if unit else {}
-    # numbers that begin with 0 and with 1 are not those of the same joints
+    # signals numbered from 0 and from 1 do not belong to the same joints
     for signal in [one for one, number in first.items() if number != first.get("q", number)]:
         del columns[signal]
         units.pop(signal, None)

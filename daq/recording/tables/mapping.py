@@ -65,7 +65,7 @@ class Picked:
 
 
 class Named(Protocol):
-    """What has columns: a file, and the names in it."""
+    """A file with named columns."""
 
     path: Path
     where: str
@@ -75,7 +75,7 @@ class Named(Protocol):
 
 
 class Mapping(Table):
-    """Which column is which. ``separator`` and ``decimal`` are those of a text.
+    """The mapping of a table's columns. ``separator`` and ``decimal`` are those of a text.
 
     units  signal -> unit of ``UNITS``; scale: signal -> factor of the measured value, one or one per joint (-1: sign)
     """

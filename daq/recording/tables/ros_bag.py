@@ -191,7 +191,7 @@ class BagSource:
         return only
 
     def _mapping(self) -> Mapping:
-        """Positions and efforts of the topic; currents and demands as a recording of armscope has them, if there."""
+        """Positions and efforts of the topic, and currents and demands of armscope's own topics, if present."""
         place = self.topic.rpartition("/")[0]
         there = set(self.names)
 
@@ -228,7 +228,7 @@ class BagSource:
 
 
 class _Opened:
-    """An open reader for a ``with``; what it was opened with is closed at the end."""
+    """A context manager around an open reader, which closes it at the end."""
 
     def __init__(self, reader: Any) -> None:
         self._reader = reader

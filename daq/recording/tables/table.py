@@ -128,7 +128,7 @@ def _write(
 def _write_rows(
     file: McapFile, form: RowFormat, blocks: Iterable[Columns], viewers: Viewers | None, total: int | None
 ) -> int:
-    """The rows, numbered from 0; how many there are. total: None where nobody knows it before."""
+    """Writes the rows, numbered from 0, and returns their number. total: None if it is not known before."""
     size, rows, last_ns = max(1, CHUNK_BYTES // len(form.template)), 0, 0
     derive = Derivatives(form.layout)
     for columns in blocks:

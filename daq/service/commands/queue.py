@@ -21,7 +21,7 @@ class CommandQueue:
     def __init__(self) -> None:
         self._first: deque[Command] = deque()
         self._others: deque[Command] = deque()
-        # One entry for each command and each call of wake. SimpleQueue.put is reentrant, as a signal handler needs it.
+        # One entry for each command and each call of wake. SimpleQueue.put is reentrant: signal handlers may use it.
         self._signals: queue.SimpleQueue[None] = queue.SimpleQueue()
 
     def put(self, command: Command) -> None:

@@ -80,7 +80,7 @@ class Command:
     def _send(self, send: Callable[[], None]) -> None:
         import zenoh
 
-        with contextlib.suppress(zenoh.ZError):  # who asked is gone
+        with contextlib.suppress(zenoh.ZError):  # the client has disconnected
             send()
         self._query.drop()
 
@@ -106,7 +106,7 @@ class CommandServer:
         self._answers.shutdown()
 
     def _take(self, query: zenoh.Query) -> None:
-        """On one of Zenoh's threads: what is too long is refused here, so that it does not wait with its payload."""
+        """Called on one of Zenoh's threads; a payload that is too long is refused at once, to free its memory."""
         command = Command(query, self._answers)
         try:
             command.check()
