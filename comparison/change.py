@@ -19,7 +19,7 @@ SIGNIFICANT = 0.05
 
 @dataclass(frozen=True, kw_only=True)
 class Quantity:
-    """What is compared.
+    """A compared quantity.
 
     name    as in identification.json: joint3.coulomb, a base parameter's expression; of a point of a friction curve
             joint3.friction_positive(0.42)
@@ -44,7 +44,7 @@ class Quantity:
 
 @dataclass(frozen=True, kw_only=True)
 class Estimate:
-    """What one recording or result says of r quantities.
+    """The estimates of r quantities by one recording or result.
 
     values   (r,), NaN where it says nothing
     std      (r,) two of which hold 95 %
@@ -61,7 +61,7 @@ class Estimate:
 
 @dataclass(frozen=True, kw_only=True)
 class Change:
-    """How one quantity differs between the two sides.
+    """The change of one quantity between the two sides.
 
     before, after   None where a side says nothing
     std_before, std_after, std   of both sides and of the change: root of the sum of variances; of groups with the
@@ -88,7 +88,7 @@ class Change:
 
     @property
     def change(self) -> float | None:
-        """After less before, in the unit of the quantity; None where a side does not show it."""
+        """Value after minus value before, in the unit of the quantity; None if a side does not show it."""
         return None if self.before is None or self.after is None else self.after - self.before
 
     @property
@@ -103,12 +103,12 @@ class Change:
 
     @property
     def significant(self) -> bool:
-        """Whether chance makes such a change in at most ``SIGNIFICANT`` of the findings (false-discovery rate)."""
+        """Whether the change is significant at the false-discovery rate ``SIGNIFICANT``."""
         return self.comparable and self.corrected is not None and self.corrected <= SIGNIFICANT
 
     @property
     def relative(self) -> tuple[float, float] | None:
-        """Change over the value before, and its std; None where that value is not clearly other than zero."""
+        """Change over the value before, and its std; None if that value does not differ significantly from zero."""
         if self.change is None or self.before is None or not self.std_before or self.std_after is None:
             return None
         if abs(self.before) < 3 * self.std_before:

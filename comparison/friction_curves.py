@@ -61,7 +61,7 @@ def peak_speed(motion: Motion, joint: int, direction: float) -> float:
     velocity = direction * motion.qd[:, joint] * motion.certain[:, joint]
     moving = np.concatenate([[False], velocity > 0, [False]])
     edges = np.flatnonzero(np.diff(moving.astype(np.int8))).reshape(-1, 2)
-    # A movement is interrupted where it is not certain, too: only peaks some way apart count.
+    # uncertain rows interrupt a movement too, so peaks must be some distance apart
     separation = int(0.1 / motion.dt)
     peaks = sorted(float(velocity[start:stop].max()) for start, stop in edges if stop - start > separation)
     return peaks[-EXCURSIONS] if len(peaks) >= EXCURSIONS else 0.0

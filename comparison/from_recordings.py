@@ -112,7 +112,7 @@ def _in_joint_band(
     drift: Array,
     progress: Progress,
 ) -> Recorded:
-    """The recordings in the wider band of the joint regression, and what each says alone in it."""
+    """The recordings in the wider band of the joint regression, and the regression of each alone in that band."""
     band = [wide(motion) for motion in motions]
     one = regressions_of(separate.structure, recordings, band, motions, separate.is_before, progress)
     return Recorded(one.structure, band, one.rows, one.fits, one.is_before, drift)

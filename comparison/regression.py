@@ -55,7 +55,7 @@ class Rows:
         """(k,) one over the spread of the torque of each row's joint."""
         joints = self.equations.joint
         of = [self.y[joints == j] for j in range(int(joints.max(initial=0)) + 1)]
-        # a joint that stands has no rows
+        # a joint at rest has no rows
         return np.array([1 / max(float(np.std(mine)) if len(mine) else 1.0, 1e-12) for mine in of])[joints]
 
 
@@ -131,7 +131,7 @@ class Structure:
         return change
 
     def uncertain(self, units: Sequence[str]) -> Array:
-        """(c,) how far the model's values may be off: their size, at least UNKNOWN of the largest of the unit."""
+        """(c,) possible error of the model's values: their size, at least UNKNOWN of the largest of the unit."""
         base = np.abs(self.base.grouping[self.rows]) @ np.abs(model_values(self.arm, "asymmetric"))
         size = np.concatenate([base, np.abs(self.model()[len(base) :])])
         size[len(size) - len(loaded_joints(self.loads)) :] = EFFECT.linear[0].typical[1]
@@ -179,7 +179,7 @@ def rows_of(structure: Structure, motion: Motion, carrying: Arm, whole: Motion) 
         weight = equation_weight(motion)[:, curve.joint, None]
         shown = parallel_filter(motion, hats(motion, curve, knots) * weight)
         block = np.where((joint == curve.joint)[:, None], shown[row], 0.0)
-        # of compared points that a recording does not reach it says nothing
+        # a recording does not determine points at speeds that it does not reach
         shared = np.zeros((len(row), len(curve.speeds)))
         shared[:, place[place >= 0]] = block[:, place >= 0]
         compared.append(shared)

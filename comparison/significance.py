@@ -118,7 +118,7 @@ def _between(weight: Array, scatter: Array) -> Array:
     total = np.maximum(weight.sum(axis=0), 1e-300)
     spare = total - (weight**2).sum(axis=0) / total
     degrees = np.maximum((weight > 0).sum(axis=0) - 1, 0)
-    # One recording of a side scatters like those of the other.
+    # a single recording on one side is taken to scatter like those on the other
     return np.where(degrees > 0, degrees / np.maximum(spare, 1e-300), 1 / total) * np.maximum(scatter - 1, 0.0)
 
 
@@ -148,7 +148,7 @@ def _scatter(kinds: Sequence[str], sides: Sequence[Sequence[Estimate]]) -> tuple
     """
     q, freedom = np.sum([_cochran(side) for side in sides], axis=0)
     moderated, left = np.ones(len(kinds)), np.full(len(kinds), np.inf)
-    # A point of a friction curve and a friction parameter scatter alike.
+    # points of friction curves and friction parameters are taken to scatter alike
     groups = np.array(["friction" if kind == "curve" else kind for kind in kinds])
     for kind in set(groups):
         mine = (groups == kind) & (freedom > 0)

@@ -41,7 +41,7 @@ DEPENDENT = 1e-6
 
 @dataclass(frozen=True, kw_only=True)
 class Summary:
-    """One cause of several changes.
+    """One cause that explains several changes.
 
     effect     payload, torque_constant (which a current gain is indistinguishable from), link_inertia, or an effect
                beyond the model
@@ -104,7 +104,7 @@ def summaries(
     found    by the joint fit; added: changes of effects beyond the model
     """
     significant = [change for change in changes if change.significant]
-    # of where the arm is, and when its currents are read, a regression of one recording has no column
+    # tilt, encoder zeros and delays have no column in the regression of a single recording
     if any(_of_whole_arm(one) for one in found) or is_before.all() or not is_before.any():
         return list(_by_joint_fit(found, [*significant, *(one for one in added if one.significant)]))
     seen = _seen(fits, is_before, changes[len(changes) - structure.size :])
@@ -121,7 +121,7 @@ def summaries(
         _current_scale(joint, scale[:, joint], seen, significant, candidates, exact.get(joint + 1))
         for joint in range(len(structure.arm))
     ]
-    # of two joints whose scales explain as much, nothing says which
+    # two joints whose scales explain as much cannot be distinguished
     single += scales if sum(one is not None for one in scales) == 1 else []
     stated = [one for one in single if one is not None]
     return [max(stated, key=lambda one: len(one.explains))] if stated else list(_by_joint_fit(found, of_all))
@@ -168,7 +168,7 @@ def _fitted(x: Array, seen: _Changes) -> tuple[Array, Array, float, float, int]:
 
 
 def _explained(before: float, after: float, rows: int, rank: int, candidates: int) -> bool:
-    """Whether changes are there, and what is left of them is not."""
+    """Whether the changes are significant, and their residual is not."""
     fall = before * rows - after * max(rows - rank, 1)
     chance = float(stats.chi2.sf(fall / max(after, 1.0), rank))
     return candidates * chance < SIGNIFICANT and after < EXPLAINED and rows > rank
@@ -238,7 +238,7 @@ def _current_scale(
     names = [one.quantity.name for one in significant]
     if exact is not None:
         return _scale_found(joint + 1, exact, names, 0)
-    # c of the currents after: before they were 1 - c of them
+    # c is the change over the value after, so the value before is 1 - c
     scale, std = float(c[0] / (1.0 - c[0])), float(np.sqrt(covariance[0, 0]) / (1.0 - c[0]) ** 2)
     return _scale(joint + 1, scale, std, names, 0)
 

@@ -83,7 +83,7 @@ def _in_rows(torque: Array, motion: Motion) -> Array:
 
 
 def _likeliest(recorded: Recorded) -> float:
-    """Of ``DELAYS`` and none, that which leaves least, beside a delay that all recordings have."""
+    """The one of ``DELAYS`` (or none) with the smallest residual, besides a delay that all recordings have."""
     tried = [0.0, *(sign * size for size in DELAYS for sign in (1.0, -1.0))]
     rows = _with_tried(recorded, tried)
     fit = joint_regression(recorded.structure, rows, recorded.fits, recorded.is_before, recorded.drift)

@@ -66,12 +66,12 @@ class Added:
 
     @property
     def placed(self) -> bool:
-        """Whether it is an error of where the model has the arm: of its base, or of the zero of an encoder."""
+        """Whether it is an error of placement: of the base, or of the zero of an encoder."""
         return self.definition.change is not None
 
     @property
     def timed(self) -> bool:
-        """Whether it is an error of when the currents were read."""
+        """Whether it is a delay of the currents."""
         return self.definition.delay is not None
 
     def near(self, other: Added) -> bool:
@@ -93,7 +93,7 @@ class Added:
         names = [p.name for p in self.definition.parameters]
         if self.placed:
             return [Values(dict.fromkeys(names, 0.0) | {name: 1.0}) for name in names]
-        # of a spring at rest at some angle: elsewhere, it adds a constant torque, which friction has as well
+        # a spring relaxed at one angle: relaxed at another, it adds a constant torque, which friction has as well
         return [Values(dict.fromkeys(names, 0.0) | {names[0]: 1.0} | dict(self.held))]
 
 
@@ -113,7 +113,7 @@ def always(arm: Arm, motions: Sequence[Motion]) -> list[Added]:
         effects += [Added("joint_compliance", joint, held, tries=len(elastic)) for held in elastic]
         gaps = [{"half_gap": gap, "contact_stiffness": 1e5, "contact_damping": DAMPING} for gap in HALF_GAPS]
         effects += [Added("backlash", joint, held, tries=len(gaps)) for held in gaps]
-    # delays that the model has are taken out of what is read
+    # delays of the model are corrected in the readings
     return [one for one in effects if one == SKEW or (one.effect, one.joint) not in modelled]
 
 
@@ -152,7 +152,7 @@ def torque_of(one: Added, arm: Arm, motion: Motion, load: Array, inertia: Array)
             error = np.asarray(effect.angle(p, motor))
             rates = np.gradient(error, motion.dt), np.gradient(np.gradient(error, motion.dt), motion.dt)
             torque = _moved(arm, motion, j, error, *rates)
-            # the motor itself does not turn as its encoder says
+            # the motor's true angle differs from its encoder's
             torque[:, j] -= arm.joints[j].ratio ** 2 * arm.joints[j].rotor_inertia * rates[1]
             found.append(torque)
         else:
@@ -179,7 +179,7 @@ def _twist(one: Added, p: Values, load: Array, inertia: Array, motion: Motion) -
     if one.effect == "joint_compliance":
         return spring_twist(load, inertia, p["stiffness"], p["damping"], motion.dt)
     gap = through_gap(load, inertia, p["half_gap"], motion.dt)
-    # a gap that the load never crosses is as another zero of the encoder
+    # a gap that the load never crosses acts like another zero of the encoder
     gap = _smooth((gap if np.ptp(gap) > p["half_gap"] else np.zeros_like(gap))[:, None], motion)[:, 0]
     speed = np.gradient(gap, motion.dt)
     return gap, speed, np.gradient(speed, motion.dt)

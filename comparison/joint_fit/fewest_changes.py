@@ -84,7 +84,7 @@ def _model(structure: Structure, added: Sequence[Added]) -> Array:
 
 
 def _by_scale(recorded: Recorded) -> Array:
-    """(c, J) what another scale of a joint's currents does to the values of a recording after."""
+    """(c, J) change of the values of a recording after, per change of scale of a joint's currents."""
     pairs = zip(recorded.fits, recorded.is_before)
     after = [one.by_scale for one, first in pairs if not first and np.isfinite(one.values).any()]
     return np.mean(after, axis=0) if after else np.zeros_like(recorded.fits[0].by_scale)
@@ -127,7 +127,7 @@ def _shared_chance(change: Change, chances: dict[str, float], every: Sequence[Hy
 def _with_reasons(
     decided: Sequence[Change], changes: Sequence[Change], structure: Structure, joint: JointFit
 ) -> list[Change]:
-    """Those that only regressions of single recordings call significant with the reason why they are not.
+    """The changes; those significant only in regressions of single recordings get the reason why they do not count.
 
     What the shared regression shows as long as nothing is known of a change that was found follows from that.
     """

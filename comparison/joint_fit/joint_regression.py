@@ -90,7 +90,7 @@ def joint_regression(
     before = _values_of([one for one, earlier in zip(parts, is_before) if earlier], model)
     parts = [(np.concatenate([x, _scales(one, before, noise)], axis=1), y) for one, (x, y) in zip(data, parts)]
     square = sum((x**2).sum(axis=0) for x, _ in parts)
-    # of a joint that stands, or a gap that its load never crosses, nothing is shown
+    # a joint at rest, or a gap that its load never crosses, determines nothing
     scale = 1.0 / _sizes(square)
     blocks: list[NDArray[np.intp]] = []
     recording: list[int] = []

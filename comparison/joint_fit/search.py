@@ -55,7 +55,7 @@ class JointFit:
 
 
 def searched(recorded: Recorded) -> JointFit:
-    """With ripples that stand out of what a fit without them leaves.
+    """The joint fit with the ripples that stand out of the residual without them.
 
     First those that all recordings have alike, then those that differ, without any change and with those found.
     """

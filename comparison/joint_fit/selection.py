@@ -130,7 +130,7 @@ def _explaining(
 
 
 def _akaike_gain(one: Tested) -> float:
-    """By how much it lowers Akaike's criterion: squares that it removes, less 2 per coefficient."""
+    """Reduction of Akaike's criterion: removed squares minus 2 per coefficient."""
     return one.gain - 2 * one.hypothesis.directions.shape[1]
 
 
@@ -139,7 +139,7 @@ def _is_significant(one: Tested, every: Sequence[Hypothesis]) -> bool:
 
 
 def _is_error_of(one: Tested, entered: Sequence[Tested]) -> bool:
-    """Whether a change explains no more than what the laws of effects at its joint that entered may be wrong by."""
+    """Whether a change explains no more than the possible error of the laws of accepted effects at its joint."""
     return any(
         other.hypothesis.added is not None
         and other.hypothesis is not one.hypothesis

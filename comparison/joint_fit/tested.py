@@ -29,7 +29,7 @@ from comparison.significance import moderate
 
 @dataclass(frozen=True)
 class Tested:
-    """What a hypothesis explains.
+    """A hypothesis as tested.
 
     directions, coefficients, covariance  (c, k), (k,) and (k, k): the combinations of it that both sides show, the last
              with what the drift does to them
@@ -134,7 +134,7 @@ def shared_values(fit: JointRegression, model: Array, found: Sequence[Tested]) -
 
 
 def tested(fit: JointRegression, every: Sequence[Hypothesis], chosen: Sequence[Hypothesis]) -> list[Tested]:
-    """What each of ``every`` explains given those that are ``chosen``."""
+    """Each hypothesis of ``every``, tested conditional on those ``chosen``."""
     given = _conditional(fit, chosen)
     drift = _drift(given)
     shapes = [_shape(given, one.directions / fit.scale[:, None], drift) for one in every]
