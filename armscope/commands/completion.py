@@ -3,25 +3,17 @@
 from __future__ import annotations
 
 import json
-from enum import StrEnum
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
 from armscope.commands.options import Json
 
 
-class Shell(StrEnum):
-    """Shells that are supported."""
-
-    BASH = "bash"
-    ZSH = "zsh"
-    FISH = "fish"
-
-
 def command(
     shell: Annotated[
-        Shell, typer.Argument(metavar="bash|zsh|fish", help="the shell; the script goes to standard output")
+        Literal["bash", "zsh", "fish"],
+        typer.Argument(metavar="bash|zsh|fish", help="the shell; the script goes to standard output"),
     ],
     as_json: Json = False,
 ) -> None:

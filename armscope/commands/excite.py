@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -23,9 +22,7 @@ if TYPE_CHECKING:
     from identification.experiment_design import Limits, Series
 
 
-class Criterion(StrEnum):
-    d = "d"
-    condition = "condition"
+Criterion = Literal["d", "condition"]
 
 
 def command(
@@ -41,9 +38,7 @@ def command(
     ] = 20.0,
     fundamental: Annotated[float, typer.Option(min=0.01, help="fundamental frequency, Hz")] = 0.1,
     harmonics: Annotated[int, typer.Option(min=1, max=20, help="number of harmonics per joint")] = 5,
-    criterion: Annotated[
-        Criterion, typer.Option(help="d: D-optimal; condition: minimum condition number")
-    ] = Criterion.d,
+    criterion: Annotated[Criterion, typer.Option(help="d: D-optimal; condition: minimum condition number")] = "d",
     candidates: Annotated[int, typer.Option(min=32, help="number of candidate motions")] = 1600,
     seed: Annotated[int, typer.Option(help="seed of the random candidates; the same seed gives the same motion")] = 1,
     floor: Annotated[
@@ -82,7 +77,7 @@ def command(
     for path in trajectory or []:
         check_trajectory(path, len(task.arm))
     series = Series(duration, fundamental, harmonics)
-    search = {"criterion": criterion.value, "candidates": candidates, "seed": seed}
+    search = {"criterion": criterion, "candidates": candidates, "seed": seed}
     designed = _off_the_setpoints(task.arm, _design(task, series, as_json, search), task.rig)
     write_experiment(out, designed, heading=f"Excitation for {task.arm.name}, seed {seed}, {candidates} candidates.")
     demand = demand_of(designed)

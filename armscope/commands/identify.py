@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -11,6 +10,7 @@ import typer
 
 from arm_io.json_text import json_text
 from armscope import allocation
+from armscope.api.identification import Friction, Method, Shape
 from armscope.api.reading import note_gaps
 from armscope.commands.options import HeldOut, Json, Pdf, Png, pictures
 from armscope.progress import shown
@@ -21,34 +21,6 @@ if TYPE_CHECKING:
 
 MANY = ("--held-out",)
 """Options that take several values."""
-
-
-class Method(StrEnum):
-    """``--method``."""
-
-    ols = "ols"
-    wls = "wls"
-    irls = "irls"
-    iv = "iv"
-    didim = "didim"
-    motor_link = "motor-link"
-    sequence = "sequence"
-    friction = "friction"
-
-
-class Friction(StrEnum):
-    """``--friction``."""
-
-    symmetric = "symmetric"
-    asymmetric = "asymmetric"
-
-
-class Shape(StrEnum):
-    """``--shape``: of friction over speed."""
-
-    auto = "auto"
-    straight = "straight"
-    free = "free"
 
 
 def command(
@@ -66,7 +38,7 @@ def command(
             " motor-link: one joint per run; sequence: one joint per run, tip first; friction: friction only, tuned "
             "in closed loop"
         ),
-    ] = Method.wls,
+    ] = "wls",
     friction: Annotated[
         Friction | None,
         typer.Option(
@@ -80,7 +52,7 @@ def command(
             help="friction over speed: straight, a line (Coulomb and viscous); free, a curve; auto, a curve at the "
             "joints where held-out data justify it"
         ),
-    ] = Shape.auto,
+    ] = "auto",
     only_check: Annotated[
         bool,
         typer.Option("--check", help="only report whether identify and diagnose can use the recordings; write nothing"),
@@ -100,23 +72,19 @@ def command(
         check_folder(out)
     if floats(model):
         options = {
-            "--method": method is not Method.wls,
+            "--method": method != "wls",
             "--friction": friction is not None,
-            "--shape": shape is not Shape.auto,
+            "--shape": shape != "auto",
             "--check": only_check,
         }
         _identify_base(run, model, held_out or [], out, pictures(png, pdf), as_json, options)
         return
     note_gaps(model, "dynamics")
-    chosen: dict[str, Any] = {
-        "held_out": held_out or [],
-        "method": method.value,
-        "friction": None if friction is None else friction.value,
-    }
+    chosen: dict[str, Any] = {"held_out": held_out or [], "method": method, "friction": friction}
     if out is None or only_check:
         _check(run, model, chosen, as_json)
     else:
-        _identify(run, model, chosen | {"shape": shape.value}, out, pictures(png, pdf), as_json)
+        _identify(run, model, chosen | {"shape": shape}, out, pictures(png, pdf), as_json)
 
 
 def _check(run: list[Path], model: Path, chosen: dict[str, Any], as_json: bool) -> None:
