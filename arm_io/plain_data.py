@@ -63,6 +63,15 @@ _Place = tuple["_Place", str | int] | None
 """Where an entry stands: its table's place, and its name in it, or its number from 1."""
 
 
+def is_number(text: str) -> bool:
+    """Whether Python reads a number in a text."""
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
 def _wrong(value: object) -> str:
     """What is wrong with one entry, "" for nothing."""
     if isinstance(value, float) and not abs(value) <= LARGEST:

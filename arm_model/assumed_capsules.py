@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from arm_model.capsules import vector
 from arm_model.description import Arm
 from arm_model.rigid_body.kinematics import placement
 from arm_model.tables.link_shapes import Capsule
@@ -26,9 +27,4 @@ def assumed_capsules(arm: Arm) -> list[Capsule]:
     ends = [*(before[:3, 3] for before, _ in placements), np.array(arm.tool)[:3, 3]]
     length = sum(float(np.linalg.norm(end - start)) for start, end in zip(starts, ends))
     radius = ASSUMED * max(length, SHORTEST)
-    return [Capsule(_vector(start), _vector(end), radius) for start, end in zip(starts, ends)]
-
-
-def _vector(values: np.ndarray) -> tuple[float, float, float]:
-    x, y, z = (float(value) for value in values)
-    return x, y, z
+    return [Capsule(vector(start), vector(end), radius) for start, end in zip(starts, ends)]

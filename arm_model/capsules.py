@@ -24,7 +24,7 @@ def of_geometry(shape: str, sizes: tuple[float, ...], pose: Array) -> Capsule:
     else:
         radius = sizes[0]
         half[2] = 0.0 if shape == "sphere" else sizes[1] / 2
-    capsule = Capsule(_vector(-half), _vector(half), radius)
+    capsule = Capsule(vector(-half), vector(half), radius)
     found = moved((capsule,), pose)
     assert found is not None
     return found[0]
@@ -54,7 +54,7 @@ def round_points(points: Array) -> Capsule:
     assert best is not None
     start, end, radius = _along(points, *best[1])
     # rounding must not leave a point outside
-    return Capsule(_vector(start), _vector(end), max(radius * (1.0 + 1e-9), 1e-9))
+    return Capsule(vector(start), vector(end), max(radius * (1.0 + 1e-9), 1e-9))
 
 
 def _hull(points: Array) -> Array:
@@ -101,11 +101,12 @@ def moved(capsules: tuple[Capsule, ...] | None, pose: Array) -> tuple[Capsule, .
         return None
 
     def there(point: tuple[float, float, float]) -> tuple[float, float, float]:
-        return _vector(pose[:3, :3] @ np.array(point) + pose[:3, 3])
+        return vector(pose[:3, :3] @ np.array(point) + pose[:3, 3])
 
     return tuple(Capsule(there(capsule.start), there(capsule.end), capsule.radius) for capsule in capsules)
 
 
-def _vector(values: Array) -> tuple[float, float, float]:
+def vector(values: np.ndarray) -> tuple[float, float, float]:
+    """The three entries of an array as floats."""
     x, y, z = (float(value) for value in values)
     return x, y, z

@@ -8,9 +8,10 @@ from enum import StrEnum
 from pathlib import Path
 
 from arm_io import read_file
+from arm_io.plain_data import is_number
 from arm_model.branches import are, counted_as_fixed, follows, listed
 from arm_model.meshes import FORMATS, mesh_file
-from arm_model.urdf.reading import is_number, numbers_of, reductions
+from arm_model.urdf.reading import numbers_of, reductions
 from arm_model.urdf.tree import Tree, attribute, robot_of
 
 

@@ -19,6 +19,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from arm_io import InputError, read_file
+from arm_io.plain_data import is_number
 from arm_io.toml import one_line
 from arm_io.types import Array
 from arm_model.assumed_capsules import assumed_capsules
@@ -229,15 +230,6 @@ def reductions(robot: xml.Element) -> dict[str, str]:
         if reduction is not None and len(driven) == 1:
             found[driven[0]] = (reduction.text or "").strip()
     return found
-
-
-def is_number(text: str) -> bool:
-    """Whether Python reads a number in it."""
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
 
 
 def _gears(path: str | Path, robot: xml.Element) -> dict[str, float]:

@@ -17,6 +17,7 @@ from typing import TextIO
 
 from arm_io import InputError
 from arm_io.files import open_regular, read_head
+from arm_io.plain_data import is_number
 from daq.recording.messages.row_format import JOINT_TOPICS
 
 SAMPLE = 1 << 16
@@ -85,7 +86,7 @@ def names_line(lines: list[str]) -> tuple[str, int]:
     comments = 0
     while comments < len(lines) and lines[comments].lstrip("\ufeff ").startswith(COMMENT):
         comments += 1
-    if comments and (comments == len(lines) or _is_number(_first_cell(lines[comments]))):
+    if comments and (comments == len(lines) or is_number(_first_cell(lines[comments]))):
         return lines[comments - 1].lstrip("\ufeff ").removeprefix(COMMENT).lstrip(), comments
     return lines[comments] if comments < len(lines) else "", comments + 1
 
@@ -112,7 +113,7 @@ def read_header(path: str | Path, file: TextIO, separator: str = ",") -> tuple[l
         )
     if len(names) > 1 and not names[-1]:
         names.pop()
-    if len(names) > 1 and all(map(_is_number, names)):
+    if len(names) > 1 and all(map(is_number, names)):
         raise InputError(path, f"line 1: has numbers; {_NAMES}")
     return names, before
 
@@ -120,14 +121,6 @@ def read_header(path: str | Path, file: TextIO, separator: str = ",") -> tuple[l
 def _first_cell(line: str) -> str:
     """The first cell of a row, with any separator."""
     return re.split(r"[,;\t| ]", line.lstrip(), maxsplit=1)[0].strip("\"'")
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
 
 
 def joints_of(
