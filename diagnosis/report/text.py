@@ -27,7 +27,7 @@ def diagnosis_text(result: Diagnosis, table: dict[str, Any]) -> str:
             lines.append(f"   indistinguishable here from {others}" + (f"; discriminated by: {by}" if by else ""))
     lines += origin_lines(table)
     if hidden := len(table["not_visible"]):
-        lines += ["", f"{hidden} effects could not have been detected in these recordings"]
+        lines += ["", f"{hidden} effects could not have been detected in these recordings (listed in report.html)"]
     return "\n".join(lines)
 
 

@@ -55,7 +55,7 @@ def sentence(result: Diagnosis) -> str:
 
 
 def _left_over(result: Diagnosis) -> str:
-    """What remains, as its figures have it."""
+    """Sentences on the remaining residual: the joints above the noise, and what would decide there."""
     joints = [one for one in remaining(result) if any(one.words)]
     if joints:
         above = [words for one in joints for words in one.words]
@@ -64,10 +64,10 @@ def _left_over(result: Diagnosis) -> str:
 
 
 def deciding(joints: Sequence[Remaining]) -> Iterator[str]:
-    """What would decide whether anything changed at joints that are above the noise, within what the model is known to.
+    """What would decide whether a joint above the noise, but within the uncertainty of the model, has changed.
 
-    What the model lacks is in recordings of the day of its identification as well, and cancels where both days are
-    compared. What noise left unknown of its parameters more recordings tell.
+    An error of the model is also in recordings of the day of its identification, and cancels when both days are
+    compared. An uncertainty that comes from noise becomes smaller with more recordings.
     """
     known = [joint for joint in joints if joint.known_to]
     lacking = [one.joint for one in known if one.by_lack]
@@ -75,10 +75,10 @@ def deciding(joints: Sequence[Remaining]) -> Iterator[str]:
     if lacking:
         yield (
             f"To decide at {_joints(lacking)}: repeat an experiment of the model's identification and compare both "
-            "recordings (armscope compare); what the model lacks is in both."
+            "recordings (armscope compare); an error of the model is the same in both."
         )
     if unsure:
-        yield f"To decide at {_joints(unsure)}: identify from more recordings; its parameters are known no better."
+        yield f"To decide at {_joints(unsure)}: identify from more recordings; the model is not known well enough."
 
 
 def _joints(numbers: Sequence[int]) -> str:
