@@ -54,14 +54,14 @@ class Joint:
     com: Vector = (0.0, 0.0, 0.0)
     inertia: tuple[float, float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     name: str = ""
-    # what the link moves in, and on; absent: nothing is said about it
+    # water around the link, and friction of its own axis; None: neither modelled nor identified
     drag: NotNegative | None = None  # N m s2/rad2 (N s2/m2) at the joint
     link_viscous: NotNegative | None = None  # N m s/rad (N s/m) against the motion of the link itself
     link_coulomb: NotNegative | None = None  # N m (N), likewise
     cylinder: Cylinder | None = None
-    # what the link may collide with things by; absent: assumed (``arm_model.collision``); empty: nothing
+    # surface of the link for collision checks; None: assumed (``arm_model.collision``); empty: it collides with nothing
     capsule: tuple[Capsule, ...] | None = None
-    # where the joint sits
+    # placement of the joint
     convention: Literal["standard", "modified", "placed"] = "standard"
     theta: float = 0.0  # rad, added to q of a revolute joint
     d: float = 0.0  # m, added to q of a prismatic joint
@@ -194,14 +194,14 @@ class Arm:
     controller: Controller | None = None
     coupling: tuple[Coupling, ...] = ()
     effects: tuple[EffectTerm, ...] = ()
-    source: str = ""  # where the numbers come from, for people
+    source: str = ""  # origin of the numbers, shown to users
     capsule: tuple[Capsule, ...] | None = None
     unphysical: str = ""  # why impossible inertias are kept (a published set, say); without a reason they are refused
     floating: FloatingBase | None = None  # absent: the base is fixed to the ground
-    # how well an identified arm is known; two arms of the same numbers are equal whatever is known of them
+    # uncertainty of an identified arm; it is ignored when two arms are compared
     uncertainty: Uncertainty | None = field(default=None, compare=False, repr=False)
     kinematic_uncertainty: Uncertainty | None = field(default=None, compare=False, repr=False)
-    # of its motors while it is simulated, or was recorded; absent: those at which its friction holds
+    # temperatures of its motors in a simulation or recording; None: those at which its friction holds
     temperatures: Temperatures | None = field(default=None, compare=False, repr=False)
 
     @model_validator(mode="after")

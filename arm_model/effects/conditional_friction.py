@@ -109,7 +109,7 @@ TEMPERATURE_FRICTION = Effect(
             (0.01, 0.1),
             False,
             "velocity at which the last has fallen to 1/e",
-            # a wider one looks like all friction
+            # a wider hump looks like friction at all speeds
             search=geometric(0.01, 0.1, 4),
             coarse=True,
             scale=Scale.SPEED,

@@ -200,7 +200,7 @@ BASE_TILT = Effect(
     name="base_tilt",
     place=Place.GEOMETRY,
     parameters=(
-        # half a turn is the most that a base can be turned; about gravity it has no effect
+        # a tilt of half a turn is the largest; rotation about gravity has no effect
         Parameter(
             "roll",
             "rad",
@@ -263,7 +263,7 @@ JOINT_ZERO_OFFSET = Effect(
             True,
             "encoder reading with the link at 0",
             signed=True,
-            # of a joint that turns, a whole turn; few slides are longer
+            # a whole turn of a revolute joint; few slides are longer
             most=6.3,
             chain="theta",
             noun="zero offset",

@@ -31,7 +31,7 @@ def with_time(unit: str, typical: tuple[float, float]) -> tuple[Parameter, Param
             "change per second of a recording",
             signed=True,
             term=WITH_TIME,
-            # of friction that grows from nothing, a constant explains three quarters
+            # of friction that grows from zero, a constant explains three quarters and this term one quarter
             term_share=0.2,
         ),
         Parameter(

@@ -72,7 +72,7 @@ MISSED_COUNTS = Effect(
     shows="a step in position that stays",
     confused_with={},
     observed_by={Instrument.RAW: Observation()},
-    # a step one millisecond wide: a law has no comparison
+    # a ramp of one millisecond, because laws have no comparison operator for a step
     angle=lambda p, s: p.counts * p.resolution * scalar.minimum(scalar.maximum((s.t - p.time) * 1e3, 0.0), 1.0),
 )
 
@@ -99,7 +99,7 @@ CURRENT_GAIN = Effect(
     name="current_gain",
     place=Place.SENSING,
     parameters=(
-        # with more, a reading is explained by itself
+        # with a larger error, the column, which is the reading, would explain any current
         Parameter(
             "error",
             "1",
@@ -120,7 +120,7 @@ CURRENT_GAIN = Effect(
         Instrument.SINGLE_AXIS: Observation(against=Variable.VELOCITY),
     },
     excited_by=Excitation.CURRENT,
-    # one scales the measured current, the other the expected
+    # the gain scales the measured current, the torque constant the expected one: the same ratio
     aliases=("torque_constant",),
     current=lambda p, s: p.error * s.current,
 )

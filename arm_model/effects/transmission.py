@@ -49,7 +49,7 @@ BACKLASH = Effect(
             "half of the free play between motor and link",
             # from two steps of a good encoder on: along a motion, its steps hide narrower gaps
             search=geometric(2e-4, 7.5e-3, 11),
-            # a gear this worn is not run
+            # a gear with more backlash is not operated any more
             most=7.5e-3,
             tracker_prior=0.02,
         ),
