@@ -29,6 +29,7 @@ FURTHEST = 0.1  # s: the largest lag that is searched for
 LEAST_SHIFTS = 4  # smallest number of rows in LAG for a search
 EXPLAINED = 0.9  # share of the torque's square that the motion must explain to determine the lag
 ILL_CONDITIONED = 1e4  # of the regressor with its columns scaled alike
+TURNS = 4 * np.pi  # rad from zero, beyond which angles may be degrees
 TELLING = 1.5  # ratio of the unexplained torque without lag to that with the best lag, below which the lag is chance
 LIMIT = 0.98  # share of the torque limit that counts as reached
 FAR_BEYOND = 2.0  # torque over the torque limit that only a wrong unit or constant can explain
@@ -184,6 +185,11 @@ def _weaknesses(name: str, entry: JointReadiness, motion: Motion, limit: float |
     if entry.used == 0:
         return [f"{name}: joint {entry.joint} never moves: its friction and rotor cannot be seen here"]
     sentences = []
+    farthest = float(np.max(np.abs(motion.q[:, entry.joint - 1])))
+    if entry.unit == "rad" and farthest > TURNS:
+        sentences.append(
+            f"{name}: joint {entry.joint} goes to {farthest:.4g} rad, more than two turns; are its angles in degrees?"
+        )
     lag = entry.lag
     if lag is not None and abs(lag) > 2 * motion.dt and abs(lag) > 0.05 / motion.band.motion:
         sentences.append(

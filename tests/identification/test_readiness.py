@@ -85,6 +85,15 @@ def test_condition_and_lag_are_told(
     assert "never moves" in " ".join(check_runs([still], arm, sparse=True).warnings)
 
 
+def test_degrees_read_as_radians_are_asked_about(path: Path, arm: Arm) -> None:
+    """Of an arm whose model states no limits; beyond those that it states, the recording is refused."""
+    free = replace(arm, joints=tuple(replace(joint, limits=None) for joint in arm.joints))
+    recording = open_recording(path)
+    said = check_runs([replace(recording, q=np.degrees(recording.q))], free).warnings
+    assert any("joint 1 goes to" in line and line.endswith("are its angles in degrees?") for line in said)
+    assert not any("degrees" in line for line in check_runs([recording], free).warnings)
+
+
 def test_rate_in_step_with_the_setpoints_is_told(path: Path, arm: Arm, root: Path) -> None:
     recording = open_recording(path)
     controller = three_links(read_model(root / "config/models/puma560.toml")).controller
