@@ -18,7 +18,7 @@ from arm_model import Arm, EffectTerm, Motion, write_model
 from arm_model.collision import chain_of
 from arm_model.effects.description_errors import PAYLOAD
 from arm_model.sensing import Readings, recorded
-from arm_model.simulation import Demand, Sampled, servo_period
+from arm_model.simulation import Demand, servo_period
 from arm_model.simulation import simulate as run
 from arm_model.tables import constant_temperatures, recorded_temperatures
 from arm_model.tracking import tracked
@@ -27,7 +27,7 @@ from armscope.shipped import found
 from daq.recording import Attachments, Recording, write_table
 from daq.recording.provenance import file_identity, provenance
 from experiment import Experiment, demand_of, write_experiment
-from identification.preprocessing import check_joints, tracked_as_recorded
+from identification.preprocessing import check_joints, demand_of_run
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -246,12 +246,8 @@ def _of_recording(arm: Arm, recording: Recording, rate: float | None) -> _Task:
     t, demanded = recording.t, _without_holes(path, recording.t, recording.qref)
     _check_size(float(t[-1]), 1 / recording.dt, arm)
     times = t if rate is None else _times(float(t[-1]), rate, arm)
-
-    def demand(at: Array) -> Array:
-        return np.column_stack([np.interp(at, t, demanded[:, j]) for j in range(len(arm))])
-
     asked = recording.attachments.get("experiment.toml")
-    followed = Sampled(demand) if tracked_as_recorded(recording, arm) else demand
+    followed = demand_of_run(replace(recording, qref=demanded), arm)
     text = None if asked is None else asked.decode()
     return _Task(arm, followed, times, experiment=text, notes=tuple(f"{path}: {note}" for note in recording.notes))
 

@@ -5,6 +5,7 @@ The closed loop is simulated on what the servos tracked.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +21,7 @@ from daq.recording.tables.table import write_table
 from experiment import demand_of
 from identification.experiment_design import Series, design_excitation
 from identification.identify import identify_by
-from identification.preprocessing.demands import demand_of_run
+from identification.preprocessing.demands import demand_of_run, setpoints_behind
 from identification.regression.base_parameters import structural_base
 from identification.regression.model_parameters import model_values
 from tests.arm_model.pumas import three_links
@@ -53,8 +54,32 @@ def runs(arm: Arm, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Record
 
 
 def test_plan_and_lines_are_told_apart(arm: Arm, runs: dict[str, Recording]) -> None:
-    assert not isinstance(demand_of_run(runs["plan"], arm), Sampled)
-    assert isinstance(demand_of_run(runs["lines"], arm), Sampled)
+    later = replace(runs["lines"], t=runs["lines"].t[5:], q=runs["lines"].q[5:], i=runs["lines"].i[5:])
+    later = replace(later, qref=runs["lines"].qref[5:])  # its first row is at no setpoint
+    assert isinstance(demand_of_run(later, arm), Sampled)
+    plan, knots = runs["plan"], np.arange(0, 12.0, 0.028)
+    of_plan, of_lines = demand_of_run(plan, arm), demand_of_run(runs["lines"], arm)
+    assert not isinstance(of_plan, Sampled)
+    # to what straight lines between rows cut off the plan
+    assert np.abs(of_plan(knots) - of_lines(knots)).max() < 2e-5
+
+
+@pytest.mark.parametrize("rows", [1.0, 1.2, 1.25, 2.5, 4.85, 10.0])
+def test_rows_of_straight_lines_show_the_setpoints_between_them(rows: float) -> None:
+    random, period = np.random.default_rng(2), 0.01
+    setpoints = random.normal(size=(200, 2))
+    t = np.arange(int(198.5 * rows)) * period / rows
+    lines = np.column_stack([np.interp(t, period * np.arange(200), column) for column in setpoints.T])
+    found = setpoints_behind(lines, t, period)
+    assert found is not None
+    assert np.abs(found[:190] - setpoints[:190]).max() < 1e-9
+
+
+def test_a_smooth_plan_and_too_few_rows_show_no_setpoints() -> None:
+    t = np.arange(1000) / 125.0
+    assert setpoints_behind(np.sin(5.0 * t)[:, None], t, 0.01) is None
+    slow = np.arange(1000) / 80.0
+    assert setpoints_behind(np.zeros((1000, 1)), slow, 0.01) is None
 
 
 @pytest.mark.parametrize("kind", ["plan", "lines"])
