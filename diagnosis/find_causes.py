@@ -10,6 +10,8 @@ from collections.abc import Iterable, Sequence, Set
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+import numpy as np
+
 from arm_io.types import Progress
 from arm_model import Arm
 from diagnosis.cause import Cause, EffectKey, extend
@@ -30,7 +32,7 @@ from diagnosis.per_recording.values import cause_of
 from diagnosis.residual.expected_current import has_dynamics
 from diagnosis.residual.run import Run
 from diagnosis.residual.warmth import depends, not_warmed
-from diagnosis.screening.cleaned import Screened, with_rows_put_back
+from diagnosis.screening.cleaned import Screened, beside_loops, with_rows_put_back
 from diagnosis.screening.lost_rows.lost_triggers import event_of
 from diagnosis.screening.residuals import Residuals, confirmed, realigned, residuals_of
 from diagnosis.selection.candidate import Candidate
@@ -42,6 +44,11 @@ from diagnosis.verification.held_currents import as_held
 from diagnosis.verification.smoothing_velocity import other_smoothing
 from diagnosis.verification.tenable import tenable_causes
 from identification.selection import Split
+
+LOOPS = 2
+"""Searches beside simulated loops after the first, whose loop lacks all causes."""
+SETTLED = 0.2
+"""Of a std: closed loops whose residuals differ by less say the same."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,6 +75,10 @@ class Search:
         """Residuals of the recordings with ``arm`` as the model."""
         return residuals_of(self.arm, self.screened, self.progress)
 
+    def simulating(self, arm: Arm) -> Search:
+        """The same beside closed loops of that arm, where recordings have no noise."""
+        return replace(self, screened=beside_loops(self.screened, arm))
+
     def knowing(self, causes: Sequence[Cause], excluded: Iterable[EffectKey]) -> Search:
         """The same search with more known causes, and more effects that it may not choose."""
         return replace(self, known_causes=(*self.known_causes, *causes), excluded=self.excluded.union(excluded))
@@ -85,7 +96,7 @@ def find_causes(
         screened=screened,
         progress=progress,
     )
-    currents = _repeated_search(search)
+    currents = _beside_loops(search)
     held = as_held(currents.causes, [run for part in currents.state.data for run in part.runs])
     currents = replace(currents, held=tuple(held), causes=[cause for cause in currents.causes if cause not in held])
     if currents.axis or currents.arm.uncertainty is not None:
@@ -97,6 +108,28 @@ def find_causes(
         causes=with_rise_at_rest(currents.causes, runs, state.terms),
         near_rest=tuple(with_rise_at_rest(currents.near_rest, runs, state.terms)),
     )
+
+
+def _beside_loops(search: Search) -> CurrentDiagnosis:
+    """The search; of recordings without noise beside closed loops, and again beside those that have the causes."""
+    search = search.simulating(search.arm)
+    currents = _repeated_search(search)
+    for _ in range(LOOPS):
+        again = search.simulating(extend(currents.base, currents.causes))
+        if not _moved(search.screened, again.screened, currents.residuals.runs):
+            break
+        search, currents = again, _repeated_search(again)
+    return currents
+
+
+def _moved(before: Screened, after: Screened, runs: Sequence[Run]) -> bool:
+    """Whether loops beside the recordings of ``runs`` have other residuals, by more than ``SETTLED`` of a std, rms."""
+    for was, now, run in zip(before.known_noise, after.known_noise, runs):
+        of_loops = [0.0 if known.loop is None else known.loop.residual for known in (was, now)]
+        moved = (of_loops[1] - of_loops[0]) / run.deviation
+        if np.any(np.sqrt(np.mean(moved**2, axis=0)) > SETTLED):
+            return True
+    return False
 
 
 def _repeated_search(search: Search) -> CurrentDiagnosis:

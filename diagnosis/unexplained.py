@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from diagnosis.cause import Signal, Structure, Undetectable
 from diagnosis.closed_loop.clear_errors import clear_errors
-from diagnosis.closed_loop.comparison import Compared, faithful, has_demand
+from diagnosis.closed_loop.comparison import Compared, faithful
 from diagnosis.closed_loop.model_errors import left_over_rms, spreads
 from diagnosis.closed_loop.oscillation import with_oscillations
 from diagnosis.current_diagnosis import CurrentDiagnosis, Recordings
@@ -17,6 +17,7 @@ from diagnosis.measurements.currents.detectability import (
 )
 from diagnosis.other_instruments import OtherInstruments
 from diagnosis.remainder.fitted_only import in_fit_alone, known_to
+from diagnosis.residual.run_setup import has_demand
 from diagnosis.screening.cleaned import Screened
 from diagnosis.selection.design import Dataset
 from diagnosis.verified import Verified

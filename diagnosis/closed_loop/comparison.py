@@ -35,7 +35,7 @@ from diagnosis.residual.comparable_rows import comparable_rows, rms_where
 from diagnosis.residual.filters import COMPARE_BAND, kept_rows, low_pass, rate_of
 from diagnosis.residual.other_effects import residual_under, with_own
 from diagnosis.residual.run import Run, Span
-from diagnosis.residual.run_setup import set_up, setup_of
+from diagnosis.residual.run_setup import has_demand, set_up
 from identification.preprocessing import demand_of_run
 
 FAITHFUL = 1.5
@@ -159,11 +159,6 @@ def before_and_after(
         (before, next(of_extended) if extended is not arm or run.own else before) for before, run in zip(compared, runs)
     ]
     return [None if before is None or after is None else (before, after) for before, after in pairs]
-
-
-def has_demand(recording: Recording) -> bool:
-    """Whether a recording has the demands of all joints, and its drives were on."""
-    return recording.qref is not None and not np.isnan(recording.qref).any() and not setup_of(recording).drives_off
 
 
 def along_motion(run: Run, before: Arm, after: Arm) -> tuple[Array, Array]:

@@ -17,9 +17,9 @@ from arm_io import InputError
 from arm_io.types import Array
 from arm_model import Arm
 from daq.recording import Recording
-from diagnosis.closed_loop.comparison import has_demand
 from diagnosis.closed_loop.loop_errors import band_sections, delay_between, loop_of
 from diagnosis.residual.filters import COMPARE_BAND
+from diagnosis.residual.run_setup import has_demand
 from identification.preprocessing import tracked_as_recorded, zero_phase
 
 PIECE = 0.25

@@ -27,12 +27,12 @@ from arm_model.sensing import recorded
 from arm_model.simulation import simulate_batch
 from daq.recording import Recording
 from diagnosis.cause import Cause, EffectKey, Estimate, Signal, confidence_of
-from diagnosis.closed_loop.comparison import SMOOTHING, has_demand
+from diagnosis.closed_loop.comparison import SMOOTHING
 from diagnosis.closed_loop.loop_errors import delay_between
 from diagnosis.measurements.near_rest.laws import RESOLVED, SOFTEST
 from diagnosis.residual.filters import COMPARE_BAND, TRANSIENT, kept_rows, low_pass, rate_kept, rate_of
 from diagnosis.residual.noise.channels import angle_noise
-from diagnosis.residual.run_setup import set_up
+from diagnosis.residual.run_setup import has_demand, set_up
 from identification.preprocessing import demand_of_run
 from identification.selection import Thresholds, p_value
 from identification.selection.cluster_covariance import cluster_covariance

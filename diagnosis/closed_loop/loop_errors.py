@@ -20,12 +20,11 @@ from arm_model import Arm, EffectTerm
 from arm_model.sensing import recorded
 from arm_model.simulation import simulate_batch
 from daq.recording import Recording
-from diagnosis.closed_loop.comparison import has_demand
 from diagnosis.closed_loop.model_errors import sampled_arms
 from diagnosis.closed_loop.setpoint_phase import lag_of
 from diagnosis.residual.filters import TRANSIENT
 from diagnosis.residual.noise.channels import current_noise
-from diagnosis.residual.run_setup import set_up
+from diagnosis.residual.run_setup import has_demand, set_up
 from identification.preprocessing import demand_of_run, zero_phase
 
 BAND = (10.0, 100.0)

@@ -32,7 +32,7 @@ from diagnosis.residual.filters import (
     rate_of,
 )
 from diagnosis.residual.noise.channels import NOTHING_KNOWN, KnownNoise, encoder_steps
-from diagnosis.residual.noise.instruments import channel_noise, row_by_row
+from diagnosis.residual.noise.instruments import channel_noise, row_by_row, without_noise
 from diagnosis.residual.run import Run
 from diagnosis.residual.setpoint_ripple import DIRECTIONS, folded_onto, ripple_beside
 from identification.preprocessing import UNKNOWN, Setpoints, setpoints_of
@@ -72,8 +72,9 @@ def residual_run(
         + _teeth_variance(arm, (t, q), motion, expected, thin, powered)
     )
     folded, rippled = np.zeros_like(slow_v), np.zeros((*slow_v.shape, DIRECTIONS))
+    unlike = i if known.loop is None else i - known.loop.current
     if powered and instruments.setpoints.period:
-        samples, of_rig = (t, angle, i), (instruments.noise, keep, instruments.setpoints, known.demands)
+        samples, of_rig = (t, angle, unlike), (instruments.noise, keep, instruments.setpoints, known.demands)
         folded, rippled = folded_onto(arm, samples, brisk[2], *of_rig), ripple_beside(arm, samples, *of_rig)
     rows = t[keep]
     return Run(
@@ -83,7 +84,7 @@ def residual_run(
         q=low,
         v=slow_v,
         a=slow_a,
-        current=thin(i),
+        current=thin(i) if known.loop is None else thin(i) - known.loop.residual,
         current_rate=thin(np.gradient(i, 1.0 / rate, axis=0)),
         expected=expected,
         rigid=np.asfortranarray(rigid_torque_along(bent, low, slow_v, slow_a)),
@@ -99,6 +100,7 @@ def residual_run(
         block=((rows - rows[0]) // 1.0).astype(np.intp),
         arm=arm,
         setpoints=instruments.setpoints,
+        without_noise=instruments.without_noise,
         powered=powered,
     )
 
@@ -110,6 +112,7 @@ class _Instruments(NamedTuple):
     loop_noise: Array
     instruments: Array
     setpoints: Setpoints
+    without_noise: bool = False
 
 
 def _instruments(arm: Arm, samples: Samples, a: Array, slow_v: Array, known: KnownNoise, powered: bool) -> _Instruments:
@@ -119,16 +122,22 @@ def _instruments(arm: Arm, samples: Samples, a: Array, slow_v: Array, known: Kno
     if known.residual is not None:
         noise = known.residual
         return _Instruments(noise, noise, np.broadcast_to(noise, slow_v.shape), UNKNOWN)
-    bent = described(arm)
-    inertia = drive_mass_matrix(bent, q[:: max(1, len(q) // 50)]) / bent.joint_array("drive_constant")[:, None]
-    setpoints = known.setpoints
+    inertia, setpoints = current_inertia(arm, q), known.setpoints
     if not setpoints.period:
         setpoints = setpoints_of(arm, 1.0 / rate, currents=(lambda: _ripple_of(i, a, rate)) if powered else None)
     # of setpoints that the currents alone show, what servos do above the lines that are seen stays noise
     period = 0.0 if setpoints.source == "currents" else setpoints.period
     noise = channel_noise(q, i, inertia, rate, known, period)
     loop_noise = channel_noise(q, i, inertia, rate, known, 0.0) if period else noise
-    return _Instruments(noise, loop_noise, row_by_row(noise, q, slow_v, inertia, rate, known), setpoints)
+    by_row = row_by_row(noise, q, slow_v, inertia, rate, known)
+    return _Instruments(noise, loop_noise, by_row, setpoints, without_noise(q, i, inertia, rate, known))
+
+
+def current_inertia(arm: Arm, q: Array) -> Array:
+    """(k, n, n) A s2/rad: currents per acceleration, at some of the angles q (m, n) rad."""
+    bent = described(arm)
+    inertia = drive_mass_matrix(bent, q[:: max(1, len(q) // 50)])
+    return np.asarray(inertia / bent.joint_array("drive_constant")[:, None])
 
 
 def _ripple_of(i: Array, a: Array, rate: float) -> tuple[Array, Array]:

@@ -44,7 +44,8 @@ class Run:
     rigid (m, n) N m: torque to the links; inertia (m, n) kg m2 of the links alone; both at the drives, where joints are
     coupled;
     folded (m, n) A: one std of what sampling may have put into the currents unseen (``setpoint_ripple``); rippled (m,
-    n, d) A: the same of lines that are seen beside 0 Hz; setpoints: of the servos;
+    n, d) A: the same of lines that are seen beside 0 Hz; setpoints: of the servos; without_noise: as of
+    ``noise.instruments``;
     brisk_v, brisk_rigid: v and rigid from the motion in the band of comparison, less smooth and noisier;
     noise (n,) A: std of the residual from the instruments alone; loop_noise (n,) A: the same with what servos do at
     setpoints, which a simulated closed loop does at other instants; instruments (m, n) A: the same row by row, larger
@@ -81,6 +82,7 @@ class Run:
     block: NDArray[np.intp]
     arm: Arm
     setpoints: Setpoints = UNKNOWN
+    without_noise: bool = False
     powered: bool = True
     own: tuple[EffectTerm, ...] = ()
     own_directions: Array | None = None

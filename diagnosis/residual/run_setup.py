@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from arm_io import check_table
 from arm_model import Arm
 from arm_model.effects import values_of
@@ -23,6 +25,11 @@ def setup_of(recording: Recording) -> Setup:
     """The setup of the experiment that a recording carries; nothing out of the ordinary where it carries none."""
     table = (recording.experiment or {}).get("setup")
     return Setup() if table is None else check_table(recording.path, table, Setup)
+
+
+def has_demand(recording: Recording) -> bool:
+    """Whether a recording holds the whole demand of an arm whose drives were on."""
+    return recording.qref is not None and not np.isnan(recording.qref).any() and not setup_of(recording).drives_off
 
 
 def set_up(arm: Arm, recording: Recording) -> Arm:

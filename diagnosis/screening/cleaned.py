@@ -6,12 +6,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
+from arm_io.parallel import in_parallel
 from arm_io.types import Array, Progress
 from arm_model import Arm
 from daq.recording import Recording
-from diagnosis.residual.filters import Samples
-from diagnosis.residual.generation import residual_run
-from diagnosis.residual.noise.channels import KnownNoise, still_noise
+from diagnosis.residual.filters import Samples, rate_of
+from diagnosis.residual.generation import current_inertia, residual_run
+from diagnosis.residual.noise.channels import KnownNoise, encoder_steps, still_noise
+from diagnosis.residual.noise.instruments import without_noise
+from diagnosis.residual.noise.simulated_loop import simulated_loop
 from diagnosis.residual.run import Run
 from diagnosis.residual.run_setup import known_setpoints, set_up, setup_of
 from diagnosis.screening.current_limit import current_limits
@@ -108,6 +111,21 @@ def with_rows_put_back(screened: Screened, losses: Sequence[DroppedTriggers], ev
         t, q, i = samples[loss.recording]
         samples[loss.recording] = t, q, realigned_rows(i, loss)
     return replace(screened, samples=samples, events=united([*screened.events, event]))
+
+
+def beside_loops(screened: Screened, arm: Arm) -> Screened:
+    """The same with the closed loops of an arm beside recordings of which instruments leave less than rows resolve.
+
+    The same object where there are none.
+    """
+    recordings, samples = screened.recordings, screened.samples
+    loops = in_parallel(lambda k: simulated_loop(arm, recordings[k], samples[k]), range(len(recordings)))
+    known = [replace(own, loop=loop) for own, loop in zip(screened.known_noise, loops)]
+    for (t, q, i), own in zip(samples, known):
+        steps = encoder_steps(q) if own.steps is None else own.steps
+        if own.loop and without_noise(q, i, current_inertia(arm, q), rate_of(t), replace(own, steps=steps)):
+            return replace(screened, known_noise=known)
+    return screened
 
 
 def _counter_gaps(

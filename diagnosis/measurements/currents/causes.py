@@ -12,7 +12,9 @@ from arm_model import Arm, Joint
 from arm_model.effects import CATALOGUE, Instrument
 from diagnosis.cause import Cause, EffectKey, Estimate, Signal, confidence_of
 from diagnosis.measurements.currents.limits import LIMITS
+from diagnosis.measurements.currents.refinement import refined
 from diagnosis.measurements.currents.state import State
+from diagnosis.measurements.currents.structure.noise_ratio import joints_above_noise
 from diagnosis.measurements.single_axis.causes import AxisCause
 from diagnosis.screening.event import Event, Gain
 from diagnosis.selection.aliasing import confusability, span_of
@@ -90,7 +92,27 @@ def _indistinguishable(candidate: Candidate, others: Fitted, state: State) -> li
         if rival.candidate.key != candidate.key
         and candidate.effect not in rival.candidate.definition.special_cases
         and confusability(basis, own, model.columns(rival.candidate).fit.dense(rows)) > LIMITS.group_correlation
+        and not _refuted(rival.candidate, candidate, others, state)
     ]
+
+
+def _refuted(rival: Candidate, candidate: Candidate, others: Fitted, state: State) -> bool:
+    """Whether recordings without noise contradict a rival.
+
+    In the place of the candidate, in the exact model, it leaves a joint above the noise that the candidate does not.
+    """
+    model, arm = state.model, state.model.arm
+    if not any(run.without_noise for part in state.data for run in part.runs):
+        return False
+    sharp = refined(rival, others, model.data.fit)
+    chosen = [sharp if c is candidate else c for c in state.chosen]
+    in_place = model.refitted(chosen, {**state.rivals, sharp.key: ()})
+    return any(
+        set(joints_above_noise(of_rival, side, arm)) - set(joints_above_noise(own, side, arm))
+        for of_rival, own, side in zip(
+            (in_place.fitted.fit, in_place.fitted.held_out), (state.fitted.fit, state.fitted.held_out), state.data
+        )
+    )
 
 
 def _bodies_of_unknown_mass(candidate: Candidate, state: State) -> list[EffectKey]:

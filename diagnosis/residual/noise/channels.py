@@ -72,13 +72,20 @@ def floor(values: Array) -> Array:
     return np.minimum(deviation, np.sqrt(lowest))
 
 
-def current_noise(i: Array, measured: NDArray[np.bool_] | None = None, *, between_lines: bool = False) -> Array:
+def current_noise(
+    i: Array,
+    measured: NDArray[np.bool_] | None = None,
+    *,
+    between_lines: bool = False,
+    beside: Array | None = None,
+) -> Array:
     """(n,) A: std of what instruments add to each row of recorded currents (m, n), taken for white.
 
     Their ``scatter``, of the ``measured`` rows, or their ``floor``; no less than that of the converter's steps
-    (variance step^2 / 12), of which a standing current shows few.
+    (variance step^2 / 12), of which a standing current shows few. beside: (m, n) A that are known without noise.
     """
-    white = floor(i) if between_lines else scatter(i, measured)
+    scattered = i if beside is None else i - beside
+    white = floor(scattered) if between_lines else scatter(scattered, measured)
     known = [i[:, j] if measured is None else i[measured[:, j], j] for j in range(i.shape[1])]
     return np.maximum(white, np.array([encoder_step(column) for column in known]) / np.sqrt(12))
 
@@ -103,6 +110,19 @@ def _high_pass() -> tuple[Array, float]:
     return sections, float(np.mean(np.abs(response) ** 4))
 
 
+@dataclass(frozen=True)
+class SimulatedLoop:
+    """A closed loop on the demands of a recording of k rows, of which a residual keeps m; all 0 at joints unlike it.
+
+    angle, current  (k, n) rad and A in its rows
+    residual        (m, n) A: of the model that was simulated, so all that the method has wrong
+    """
+
+    angle: Array
+    current: Array
+    residual: Array
+
+
 @dataclass(frozen=True, kw_only=True)
 class KnownNoise:
     """What is known of the instruments beside the samples of a residual.
@@ -113,6 +133,7 @@ class KnownNoise:
     demands  (k, n) rad of the k rows: what the servos were asked; None: not recorded
     residual  (n,) A: std that the residual will have from the instruments, of samples that are simulated: neither it
               nor what sampling folds can be seen in these; None: as the samples show
+    loop    a simulation of the recording, whose own residual is none of the recording's; None: none
     """
 
     still: Array | float = 0.0
@@ -120,6 +141,7 @@ class KnownNoise:
     setpoints: Setpoints = UNKNOWN
     demands: Array | None = None
     residual: Array | None = None
+    loop: SimulatedLoop | None = None
 
 
 NOTHING_KNOWN = KnownNoise()

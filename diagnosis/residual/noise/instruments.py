@@ -26,15 +26,35 @@ def residual_gain(frequency: Array) -> Array:
 
 
 def channel_noise(q: Array, i: Array, inertia: Array, rate: float, known: KnownNoise, period: float) -> Array:
+    """(n,) A: ``instrument_noise``, but no less than sampled rows resolve."""
+    return np.maximum(instrument_noise(q, i, inertia, rate, known, period), resolved(i)) + 1e-9
+
+
+def without_noise(q: Array, i: Array, inertia: Array, rate: float, known: KnownNoise) -> bool:
+    """Whether the instruments of a recording leave less at any joint than sampled rows resolve.
+
+    Arguments as of ``instrument_noise``; what servos do at setpoints of any period is no noise of theirs.
+    """
+    return bool(np.any(instrument_noise(q, i, inertia, rate, known, period=1.0) < resolved(i)))
+
+
+def resolved(i: Array) -> Array:
+    """(n,) A: what sampled rows resolve of currents i (k, n)."""
+    return np.asarray(RESOLVED * np.sqrt(np.mean(i**2, axis=0)))
+
+
+def instrument_noise(q: Array, i: Array, inertia: Array, rate: float, known: KnownNoise, period: float) -> Array:
     """(n,) A: standard deviation of the residual from the instruments alone, in the band of comparison.
 
     inertia (k, n, n) A s2/rad: currents per acceleration, at some rows; period s: of the servos' setpoints, 0: unknown.
     Current: its scatter or steps, taken for white, or its std at standstill, if that is known and larger. What servos
     do at setpoints of a known period is no noise (``setpoint_ripple``).
-    Angle: its step or scatter, through two differentiations and the joint's own inertia. See ``channels``. No less than
-    sampled rows resolve.
+    Angle: its step or scatter, through two differentiations and the joint's own inertia. See ``channels``.
+    What a simulated loop does as well is noise of neither.
     """
-    white = current_noise(i, between_lines=period > 0.0)
+    loop = known.loop
+    white = current_noise(i, between_lines=period > 0.0, beside=None if loop is None else loop.current)
+    q = q if loop is None else q - loop.angle
     frequency = np.linspace(0.0, rate / 2, 2000)
     through = residual_gain(frequency)
     share = np.trapezoid(1.0 / (1.0 + (frequency / COMPARE_BAND) ** 8) ** 2, frequency) / (rate / 2)
@@ -42,8 +62,7 @@ def channel_noise(q: Array, i: Array, inertia: Array, rate: float, known: KnownN
     mean_inertia = inertia.diagonal(axis1=1, axis2=2).mean(axis=0)
     from_angle = mean_inertia * angle_noise(q, known.steps) * np.sqrt(wobble)
     from_current = np.maximum(white * np.sqrt(share), known.still)
-    resolved = RESOLVED * np.sqrt(np.mean(i**2, axis=0))
-    return np.maximum(np.hypot(from_current, from_angle), resolved) + 1e-9
+    return np.asarray(np.hypot(from_current, from_angle))
 
 
 def row_by_row(noise: Array, q: Array, v: Array, inertia: Array, rate: float, known: KnownNoise) -> Array:
