@@ -8,7 +8,8 @@ The sandwich of Liang & Zeger (Biometrika 73, 1986): with e the residual, x the 
 
 G / (G - k), of G clusters and k coefficients, is the correction for few clusters: the residual of a fit is smaller than
 the error. A column that acts in few clusters follows their errors, so that s_g is next to nothing: added is what
-errors of a given variance make that are alike in all of its rows.
+errors of a given variance make that are alike in all of its rows; of errors that change more slowly than rows, that
+variance is their autocovariance over all rows (``slow_variance``).
 """
 
 from __future__ import annotations
@@ -55,3 +56,22 @@ def cluster_covariance(
         unseen = vectors[:, ~seen] @ vectors[:, ~seen].T
         covariance = covariance + unseen * (unknown * size) ** 2 @ unseen
     return np.asarray(covariance / np.outer(size, size), float)
+
+
+def slow_variance(residuals: Sequence[Array], shares: Sequence[Array], longest: int, alike: float) -> Array:
+    """(sum of m,) variance of every row of residuals (m,) of several recordings, times the rows that count as one.
+
+    shares   (m,) each: std that noise has in a row, of 1 where it counts in full
+    longest  rows of lag over which residuals may be correlated
+    alike    rows that filters make one: no fewer count as one
+    """
+    lags = range(longest + 1)
+    count = [max(sum(_product(one, lag) for one in shares), 1e-300) for lag in lags]
+    covariance = np.array([sum(_product(one, lag) for one in residuals) / count[lag] for lag in lags])
+    density = 2.0 * float(covariance @ (1.0 - np.array(lags) / (longest + 1))) - covariance[0]
+    return np.asarray(max(density, alike * covariance[0]) * np.concatenate(shares) ** 2)
+
+
+def _product(values: Array, lag: int) -> float:
+    """Of values (m,) with themselves, so many rows later."""
+    return float(values[: len(values) - lag] @ values[lag:]) if lag < len(values) else 0.0

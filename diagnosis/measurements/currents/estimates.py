@@ -13,7 +13,10 @@ from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Columns, Dataset
 from diagnosis.selection.estimates import estimates
 from identification.selection import scaled_lstsq
-from identification.selection.cluster_covariance import cluster_covariance
+from identification.selection.cluster_covariance import cluster_covariance, slow_variance
+
+CORRELATED = 0.5
+"""s over which a residual may be correlated: half of a block."""
 
 
 def estimates_of(state: State) -> list[list[Estimate]]:
@@ -52,8 +55,8 @@ def covariance_of(state: State) -> tuple[Array, list[slice]]:
     It is clustered by block, with one more column for every nonlinear parameter (derivative of its
     columns). In addition to the residual, the share ``Limits.systematic`` of what is explained is uncertain,
     independently in every block; so are the parameters of a model that says so, and what may fold at joints that show
-    more; and the residual of every joint, as if it were alike in all blocks: a column that acts in few of them follows
-    what is there.
+    more; and the residual of every joint, as if it were alike in all blocks, correlated as it is: a column that acts
+    in few of them follows what is there.
     """
     model, fit = state.model, state.data.fit
     x, unknown, places = list[Array](), list[Array](), list[slice]()
@@ -68,14 +71,13 @@ def covariance_of(state: State) -> tuple[Array, list[slice]]:
         explained += columns.contribution(c, len(fit.y))
     x += [pair.fit.dense(len(fit.y)) for pair in model.free]
     design = np.hstack(x)
-    energy, alike = fit.by_joint(state.fitted.fit**2) / fit.rows, max(run.alike for run in fit.runs)
     covariance = cluster_covariance(
         design,
         (state.fitted.fit, model.limits.systematic * explained),
         fit.block,
         independent=model.limits.independent,
         unknown=np.concatenate([*unknown, np.zeros(len(model.free))]),
-        variance=alike * np.repeat(energy, fit.rows),
+        variance=_slow_variance(state.fitted.fit, fit),
     )
     directions = [] if model.uncertain is None else [model.uncertain.directions.fit]
     if (folded := _folded(fit)).size:
@@ -85,6 +87,19 @@ def covariance_of(state: State) -> tuple[Array, list[slice]]:
         moved = scaled_lstsq(design, direction, model.limits.independent)
         covariance = covariance + moved @ moved.T
     return covariance, places
+
+
+def _slow_variance(residual: Array, fit: Dataset) -> Array:
+    """(N,) of a whitened residual (N,): near standstill its std is that of friction, and it is next to nothing."""
+    alike = max(run.alike for run in fit.runs)
+    longest = round(CORRELATED * min(run.per_second for run in fit.runs))
+    ends = np.cumsum([len(run.t) for run in fit.runs])[:-1]
+    of_joints = []
+    for joint in range(1, len(residual) // fit.rows + 1):
+        share = fit.at_joint("instruments", joint) / fit.at_joint("deviation", joint)
+        values, shares = (np.split(one, ends) for one in (residual[fit.of(joint)], share))
+        of_joints.append(slow_variance(values, shares, longest, alike))
+    return np.concatenate(of_joints)
 
 
 def _folded(fit: Dataset) -> Array:
