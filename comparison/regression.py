@@ -19,7 +19,7 @@ from arm_io.types import Array
 from arm_model import Arm
 from comparison.friction_curves import Curve, common_curves, hats, knots_of, model_friction
 from comparison.load_friction import EFFECT, load_columns, loaded_joints, mean_loads
-from identification.preprocessing.signals import Motion, equation_rows, equation_weight, parallel_filter
+from identification.preprocessing.signals import Motion, equation_rows, equation_weight, low_passed, parallel_filter
 from identification.regression.base_parameters import BaseParameters, base_parameters
 from identification.regression.effect_columns import is_effect
 from identification.regression.equations import Equations, equations
@@ -170,6 +170,12 @@ def rows_of(structure: Structure, motion: Motion, carrying: Arm, whole: Motion) 
     y = y - rows.columns[:, base.kept] @ added
     _, trusted = equation_rows(motion)
     joint, row = np.nonzero(trusted.T)
+
+    def through_filters(torque: Array, weight: Array) -> Array:
+        """(k, ...) torques (m, ...) with all samples, which step at reversals, in the rows of the regression."""
+        smooth = low_passed(torque, whole.band, whole.dt)[:: round(motion.dt / whole.dt)]
+        return parallel_filter(motion, smooth * weight)
+
     compared, own = [], []
     for curve in structure.curves:
         knots, place = knots_of(curve, whole)
@@ -177,7 +183,7 @@ def rows_of(structure: Structure, motion: Motion, carrying: Arm, whole: Motion) 
             compared.append(np.zeros((len(row), len(curve.speeds))))
             continue
         weight = equation_weight(motion)[:, curve.joint, None]
-        shown = parallel_filter(motion, hats(motion, curve, knots) * weight)
+        shown = through_filters(hats(whole, curve, knots), weight)
         block = np.where((joint == curve.joint)[:, None], shown[row], 0.0)
         # a recording does not determine points at speeds that it does not reach
         shared = np.zeros((len(row), len(curve.speeds)))
@@ -185,8 +191,8 @@ def rows_of(structure: Structure, motion: Motion, carrying: Arm, whole: Motion) 
         compared.append(shared)
         own.append(block[:, place < 0])
     joints = loaded_joints(structure.loads)
-    by_load = load_columns(carrying, motion, structure.loads) * equation_weight(motion)[:, joints]
-    compared.append(np.where(joint[:, None] == joints, parallel_filter(motion, by_load)[row], 0.0))
+    by_load = through_filters(load_columns(carrying, whole, structure.loads), equation_weight(motion)[:, joints])
+    compared.append(np.where(joint[:, None] == joints, by_load[row], 0.0))
     columns = np.concatenate([rows.columns[:, structure.kept], *compared], axis=1)
     return Rows(rows, columns, np.concatenate([np.empty((len(y), 0)), *own], axis=1), y)
 

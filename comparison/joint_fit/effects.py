@@ -7,8 +7,9 @@ All sides share its value, and its change is a hypothesis like any other.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy import ndimage, signal
@@ -22,11 +23,14 @@ from diagnosis.residual.gap import through_gap
 from diagnosis.residual.integration import spring_twist
 from identification.preprocessing import zero_phase
 from identification.preprocessing.signals import Motion, equation_rows, equation_weight, parallel_filter
+from identification.selection import scaled_lstsq
 
 STIFFNESSES = (1e3, 4e3, 2e4, 2e5)
 """N m/rad (N/m) at which an elastic gear is tried: one that is stiffer is the last of them, in proportion."""
-DAMPING = 80.0
-"""N m s/rad (N s/m) of an elastic gear."""
+DAMPING_RATIO = 0.1
+"""Of an elastic gear with its link: more, and its twist would be as late as currents that are read at another time."""
+CONTACT = {"contact_stiffness": 1e5, "contact_damping": 80.0}
+"""N m/rad (N/m) and N m s/rad (N s/m) where a gap is closed: stiff, so that it is the gap alone that shows."""
 HALF_GAPS = (5e-4, 2e-3)
 """rad (m) at which a gap is tried: what it does is in proportion, but for the time in which the link crosses it."""
 NEAR = 0.1
@@ -74,6 +78,16 @@ class Added:
         """Whether it is a delay of the currents."""
         return self.definition.delay is not None
 
+    @property
+    def elastic(self) -> bool:
+        """Whether it is an elastic gear, at a stiffness."""
+        return self.effect == "joint_compliance"
+
+    def stiffer(self, by: float) -> Added:
+        """The elastic gear at ``by`` times the stiffness, of the same damping ratio."""
+        held = {"stiffness": self.held["stiffness"] * by, "damping": self.held["damping"] * math.sqrt(by)}
+        return replace(self, held=held)
+
     def near(self, other: Added) -> bool:
         """Whether both are ripples of one joint that a travel of one turn hardly distinguishes."""
         if not (self.wave and other.wave) or self.joint != other.joint:
@@ -105,13 +119,16 @@ def always(arm: Arm, motions: Sequence[Motion]) -> list[Added]:
     """The tilt of the base; zeros, springs, elastic gears and gaps of every joint, but those that the model has."""
     centre = np.mean([arm.link_angles(motion.q).mean(axis=0) for motion in motions], axis=0)
     modelled = {(term.name, term.joint) for term in arm.effects}
+    inertia = np.mean([np.mean(_own_inertia(arm, motion), axis=0) for motion in motions], axis=0)
     effects = [Added("base_tilt", None), SKEW]
     for joint in range(1, len(arm) + 1):
         effects.append(Added("joint_zero_offset", joint))
         effects.append(Added("gravity_spring", joint, {"rest_angle": float(centre[joint - 1])}))
-        elastic = [{"stiffness": stiffness, "damping": DAMPING} for stiffness in STIFFNESSES]
+        critical = 2.0 * np.sqrt(np.array(STIFFNESSES) * max(float(inertia[joint - 1]), 0.0))
+        damping = (DAMPING_RATIO * critical).tolist()
+        elastic = [{"stiffness": k, "damping": c} for k, c in zip(STIFFNESSES, damping)]
         effects += [Added("joint_compliance", joint, held, tries=len(elastic)) for held in elastic]
-        gaps = [{"half_gap": gap, "contact_stiffness": 1e5, "contact_damping": DAMPING} for gap in HALF_GAPS]
+        gaps = [{"half_gap": gap, **CONTACT} for gap in HALF_GAPS]
         effects += [Added("backlash", joint, held, tries=len(gaps)) for held in gaps]
     # delays of the model are corrected in the readings
     return [one for one in effects if one == SKEW or (one.effect, one.joint) not in modelled]
@@ -121,10 +138,20 @@ def added_rows(every: Sequence[Added], arm: Arm, motion: Motion) -> Array:
     """(k, e) columns of all of them in the rows of one recording."""
     joint, row = np.nonzero(equation_rows(motion)[1].T)
     weight = equation_weight(motion)[..., None]
-    load = _smooth(rigid_torque_along(arm, *_above_noise(motion)), motion)
-    inertia = mass_matrix_along(arm, motion.q).diagonal(axis1=1, axis2=2)
-    parts = [parallel_filter(motion, torque_of(one, arm, motion, load, inertia) * weight)[row, joint] for one in every]
+    smooth = _above_noise(motion)
+    load = _smooth(rigid_torque_along(arm, *smooth), motion)
+    inertia = _own_inertia(arm, motion)
+    torques = [
+        _of_delay(motion, load, *smooth[1:]) if one.timed else torque_of(one, arm, motion, load, inertia)
+        for one in every
+    ]
+    parts = [parallel_filter(motion, torque * weight)[row, joint] for torque in torques]
     return np.concatenate([np.empty((len(row), 0)), *parts], axis=1)
+
+
+def _own_inertia(arm: Arm, motion: Motion) -> Array:
+    """(m, J) kg m2 (kg) of the links about each joint, the others at rest."""
+    return np.asarray(mass_matrix_along(arm, motion.q).diagonal(axis1=1, axis2=2))
 
 
 def with_columns(rows: Rows, more: Array) -> Rows:
@@ -139,8 +166,6 @@ def torque_of(one: Added, arm: Arm, motion: Motion, load: Array, inertia: Array)
     """
     if one.placed:
         return _misplaced(one, arm, motion)
-    if one.timed:
-        return -np.gradient(motion.torque, motion.dt, axis=0)[..., None]
     assert one.joint is not None
     j, effect = one.joint - 1, one.definition
     motor = Signals(q=arm.link_angles(motion.q)[:, j], motor=arm.joints[j].ratio * motion.q[:, j])
@@ -161,6 +186,19 @@ def torque_of(one: Added, arm: Arm, motion: Motion, load: Array, inertia: Array)
     return np.stack(found, axis=-1)
 
 
+def _of_delay(motion: Motion, load: Array, speed: Array, acceleration: Array) -> Array:
+    """(m, J, 1) N m (N) per s of delay: minus the rate of what load, rotor and friction explain of the torques.
+
+    The rate of the measured torques would be that of their noise: in it, any delay is found by which they are put back.
+    """
+    explained = np.zeros_like(motion.torque)
+    for j in range(motion.torque.shape[1]):
+        v, used = speed[:, j], motion.certain[:, j]
+        columns = np.column_stack([load[:, j], acceleration[:, j], v, np.sign(v), np.ones_like(v)])
+        explained[:, j] = columns @ scaled_lstsq(columns[used], motion.torque[used, j])
+    return -np.gradient(explained, motion.dt, axis=0)[..., None]
+
+
 def _misplaced(one: Added, arm: Arm, motion: Motion) -> Array:
     """(m, J, k) of an error of where the arm is: central differences of the torque of its links."""
     change = one.definition.change
@@ -176,7 +214,7 @@ def _misplaced(one: Added, arm: Arm, motion: Motion) -> Array:
 
 def _twist(one: Added, p: Values, load: Array, inertia: Array, motion: Motion) -> tuple[Array, Array, Array]:
     """Motor angle less link angle (m,) and its rates."""
-    if one.effect == "joint_compliance":
+    if one.elastic:
         return spring_twist(load, inertia, p["stiffness"], p["damping"], motion.dt)
     gap = through_gap(load, inertia, p["half_gap"], motion.dt)
     # a gap that the load never crosses acts like another zero of the encoder

@@ -20,10 +20,14 @@ from comparison.joint_fit.effects import SKEW, Added, added_rows, always, with_c
 from comparison.joint_fit.hypotheses import Hypothesis, hypotheses, point_masses
 from comparison.joint_fit.joint_regression import JointRegression, joint_regression
 from comparison.joint_fit.ripples import ripples
-from comparison.joint_fit.selection import selected, with_one_mass
+from comparison.joint_fit.selection import akaike, selected, with_one_mass
 from comparison.joint_fit.tested import Tested, residuals_of
 from comparison.regression import Fitted, Rows, Structure
 from identification.preprocessing.signals import Motion
+
+FINER = tuple(2.0 ** (k / 4) for k in range(-4, 9))
+"""Stiffnesses that are tried of an elastic gear that entered, over that at which it did: from half to four times. Where
+its resonance with the link is near the band, what it does is not in proportion."""
 
 
 @dataclass(frozen=True)
@@ -74,12 +78,35 @@ def first_fit(recorded: Recorded) -> tuple[JointFit, list[Rows]]:
     """Without ripples; and the rows with the columns of all effects in it."""
     first = always(recorded.structure.arm, recorded.motions)
     if recorded.delay == 0.0:
-        return with_added(recorded, recorded.rows, [], first)
+        return _with_finer_stiffnesses(recorded, *with_added(recorded, recorded.rows, [], first))
     late = list(recorded.rows)
     for k in map(int, np.flatnonzero(~recorded.is_before)):
         rate = added_rows([SKEW], recorded.structure.arm, recorded.motions[k])[:, 0]
         late[k] = replace(late[k], y=late[k].y + recorded.delay * rate)
-    return with_added(recorded, late, [], first)
+    return _with_finer_stiffnesses(recorded, *with_added(recorded, late, [], first))
+
+
+def _with_finer_stiffnesses(recorded: Recorded, joint: JointFit, rows: list[Rows]) -> tuple[JointFit, list[Rows]]:
+    """Of each elastic gear that entered, the stiffness alone beside which the joint fit leaves least."""
+    for soft in [one.hypothesis.added for one in joint.found]:
+        if soft is None or not soft.elastic:
+            continue
+        others = [one for one in joint.added if not (one.elastic and one.joint == soft.joint)]
+        data = _with_only(recorded, joint, rows, others)
+        tries = len(FINER) + sum(one.tries for one in joint.added) - sum(one.tries for one in others)
+        tried = [replace(soft.stiffer(by), tries=tries) for by in FINER]
+        fits = [with_added(recorded, data, others, [one]) for one in tried]
+        joint, rows = min(fits, key=lambda of: akaike(of[0].fit, of[0].found))
+    return joint, rows
+
+
+def _with_only(recorded: Recorded, joint: JointFit, rows: Sequence[Rows], kept: Sequence[Added]) -> list[Rows]:
+    """The rows of a joint fit with the columns of some of its effects beyond the model alone."""
+    columns, first = list(range(recorded.structure.size)), recorded.structure.size
+    for one in joint.added:
+        places = range(first, first := first + len(one.units))
+        columns += places if any(one is other for other in kept) else []
+    return [replace(part, columns=part.columns[:, columns]) for part in rows]
 
 
 def _without_rivals(recorded: Recorded, joint: JointFit, rows: Sequence[Rows]) -> JointFit:
@@ -88,16 +115,13 @@ def _without_rivals(recorded: Recorded, joint: JointFit, rows: Sequence[Rows]) -
     rivals = {k for k, one in enumerate(joint.added) if one not in waves and any(one.near(other) for other in waves)}
     if not rivals:
         return joint
-    added, columns, first = [], list(range(recorded.structure.size)), recorded.structure.size
-    for k, one in enumerate(joint.added):
-        places = range(first, first := first + len(one.units))
-        if k not in rivals:
-            # it was chosen among theirs, too
-            more = sum(joint.added[k].tries for k in rivals if one in waves and joint.added[k].near(one))
-            added.append(replace(one, tries=one.tries + more))
-            columns += places
-    data = [replace(part, columns=part.columns[:, columns]) for part in rows]
-    return with_added(recorded, data, added, [])[0]
+    kept = [one for k, one in enumerate(joint.added) if k not in rivals]
+    added = []
+    for one in kept:
+        # it was chosen among theirs, too
+        more = sum(joint.added[k].tries for k in rivals if one in waves and joint.added[k].near(one))
+        added.append(replace(one, tries=one.tries + more))
+    return with_added(recorded, _with_only(recorded, joint, rows, kept), added, [])[0]
 
 
 def with_added(

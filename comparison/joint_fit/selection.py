@@ -34,8 +34,9 @@ def selected(fit: JointRegression, every: Sequence[Hypothesis], first: Sequence[
 
     Of those that are certain, the one that explains most shows that something changed. What did is the hypothesis
     beside which it is not certain any more, if one explains still more and is not by chance: what a cause explains may
-    be known less surely than a part of it. Its chance is that of the certain one. What may be the error of the law of
-    an effect that entered is no change.
+    be known less surely than a part of it. A certain one with fewer coefficients takes its place where that leaves
+    nothing certain of it. The chance is that of the certain one. What may be the error of the law of an effect that
+    entered is no change.
     """
     chosen = list(first)
     entered: list[Tested] = []
@@ -50,7 +51,8 @@ def selected(fit: JointRegression, every: Sequence[Hypothesis], first: Sequence[
         if len(chosen) == MOST or not certain:
             break
         shown = max(certain, key=_akaike_gain)
-        best = _explaining(fit, every, chosen, shown, likely).hypothesis
+        explaining = _explaining(fit, every, chosen, shown, likely)
+        best = _with_fewer_coefficients(fit, every, chosen, explaining, certain).hypothesis
         surest[id(best)] = shown.log_p
         entered = _conditional(fit, every, [*chosen, best])
         entered = [one for one in entered if one.log_p < np.log(SIGNIFICANT) and not _is_error_of(one, entered)]
@@ -129,6 +131,26 @@ def _explaining(
     return shown
 
 
+def _with_fewer_coefficients(
+    fit: JointRegression,
+    every: Sequence[Hypothesis],
+    chosen: Sequence[Hypothesis],
+    best: Tested,
+    certain: Sequence[Tested],
+) -> Tested:
+    """Of those ``certain`` with fewer coefficients beside which the ``best`` is not, the one that explains most; or it.
+
+    A body has so many that it explains some of the noise of a short recording beside the friction that changed.
+    """
+    simpler = [one for one in certain if len(one.coefficients) < len(best.coefficients)]
+    for one in sorted(simpler, key=_akaike_gain, reverse=True):
+        given = [*chosen, one.hypothesis]
+        again = tested(fit, [each for each in every if all(each is not other for other in given)], given)
+        if not any(_is_significant(each, every) for each in again if each.hypothesis is best.hypothesis):
+            return one
+    return best
+
+
 def _akaike_gain(one: Tested) -> float:
     """Reduction of Akaike's criterion: removed squares minus 2 per coefficient."""
     return one.gain - 2 * one.hypothesis.directions.shape[1]
@@ -139,11 +161,14 @@ def _is_significant(one: Tested, every: Sequence[Hypothesis]) -> bool:
 
 
 def _is_error_of(one: Tested, entered: Sequence[Tested]) -> bool:
-    """Whether a change explains no more than the possible error of the laws of accepted effects at its joint."""
+    """Whether a change explains no more than the possible error of the laws of accepted effects at its joint.
+
+    A change of the whole arm: of those at any joint.
+    """
     return any(
         other.hypothesis.added is not None
         and other.hypothesis is not one.hypothesis
-        and other.hypothesis.joint in (None, one.hypothesis.joint)
+        and (one.hypothesis.joint is None or other.hypothesis.joint in (None, one.hypothesis.joint))
         and one.gain < LAW**2 * other.gain
         for other in entered
     )

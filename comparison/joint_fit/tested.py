@@ -249,9 +249,13 @@ def _with_scatter(fit: JointRegression, every: Sequence[Hypothesis], raw: Sequen
         scatter[alike], freedom[alike] = moderate(scatter[alike], freedom[alike])
     result = []
     for (one, of), more, degrees in zip(pairs, scatter, freedom):
-        covariance, count = of.covariance * max(more, 1.0) + of.drift @ of.drift.T, len(of.shape.coefficients)
-        square = float(of.shape.coefficients @ np.linalg.pinv(covariance, hermitian=True) @ of.shape.coefficients)
-        denominator = min(of.freedom, degrees) if more > 1.0 else of.freedom
+        estimated, count = of.covariance * max(more, 1.0), len(of.shape.coefficients)
+        covariance = estimated + of.drift @ of.drift.T
+        along = np.linalg.pinv(covariance, hermitian=True) @ of.shape.coefficients
+        square = float(of.shape.coefficients @ along)
+        # of Satterthwaite: the variance that drift adds is known
+        known = square / max(float(along @ estimated @ along), 1e-300)
+        denominator = (min(of.freedom, degrees) if more > 1.0 else of.freedom) * known**2
         denominator = max(denominator - count + 1, 1.0)
         log_p = float(stats.f.logsf(square / count, count, denominator))
         directions = of.shape.directions * fit.scale[:, None]

@@ -91,9 +91,8 @@ def smooth_motion(
     q_smooth, far_q = on_grid(t, q, grid, dt)
     torque_smooth, far_torque = on_grid(t, torque, grid, dt)
     band = band or choose_band(q_smooth[longest_whole(far_q, dt)], dt)
-    low_pass = signal.butter(4, min(band.motion * dt * 2, 0.98), output="sos")
     for channels in (q_smooth, torque_smooth):
-        channels[:] = _both_ways(low_pass, channels)
+        channels[:] = low_passed(channels, band, dt)
     qd, qdd = _derivatives(q_smooth, dt)
 
     # A hole narrower than an eighth of the shortest period that passes counts as sampled.
@@ -115,6 +114,15 @@ def smooth_motion(
         usable &= ~marked
     certain = usable & ~_dilate(slow, int(np.ceil(SMEARED / (band.motion * dt))))
     return Motion(dt, grid - t[0], q_smooth, qd, qdd, torque_smooth, usable, certain, excluded, band)
+
+
+def low_passed(channels: Array, band: Band, dt: float) -> Array:
+    """Channels (m, ...) at rows dt s apart through the low-pass of positions and torques.
+
+    A torque that steps at a reversal rings after it; a column of such a torque does so after the same filter only.
+    """
+    low_pass = signal.butter(4, min(band.motion * dt * 2, 0.98), output="sos")
+    return _both_ways(low_pass, channels)
 
 
 def parallel_filter(motion: Motion, columns: Array) -> Array:

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from comparison.joint_fit import tested
 from comparison.joint_fit.effects import Added
@@ -100,3 +101,30 @@ def test_a_mass_takes_the_place_of_several_that_it_explains(sign: float, expecte
     found = selected(fit, every)
     assert names(found) == {"cause", "other"}
     assert names(with_one_mass(fit, every, [mass], found)) == expected
+
+
+def test_a_variance_that_is_known_leaves_no_doubt_of_few_recordings() -> None:
+    """Of a change that scatters little between recordings, beside what differs from day to day anyhow."""
+    fit, every = both_of(np.random.default_rng(0), (1.0, 0.0, 0.0), 0.17)
+    drifting = replace(fit, drift=0.2 * np.eye(len(fit.scale))[:, :1])
+    few, known = (tested.tested(one, every, [])[0] for one in (fit, drifting))
+    size, std = float(few.changes[0]), float(np.sqrt(few.covariance[0, 0]))
+    assert std < 0.1 and few.log_p > np.log(2.0 * stats.t.sf(size / std, 10))
+    z = float(known.changes[0] / np.sqrt(known.covariance[0, 0]))
+    assert 4.0 < z < 6.0 and known.log_p == pytest.approx(np.log(2.0 * stats.norm.sf(z)), abs=0.5)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_cause_of_many_coefficients_is_none_where_one_leaves_chance_of_it(seed: int) -> None:
+    """Coefficients of their own explain noise that is larger in slow motions than that of all rows."""
+    fit, every = both_of(np.random.default_rng(seed), (1.0, 0.0, 0.0), 0.0)
+    slow = np.random.default_rng(seed).normal(size=len(np.unique(fit.block)))[fit.block]
+    x = fit.x.copy()
+    x[:, 3:] = np.random.default_rng(9).normal(size=(RECORDINGS * BLOCKS, QUIET))[fit.block]
+    after = fit.rows_after
+    fit = replace(fit, x=x, y=fit.y + slow, total=x.T @ x, total_after=x[after].T @ x[after])
+    body = Hypothesis("inertia", 1, np.eye(len(fit.scale))[:, [0, *range(3, 3 + QUIET)]])
+    every = [*every, body]
+    whole, one = tested.tested(fit, [body, every[0]], [])
+    assert whole.gain - 2 * (1 + QUIET) > one.gain - 2
+    assert names(selected(fit, every)) == {"cause"}

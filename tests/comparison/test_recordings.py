@@ -72,6 +72,18 @@ def test_a_slow_motion_has_rows_enough(root: Path, tmp_path: Path, joints: int) 
     assert [one.change for one in result.significant] == pytest.approx([10.0], abs=0.2)
 
 
+@pytest.mark.parametrize("noise", [10, 30])
+def test_friction_is_no_body_where_little_distinguishes_them(root: Path, tmp_path: Path, noise: int) -> None:
+    """Gravity of joint 2 hardly changes in so slow a motion, and a body has ten parameters to explain noise with."""
+    arm = puma(root)
+    slow: dict[str, Any] = {"speed": 0.3, "seconds": 9.0, "rate": 125.0}
+    levels = ((20.0, 10.0, 6.0), (20.0, 20.0, 6.0))
+    pair = [record(tmp_path / f"{k}.mcap", arm, noise + k, levels=each, **slow) for k, each in enumerate(levels)]
+    (one,) = compare_recordings(pair[:1], pair[1:], arm).significant
+    assert (one.quantity.joint, one.quantity.kind) == (2, "curve")
+    assert one.std is not None and one.change == pytest.approx(10.0, abs=3 * one.std)
+
+
 def test_of_a_recording_that_is_too_short_the_seconds_that_lack_are_told(root: Path, tmp_path: Path) -> None:
     arm = puma(root)
     pair = [record(tmp_path / f"{k}.mcap", arm, k, seconds=0.6, rate=125.0) for k in (0, 1)]

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from arm_model.rigid_body.numeric import rigid_torque
-from comparison.joint_fit.effects import Added, added_rows
-from identification.preprocessing.signals import equation_rows, equation_weight, parallel_filter, smooth_motion
+from arm_model.rigid_body.numeric import mass_matrix, rigid_torque
+from comparison.joint_fit.effects import SKEW, Added, added_rows, always
+from identification.preprocessing.signals import Motion, equation_rows, equation_weight, parallel_filter, smooth_motion
 from identification.preprocessing.spectrum import choose_band
 from identification.ripples import wide
 from tests.comparison.second_day import motion, puma
@@ -52,3 +52,34 @@ def test_noise_of_the_encoders_is_no_soft_gear(root: Path, true: float, noise: f
     """As if the link did not follow it, noise of 30 urad looks like 1.5 / SOFT, whatever the gear."""
     found = [compliance(root, seed, 1.0, noise, true / SOFT) for seed in range(2)]
     assert found == pytest.approx([true, true], abs=0.05)
+
+
+def smooth(root: Path, noise: float = 0.0) -> Motion:
+    """Two links of the Puma without friction, and noise (N m) of their torques."""
+    arm = puma(root, 2)
+    t = np.arange(int(12.0 * 250.0)) / 250.0
+    q, qd, qdd = motion(t, 2, 0, 2.0)
+    torque = rigid_torque(arm, q, qd, qdd) + noise * np.random.default_rng(1).standard_normal(q.shape)
+    return smooth_motion(t, q, torque)
+
+
+def test_every_soft_gear_is_as_little_damped(root: Path) -> None:
+    """One of 1000 N m/rad with the damping of a stiff one would twist 80 ms late, as currents read at another time."""
+    arm, seen = puma(root, 2), smooth(root)
+    rotors = [joint.ratio**2 * joint.rotor_inertia for joint in arm.joints]
+    inertia = mass_matrix(arm, seen.q).diagonal(axis1=1, axis2=2).mean(axis=0) - rotors
+    gears = [one for one in always(arm, [seen]) if one.elastic]
+    gears += [one.stiffer(by) for one in gears for by in (0.5, 3.0)]
+    assert len(gears) == 24
+    for one in gears:
+        assert one.joint is not None
+        critical = 2.0 * np.sqrt(one.held["stiffness"] * inertia[one.joint - 1])
+        assert one.held["damping"] == pytest.approx(0.1 * critical, rel=1e-6)
+
+
+def test_noise_of_the_torques_is_in_no_column_of_a_delay(root: Path) -> None:
+    """Any delay would be found in it, by which the same torques are put back."""
+    arm = puma(root, 2)
+    clean, noisy = (added_rows([SKEW], arm, wide(smooth(root, noise))) for noise in (0.0, 1.0))
+    assert clean.shape == noisy.shape
+    assert np.sqrt(np.mean((noisy - clean) ** 2)) < 0.02 * np.sqrt(np.mean(clean**2))
