@@ -88,6 +88,11 @@ def test_a_base_that_was_tilted_is_named(root: Path, tmp_path: Path) -> None:
         assert one.std is not None and one.change == pytest.approx(hidden, abs=3 * one.std)
     (summary,) = result.summaries
     assert summary.effect == "base_tilt" and summary.sentence.startswith("Base tilted by")
+    # which single recordings show: told as what the tilt makes, not left beside it without a word
+    assert {one.quantity.name: one.overruled for one in result.changes if one.overruled} == {
+        "joint1.offset": "follows from base tilt"
+    }
+    assert "Follows from base tilt: constant torque or friction asymmetry of joint 1 (z = +" in str(result)
 
 
 def test_what_no_motion_distinguishes_stands_beside_what_is_named(root: Path, tmp_path: Path) -> None:
