@@ -12,7 +12,7 @@ from arm_model import Arm
 from daq.recording import Recording
 from diagnosis.residual.filters import Samples, rate_of
 from diagnosis.residual.generation import current_inertia, residual_run
-from diagnosis.residual.noise.channels import KnownNoise, encoder_steps, still_noise
+from diagnosis.residual.noise.channels import KnownNoise, SimulatedLoop, encoder_steps, still_noise
 from diagnosis.residual.noise.instruments import without_noise
 from diagnosis.residual.noise.simulated_loop import simulated_loop
 from diagnosis.residual.run import Run
@@ -116,16 +116,24 @@ def with_rows_put_back(screened: Screened, losses: Sequence[DroppedTriggers], ev
 def beside_loops(screened: Screened, arm: Arm) -> Screened:
     """The same with the closed loops of an arm beside recordings of which instruments leave less than rows resolve.
 
-    The same object where there are none.
+    The same object where there are none. Instruments are those of all recordings: the shortest with a loop like it
+    tells, and only where it has no noise are the others simulated.
     """
     recordings, samples = screened.recordings, screened.samples
-    loops = in_parallel(lambda k: simulated_loop(arm, recordings[k], samples[k]), range(len(recordings)))
-    known = [replace(own, loop=loop) for own, loop in zip(screened.known_noise, loops)]
-    for (t, q, i), own in zip(samples, known):
-        steps = encoder_steps(q) if own.steps is None else own.steps
-        if own.loop and without_noise(q, i, current_inertia(arm, q), rate_of(t), replace(own, steps=steps)):
-            return replace(screened, known_noise=known)
-    return screened
+    loops: dict[int, SimulatedLoop | None] = {}
+    for k in sorted(range(len(recordings)), key=lambda k: len(samples[k][0])):
+        loops[k] = loop = simulated_loop(arm, recordings[k], samples[k])
+        if loop is not None and loop.current.any():
+            break
+    else:
+        return screened
+    (t, q, i), own = samples[k], screened.known_noise[k]
+    steps = encoder_steps(q) if own.steps is None else own.steps
+    if not without_noise(q, i, current_inertia(arm, q), rate_of(t), replace(own, steps=steps, loop=loop)):
+        return screened
+    others = [k for k in range(len(recordings)) if k not in loops]
+    loops |= zip(others, in_parallel(lambda k: simulated_loop(arm, recordings[k], samples[k]), others))
+    return replace(screened, known_noise=[replace(own, loop=loops[k]) for k, own in enumerate(screened.known_noise)])
 
 
 def _counter_gaps(
