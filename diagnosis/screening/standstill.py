@@ -16,7 +16,8 @@ from arm_io.types import Array
 from daq.recording import Recording
 from diagnosis.cause import Signal, Structure
 from diagnosis.residual.filters import COMPARE_BAND, low_pass
-from diagnosis.residual.noise.channels import angle_noise, floor, standstill
+from diagnosis.residual.noise.channels import END_SECONDS, STILL_SECONDS, angle_noise, floor, standstill
+from diagnosis.residual.run_setup import has_demand
 
 SHARE = 0.75
 """Of the variance of a standing current that a wave must predict; of noise it is 0.2 to 0.7 over half a second."""
@@ -35,6 +36,8 @@ Of joints without an oscillation 0.01 to 2.0: motion adds to the noise, and take
 """
 QUIETEST, STRETCHES = 0.2, 5
 """Share of the moving stretches that are the quietest, and how many there must be."""
+STARTS = 1e-4
+"""Share of a joint's range by which its demand must leave the first one for a motion to begin."""
 MOVES, PARTS = 8.0, 10
 """Noise of an angle that a joint must turn by in each of so many parts of a stretch to be moving throughout."""
 
@@ -72,7 +75,7 @@ class _Standing:
 
 def oscillations(recordings: Sequence[Recording]) -> list[Oscillation]:
     """Currents that oscillate in the standstill of every recording that has one; recordings with drives on."""
-    of_each = [_standing(recording, rows) for recording in recordings if (rows := standstill(recording)) is not None]
+    of_each = [_standing(recording, rows) for recording in recordings if (rows := _at_rest(recording)) is not None]
     oscillating = []
     for joint, currents in enumerate(zip(*of_each), 1):
         share, frequencies = min(one.share for one in currents), [one.frequency for one in currents]
@@ -82,6 +85,16 @@ def oscillations(recordings: Sequence[Recording]) -> list[Oscillation]:
             amplitude = np.mean([one.amplitude for one in currents])
             oscillating.append(Oscillation(joint, float(np.median(frequencies)), float(amplitude), share))
     return oscillating
+
+
+def _at_rest(recording: Recording) -> slice | None:
+    """Rows in which the arm stands; else those in which it is asked to: a joint that hunts widely stands nowhere."""
+    if (rows := standstill(recording)) is not None or not has_demand(recording):
+        return rows
+    rate, demand = 1.0 / recording.dt, np.asarray(recording.qref, float)
+    begun = np.any(np.abs(demand - demand[0]) > STARTS * np.ptp(demand, axis=0), axis=1)
+    first, last = int(END_SECONDS * rate), int(np.argmax(begun)) if begun.any() else len(demand)
+    return slice(first, last) if last - first > STILL_SECONDS * rate else None
 
 
 def _standing(recording: Recording, rows: slice) -> list[_Standing]:

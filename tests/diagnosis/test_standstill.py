@@ -21,20 +21,25 @@ def _recorded(
     fades: float = np.inf,
     sweep: float = 0.0,
     rows: int = 1000,
+    swings: float = 0.0,
+    demanded: bool = False,
 ) -> Recording:
     """Two joints at 250 Hz that stand for 0.8 s: noise of 0.01 A, and coloured; a wave of 6 Hz (A) at joint 2.
 
-    sweep: Hz per s by which its frequency grows.
+    sweep: Hz per s by which its frequency grows; swings: rad by which the joint follows it; demanded: with demands.
     """
     rng, t = np.random.default_rng(seed), np.arange(rows) / 250.0
     q = np.column_stack([1.0 - np.cos(np.clip(t - 0.8, 0.0, None)), 0.5 * np.clip(t - 0.8, 0.0, None) ** 2])
+    demand = {"qref": q.copy()} if demanded else {}
     i = 0.01 * rng.normal(size=q.shape) + 2.0 * np.sin(q)
     keep = np.exp(-1.0 / (250.0 * 0.12))
     red: Array = lfilter([np.sqrt(1 - keep**2)], [1.0, -keep], rng.normal(size=(rows + 200, 2)), axis=0)[200:]
     i += colour * red
     turn = 2 * np.pi * (6.0 + sweep * t / 2) * t
-    i[:, 1] += wave * np.sin(turn + rng.uniform(0, 6)) * np.exp(-t / fades) * (t < 0.85)
-    write_table(path, t, {"q": np.round(q / 1e-5) * 1e-5, "i": i}, Attachments())
+    hunting = np.sin(turn + rng.uniform(0, 6)) * np.exp(-t / fades) * (t < 0.85)
+    i[:, 1] += wave * hunting
+    q[:, 1] += swings * hunting
+    write_table(path, t, {"q": np.round(q / 1e-5) * 1e-5, "i": i, **demand}, Attachments())
     return open_recording(path)
 
 
@@ -55,6 +60,19 @@ def test_an_oscillation_of_changing_frequency_is_no_noise(tmp_path: Path, record
     assert found.joint == 2 and 6.0 < found.frequency < 17.0 and found.share < 0.75
     # noise that is as large while they move is none
     assert not oscillations([_recorded(tmp_path / f"{n}.mcap", n, 0.0, 0.2, rows=2500) for n in range(recordings)])
+
+
+def test_a_joint_that_hunts_widely_is_told_where_it_is_asked_to_stand(tmp_path: Path) -> None:
+    """It moves by thirty steps of its encoder, so that by its angles the arm stands nowhere."""
+    several = [_recorded(tmp_path / f"{n}.mcap", n, 0.3, swings=3e-4, rows=2500, demanded=True) for n in range(3)]
+    (found,) = oscillations(several)
+    assert found.joint == 2 and found.frequency == pytest.approx(6.0, abs=0.2)
+    undemanded = [_recorded(tmp_path / f"u{n}.mcap", n, 0.3, swings=3e-4, rows=2500) for n in range(3)]
+    assert not oscillations(undemanded)  # where it should stand, nobody says
+    settling = [
+        _recorded(tmp_path / f"s{n}.mcap", n, 0.3, fades=0.15, swings=3e-4, rows=2500, demanded=True) for n in range(3)
+    ]
+    assert not oscillations(settling)
 
 
 @pytest.mark.parametrize("recordings", [1, 3])
