@@ -38,6 +38,8 @@ QUIETEST, STRETCHES = 0.2, 5
 """Share of the moving stretches that are the quietest, and how many there must be."""
 STARTS = 1e-4
 """Share of a joint's range by which its demand must leave the first one for a motion to begin."""
+MOSTLY = 0.5
+"""The share where the arm is only asked to stand: a motion that begins before its demand is no wave (0.2 at most)."""
 MOVES, PARTS = 8.0, 10
 """Noise of an angle that a joint must turn by in each of so many parts of a stretch to be moving throughout."""
 
@@ -75,13 +77,15 @@ class _Standing:
 
 def oscillations(recordings: Sequence[Recording]) -> list[Oscillation]:
     """Currents that oscillate in the standstill of every recording that has one; recordings with drives on."""
-    of_each = [_standing(recording, rows) for recording in recordings if (rows := _at_rest(recording)) is not None]
+    at_rest = [(recording, rows) for recording in recordings if (rows := _at_rest(recording)) is not None]
+    of_each = [_standing(recording, rows) for recording, rows in at_rest]
+    least = 0.0 if all(standstill(recording) for recording, _ in at_rest) else MOSTLY
     oscillating = []
     for joint, currents in enumerate(zip(*of_each), 1):
         share, frequencies = min(one.share for one in currents), [one.frequency for one in currents]
         one_wave = share > SHARE and np.ptp(frequencies) <= SAME
         judged = [one.louder for one in currents if np.isfinite(one.louder)]
-        if all(one.lasts for one in currents) and (one_wave or min(judged, default=0.0) > LOUDER):
+        if all(one.lasts for one in currents) and (one_wave or (share > least and min(judged, default=0.0) > LOUDER)):
             amplitude = np.mean([one.amplitude for one in currents])
             oscillating.append(Oscillation(joint, float(np.median(frequencies)), float(amplitude), share))
     return oscillating
