@@ -81,10 +81,11 @@ def _sides(pair: list[str], before: list[str], after: list[str]) -> tuple[list[s
         return _listed(pair[0]), _listed(pair[1])
     if not pair and before and after:
         return [one for each in before for one in _listed(each)], [one for each in after for one in _listed(each)]
-    options = "".join(f", {name}" for name, group in (("--before", before), ("--after", after)) if group)
+    named = f"{len(pair) or 'no'} argument{'' if len(pair) == 1 else 's'}"
+    given = ", ".join([named, *(name for name, group in (("--before", before), ("--after", after)) if group)])
     raise InputError(
         "compare",
-        f"needs two sides: BEFORE AFTER, or --before A ... --after B ... (given: {len(pair)} arguments{options})",
+        f"needs two sides: BEFORE AFTER, or --before A ... --after B ... (given: {given})",
     )
 
 

@@ -124,9 +124,7 @@ def _explaining(
     """Of those that explain more than the one ``shown``, the one that explains most and this one with it; or it."""
     rivals = [one for one in likely if _akaike_gain(one) > _akaike_gain(shown)]
     for rival in sorted(rivals, key=_akaike_gain, reverse=True):
-        given = [*chosen, rival.hypothesis]
-        again = tested(fit, [one for one in every if all(one is not other for other in given)], given)
-        if not any(_is_significant(one, every) for one in again if one.hypothesis is shown.hypothesis):
+        if not _certain_beside(fit, every, [*chosen, rival.hypothesis], shown.hypothesis):
             return rival
     return shown
 
@@ -144,11 +142,17 @@ def _with_fewer_coefficients(
     """
     simpler = [one for one in certain if len(one.coefficients) < len(best.coefficients)]
     for one in sorted(simpler, key=_akaike_gain, reverse=True):
-        given = [*chosen, one.hypothesis]
-        again = tested(fit, [each for each in every if all(each is not other for other in given)], given)
-        if not any(_is_significant(each, every) for each in again if each.hypothesis is best.hypothesis):
+        if not _certain_beside(fit, every, [*chosen, one.hypothesis], best.hypothesis):
             return one
     return best
+
+
+def _certain_beside(
+    fit: JointRegression, every: Sequence[Hypothesis], given: Sequence[Hypothesis], one: Hypothesis
+) -> bool:
+    """Whether a hypothesis is significant conditional on those ``given``."""
+    again = tested(fit, [each for each in every if all(each is not other for other in given)], given)
+    return any(_is_significant(each, every) for each in again if each.hypothesis is one)
 
 
 def _akaike_gain(one: Tested) -> float:

@@ -10,7 +10,7 @@ from diagnosis.residual.filters import rate_of
 from diagnosis.residual.run import Run
 from diagnosis.residual.setpoint_ripple import FOLDED
 from diagnosis.units import recorded_signals
-from identification.preprocessing import folding_line, rate_beside, unbounded
+from identification.preprocessing import folding_line, rate_instead, unbounded
 
 
 def folding_warnings(runs: Sequence[Run]) -> Iterator[str]:
@@ -38,6 +38,6 @@ def folding_warnings(runs: Sequence[Run]) -> Iterator[str]:
             f"{', '.join(dict.fromkeys(run.name for run in alike))}: {rate:.5g} Hz is "
             f"{'' if times == '1 times ' else times}the rate of the controller's setpoints (every {period * 1e3:.3g} "
             f"ms{setpoints.as_shown}): what the servos do at each setpoint looks like an inertia; {far}; record at "
-            f"{rate_beside(period, max(rate, 2.0 / period)):.5g} Hz, or average the {recorded_signals(alike[0].arm)} "
+            f"{rate_instead(period, rate):.5g} Hz, or average the {recorded_signals(alike[0].arm)} "
             "over each row, to have them named"
         )

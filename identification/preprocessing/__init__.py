@@ -15,6 +15,7 @@ if TYPE_CHECKING:
         folding_line,
         lines_beside_zero,
         rate_beside,
+        rate_instead,
         unbounded,
         whole_rows,
     )
@@ -33,6 +34,7 @@ __all__ = [
     "folding_line",
     "lines_beside_zero",
     "rate_beside",
+    "rate_instead",
     "setpoints_of",
     "stated_period",
     "tracked_as_recorded",

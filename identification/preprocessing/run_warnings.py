@@ -9,7 +9,7 @@ import numpy as np
 
 from arm_io.types import Array
 from identification.preprocessing.readiness import RunReadiness
-from identification.preprocessing.setpoint_ripple import rate_beside, unbounded, whole_rows
+from identification.preprocessing.setpoint_ripple import rate_instead, unbounded, whole_rows
 from identification.preprocessing.signals import Motion
 
 FOLDED = 0.01  # share of the torque from which aliased setpoint ripple is worth a warning, at unrelated rates
@@ -68,7 +68,7 @@ def _consequence(motions: Sequence[Motion]) -> str:
     return (
         f"what the servos do at each setpoint looks like an inertia, and a joint's own inertia may be wrong; {known}; "
         f"record at "
-        f"{rate_beside(period, max(rate, 2.0 / period)):.5g} Hz, or average currents over each row, to avoid it"
+        f"{rate_instead(period, rate):.5g} Hz, or average currents over each row, to avoid it"
     )
 
 

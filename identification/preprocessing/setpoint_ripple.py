@@ -95,6 +95,16 @@ def rate_beside(period: float, rate: float) -> float:
     return rate if rows < 2 or abs(rate * period - rows) > AWAY / 2 else round((rows - AWAY) / period, 2)
 
 
+def rate_instead(period: float, rate: float) -> float:
+    """Hz at which to record where rows at ``rate`` Hz fold the ripple of setpoints every ``period`` s onto the motion.
+
+    The next lower one beside a multiple of the setpoints' own; where ``rate`` is beside one, as 2.5 rows per setpoint
+    are, the one below its double.
+    """
+    beside = rate_beside(period, max(rate, 2.0 / period))
+    return beside if beside != rate else rate_beside(period, 2.0 * rate)
+
+
 def drifting(folded: Array, t: Array) -> Array:
     """(m, 2, ...): ``folded`` (m, ...) at t (m,) s of a run with clocks in phase, and its drift as they diverge."""
     along = (2 * t / max(t[-1], 1e-9) - 1).reshape(-1, *[1] * (folded.ndim - 1))

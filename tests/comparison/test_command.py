@@ -115,11 +115,11 @@ def test_results_as_objects(folder: Path) -> None:
 
 MODEL = ["--model", "model.toml"]
 BAD = {
-    "no sides": ([], "(given: 0 arguments)"),
-    "one side": (["first.mcap"], "(given: 1 arguments)"),
+    "no sides": ([], "(given: no arguments)"),
+    "one side": (["first.mcap"], "(given: 1 argument)"),
     "three sides": (["first.mcap", "again.mcap", "worn.mcap"], "(given: 3 arguments)"),
     "both ways": (["first.mcap", "again.mcap", "--before", "worn.mcap"], "(given: 2 arguments, --before)"),
-    "half a group": (["--before", "first.mcap"], "(given: 0 arguments, --before)"),
+    "half a group": (["--before", "first.mcap"], "(given: no arguments, --before)"),
     "absent": (["none.mcap", "again.mcap", *MODEL], "none.mcap: no such file"),
     "no model": (["first.mcap", "again.mcap"], "first.mcap carries no model"),
     "no such model": (["first.mcap", "again.mcap", "--model", "none.toml"], "none.toml: no such file"),

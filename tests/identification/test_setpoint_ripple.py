@@ -15,7 +15,13 @@ from experiment import Experiment, demand_of
 from identification.experiment_design import Series, design_excitation
 from identification.methods.joint_by_joint import WAYS
 from identification.methods.motor_link import motor_link_of
-from identification.preprocessing.setpoint_ripple import folded_torque, rate_beside, whole_rows
+from identification.preprocessing.setpoint_ripple import (
+    folded_torque,
+    folding_line,
+    rate_beside,
+    rate_instead,
+    whole_rows,
+)
 from identification.preprocessing.setpoints import setpoints_of
 from identification.preprocessing.signals import Motion, smooth_motion
 from identification.regression.base_parameters import structural_base
@@ -140,6 +146,17 @@ def test_rate_beside_a_multiple_of_the_setpoints(arm: Arm) -> None:
     assert rate_beside(period, 985.71) == 985.71
     assert rate_beside(period, 1 / period) == 1 / period  # one row a setpoint: recorder and controller run as one
     assert rate_beside(0.0, 1000.0) == 1000.0
+
+
+@pytest.mark.parametrize("rows", [1.5, 2.0, 2.5, 7 / 3, 5.0, 28.0])
+def test_a_rate_that_folds_is_never_the_one_to_record_at(arm: Arm, rows: float) -> None:
+    """Instead of it one whose lowest line of setpoints on the motion is higher, and so smaller; or that has none."""
+    setpoints = setpoints_of(arm, 1e-3)
+    rate = rows / setpoints.period
+    assert folding_line(setpoints, rate) > 0
+    instead = rate_instead(setpoints.period, rate)
+    assert abs(instead / rate - 1.0) > 0.01
+    assert not folding_line(setpoints, instead) or folding_line(setpoints, instead) > folding_line(setpoints, rate)
 
 
 def test_motor_link_pairs_allow_for_it_too(arm: Arm, recorded: dict) -> None:
