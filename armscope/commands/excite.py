@@ -149,7 +149,8 @@ def _model_path(model: Path | None, rig: Rig | None) -> Path:
 
 def _off_the_setpoints(arm: Arm, designed: Experiment, rig: Rig | None) -> Experiment:
     """The experiment, sampled at no multiple of the setpoint rate if the rig's own rate is one."""
-    from identification.preprocessing import rate_beside, stated_period
+    from identification.preprocessing import stated_period
+    from identification.preprocessing.folding import rate_beside
 
     period = stated_period(arm)
     if rig is None or rig.trigger is None or (rate := rate_beside(period, rig.trigger.rate)) == rig.trigger.rate:

@@ -10,7 +10,7 @@ from diagnosis.residual.filters import rate_of
 from diagnosis.residual.run import Run
 from diagnosis.residual.setpoint_ripple import FOLDED
 from diagnosis.units import recorded_signals
-from identification.preprocessing import folding_line, rate_instead, unbounded
+from identification.preprocessing.folding import folding_line, rate_instead, unbounded
 
 
 def folding_warnings(runs: Sequence[Run]) -> Iterator[str]:

@@ -26,7 +26,8 @@ from diagnosis.residual.expected_current import Links, true_angle
 from diagnosis.residual.filters import COMPARE_BAND, rate_along, rate_of
 from diagnosis.residual.projection import orthogonal_to, orthonormal_basis
 from diagnosis.residual.setpoint_ripple import lead_of, unseen_directions
-from identification.preprocessing import UNKNOWN, Setpoints, unbounded
+from identification.preprocessing import UNKNOWN, Setpoints
+from identification.preprocessing.folding import unbounded
 
 KEPT = 8
 """Residuals of one recording under other effects that are kept."""

@@ -14,14 +14,8 @@ import numpy as np
 from arm_io.types import Array
 from arm_model import Arm
 from diagnosis.residual.filters import COMPARE_BAND, Samples, low_pass, rate_of
-from identification.preprocessing import (
-    Setpoints,
-    drifting,
-    folded_along,
-    folding_line,
-    lines_beside_zero,
-    unbounded,
-)
+from identification.preprocessing import Setpoints, drifting, folded_along, lines_beside_zero
+from identification.preprocessing.folding import folding_line, unbounded
 
 LOW_LINE, FOLDED = 10, 0.5
 """Line of the setpoints, and share of the noise: of higher lines, what sampling folds counts from that share on."""

@@ -18,7 +18,7 @@ from diagnosis.measurements.currents.state import State
 from diagnosis.residual.filters import rate_of
 from diagnosis.residual.other_effects import residual_with
 from diagnosis.residual.run import Run
-from identification.preprocessing import unbounded
+from identification.preprocessing.folding import unbounded
 
 BEYOND = 3.0
 """Std of what may fold that a residual must show: more than the two that bound it."""

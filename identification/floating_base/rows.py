@@ -22,7 +22,7 @@ from arm_model.moving_base import BaseRows, floating, rotations, thrust_of
 from daq.recording import Recording
 from identification.preprocessing import zero_phase
 from identification.preprocessing.grid import on_grid, uniform_grid
-from identification.preprocessing.joints import check_joints
+from identification.preprocessing.mechanism import check_joints
 
 MOTION_BAND = 4.0
 """Hz: low-pass of motion and thrust. A vehicle with its arm moves below 1 Hz."""

@@ -7,18 +7,9 @@ from arm_io import lazy
 if TYPE_CHECKING:
     from identification.preprocessing.demands import demand_of_run, tracked_as_recorded
     from identification.preprocessing.filtering import zero_phase
-    from identification.preprocessing.joints import check_joints
+    from identification.preprocessing.mechanism import check_joints
     from identification.preprocessing.readiness import Readiness
-    from identification.preprocessing.setpoint_ripple import (
-        drifting,
-        folded_along,
-        folding_line,
-        lines_beside_zero,
-        rate_beside,
-        rate_instead,
-        unbounded,
-        whole_rows,
-    )
+    from identification.preprocessing.setpoint_ripple import drifting, folded_along, lines_beside_zero
     from identification.preprocessing.setpoints import UNKNOWN, Setpoints, setpoints_of, stated_period
 else:
     __getattr__ = lazy(__name__)
@@ -31,14 +22,9 @@ __all__ = [
     "demand_of_run",
     "drifting",
     "folded_along",
-    "folding_line",
     "lines_beside_zero",
-    "rate_beside",
-    "rate_instead",
     "setpoints_of",
     "stated_period",
     "tracked_as_recorded",
-    "unbounded",
-    "whole_rows",
     "zero_phase",
 ]

@@ -11,8 +11,7 @@ from arm_io import InputError
 from arm_io.types import Array
 from arm_model import Arm
 from daq.recording import Recording
-from identification.preprocessing.joints import check_joints
-from identification.preprocessing.mechanism import check_mechanism
+from identification.preprocessing.mechanism import check_joints, check_mechanism
 from identification.preprocessing.quality import as_trusted
 from identification.preprocessing.signals import Motion
 

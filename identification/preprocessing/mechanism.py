@@ -1,4 +1,4 @@
-"""Whether a recording is of the mechanism, and of the drives, that a model describes.
+"""Whether a recording is of the joints, the mechanism and the drives that a model describes.
 
 A recording may carry the model with which it was made; and it may say whether its signals of the drives are currents or
 torques.
@@ -16,6 +16,32 @@ OTHER = 1.5
 """Ratio of drive constants, or its inverse, above which it is another drive."""
 ROUNDED = 1.01
 """... below which they are the same, rounded."""
+
+
+def check_joints(recording: Recording, arm: Arm) -> None:
+    """InputError where a recording has another number of joints than the arm, or the arm's joints in another order.
+
+    The order is known where the recording has all names of the model's joints. ROS 2 drivers publish their joints in
+    the order of the alphabet, beside those of a gripper.
+    """
+    recorded, names = list(recording.layout.joints), [joint.name for joint in arm.joints]
+    named = len(set(names)) == len(names) and set(names) <= set(recorded)
+    if recorded == names or (len(recorded) == len(names) and not named):
+        return
+    if not named:
+        raise InputError(
+            recording.path,
+            f"has {len(recorded)} joints, the model '{arm.name}' has {len(names)}; use a recording of that arm",
+        )
+    remedy = (
+        "its rig must have these [[joint]] in this order"
+        if recording.layout.raw
+        else "import it again with --model, which takes these"
+    )
+    raise InputError(
+        recording.path,
+        f"has the joints {', '.join(recorded)}; the model '{arm.name}' has {', '.join(names)}, in this order: {remedy}",
+    )
 
 
 def check_mechanism(recording: Recording, arm: Arm) -> None:

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from arm_io.types import Array
+from identification.preprocessing.folding import rate_instead, unbounded, whole_rows
 from identification.preprocessing.readiness import RunReadiness
-from identification.preprocessing.setpoint_ripple import rate_instead, unbounded, whole_rows
 from identification.preprocessing.signals import Motion
 
 FOLDED = 0.01  # share of the torque from which aliased setpoint ripple is worth a warning, at unrelated rates

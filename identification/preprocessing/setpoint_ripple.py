@@ -6,9 +6,7 @@ by the acceleration. Sampled n times per setpoint, the line at n/T falls onto 0 
 where c depends on the phase of the two clocks. The columns of a joint's own inertia say the same, so that the fit is
 wrong by c and its residual is as small as ever (measured on the simulated Puma: ``docs/identification-method.md``).
 
-The rate of the rows need not be a multiple of that of the setpoints: of 5 rows in 2 setpoints, the fifth line falls
-onto 0 Hz. Other lines fall beside it, at up to some tens of Hz, where they look like an oscillation: of setpoints every
-10 ms in 240 rows/s, the fifth is seen at 20 Hz.
+Which lines fall onto 0 Hz, and which beside it: ``folding``.
 
 Lines that are seen elsewhere bound those that are not: a held command falls with its frequency f at least as 1/f, and a
 lag makes it fall faster.
@@ -17,25 +15,18 @@ lag makes it fall faster.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import signal
 
 from arm_io.types import Array
 from identification.preprocessing.filtering import zero_phase
+from identification.preprocessing.folding import BEAT, LINES, Lines, as_one, folding_line, seen_at, unbounded
 from identification.preprocessing.setpoints import Setpoints
 from identification.preprocessing.signals import Motion, smooth_motion
 
-BEAT = 1.0
-"""Hz from 0 at which a line counts as on it. A quicker beat changes its sign many times in a run: a residual shows it,
-and the blocks of ``uncertainty`` count it."""
-LINES = 24
-"""Lines that are followed: the next are below a twentieth of the first."""
 IN_BAND = 25.0
 """Hz: nearer to 0 a line is seen in the band of a residual, side bands of the motion included."""
 MOST_BESIDE = 3
 """Frequencies beside 0 Hz."""
-AWAY = 0.4
-"""Of the setpoints' rate: the distance of a good sampling rate from its multiples."""
 STANDS = 0.1
 """Of a joint's rms acceleration: a stretch with less shows no ripple that it causes."""
 FOLLOWS = np.log(2.0)
@@ -44,65 +35,6 @@ LEADS = tuple(np.arange(0.0, 0.042, 0.004).tolist())
 """s by which setpoints may be ahead of the motion: delays of servos with bandwidths down to 4 Hz."""
 STRETCH = 5.0
 """s in which two clocks stay in phase to a fraction of a line's period."""
-
-Lines = NDArray[np.int_]
-
-
-def whole_rows(setpoints: Setpoints, rate: float) -> int:
-    """Rows at ``rate`` Hz per setpoint if they beat more slowly than BEAT; else 0."""
-    rows = round(setpoints.period * rate)
-    return rows if rows > 1 and abs(rows / setpoints.period - rate) <= BEAT else 0
-
-
-def folding_line(setpoints: Setpoints, rate: float) -> int:
-    """The lowest line of setpoints that rows at ``rate`` Hz put within BEAT of 0 Hz; 0: none.
-
-    As many as rows per setpoint where these are a whole number. Of one row per setpoint or less, no line is counted but
-    the first, of servos that work several times per setpoint.
-    """
-    rows = whole_rows(setpoints, rate)
-    if rows:
-        return rows
-    if _as_one(setpoints, rate):
-        return int(setpoints.within and _seen_at(np.array([1]), setpoints.period, rate)[0] <= BEAT)
-    return next((k for k in range(2, LINES + 1) if _seen_at(np.array([k]), setpoints.period, rate)[0] <= BEAT), 0)
-
-
-def _as_one(setpoints: Setpoints, rate: float) -> bool:
-    """Whether rows at ``rate`` Hz are no more frequent than setpoints, as when recorder and controller are one program.
-
-    True also if no setpoints are known.
-    """
-    return setpoints.period * rate < 1.0 + BEAT * setpoints.period
-
-
-def unbounded(setpoints: Setpoints, rate: float) -> bool:
-    """Whether a line falls onto 0 Hz that no other bounds: the first; the second of known setpoints of two rows each.
-
-    Such currents do not determine an inertia. Setpoints that the currents show are seen in their first line.
-    """
-    line = folding_line(setpoints, rate)
-    return line == 1 or (line == 2 and setpoints.source != "currents")
-
-
-def rate_beside(period: float, rate: float) -> float:
-    """``rate`` Hz, or the next lower one at which the ripple of setpoints every ``period`` s is far from the motion.
-
-    0.4 of the setpoints' own rate beside a multiple. A period of 0: of an arm without a controller. Below two rows per
-    setpoint there is no lower one.
-    """
-    rows = round(rate * period)
-    return rate if rows < 2 or abs(rate * period - rows) > AWAY / 2 else round((rows - AWAY) / period, 2)
-
-
-def rate_instead(period: float, rate: float) -> float:
-    """Hz at which to record where rows at ``rate`` Hz fold the ripple of setpoints every ``period`` s onto the motion.
-
-    The next lower one beside a multiple of the setpoints' own; where ``rate`` is beside one, as 2.5 rows per setpoint
-    are, the one below its double.
-    """
-    beside = rate_beside(period, max(rate, 2.0 / period))
-    return beside if beside != rate else rate_beside(period, 2.0 * rate)
 
 
 def drifting(folded: Array, t: Array) -> Array:
@@ -209,24 +141,18 @@ def lines_beside_zero(
 def _near_zero(setpoints: Setpoints, rate: float) -> dict[float, list[int]]:
     """Hz beside 0 at which lines of the setpoints are seen -> these lines; only lines that others bound."""
     period = setpoints.period
-    if _as_one(setpoints, rate):
+    if as_one(setpoints, rate):
         return {}
     lines = np.arange(1, LINES + 1)
-    seen_at = _seen_at(lines, period, rate)
-    near = (seen_at > BEAT) & (seen_at < min(IN_BAND, 0.5 / period))
+    seen = seen_at(lines, period, rate)
+    near = (seen > BEAT) & (seen < min(IN_BAND, 0.5 / period))
     of_frequency: dict[float, list[int]] = {}
-    for line, frequency in zip(lines[near].tolist(), seen_at[near].tolist()):
+    for line, frequency in zip(lines[near].tolist(), seen[near].tolist()):
         if len(_bounding(line, setpoints, rate)):
             # lines seen at the same frequency add up
             same = next((other for other in of_frequency if abs(other - frequency) <= BEAT), frequency)
             of_frequency.setdefault(same, []).append(line)
     return of_frequency
-
-
-def _seen_at(lines: Lines, period: float, rate: float) -> Array:
-    """Hz at which rows at ``rate`` Hz show lines of setpoints every ``period`` s."""
-    frequency = lines / period
-    return np.asarray(np.abs(frequency - np.round(frequency / rate) * rate))
 
 
 def _bounding(line: int, setpoints: Setpoints, rate: float) -> Lines:
@@ -237,10 +163,10 @@ def _bounding(line: int, setpoints: Setpoints, rate: float) -> Lines:
     lower = np.arange(1, line)
     if _at_nyquist(line, setpoints):
         return lower
-    seen_at = _seen_at(lower, setpoints.period, rate)
-    inside = (seen_at > min(IN_BAND, 0.5 / setpoints.period)) & (seen_at < rate / 2 - BEAT)
+    seen = seen_at(lower, setpoints.period, rate)
+    inside = (seen > min(IN_BAND, 0.5 / setpoints.period)) & (seen < rate / 2 - BEAT)
     # of lines seen at the same frequency, the lowest stands for all
-    together = np.abs(seen_at[:, None] - seen_at) <= BEAT
+    together = np.abs(seen[:, None] - seen) <= BEAT
     lower = lower[inside & ~np.any(np.tril(together, -1), axis=1)]
     near = lower[lower >= line / 4]
     return near if len(near) else lower

@@ -28,7 +28,8 @@ from diagnosis.residual.run import Run
 from diagnosis.screening.mains_hum import lines_near_mains, mains_hum, other_lines
 from diagnosis.verification.beyond_folding import beyond_folding, resolved
 from experiment import Demand, demand_of, read_experiment
-from identification.preprocessing import folding_line, setpoints_of
+from identification.preprocessing import setpoints_of
+from identification.preprocessing.folding import folding_line
 from identification.selection import Split, select
 
 COUNTS = 400_000

@@ -56,7 +56,7 @@ PUBLIC = {
     "diagnosis.screening": ("current_limit",),
     "identification": ("result",),
     "identification.floating_base": ("charts",),
-    "identification.preprocessing": ("grid", "mechanism", "quality", "signals"),
+    "identification.preprocessing": ("folding", "grid", "mechanism", "quality", "signals"),
     "identification.regression": (
         "base_parameters",
         "effect_columns",

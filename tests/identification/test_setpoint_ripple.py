@@ -15,13 +15,8 @@ from experiment import Experiment, demand_of
 from identification.experiment_design import Series, design_excitation
 from identification.methods.joint_by_joint import WAYS
 from identification.methods.motor_link import motor_link_of
-from identification.preprocessing.setpoint_ripple import (
-    folded_torque,
-    folding_line,
-    rate_beside,
-    rate_instead,
-    whole_rows,
-)
+from identification.preprocessing.folding import folding_line, rate_beside, rate_instead, whole_rows
+from identification.preprocessing.setpoint_ripple import folded_torque
 from identification.preprocessing.setpoints import setpoints_of
 from identification.preprocessing.signals import Motion, smooth_motion
 from identification.regression.base_parameters import structural_base
