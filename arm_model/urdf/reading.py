@@ -65,7 +65,8 @@ def urdf_of(text: str | bytes, path: str | Path, *, tip: str | None = None) -> A
     gears = _gears(path, robot)
     offset = np.eye(4)  # of the next joint's parent in the last moving link's frame
     lump = np.zeros(10)
-    bodies = [_body(path, tree, name, chain) for name in tree.names(chain)]
+    first = next((number for number, joint in enumerate(chain, 1) if joint.get("type") != "fixed"), len(chain) + 1)
+    bodies = [_body(path, tree, name, chain, number >= first) for number, name in enumerate(tree.names(chain))]
     shapes, lacking = [bodies[0].shape], [bodies[0].lacking]
     for element, body in zip(chain, bodies[1:]):
         pose = offset @ origin_of(path, element)
@@ -125,13 +126,14 @@ class Body:
     lacking: bool
 
 
-def _body(path: str | Path, tree: Tree, name: str, chain: Sequence[xml.Element]) -> Body:
+def _body(path: str | Path, tree: Tree, name: str, chain: Sequence[xml.Element], moves: bool) -> Body:
+    """Of a link that is fixed to the root the inertia is 0: no torque depends on it, possible or not."""
     link = tree.links[name]
-    inertial, shape = _inertial(path, link), _capsules(path, link)
+    inertial, shape = _inertial(path, link) if moves else np.zeros(10), _capsules(path, link)
     lacking = _unknown(shape, link)
     for joint in tree.beside(name, chain):
         pose = origin_of(path, joint)
-        other = _body(path, tree, attribute(path, joint, "child", "link"), chain)
+        other = _body(path, tree, attribute(path, joint, "child", "link"), chain, moves)
         inertial = inertial + transform(other.inertial, pose)
         shape = _both(shape, moved(other.shape, pose))
         lacking |= other.lacking

@@ -145,6 +145,8 @@ class Tracker:
     target         m in the frame of the last link: the place of all targets, or of each by the name of the reflector
                    or of the file (None: not known); else as the rig file or the table says, or estimated
     target_std     m, standard deviation of the places that are known
+    point_std      m, standard deviation of a coordinate of a point: the tracker's, and that of an arm that does not
+                   return to a pose exactly (backlash). None: estimated; more than 1 mm is then an error of the model
     unknown_frame  estimate where the tracker stands
     """
 
@@ -152,6 +154,7 @@ class Tracker:
     target: Point | Mapping[str, Point | None] | None = None
     target_std: float = 1e-4
     unknown_frame: bool = False
+    point_std: float | None = None
 
     @property
     def given(self) -> dict[str, Point | None]:
@@ -185,6 +188,8 @@ def calibrate(
 
     if not 0 < tracker.target_std < 10:
         raise InputError("target_std", f"must be a length in m above 0, is {tracker.target_std:g}")
+    if tracker.point_std is not None and not 0 < tracker.point_std < 0.1:
+        raise InputError("point_std", f"must be a length in m between 0 and 0.1, is {tracker.point_std:g}")
     arm, last_link = nominal_arm(model)
     sides = [_tracked(recordings, tracker.files, len(arm)), _tracked(held_out, (), len(arm))]
     fitted, judged = ([one for one, _ in side] for side in sides)
@@ -203,6 +208,7 @@ def calibrate(
             frame_known=common.frame_known and not tracker.unknown_frame,
             gravity=gravity_of(arm),
             extend=not geometry_only,
+            point_std=tracker.point_std or 0.0,
         ),
         progress=progress,
     )

@@ -62,6 +62,14 @@ Target = Annotated[
     ),
 ]
 TargetStd = Annotated[float, typer.Option(metavar="M", help="std of the target position, m")]
+PointStd = Annotated[
+    float | None,
+    typer.Option(
+        metavar="M",
+        help="std of a coordinate of a measured point, m: of the tracker, and of an arm that does not return to a pose "
+        "exactly; default: estimated, at most 0.001",
+    ),
+]
 UnknownFrame = Annotated[bool, typer.Option("--unknown-frame", help="estimate the pose of the tracker")]
 GeometryOnly = Annotated[
     bool,
@@ -87,6 +95,7 @@ def command(
     tracker: TrackerFiles = None,
     target: Target = None,
     target_std: TargetStd = 1e-4,
+    point_std: PointStd = None,
     unknown_frame: UnknownFrame = False,
     geometry_only: GeometryOnly = False,
     poses: Poses = None,
@@ -100,7 +109,7 @@ def command(
 
     check_folder(out)
     arm, last_link = nominal_arm(model)
-    places = _checked(run, target, target_std, planned=poses is not None or cube)
+    places = _checked(run, target, target_std, point_std, planned=poses is not None or cube)
     with shown(as_json) as progress:
         calibration = None
         if run:
@@ -108,7 +117,7 @@ def command(
                 run,
                 model,
                 held_out=held_out or [],
-                tracker=Tracker(tracker or [], places, target_std, unknown_frame),
+                tracker=Tracker(tracker or [], places, target_std, unknown_frame, point_std),
                 geometry_only=geometry_only,
                 progress=progress,
             )
@@ -134,7 +143,12 @@ def command(
 
 
 def _checked(
-    run: list[Path] | None, target: list[str] | None, target_std: float, *, planned: bool
+    run: list[Path] | None,
+    target: list[str] | None,
+    target_std: float,
+    point_std: float | None,
+    *,
+    planned: bool,
 ) -> dict[str, Point | None]:
     """The places of targets that are given, by name ("": of all); InputError where the options do not suffice."""
     if not run and not planned:
@@ -143,6 +157,8 @@ def _checked(
         )
     if not 0 < target_std < 10:
         raise InputError("--target-std", f"must be a length in m above 0 (is {target_std:g})")
+    if point_std is not None and not 0 < point_std < 0.1:
+        raise InputError("--point-std", f"must be a length in m between 0 and 0.1 (is {point_std:g})")
     places: dict[str, Point | None] = {}
     for text in target or []:
         name, _, place = text.rpartition("=")

@@ -186,3 +186,15 @@ def test_an_identified_mass_comes_back_beside_a_camera(tmp_path: Path) -> None:
         assert back.mass == pytest.approx(upper.mass) and back.com == pytest.approx(upper.com)
         assert back.inertia == pytest.approx(upper.inertia, rel=1e-6, abs=1e-9)
         assert ('mass value="0.4"' in (tmp_path / "out.urdf").read_text()) == (factor > 1)
+
+
+def test_what_does_not_move_may_have_any_inertia(tmp_path: Path) -> None:
+    """Antennas on the base of a package's robot have a tensor that no body has; no torque depends on it."""
+    impossible = (
+        '<link name="antenna"><inertial><mass value="1e-6"/><inertia ixx="2.371e-8" ixy="6.119e-8" ixz="1.179e-8" '
+        'iyy="2.833e-8" iyz="7.74e-9" izz="3.849e-8"/></inertial></link>'
+    )
+    arm = read_urdf(written(tmp_path, [*ARM, impossible, joint("base", "antenna")]))
+    assert arm == read_urdf(written(tmp_path, ARM))
+    with pytest.raises(InputError, match="link 'antenna': inertia is not positive"):
+        read_urdf(written(tmp_path, [*ARM, impossible, joint("fore", "antenna")]))

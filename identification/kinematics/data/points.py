@@ -21,6 +21,7 @@ class Points:
     target       (N,) number of the target (reflector) that each row is about, from 0; None: there is one
     lever        (N,) m: 0 for a position. For an orientation, xyz is its rotation vector (rad), and an error of 1 rad
                  counts as one of ``lever`` metres: the noise of positions over that of orientations. None: positions
+    std          m, stated standard deviation of a coordinate: the noise is estimated, and is at least this
     """
 
     q: Array
@@ -28,6 +29,7 @@ class Points:
     deflections: Array | None = None
     target: Index | None = None
     lever: Array | None = None
+    std: float = 0.0
 
     def __len__(self) -> int:
         return len(self.q)
@@ -42,7 +44,7 @@ class Points:
         bent = None if self.deflections is None else self.deflections[rows]
         target = None if self.target is None else self.target[rows]
         lever = None if self.lever is None else self.lever[rows]
-        return Points(self.q[rows], self.xyz[rows], bent, target, lever)
+        return Points(self.q[rows], self.xyz[rows], bent, target, lever, self.std)
 
     def deflected(self, deflections: Array | None) -> Points:
         """The same points with other deflections (N, joints, extensions)."""

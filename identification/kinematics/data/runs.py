@@ -27,6 +27,7 @@ class Run:
               1 rad counts as one of ``lever`` metres
     recorded  the recording or table; runs of one have the same rows. "": ``name``
     file_row  (N,) the first row of the file that each pose is, from 0; None: row k is row k
+    std       m, stated standard deviation of a coordinate of a point (``Points.std``); 0: none was stated
     """
 
     name: str
@@ -39,6 +40,7 @@ class Run:
     lever: float = 0.0
     recorded: str = ""
     file_row: Index | None = None
+    std: float = 0.0
 
     @property
     def source(self) -> str:
@@ -100,11 +102,12 @@ def points_of(runs: Sequence[Run], rows: Sequence[Index]) -> Points:
     """The chosen rows of all runs, one after the other."""
     q = np.concatenate([run.q[r] for run, r in zip(runs, rows, strict=True)])
     xyz = np.concatenate([run.xyz[r] for run, r in zip(runs, rows, strict=True)])
+    std = max((run.std for run in runs), default=0.0)
     if not any(run.target or run.lever for run in runs):
-        return Points(q, xyz)
+        return Points(q, xyz, std=std)
     target = np.concatenate([np.full(len(r), run.target) for run, r in zip(runs, rows, strict=True)])
     lever = np.concatenate([np.full(len(r), run.lever) for run, r in zip(runs, rows, strict=True)])
-    return Points(q, xyz, None, target, lever)
+    return Points(q, xyz, None, target, lever, std)
 
 
 def velocity_of(runs: Sequence[Run], rows: Sequence[Index]) -> Array:

@@ -178,7 +178,7 @@ def _prepared(
         runs, held_out = [*runs, *held_out], []
         warnings.append(f"fewer than {LEAST} poses were held out: they were pooled with the others")
     matrix = arm.coupling_matrix
-    fitted, rest = [linked(run, matrix) for run in runs], [linked(run, matrix) for run in held_out]
+    fitted, rest = ([replace(linked(run, matrix), std=settings.point_std) for run in side] for side in (runs, held_out))
     judged_by: JudgedBy = "held_out"
     if not rest and (few or poses_of(fitted) < FEW):
         judged_by, rest = "cross-validation", list(fitted)

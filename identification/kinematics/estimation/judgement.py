@@ -20,7 +20,7 @@ from identification.kinematics.estimation.map_estimation import REJECT, Fit, fit
 from identification.kinematics.estimation.observability import expected_rank
 from identification.kinematics.estimation.observed import linear_in, residual_of
 from identification.kinematics.estimation.position_error import LeftOut, PositionError, far, position_error
-from identification.kinematics.estimation.work import IMPOSSIBLE_NOISE, OUTLIERS, Work, pattern
+from identification.kinematics.estimation.work import OUTLIERS, Work, pattern
 from identification.kinematics.models.chain import Chain, Index, Mask
 from identification.kinematics.models.parameters import (
     UNKNOWN_FRAME,
@@ -38,6 +38,8 @@ _LISTED = 12
 """Rows that a message lists."""
 _REFUTED = 5.0
 """Held-out error over the one that the fit promises, above which the model is refuted."""
+_COARSE = 5e-3
+"""m per coordinate: no arm repeats its poses worse."""
 _PROMISED = 2000
 """Points on which that is computed."""
 _PRIOR = 25.0
@@ -169,7 +171,7 @@ def _outlier(work: Work, part: str, residual: Array, points: Points) -> Mask:
     """
     if part == "fit" and len(residual) == len(work.estimate.inlier):
         return np.asarray(~work.estimate.inlier, bool)
-    outlier = far(residual)
+    outlier = far(residual, points.std)
     some = np.flatnonzero(outlier)
     covariance = _promised(work, points.where(some)) + work.estimate.noise**2 * np.eye(3)
     off = residual[some]
@@ -216,15 +218,22 @@ def _failures(
         rows = ", ".join(_rows(one) for one in left_out if one.part == "fit")
         work.warnings.append(f"the points left out ({rows}) share {share}: the model lacks something there")
     promised = _expected(work)
-    if (reached := after["held_out"].rms_inliers) > max(_REFUTED * promised, IMPOSSIBLE_NOISE):
+    most = work.settings.most_noise
+    if (reached := after["held_out"].rms_inliers) > max(_REFUTED * promised, most):
         found.append(
             f"the held-out points are {1e3 * reached:.3g} mm rms per coordinate off where the fit promises "
             f"{1e3 * promised:.3g} mm: the model fits the poses that it was fitted to, and no others"
         )
-    if noise > IMPOSSIBLE_NOISE:
+    if noise > most:
+        than = "was stated" if work.settings.point_std else "a tracker has"
         found.append(
-            f"{1e3 * noise:.3g} mm rms per coordinate remain, which is no tracker's noise (at most "
-            f"{1e3 * IMPOSSIBLE_NOISE:g} mm): the model does not describe the poses"
+            f"{1e3 * noise:.3g} mm rms per coordinate remain, more noise than {than} (at most {1e3 * most:.3g} mm): "
+            "the model does not describe the poses"
+        )
+    if found and not work.settings.point_std and max(noise, reached) < _COARSE:
+        found.append(
+            "if the arm itself returns to a pose no better (backlash), state the standard deviation of a coordinate "
+            "with --point-std M"
         )
     return found
 

@@ -51,7 +51,7 @@ class Fit:
     values      (values,) of the whole chain; rad, m
     extension   (extensions,) in the units of their deflections
     covariance  (free + extensions, same), in those units
-    noise       m, standard deviation of one coordinate of one point
+    noise       m, standard deviation of one coordinate of one point, at least the stated one (``Points.std``)
     inlier      (N,) bool: points that were used in the end
     effective   effective number of parameters: how many directions the data decided rather than the prior
     """
@@ -104,7 +104,7 @@ def fit(
         return _with_every_point(problem, _Problem(parameters, coarse, prior, scale), x, iterations)
     x = _descend(_Problem(parameters, coarse, prior, scale), x, _soft_weight, iterations, enough=0.1)
     length = np.linalg.norm(problem.residual(x), axis=1)
-    x, inlier = _rejected(problem, x, length <= REJECT * _scale_of(length))
+    x, inlier = _rejected(problem, x, length <= REJECT * problem.scale_of(length))
     robust = _result(problem, x, inlier)
     if inlier.all():
         return robust
@@ -146,8 +146,8 @@ def _distances(problem: _Problem, x: Array, inlier: Mask) -> Array:
     length = np.linalg.norm(residual, axis=1)
     good = stacked(jacobian[inlier])
     if 3 * inlier.sum() > _PLENTY * len(x):
-        return np.asarray(length / _scale_of(length), float)
-    gram, noise = good.T @ good, _scale_of(length)
+        return np.asarray(length / problem.scale_of(length), float)
+    gram, noise = good.T @ good, problem.scale_of(length)
     scaled = length
     for _ in range(5):
         hat = jacobian @ np.linalg.solve(gram + noise**2 * np.eye(len(gram)), np.swapaxes(jacobian, 1, 2))
@@ -155,7 +155,7 @@ def _distances(problem: _Problem, x: Array, inlier: Mask) -> Array:
         strength, axes = np.linalg.eigh(spread)
         along = np.einsum("nij,ni->nj", axes, residual)
         scaled = np.sqrt(np.sum(along**2 / np.maximum(strength, _LEAST_SHARE), axis=1))
-        noise = _scale_of(scaled)
+        noise = problem.scale_of(scaled)
     return np.asarray(scaled / noise, float)
 
 
@@ -166,8 +166,13 @@ class _Problem:
         self.parameters, self.points, self.prior, self.scale = parameters, points, prior, scale
         self.joint_steps = parameters.chain.joint_steps()
         self.n_free = len(parameters.free)
+        self.least = max(points.std, _FLOOR)
         root = parameters.prior_root(len(scale) - self.n_free)
         self.root, self._inverse = scale[:, None] * root, np.linalg.pinv(root) / scale
+
+    def scale_of(self, length: Array) -> float:
+        """m, the noise of a coordinate as residuals of ``length`` (N,) m show it, at least what is stated."""
+        return max(float(np.median(length)) / MEDIAN_OF_NORM, self.least)
 
     def unit(self, x: Array) -> Array:
         """(r,) u."""
@@ -216,10 +221,6 @@ def _only(kept: Mask) -> Weight:
     return lambda length, noise: kept.astype(float)
 
 
-def _scale_of(length: Array) -> float:
-    return max(float(np.median(length)) / MEDIAN_OF_NORM, _FLOOR)
-
-
 def _descend(problem: _Problem, x: Array, weight_of: Weight, limit: int, *, enough: float = 1e-6) -> Array:
     """Levenberg-Marquardt from x (unknowns,), in at most ``limit`` iterations.
 
@@ -230,7 +231,7 @@ def _descend(problem: _Problem, x: Array, weight_of: Weight, limit: int, *, enou
     for _ in range(limit):
         residual, jacobian = problem.linear(x)
         length = np.linalg.norm(residual, axis=1)
-        noise = _scale_of(length)
+        noise = problem.scale_of(length)
         weight = weight_of(length, noise)
         flat = stacked(jacobian)
         root = np.repeat(np.sqrt(weight) / noise, 3)
@@ -261,14 +262,14 @@ def _result(problem: _Problem, x: Array, inlier: Mask) -> Fit:
     good = stacked(jacobian[inlier])
     information = good.T @ good
     squares = float(np.sum(residual[inlier] ** 2))
-    noise = max(np.sqrt(squares / max(3 * inlier.sum(), 1)), _FLOOR)
+    noise = max(np.sqrt(squares / max(3 * inlier.sum(), 1)), problem.least)
     effective = 0.0
     # In the eigenvectors of the information, the prior (unity) and the points add up direction by direction.
     strength, directions = np.linalg.eigh(information)
     strength = np.maximum(strength, 0.0)
     for _ in range(5):  # the effective number of parameters depends on the noise, weakly
         effective = float(np.sum(strength / (strength + noise**2)))
-        noise = max(np.sqrt(squares / max(3 * inlier.sum() - effective, 1.0)), _FLOOR)
+        noise = max(np.sqrt(squares / max(3 * inlier.sum() - effective, 1.0)), problem.least)
     unit = (directions * (noise**2 / (strength + noise**2))) @ directions.T
     covariance = problem.root @ unit @ problem.root.T
     n = problem.n_free

@@ -58,12 +58,13 @@ class LeftOut:
         return f"further than {REJECT:g} standard deviations, of the others and of the prediction, from the model"
 
 
-def far(residual: Array) -> Mask:
-    """(N,) bool: residuals (N, 3) m beyond ``REJECT`` robust deviations."""
+def far(residual: Array, std: float = 0.0) -> Mask:
+    """(N,) bool: residuals (N, 3) m beyond ``REJECT`` deviations, robust ones or, if more, stated ones (``std`` m)."""
     length = np.linalg.norm(residual, axis=1)
     if not len(length):
         return np.zeros(0, bool)
-    return np.asarray(length > max(REJECT * float(np.median(length)) / MEDIAN_OF_NORM, _EXACT), bool)
+    deviation = max(float(np.median(length)) / MEDIAN_OF_NORM, std)
+    return np.asarray(length > max(REJECT * deviation, _EXACT), bool)
 
 
 def position_error(residual: Array, outlier: Mask | None = None) -> PositionError:

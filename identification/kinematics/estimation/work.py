@@ -42,7 +42,9 @@ from identification.kinematics.models.parameters import (
 MOST = 10000
 """Points used for fitting; more are evenly thinned: neighbours at 1 kHz say the same thing."""
 IMPOSSIBLE_NOISE = 1e-3
-"""m per coordinate: no tracker of points is worse. What is left above it is the model's error."""
+"""m per coordinate: no tracker of points is worse."""
+_MORE = 1.5
+"""Noise over the stated one that a coarse statement allows."""
 OUTLIERS = 0.05
 """Share of the points left out, above which the model is at fault and not the points."""
 _FEW = 1000
@@ -58,12 +60,20 @@ class Settings:
     trust        prior standard deviations
     gravity      joint torques that hold the arm, for sag; None: sag is not tried
     extend       whether couplings, sag, encoder errors and delay are tried
+    point_std    m, stated standard deviation of a coordinate of a point: of the tracker, and of an arm that does not
+                 return to a pose exactly; 0: estimated
     """
 
     frame_known: bool
     trust: Trust = field(default_factory=Trust)
     gravity: Gravity | None = None
     extend: bool = True
+    point_std: float = 0.0
+
+    @property
+    def most_noise(self) -> float:
+        """m per coordinate: what is left above it is the model's error."""
+        return max(IMPOSSIBLE_NOISE, _MORE * self.point_std)
 
 
 @dataclass
@@ -205,7 +215,9 @@ def _doubtful(work: Work) -> bool:
     """Whether points were left out that could be the model's fault, or the rest fits worse than any tracker is."""
     out = 1.0 - float(np.mean(work.estimate.inlier))
     few = len(work.points) <= _FEW
-    return work.estimate.noise > IMPOSSIBLE_NOISE or out > (0.0 if few else OUTLIERS) or pattern(work) is not None
+    return (
+        work.estimate.noise > work.settings.most_noise or out > (0.0 if few else OUTLIERS) or pattern(work) is not None
+    )
 
 
 def _link(work: Work, matrix: Array) -> None:

@@ -24,7 +24,8 @@ def table_of(arm: Arm, calibration: Calibration) -> dict[str, Any]:
     (a point has no orientation: the rotation is that of the link), targets those of all, their std m and rad.
     orientation_rms is that of 6-D targets, rad, over all of them. position_rms is per coordinate,
     sqrt(mean(r^2)), over ALL points, "before" after the best fit of frame and target; position_rms_inliers is without
-    those in left_out (rows from 1).
+    those in left_out (rows from 1). noise is that of a coordinate of a point, m, at least point_std, which the user
+    stated (null: did not).
     """
     calibrated = calibrated_arm(arm, calibration.chain, frame_known=calibration.frame_known)
     targets = _targets(calibration)
@@ -39,6 +40,7 @@ def table_of(arm: Arm, calibration: Calibration) -> dict[str, Any]:
         "identifiable": calibration.identifiable,
         "observability": vars(calibration.observability),
         "noise": calibration.fit.noise,
+        "point_std": calibration.runs[0].std or None,
         "floor": _floor(calibration),
         "effective_parameters": calibration.fit.effective,
         "correlated_points": calibration.correlated,
@@ -151,9 +153,8 @@ def summary(table: dict[str, Any]) -> str:
                 f"{'  orientations':<15}  {1e3 * rms['before']:8.3f} mrad -> {1e3 * rms['after']:7.3f} mrad rms "
                 "per coordinate"
             )
-    lines.append(
-        f"identifiable     {table['identifiable']} parameters; noise of the points {1e3 * table['noise']:.4f} mm"
-    )
+    noise = f"{1e3 * table['noise']:.4f} mm{', as stated' if table['noise'] == table['point_std'] else ''}"
+    lines.append(f"identifiable     {table['identifiable']} parameters; noise of the points {noise}")
     lines += [f"coupling         {equation}" for equation in coupling_equations(table)]
     for effect in table["effects"]:
         numbers = ", ".join(

@@ -18,7 +18,7 @@ from armscope.cli import run
 from identification.kinematics.data.pose_table import read_poses
 
 sys.path.insert(0, str(Path(__file__).parent))
-from foreign_arm import DESCRIPTION, NOISE, TARGET, ForeignArm
+from foreign_arm import DESCRIPTION, NOISE, TARGET, ForeignArm, parallelogram
 
 HEAD = "q1,q2,q3,q4,q5,q6,x,y,z"
 
@@ -140,3 +140,42 @@ def test_any_text_is_a_table_or_an_input_error(tmp_path: Path, text: str, head: 
         read_poses(path, 1)
     except InputError as error:
         assert "\n" not in str(error)
+
+
+def test_an_arm_that_does_not_return_exactly_is_calibrated_where_its_user_says_so(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Play of 6 mrad at joints 3 to 6 moves the target by 1.3 mm rms per coordinate: more noise than trackers have."""
+    arm, generator = ForeignArm(seed=3, angle=1e-2, length=3e-3), np.random.default_rng(8)
+    q = arm.reported(100, generator)
+    play = np.array([0.0, 0.0, 6e-3, 6e-3, 6e-3, 6e-3]) * generator.choice([-0.5, 0.5], q.shape)
+    xyz = arm.measured(q + play, generator)
+    files = table(tmp_path / "fit.csv", q[:60], xyz[:60]), "--held-out", table(tmp_path / "held.csv", q[60:], xyz[60:])
+    assert calibrate(tmp_path, *files) == 2
+    refusal = capsys.readouterr().err
+    assert "more noise than a tracker has (at most 1 mm)" in refusal and "--point-std" in refusal
+    assert not (tmp_path / "out").exists()
+    assert calibrate(tmp_path, *files, "--point-std", "0.0005") == 2
+    assert "was stated (at most 1 mm)" in capsys.readouterr().err
+    assert calibrate(tmp_path, *files, "--point-std", "0.0015") == 0
+    assert "1.5000 mm, as stated" in capsys.readouterr().out
+    found = result(tmp_path)
+    assert found["noise"] == found["point_std"] == 0.0015
+    held_out = found["position_rms"]["held_out"]
+    scatter = float(np.sqrt(np.mean((arm.points(q[60:] + play[60:]) - arm.points(q[60:])) ** 2)))
+    assert scatter < held_out["after"] < 1.4 * scatter and held_out["after"] < 0.4 * held_out["before"]
+
+
+def test_no_statement_hides_what_a_model_lacks(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A coupling that geometry alone cannot describe leaves centimetres, whatever noise is stated."""
+    arm, generator = ForeignArm(seed=9, coupling=parallelogram(0.2)), np.random.default_rng(8)
+    q = arm.reported(60, generator)
+    poses = table(tmp_path / "poses.csv", q, arm.measured(q, generator))
+    assert calibrate(tmp_path, poses, "--point-std", "0.002") == 2
+    assert "the model does not describe the poses" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("std", ["0", "-0.001", "0.2"])
+def test_a_stated_std_is_a_length(tmp_path: Path, capsys: pytest.CaptureFixture[str], std: str) -> None:
+    assert calibrate(tmp_path, "poses.csv", "--point-std", std) == 2
+    assert "--point-std: must be a length in m between 0 and 0.1" in capsys.readouterr().err
