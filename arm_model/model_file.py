@@ -48,7 +48,8 @@ class _ModelFile(Table):
 _MUJOCO = re.compile(r"^\s*(?:<\?.*?\?>\s*|<!--.*?-->\s*|<!DOCTYPE[^>]*>\s*)*<mujoco[\s>]", re.DOTALL)
 LINK, MOUNT = ("theta", "d", "a", "alpha", "beta"), ("x", "y", "z", "yaw", "pitch", "roll")
 """Geometric parameters of a joint and, as ``base.x``, of the place of link frame 0, in its own frame."""
-_NEEDED = ("type", "mass", "com", "inertia")
+_INERTIAL = ("mass", "com", "inertia")
+_NEEDED = ("type", *_INERTIAL)
 
 
 def read_model(path: str | Path) -> Arm:
@@ -159,11 +160,16 @@ def on_fixed_base(arm: Arm, where: str | Path, purpose: str) -> Arm:
 
 
 def _all_there(table: dict[str, Any], where: str | Path) -> None:
-    """Joint has defaults for people who build arms in code; a file that forgets a mass is a mistake."""
-    joints = table.get("joint")
-    for number, joint in enumerate(joints if isinstance(joints, list) else [], 1):
-        for name in _NEEDED:
-            if isinstance(joint, dict) and name not in joint:
+    """InputError where a joint lacks an entry that others have: a file that forgets one mass is a mistake.
+
+    A file without any mass, com and inertia describes the geometry alone, for calibration.
+    """
+    entries = table.get("joint")
+    joints = [joint for joint in entries if isinstance(joint, dict)] if isinstance(entries, list) else []
+    weighed = any(name in joint for joint in joints for name in _INERTIAL)
+    for number, joint in enumerate(joints, 1):
+        for name in _NEEDED if weighed else ("type",):
+            if name not in joint:
                 raise InputError(where, f"joint[{number}].{name}: is missing")
 
 

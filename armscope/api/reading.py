@@ -161,10 +161,14 @@ def note_gaps(model: File | None, *uses: str, tip: str | None = None) -> None:
     """One note on standard error for each thing that a model from elsewhere does not say and ``uses`` need.
 
     It says what stands in for it. uses: of ``arm_model.urdf.Use``; tip: last link or body, of a file that branches.
-    A model file of armscope has no gaps: what it lacks is refused.
     """
     gaps: list[str] = []
-    if model is not None and Path(model).suffix == ".urdf":
+    if model is not None and "dynamics" in uses and Path(model).suffix == ".toml":
+        from arm_model import read_model
+
+        if not any(joint.mass for joint in read_model(Path(model)).joints):
+            gaps = ["no link has a mass: mass and inertia count as 0 until the file or 'armscope identify' says them"]
+    elif model is not None and Path(model).suffix == ".urdf":
         from arm_model.urdf import Use, urdf_gaps
 
         gaps = urdf_gaps(Path(model), {Use(use) for use in uses}, tip=tip)

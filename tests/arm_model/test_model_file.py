@@ -15,6 +15,7 @@ import tomli_w
 from arm_io import InputError
 from arm_model.description import EffectTerm
 from arm_model.model_file import carried_arm, read_model, write_model
+from armscope.cli import run
 
 
 def test_every_model_reads_and_writes_back(root: Path, tmp_path: Path) -> None:
@@ -105,6 +106,25 @@ def test_a_wrong_file_gets_one_line(
     assert said in str(caught.value)
     assert str(caught.value).startswith(str(tmp_path / "model.toml"))
     assert "\n" not in str(caught.value)
+
+
+def test_a_model_of_the_geometry_alone(root: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Whoever calibrates need not know any mass; one that is missing beside others is forgotten."""
+    table = tomllib.loads((root / "config/models/puma560.toml").read_text())
+    for joint in table["joint"]:
+        for name in ("mass", "com", "inertia"):
+            del joint[name]
+    path = tmp_path / "model.toml"
+    path.write_text(tomli_w.dumps(table))
+    arm, full = read_model(path), read_model(root / "config/models/puma560.toml")
+    assert [(j.theta, j.d, j.a, j.alpha) for j in arm.joints] == [(j.theta, j.d, j.a, j.alpha) for j in full.joints]
+    assert not np.any(arm.joint_array("mass"))
+    assert run(["model", str(path)]) == 0
+    assert "no link has a mass" in capsys.readouterr().err
+    table["joint"][2]["mass"] = 1.0
+    path.write_text(tomli_w.dumps(table))
+    with pytest.raises(InputError, match=r"joint\[1\].mass: is missing"):
+        read_model(path)
 
 
 def test_a_recording_carries_a_model_of_any_kind(root: Path, tmp_path: Path) -> None:

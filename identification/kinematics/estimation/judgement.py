@@ -230,7 +230,7 @@ def _failures(
             f"{1e3 * noise:.3g} mm rms per coordinate remain, more noise than {than} (at most {1e3 * most:.3g} mm): "
             "the model does not describe the poses"
         )
-    if found and not work.settings.point_std and max(noise, reached) < _COARSE:
+    if found and not work.settings.point_std and max(one.rms for one in after.values()) < _COARSE:
         found.append(
             "if the arm itself returns to a pose no better (backlash), state the standard deviation of a coordinate "
             "with --point-std M"
