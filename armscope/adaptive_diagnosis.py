@@ -166,7 +166,7 @@ def _recorded(bench: Bench, separation: Separation, case: Case) -> list[Path]:
             result = record(bench.file, file, path, progress=progress).to_json()
         ending = result["ending"]
         if ending["fault"]:
-            raise DeviceFault(bench.rig.name, f"{ending['sentence']}; {path} holds what came before")
+            raise DeviceFault(bench.rig.name, f"{ending['sentence']}; {path} has the rows recorded until then")
         if ending["reason"] in ("stopped", "terminated"):
             raise KeyboardInterrupt
         if result["ledger"]["lost"]:

@@ -59,7 +59,7 @@ def run(arguments: list[str]) -> int:
         print(f"error: {fault}", file=sys.stderr)
         return DEVICE_FAILED
     except MemoryError:
-        return _refuse(f"{arguments[0]}: needs more memory than this machine gives; give it fewer rows")
+        return _refuse(f"{arguments[0]}: needs more memory than this machine has; give it fewer rows")
     except KeyboardInterrupt:
         status = INTERRUPTED
     if status == INTERRUPTED:

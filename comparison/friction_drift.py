@@ -75,9 +75,9 @@ def assumed(count: int, what: str = "recordings") -> str:
         if count == 2
         else f"{what} of one day do not show how much friction differs from day to day"
     )
-    measured = ", or by as much as was recorded" if what == "recordings" else ""
+    measured = ", or of the recorded one" if what == "recordings" else ""
     return (
-        f"{unknown}; assumed is a temperature that differs by {UNTOLD:g} K (std){measured}: "
+        f"{unknown}; assumed is the effect of a temperature difference of {UNTOLD:g} K (std){measured}: "
         f"{shares[0]} of Coulomb friction, {shares[1]} of viscous friction, near rest {shares[2]} of Coulomb friction "
         "(Bittencourt, Gunnarsson 2012)"
     )

@@ -122,7 +122,7 @@ def _alternatives(accepted: Sequence[AcceptedChange]) -> Iterator[str]:
     """A sentence per accepted change that others explain as well."""
     for one in accepted:
         if rivals := ", or by ".join(rival.words for rival in one.rivals):
-            yield f"{one.tested.hypothesis.words}: these recordings are explained as well by {rivals}"
+            yield f"{one.tested.hypothesis.words}: {rivals} explains these recordings equally well"
 
 
 def _short_recordings(separate: SeparateRegressions) -> Iterator[str]:

@@ -38,7 +38,8 @@ class Threshold:
         if not 0 <= size <= 1e6:
             raise InputError(
                 "--fail-above",
-                f"must be a size such as 5 (joint deviations) or 10% (of the value before), is {text!r}",
+                "must be a size such as 5 (standard deviations of the change) or 10% (of the value before), is "
+                f"{text!r}",
             )
         return cls(size / 100 if share else size, share)
 

@@ -59,7 +59,9 @@ def changes(
     grouped = len(before) + len(after) > 2
     return [
         Change(
-            quantity=quantity if quantity.why or tested[k] else quantity.not_comparable("one side says nothing of it"),
+            quantity=quantity
+            if quantity.why or tested[k]
+            else quantity.not_comparable("one side does not determine it"),
             before=number(sides[0].mean[k]),
             after=number(sides[1].mean[k]),
             std_before=number(sides[0].std[k]),

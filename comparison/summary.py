@@ -295,7 +295,8 @@ def _skew(tested: Tested, explains: Sequence[str], of: int) -> Summary:
         parameters={"delay": (float(delay), float(std), "s")},
         explains=tuple(explains),
         sentence=(
-            f"Currents are read {1e3 * abs(delay):.3g} +- {2e3 * std:.2g} ms {when} than before, beside the angles: "
+            f"Currents are read {1e3 * abs(delay):.3g} +- {2e3 * std:.2g} ms {when} than before, relative to the "
+            "angles: "
             f"explains {_all(len(explains), of)}"
         ),
     )

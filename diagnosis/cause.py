@@ -161,7 +161,7 @@ class Cause:
     separate_by    experiment that discriminates the group
     felt_at        the joint (from 1) with the largest fall of the residual; None: tracked points only
     of_arm         False for a fact about the instruments that the model has no place for
-    of_recordings  parameters in each recording, by its file name, where no one value serves them all
+    of_recordings  parameters in each recording, by its file name, where no single value fits all recordings
     of_joints      of a cause of the whole rig that acts joint by joint: its parameters at each joint (from 1)
     harmonics      of a ripple: those of its own order, as effects of a model (``diagnosis.selection.harmonics``)
     remainder      what is left unexplained beside it; None: nothing, or it is not the dominant cause of its joint

@@ -222,7 +222,7 @@ BASE_TILT = Effect(
     ),
     equation="g is not as the model has it",
     shows="torque of joint 1 as sin(q1 + phi)",
-    confused_with={"link_inertia": "turn the base", "joint_zero_offset": "a level on the base"},
+    confused_with={"link_inertia": "recordings with the base turned", "joint_zero_offset": "a level on the base"},
     per_joint=False,
     observed_by={Instrument.CURRENT: Observation()},
     change=_base_tilt,
@@ -271,7 +271,7 @@ JOINT_ZERO_OFFSET = Effect(
     ),
     equation="q_read = q + delta",
     shows="gravity out of phase",
-    confused_with={"link_inertia": "tracker, level", "base_tilt": "a level on the base"},
+    confused_with={"link_inertia": "a tracker or a level", "base_tilt": "a level on the base"},
     observed_by={
         Instrument.CURRENT: Observation(),
         # which of the two encoders is off they cannot say

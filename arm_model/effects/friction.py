@@ -71,7 +71,7 @@ VISCOUS_FRICTION = Effect(
     leading="tau = B q'",
     settable="not the same in all recordings",
     shows="error proportional to velocity",
-    confused_with={"time_skew": "two speeds", "hydrodynamic_drag": "two speeds"},
+    confused_with={"time_skew": "motion at two speeds", "hydrodynamic_drag": "motion at two speeds"},
     observed_by=AGAINST_VELOCITY,
     excited_by=Excitation.SPEED,
     directional=True,

@@ -184,8 +184,8 @@ GEAR_RIPPLE = Effect(
     equation="q_motor - q = -A sin(n q_motor + phi), or tau = T sin(n q_motor + phi)",
     shows="a fixed order of the angle of the motor or of a gear wheel, at any speed",
     confused_with={
-        "cogging": "two speeds",
-        "mains_hum": "two speeds: hum is fixed in time",
+        "cogging": "motion at two speeds",
+        "mains_hum": "motion at two speeds: the frequency of hum does not change",
         "encoder_ripple": "tracker or link encoder",
     },
     observed_by={

@@ -58,7 +58,7 @@ HYDRODYNAMIC_DRAG = Effect(
     equation="dF = rho C_d R |v| v dl across the link (Morison); D |q'| q' on a joint that moves alone, or has no "
     "cylinder",
     shows="error with the square of velocity",
-    confused_with={"stribeck_friction": "a series of speeds; air against water"},
+    confused_with={"stribeck_friction": "a series of speeds; recordings in air and in water"},
     observed_by={Instrument.CURRENT: Observation(against=Variable.VELOCITY)},
     excited_by=Excitation.SPEED,
     change=_drag,
@@ -80,7 +80,7 @@ ADDED_MASS = Effect(
     ),
     equation="dF = (rho C_a pi R^2 a + b rho pi R^2 g) dl across the link's cylinder (Morison; Archimedes)",
     shows="follows acceleration, by pose; a lighter link",
-    confused_with={"link_inertia": "air against water"},
+    confused_with={"link_inertia": "recordings in air and in water"},
     observed_by={Instrument.CURRENT: Observation()},
     excited_by=Excitation.ACCELERATION,
     change=_added_mass,

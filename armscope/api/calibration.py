@@ -83,7 +83,7 @@ class Calibration:
 
         table = table_of(self.nominal, self.details)
         table["warnings"] += [
-            f"{run.run.name}: the intervals of the tracker's file do not single out one start"
+            f"{run.run.name}: the intervals of the tracker's file fit more than one start"
             for run in self.runs
             if run.merged is not None and not run.merged.sure
         ]
@@ -230,7 +230,7 @@ def _tracked(sources: Source | Sequence[Source], files: Sequence[File], joints: 
     for k, source in enumerate(listed):
         if not isinstance(source, Recording) and Path(source).suffix.lower() == ".csv":
             if files:
-                raise InputError(Path(source), "is a table of poses, which holds its points; omit --tracker")
+                raise InputError(Path(source), "is a table of poses, which contains its points; omit --tracker")
             table = read_poses(Path(source), joints)
             found.append((table, Poses.of(Path(source), table.runs)))
         else:

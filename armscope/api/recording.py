@@ -49,7 +49,7 @@ class Recorded:
 
     @property
     def fault(self) -> bool:
-        """Whether a device ended the run; the file holds what came before."""
+        """Whether a device ended the run; the file has the rows recorded until then."""
         return bool(self.details["ending"]["fault"])
 
     def __repr__(self) -> str:
@@ -222,9 +222,9 @@ def _left(place: Path, remote: bool) -> str:
     """Where the rows are that a daemon recorded before it went away, as far as this machine can see."""
     active = place.with_name(place.name + ".active")
     if remote:
-        return f"; what it recorded is on its machine, {place} or {active}"
+        return f"; the rows it recorded are on its machine, in {place} or {active}"
     if active.exists():
-        return f"; what it recorded is in {active}: 'armscope recover'"
+        return f"; the rows it recorded are in {active}: use 'armscope recover'"
     return f"; it finished {place} before it ended: 'armscope info'" if place.exists() else ""
 
 

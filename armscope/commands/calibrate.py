@@ -269,7 +269,8 @@ def _cubes(arm: Arm, calibration: Estimate | None) -> list[_Cube]:
             gravity_of(arm),
         )
         heading = (
-            "ISO 9283 cube, targets corrected so that the calibrated arm goes where the nominal one was planned to"
+            "ISO 9283 cube, targets corrected so that the calibrated arm reaches the points planned with the nominal "
+            "model"
         )
         targets = cube_targets(arm, centre, SIDE, posture, model)
         cubes.append(_Cube("iso_cube_corrected.toml", heading, points, targets, cube_experiment(targets)))

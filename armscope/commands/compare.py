@@ -47,7 +47,8 @@ def command(
         str | None,
         typer.Option(
             metavar="X",
-            help="exit status 5 if a significant change is above X joint deviations, or above X% of the value before",
+            help="exit status 5 if a significant change is above X standard deviations of the change, or above X% of "
+            "the value before",
         ),
     ] = None,
     png: Png = False,

@@ -57,14 +57,14 @@ def _tell(folder: Path, fit: str, held_out: str) -> Path:
     rig_file = _write_rig(folder)
     runs = {name: folder / f"{name}.mcap" for name in (fit, held_out)}
     _say(
-        "1. A rig. Six motors' encoders on counters, six Hall transducers on a 12-bit converter, and a tracker whose",
-        f"   1 kHz trigger latches them all. Here they are simulated: {rig_file}",
+        "1. A rig: the encoders of six motors on counters, six Hall transducers on a 12-bit converter, and a tracker",
+        f"   whose 1 kHz trigger latches them all. All devices are simulated: {rig_file}",
     )
     _show("doctor", rig_file)
     with _Daemon(rig_file) as daemon, _Listener(daemon.rig) as listener:
-        _say("2. The daemon has the devices open. A second program subscribes to everything it publishes over Zenoh.")
+        _say("2. The daemon has opened the devices. A second program subscribes to everything it publishes over Zenoh.")
         for number, (name, run) in enumerate(runs.items(), 3):
-            purpose = "to identify the arm from" if name == fit else "held out: another motion"
+            purpose = "to identify the arm" if name == fit else "another motion, held out for validation"
             _say(f"{number}. Recording '{name}', {purpose}.")
             experiment = shipped_folder() / f"experiments/{name}.toml"
             _show("record", "--rig", rig_file, "--experiment", experiment, "--out", run)
@@ -103,13 +103,13 @@ def _diagnose_worn(folder: Path, experiments: tuple[str, str]) -> None:
     for name, run in zip(experiments, runs):
         experiment = shipped_folder() / f"experiments/{name}.toml"
         _show("record", "--rig", rig, "--experiment", experiment, "--out", run)
-    _say("8. Diagnosis: what does the simulation get wrong? Half a minute.")
+    _say("8. Diagnosis: what does the simulation get wrong? This takes half a minute.")
     verdict = folder / "diagnosis"
     _show("diagnose", "--model", model, "--fit", runs[0], "--held-out", runs[1], "--out", verdict)
     _say(
-        f"   What was hidden: {_short(shipped_folder() / 'models/puma560_worn.toml')}, at the end of the file",
-        f"   The first arm in a browser, seen and steered: armscope page {folder / 'rig.toml'} --recordings {folder}",
-        "The faults, and each joint's error before and after:",
+        f"   The hidden faults are at the end of {_short(shipped_folder() / 'models/puma560_worn.toml')}.",
+        f"   To see and operate the first arm in a browser: armscope page {folder / 'rig.toml'} --recordings {folder}",
+        "The report with the faults, and the error of each joint before and after:",
     )
     print((verdict / "report.html").resolve())
 
@@ -120,7 +120,8 @@ def _open_page(folder: Path, rig_file: Path) -> None:
     if not (has_display() and sys.stdout.isatty() and importlib.util.find_spec("uvicorn")):
         return
     _say(
-        "9. The same rig in a browser: choose an experiment, arm, start; open what was recorded above. Ctrl-C ends it."
+        "9. The same rig in a browser: choose an experiment, arm, start; open the recordings from above. Ctrl-C ends "
+        "it."
     )
     with contextlib.suppress(KeyboardInterrupt):
         subprocess.run(_command(*arguments))

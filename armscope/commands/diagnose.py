@@ -98,7 +98,8 @@ def command(
             table = _kept(case, Output(out, kinds), progress)
     if not held_out:
         print(
-            "warning: no recording is held out; the last 40 % of each is held out instead, a weaker test",
+            "warning: no held-out recording was given; the last 40 % of each recording is held out instead, a weaker "
+            "test",
             file=sys.stderr,
         )
     if as_json:
@@ -120,7 +121,7 @@ def _refuse_idle(of_rigs: Mapping[str, bool], *, distort: bool, held_out: bool, 
                 option, "has no effect with --distort, which estimates one parameter of the --fit recordings"
             )
         if given and option in of_rigs and not of_rigs["--rig"]:
-            raise InputError(option, "has no effect without --rig, on which experiments are recorded")
+            raise InputError(option, "has no effect without --rig, on which to record experiments")
 
 
 def _diagnose_base(fit: list[Path], model: Path, held_out: list[Path], out: Output, as_json: bool) -> None:

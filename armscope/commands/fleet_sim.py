@@ -23,7 +23,7 @@ def command(
     arms: Annotated[int, typer.Option(min=1, max=100_000, help="number of arms")] = 8,
     nights: Annotated[int, typer.Option(min=1, max=10_000, help="number of nights")] = 30,
     worn: Annotated[
-        float, typer.Option(min=0, max=1, help="share of arms that wear; each second one is repaired")
+        float, typer.Option(min=0, max=1, help="share of arms that wear; every second one of them is repaired")
     ] = 0.5,
     seconds: Annotated[float, typer.Option(min=4, max=3600, help="duration of one recording, s")] = 12.0,
     seed: Annotated[int, typer.Option(min=0, help="seed of wear and noise")] = 1,

@@ -120,7 +120,7 @@ def _doubt_radians(out: Path, farthest: Array, rig: Rig | None) -> None:
     wide = [j for j, angle in enumerate(farthest) if turning[j] and angle > 4 * math.pi]
     if wide:
         print(
-            f"note: {out}: joint {wide[0] + 1} goes to {farthest[wide[0]]:.4g} rad, more than two turns; if the table "
+            f"note: {out}: joint {wide[0] + 1} reaches {farthest[wide[0]]:.4g} rad, more than two turns; if the table "
             'has degrees, import it with a mapping that says q = "deg" under [units] (--map)',
             file=sys.stderr,
         )
@@ -166,7 +166,7 @@ def _guessed(table: Path, accepted: bool, joints: Sequence[str]) -> Mapping | No
         if typer.confirm("Is this right?", err=True):
             return found
         raise InputError(
-            table, "not imported; --guess --save-map MAPPING.toml writes this mapping to be edited for --map"
+            table, "not imported; --guess --save-map MAPPING.toml writes this mapping, to be edited and given to --map"
         )
     raise InputError(
         table,

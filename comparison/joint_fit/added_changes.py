@@ -86,7 +86,7 @@ def _of_place(arm: Arm, added: Added, by: Array, spread: Array, judged: tuple[fl
     clear = np.abs(by) > SIGNIFICANT_STDS * stds
     clear[int(np.argmax(np.abs(by) / np.maximum(stds, 1e-300)))] = True
     if added.timed:
-        quantity = _quantity(added, "delay", "delay of the currents behind the angles, from what it was", "s")
+        quantity = _quantity(added, "delay", "change of the delay of the currents relative to the angles", "s")
         yield _change(quantity, 0.0, float(by[0]), np.array([0.0, stds[0]]), judged)
         return
     unit = "rad" if added.joint is None or arm.joints[added.joint - 1].revolute else "m"
@@ -94,7 +94,7 @@ def _of_place(arm: Arm, added: Added, by: Array, spread: Array, judged: tuple[fl
         words = (
             f"{parameter.name} of the base" if added.joint is None else f"zero of the encoder of joint {added.joint}"
         )
-        quantity = _quantity(added, parameter.name, f"{words}, from where it was", unit)
+        quantity = _quantity(added, parameter.name, f"change of the {words}", unit)
         yield _change(quantity, 0.0, float(by[k]), np.array([0.0, stds[k]]), judged if clear[k] else (1.0, 1.0))
 
 

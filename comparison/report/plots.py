@@ -17,7 +17,7 @@ MOST = 60
 """Bars; of more, those with the largest changes."""
 LINEAR = 5.0
 """Deviations up to which the axis is linear, where some changes are far larger."""
-KINDS = {"significant": AFTER, "no change of its own": PALE_AFTER, "not significant": MEASURED}
+KINDS = {"significant": AFTER, "consequence of another change": PALE_AFTER, "not significant": MEASURED}
 """Bars by what they say, with their colours."""
 
 
@@ -38,7 +38,7 @@ def overview(result: Comparison) -> Chart:
         series.append(Series(x=sizes, y=np.array(rows, float), kind="bars", colour=colour, label=label))
     panel = Panel(
         series=tuple(one for one in series if len(one.x)),
-        x="change over joint deviation (shaded: two deviations)",
+        x="change over its std (shaded: two std)",
         y="",
         zones=(Zone(low=-2.0, high=2.0, axis="x"),),
         levels=(Level(value=0.0, axis="x"),),
@@ -47,14 +47,14 @@ def overview(result: Comparison) -> Chart:
     )
     return Chart(
         name="changes",
-        title="change over joint deviation of every parameter",
+        title="change of every parameter over its std",
         panels=(panel,),
         height=0.9 + 0.22 * max(len(shown), 1),
     )
 
 
 def _kind(one: Change) -> str:
-    return "significant" if one.significant else "no change of its own" if one.overruled else "not significant"
+    return "significant" if one.significant else "consequence of another change" if one.overruled else "not significant"
 
 
 def curves(result: Comparison) -> Chart | None:

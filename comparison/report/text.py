@@ -18,7 +18,9 @@ HEADS = ("quantity", "before", "after", "change", "2 std", "relative", "z", "p c
 LEGEND = (
     "*: significant; z: change over its std; p corr.: probability by chance, corrected for the number of quantities"
 )
-OVERRULED = "\N{DEGREE SIGN}: significant by single recordings, but no change of its own: the reason is below"
+OVERRULED = (
+    "\N{DEGREE SIGN}: significant by single recordings, but the consequence of another change: the reason is below"
+)
 MOST = 12
 """Rows of the table that are printed; all stand in the report."""
 

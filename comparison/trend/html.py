@@ -30,7 +30,7 @@ def report(trend: Trend) -> Report:
     name = "" if trend.arm is None else f"{trend.arm.name}: "
     histories = trend.histories
     return Report(
-        title=f"{name}what moved",
+        title=f"{name}what changed",
         template="comparison.trend/trend.html",
         joints=[] if trend.arm is None else [joint.name for joint in trend.arm.joints],
         content={
@@ -39,8 +39,12 @@ def report(trend: Trend) -> Report:
             "moved": bool(moved),
             "said": sentences,
             "warnings": histories.warnings,
-            "shown": histories_chart(histories, shown, "moved", "histories of what moved") if shown else None,
-            "still": histories_chart(histories, still, "still", "histories of what did not move", 3) if still else None,
+            "shown": histories_chart(histories, shown, "moved", "histories of quantities that changed")
+            if shown
+            else None,
+            "still": histories_chart(histories, still, "still", "histories of the other quantities", 3)
+            if still
+            else None,
             "quantities": _table(trend),
             "results": [[path] for path in histories.results],
         },

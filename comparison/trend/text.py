@@ -55,10 +55,10 @@ def verdict(trend: Trend) -> str:
     count, results = len(trend.movements), len(trend.histories.results)
     share = f"at most {SIGNIFICANT:.0%} of such findings are expected to be false"
     if not trend.moved:
-        return f"Nothing moved beyond its joint deviations: {count} quantities in {results} results ({share})."
+        return f"No quantity changed significantly: {count} quantities in {results} results ({share})."
     names = ", ".join(one.moved.history.quantity.words for one in trend.moved[:3])
     more = f" and {len(trend.moved) - 3} more" if len(trend.moved) > 3 else ""
-    return f"{names}{more} moved; {len(trend.moved)} of {count} quantities in {results} results ({share})."
+    return f"{names}{more} changed; {len(trend.moved)} of {count} quantities in {results} results ({share})."
 
 
 def sentence(one: Movement, histories: Histories) -> str:
@@ -71,7 +71,10 @@ def sentence(one: Movement, histories: Histories) -> str:
         parts.append(f"now drifts by {_size(MONTH * one.drift[0], MONTH * one.drift[1])}{unit} per {MONTH:.0f} days")
     if one.moved.p_shape < DOUBTFUL:
         chances = f"p = {chance(one.moved.p_shape)}"
-        parts.append(f"its results scatter more about this than others do ({chances}): the shape may be wrong")
+        parts.append(
+            f"its results scatter about this shape more than those of other quantities ({chances}): the shape may be "
+            "wrong"
+        )
     return f"{words}: {level(*one.first)} -> {level(*one.last)}{unit}; {'; '.join(parts)}"
 
 
@@ -102,9 +105,9 @@ def limit_sentence(one: Movement, reach: Reach, histories: Histories) -> str:
     value = f"{reach.limit:.4g}"
     if reach.state is State.UNCLEAR:
         return (
-            f"{words}: limit {value}{unit} is not above the first value ({first}, now {now}): an upper limit is passed "
-            f"since the first result (write {quantity.name}=..{value}), a lower one is not reached (write "
-            f"{quantity.name}={value}..)"
+            f"{words}: limit {value}{unit} is ambiguous, as it is not above the first value ({first}, now {now}): an "
+            f"upper limit is passed since the first result (write {quantity.name}=..{value}), a lower one is not "
+            f"reached (write {quantity.name}={value}..)"
         )
     words = f"{words}: {reach.side} limit {value}{unit}"
     if reach.state is State.PASSED_AT_FIRST:

@@ -132,7 +132,7 @@ def _sentence(rig: Rig, excess: Excess) -> str:
             if limits.position is None
             else "; its limits in the rig file are {:g} to {:g} ".format(*limits.position[joint - 1]) + unit
         )
-        return f"joint {joint} goes to {value:.4g} {unit}{within}"
+        return f"joint {joint} reaches {value:.4g} {unit}{within}"
     if excess.kind is Kind.SPEED:
         return f"joint {joint} moves at up to {value:.4g} {unit}/s" + (
             "" if limits.speed is None else f"; its limit is {limits.speed[joint - 1]:g} {unit}/s"

@@ -85,8 +85,8 @@ def _words(oscillating: Oscillation, arm: Arm, joint: int) -> str:
     if _at_setpoints(oscillating.frequency, arm):
         return (
             f"most of it at {oscillating.frequency:.1f} Hz ({sizes[0]}), "
-            f"{_times(oscillating.frequency, arm)} the rate of the setpoints: the servo answers them otherwise "
-            "than the model's; check its gains, and the joint for a spring"
+            f"{_times(oscillating.frequency, arm)} the rate of the setpoints: the servo responds to them differently "
+            "from that of the model; check its gains, and check the joint for elasticity"
         )
     if oscillating.angle < LEAST_ANGLE:
         return (

@@ -248,7 +248,7 @@ def _judged(
         f"{unit} rms, in {int(np.sum(gains > 0))} of {len(gains)} one-second blocks"
     )
     if bare.controller != arm.controller:
-        sentence += ", by servos whose gains are those that the recordings show, not the model's"
+        sentence += ", with the servo gains that the recordings show, not those of the model"
     return Cause(
         effect=trial.effect,
         joint=trial.joint,

@@ -42,7 +42,7 @@ FEWER = 4
 OFF = "switch the drives off and let the brakes hold the arm"
 LOAD = (
     f"bolt a known mass to the flange and write its mass and centre into this file ({MASS:g} kg, 50 mm "
-    "beyond the flange, as it stands)"
+    "beyond the flange, in its present orientation)"
 )
 
 

@@ -189,7 +189,7 @@ class BaseDiagnosis:
             "causes": [cause.to_json() for cause in self.causes],
             "thrusters": [test.to_json() for test in self.thrusters],
             "not_visible": [
-                {"effect": name, "joint": None, "why": "the base does not move so that it shows"}
+                {"effect": name, "joint": None, "why": "the motion of the base does not excite it"}
                 for name in self.undetectable
             ],
             "unexplained": [{"signal": "wrench", "degree": name} for name in self.unexplained],

@@ -17,8 +17,8 @@ from diagnosis.origins.evidence import Evidence, Finding
 from diagnosis.origins.table import Origin, Table, read_table
 
 JUDGEMENT = (
-    "likelihoods order what to check first: they follow from priors and strengths of engineering judgement, not from "
-    "measured frequencies"
+    "likelihoods give the order of the checks; they are engineering judgement (priors and strengths), not measured "
+    "frequencies"
 )
 MOST = 5
 """Origins per place."""

@@ -245,9 +245,9 @@ def cause_of(
         before=before,
         after=after,
         group=(c.key, *dict.fromkeys((name, c.joint) for name in aliases if name != c.effect)),
-        evidence=f"{c.definition.shows}, differently in each recording: with values of their own, the held-out "
+        evidence=f"{c.definition.shows}, differently in each recording: with one value per recording, the held-out "
         f"{recorded_quantity(state.model.arm.joints[joint - 1])} error of joint {joint} falls from {before:.3g} "
-        f"to {after:.3g} {unit} rms; no one value serves them all",
+        f"to {after:.3g} {unit} rms; no single value fits all recordings",
         felt_at=joint,
         unit=unit,
         of_arm=False,

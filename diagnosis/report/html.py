@@ -88,11 +88,11 @@ def _asked(result: Diagnosis, table: dict[str, Any]) -> str:
     if set(table["fit"]) & set(table["held_out"]):
         names = f"{_names(table['fit'])}, split by time: the first part fitted, the second held out"
     if not result.judged:
-        return f"Question: what do two encoders per joint show that the gear ratios do not predict? {names}."
+        return f"Question: how do the two encoders of each joint differ from the gear ratios? {names}."
     taken = (
-        "taken as given, not re-estimated"
+        "taken as exact and not re-estimated"
         if result.known_to is None
-        else "free within what the model says of their uncertainty"
+        else "free within the uncertainty that the model states"
     )
     return (
         f"Question: what is missing from this model? Its masses, inertias and constants are {taken}; a wrong one is "

@@ -18,7 +18,7 @@ def diagnosis_text(result: Diagnosis, table: dict[str, Any]) -> str:
     for number, (cause, row) in enumerate(zip(result.causes, table["causes"]), 1):
         where = "the tracked points" if cause.by_tracker else f"joint {cause.felt_at}"
         lines += ["", f"{number}. {title(cause)}", *(f"   {line}" for line in values_of(cause))]
-        sure = f"{cause.confidence:.0%}" + (" in the whole group" if len(cause.group) > 1 else "")
+        sure = f"{cause.confidence:.0%}" + (" that one of the group is present" if len(cause.group) > 1 else "")
         lines.append(f"   held-out error of {where} without -> with it: {gain(cause)}; confidence {sure}")
         lines += [f"   {remains(cause)}"] if cause.deviations else []
         lines += [f"   {said}" for said in (rise_at_rest(cause), remainder(cause)) if said]

@@ -78,7 +78,10 @@ def deciding(joints: Sequence[Remaining]) -> Iterator[str]:
             "recordings (armscope compare); an error of the model is the same in both."
         )
     if unsure:
-        yield f"To decide at {_joints(unsure)}: identify from more recordings; the model is not known well enough."
+        yield (
+            f"To decide at {_joints(unsure)}: identify from more recordings; the parameters of the model are not known "
+            "well enough."
+        )
 
 
 def _joints(numbers: Sequence[int]) -> str:

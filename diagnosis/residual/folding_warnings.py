@@ -25,11 +25,11 @@ def folding_warnings(runs: Sequence[Run]) -> Iterator[str]:
         ratio = np.sqrt(np.mean(np.concatenate([run.folded**2 for run in alike]), axis=0)) / noise
         rate, setpoints = rate_of(alike[0].raw[0]), alike[0].setpoints
         far = (
-            f"inertias that are wrong are not named where that changes the {recorded_signals(alike[0].arm)} by less "
+            f"wrong inertias are not named if they change the {recorded_signals(alike[0].arm)} by less "
             f"than {2 * ratio.max():.1f} times the noise (joint {int(ratio.argmax()) + 1})"
         )
         if unbounded(setpoints, rate):
-            far = "how far cannot be seen at so few rows per setpoint, and wrong inertias are not named"
+            far = "so few rows per setpoint do not show how large this is, and wrong inertias are not named"
         elif ratio.max() < FOLDED:
             continue
         period = setpoints.period
@@ -37,7 +37,8 @@ def folding_warnings(runs: Sequence[Run]) -> Iterator[str]:
         yield (
             f"{', '.join(dict.fromkeys(run.name for run in alike))}: {rate:.5g} Hz is "
             f"{'' if times == '1 times ' else times}the rate of the controller's setpoints (every {period * 1e3:.3g} "
-            f"ms{setpoints.as_shown}): what the servos do at each setpoint looks like an inertia; {far}; record at "
+            f"ms{setpoints.as_shown}): the response of the servos to each setpoint looks like an inertia; {far}; "
+            "record at "
             f"{rate_instead(period, rate):.5g} Hz, or average the {recorded_signals(alike[0].arm)} "
-            "over each row, to have them named"
+            "over each row, to detect them"
         )

@@ -63,8 +63,9 @@ def reference_taken(model: Arm, named: Iterable[EffectKey], runs: Sequence[Run])
         if joint is not None and depends(effect) and model.joints[joint - 1].temperature is None:
             degc = runs[0].arm.joints[joint - 1].temperature
             yield (
-                f"the model does not say at which temperature the friction of joint {joint} holds: its dependence is "
-                f"about {degc:g} degC, the mean of the fitted recordings"
+                f"the model does not state the temperature of its friction at joint {joint}: the dependence is "
+                "relative "
+                f"to {degc:g} degC, the mean of the fitted recordings"
             )
 
 

@@ -85,7 +85,7 @@ def lines_near_mains(recordings: Sequence[Recording], arm: Arm) -> dict[int, lis
 def _no_mains(lines: Sequence[Line]) -> str | None:
     """Why the lines of all recordings at one joint cannot be mains hum; None if they may be."""
     if not all(line.at_rest for line in lines) and any(_modulated(line) for line in lines):
-        return "its amplitude varies, as that of servos' transients at setpoints does with the motion"
+        return "its amplitude varies with the motion, like that of servo transients at setpoints"
     if min(abs(_frequency(lines) / mains - 1.0) for mains in MAINS) > OFF_MAINS:
         return f"the mains is within {OFF_MAINS:.0%} of 50 or 60 Hz"
     return None
@@ -152,8 +152,8 @@ def _of_rig(hum: Mapping[int, Sequence[Line]], recordings: Sequence[Recording], 
         effect=MAINS_HUM.name,
         joint=None,
         parameters=_parameters(hum[largest], f),
-        evidence=f"{subject} one spectral line at {f:.2f} Hz in all {len(recordings)} recordings, so that it enters "
-        f"where they are common (supply, ground or converter); the largest is that of joint {largest}",
+        evidence=f"{subject} one spectral line at {f:.2f} Hz in all {len(recordings)} recordings, so that its "
+        f"source is common to them (supply, ground or converter); the largest is that of joint {largest}",
         recordings=tuple(range(len(recordings))),
         gain=_gain(largest, hum[largest]),
         of_joints={joint: _parameters(lines, f) for joint, lines in hum.items()},

@@ -94,6 +94,7 @@ def mixed_up(runs: Sequence[Run]) -> tuple[str, ...]:
             )
         elif len(excited) and np.mean((correlation > ALIKE) & (np.abs(np.log(ratio)) > np.log(OTHER_UNIT))) > 0.5:
             warnings.append(
-                f"{signals} of {run.name} are {np.median(ratio):.2g} times the expected ones; are they in its unit?"
+                f"{signals} of {run.name} are {np.median(ratio):.2g} times the expected ones; are they in the unit of "
+                "the model?"
             )
     return tuple(warnings)

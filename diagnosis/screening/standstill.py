@@ -55,7 +55,7 @@ class Oscillation:
 
     def structure(self, unit: str) -> Structure:
         """As what no effect explains."""
-        size = f"{self.amplitude:.2g} {unit} while the arm stands"
+        size = f"{self.amplitude:.2g} {unit} while the arm is at rest"
         return Structure(Signal.CURRENT, self.joint, f"a wave of {self.frequency:.1f} Hz", self.share, size)
 
 

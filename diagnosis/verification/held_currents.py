@@ -41,9 +41,9 @@ def remarks_on(held: Sequence[Cause], arm: Arm) -> Iterator[str]:
         (delay,) = cause.parameters
         when = "later than" if delay.value > 0.0 else "before"
         because = (
-            f"as rows may show them whose servos hold them for {1e3 * arm.controller.servo_period:.3g} ms"
+            f"as possible in rows if the servos hold the currents for {1e3 * arm.controller.servo_period:.3g} ms"
             if arm.controller is not None
-            else "less than half a row; for how long servos hold them, a model without [controller] does not say"
+            else "less than half a row; a model without [controller] does not state how long the servos hold them"
         )
         yield (
             f"{recorded_signals(arm)} are {1e3 * abs(delay.value):.2g} +- {2e3 * delay.std:.1g} ms {when} the angles, "

@@ -23,6 +23,6 @@ def friction_replaced(stated: Arm, extended: Arm) -> Iterator[str]:
     for number, (before, after) in enumerate(zip(stated.joints, extended.joints), 1):
         if (before.coulomb, before.viscous) != (after.coulomb, after.viscous):
             yield (
-                f"with the causes, friction of joint {number} would drive it at some speed: the extended model has the "
-                "nearest friction that opposes the motion at every speed"
+                f"with the causes as named, friction would drive joint {number} at some speed: the extended model has "
+                "the nearest friction that opposes the motion at every speed"
             )

@@ -122,7 +122,8 @@ def simulated_motion(arm: Arm, recording: Recording, motion: Motion) -> Motion:
         joint = int(np.argmax(np.where(moving, np.nan_to_num(off, nan=np.inf), 0))) + 1
         raise InputError(
             recording.path,
-            f"the simulated joint {joint} leaves the recorded motion; the model's controller is not that of this run"
+            f"the simulated joint {joint} departs from the recorded motion; the model's controller is not that of "
+            "this run"
             " (methods ols, wls and irls do without it)",
         )
     return smooth_motion(motion.t, run.qm, run.torque, band=motion.band)

@@ -60,7 +60,7 @@ def trial_of(j: int, residuals: HeldOutResiduals, slowest: float, friction: floa
     justified = p < seldom and smaller and removed > MATTERS
     why = ""
     if smaller and not justified:
-        why = f"noise gains as much with probability {min(p, 1.0):.1g}"
+        why = f"noise alone gains as much with probability {min(p, 1.0):.1g}"
         if removed <= MATTERS:
             why = f"a gain of {removed:.1%} of its Coulomb friction"
     return FrictionTrial(joint=j + 1, straight=before, curve=after, p=compared.p, stays=bool(justified), why=why)

@@ -73,7 +73,8 @@ def tune_friction(
     if not names:
         raise InputError(
             ", ".join(str(recording.path) for recording in recordings),
-            "show no joint's friction in the closed loop; they must move a joint for longer, and both ways",
+            "do not excite the friction of any joint in closed loop; they must move a joint for longer, in both "
+            "directions",
         )
     return Tuning(
         names=names,

@@ -88,7 +88,7 @@ def _identify_all(arm: Arm, fitted: Sequence[Run], held_out: Sequence[Run], own:
     for j in range(len(arm)):
         runs = [run for run in fitted if own_run([run[1]], j) is not None]
         if not runs:
-            own.warnings.append(f"joint {j + 1} does not move in any run; nothing is said about it")
+            own.warnings.append(f"joint {j + 1} does not move in any run; its parameters are not identified")
             continue
         progress(Step("joints", j, len(arm), detail=f"joint {j + 1}"))
         own.warnings += _of_coupled(arm, j)
@@ -115,7 +115,7 @@ def _identify_joint(arm: Arm, j: int, runs: Sequence[Run], held_out: Sequence[Ru
     for recording, motion in runs:
         _warn_of_others(recording, motion, j, results.warnings)
     for direction in {"coulomb_positive", "coulomb_negative"} - {*pair.names}:
-        results.warnings.append(f"joint {j + 1} moves in one direction only; nothing is said about its {direction}")
+        results.warnings.append(f"joint {j + 1} moves in one direction only; its {direction} is not identified")
     results.parameters += _named(pair, j, arm)
     results.conditions.append(pair.fit.condition)
     for number, recording in enumerate(recordings):
@@ -152,8 +152,8 @@ def _warn_of_others(recording: Recording, motion: Motion, j: int, warnings: list
     others = [k + 1 for k in range(len(travel)) if k != j and travel[k] > ACTIVE * travel[j]]
     if others:
         warnings.append(
-            f"{recording.path.name}: joint {', '.join(map(str, others))} moves too; its coupling torque is taken for "
-            f"inertia and friction of joint {j + 1}: these are not that joint's values"
+            f"{recording.path.name}: joint {', '.join(map(str, others))} moves too; its coupling torque is attributed "
+            f"to inertia and friction of joint {j + 1}, which are wrong by it"
         )
 
 

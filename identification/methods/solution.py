@@ -69,7 +69,10 @@ def solve(problem: Problem, method: Method, progress: Progress) -> Solution:
         if not arm.effects or settled(before, best, uncertainty):
             break
         if number + 1 == STEPS:  # rows around the values would be others than those of the fit
-            _warn_once(problem, f"the effects did not settle in {STEPS} steps; is one of them far from the model's?")
+            _warn_once(
+                problem,
+                f"the effects did not converge in {STEPS} steps; is one of them far from its value in the model?",
+            )
             break
         before = best.values
         values = _towards(problem, values, physical_values(problem, best, uncertainty.information), best)

@@ -52,7 +52,7 @@ def attenuation_warnings(motions: Sequence[Motion]) -> list[str]:
     if not hit:
         return []
     return [
-        "encoder noise is part of the acceleration, and least squares make inertias there too small by about that "
-        f"share, beyond the stated deviations: {', '.join(hit)}; move faster, or with --method iv (for a model "
-        "that has its controller)"
+        "encoder noise is a part of the acceleration by which least squares underestimates inertias, beyond the "
+        f"stated standard deviations: {', '.join(hit)}; move faster, or use --method iv (for a model that has its "
+        "controller)"
     ]

@@ -124,19 +124,19 @@ def unexplained_channels(
         alone, share = _explained_alone(columns[of_joint], torque[of_joint]), f"{max(explained, 0.0):.0%}"
         if alone >= EXPLAINED:
             sentence = (
-                f"i{j + 1}: follows the motion of joint {j + 1} ({alone:.0%} of it explained alone), and the currents "
-                f"together fit no arm of this model ({share} of it explained); expected the current of its own joint, "
-                "all in one unit, and the model's gears and torque constants"
+                f"i{j + 1}: follows the motion of joint {j + 1} (which alone explains {alone:.0%} of it), but all "
+                f"currents together fit no arm of this model ({share} of it explained); expected the current of its "
+                "own joint, all currents in one unit, and the model's gears and torque constants"
             )
         elif explained < DEAD:
             sentence = (
-                f"i{j + 1}: knows nothing of the motion of joint {j + 1} ({share} of it explained): the channel is "
-                "dead, or of something else; expected a current that follows the drive"
+                f"i{j + 1}: is independent of the motion of joint {j + 1} ({share} of it explained): the channel is "
+                "dead, or measures something else; expected a current that follows the drive"
             )
         else:
             sentence = (
-                f"joint {j + 1}: the fit explains {share} of the variation of its current; is i{j + 1} dead, or of "
-                "another joint?"
+                f"joint {j + 1}: the fit explains {share} of the variation of its current; is i{j + 1} dead, or does "
+                "it belong to another joint?"
             )
         if explained < DEAD:
             raise InputError(str(where), sentence)

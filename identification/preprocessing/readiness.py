@@ -118,7 +118,8 @@ class Readiness:
             return f"{what}: not identifiable separately; record a more exciting motion (armscope excite)."
         if e.silent:
             return (
-                f"{what}; the others will be taken from the model. 'armscope excite' designs a motion that shows more."
+                f"{what}; the others keep the values of the model. 'armscope excite' designs a motion that excites "
+                "more."
             )
         return f"{what}: ready{' but for the warnings' if self.warnings else ''}."
 
@@ -160,7 +161,7 @@ def readiness_of(recording: Recording, found: Trusted, motion: Motion, arm: Arm)
         )
     if recording.ledger.lost:
         warnings.append(
-            f"{name}: {recording.ledger.lost} of {recording.ledger.triggers} rows were lost as it was recorded"
+            f"{name}: {recording.ledger.lost} of {recording.ledger.triggers} rows were lost during recording"
         )
     warnings += [f"{name}: {difference}" for difference in other_drives(recording, arm)]
     warnings += [*found.sentences, *_left_out(name, motion)]
@@ -183,18 +184,18 @@ def _left_out(name: str, motion: Motion) -> list[str]:
 
 def _weaknesses(name: str, entry: JointReadiness, motion: Motion, limit: float | None) -> list[str]:
     if entry.used == 0:
-        return [f"{name}: joint {entry.joint} never moves: its friction and rotor cannot be seen here"]
+        return [f"{name}: joint {entry.joint} never moves: this run does not determine its friction and rotor inertia"]
     sentences = []
     farthest = float(np.max(np.abs(motion.q[:, entry.joint - 1])))
     if entry.unit == "rad" and farthest > TURNS:
         sentences.append(
-            f"{name}: joint {entry.joint} goes to {farthest:.4g} rad, more than two turns; are its angles in degrees?"
+            f"{name}: joint {entry.joint} reaches {farthest:.4g} rad, more than two turns; are its angles in degrees?"
         )
     lag = entry.lag
     if lag is not None and abs(lag) > 2 * motion.dt and abs(lag) > 0.05 / motion.band.motion:
         sentences.append(
             f"{name}: the torque of joint {entry.joint} is {abs(lag) * 1e3:.1f} ms "
-            f"{'behind' if lag > 0 else 'ahead of'} its acceleration; are all channels of the same instant?"
+            f"{'behind' if lag > 0 else 'ahead of'} its acceleration; are all channels sampled at the same instant?"
         )
     if entry.torque is not None and entry.torque > FAR_BEYOND:
         sentences.append(

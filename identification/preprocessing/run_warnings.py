@@ -58,7 +58,7 @@ def _consequence(motions: Sequence[Motion]) -> str:
     motion = motions[0]
     rate, period = 1 / motion.dt, motion.setpoints.period
     if unbounded(motion.setpoints, rate):
-        known = "how far cannot be seen at so few rows per setpoint"
+        known = "with so few rows per setpoint, the size of the error cannot be determined"
     else:
         share = np.max([_share(one) for one in motions], axis=0)
         most = f"up to {share.max():.1%} of the torque of joint {int(share.argmax()) + 1}"
@@ -66,7 +66,8 @@ def _consequence(motions: Sequence[Motion]) -> str:
             f"the standard deviations allow for it ({most if share.max() >= 5e-4 else 'less than 0.1% of any torque'})"
         )
     return (
-        f"what the servos do at each setpoint looks like an inertia, and a joint's own inertia may be wrong; {known}; "
+        "the response of the servos to each setpoint looks like an inertia, and a joint's own inertia may be wrong; "
+        f"{known}; "
         f"record at "
         f"{rate_instead(period, rate):.5g} Hz, or average currents over each row, to avoid it"
     )

@@ -32,7 +32,7 @@ from identification.result import Identification, Prediction
 MOST_NAMED = 6  # weak parameters in a warning
 UNBIASED = ("iv", "didim")
 """Methods whose regressors have no noise of the encoders."""
-UNCONSTRAINED = "least squares alone, not an arm that could exist"
+UNCONSTRAINED = "least squares alone, not physically consistent"
 """Name of the fit itself beside the arm that is written."""
 OF_WEIGHT = 0.1
 """Of what a joint lifts: an offset of this share of its weight is as far from the model as a mass twice as large, and a
@@ -139,10 +139,10 @@ def _of_another_unit(problem: Problem) -> list[str]:
         here = rows.run == number
         ratio = checks.times_the_expected(rigid[here], others[here], torque[here], rows.joint[here])
         if ratio is not None:
-            times = f"{float(f'{ratio:.2g}'):g} times what the model has"
+            times = f"{float(f'{ratio:.2g}'):g} times those of the model"
             found.append(
-                f"{recording.path.name}: what the currents or torques show of masses and inertias is {times}; are they "
-                "in its unit, and are gears and torque constants right?"
+                f"{recording.path.name}: masses and inertias by the currents or torques are {times}; are the currents "
+                "or torques in the unit of the model, and are gears and torque constants right?"
             )
     return found
 
@@ -196,8 +196,8 @@ def _notes(problem: Problem, uncertainty: FitUncertainty) -> Iterator[str]:
             f"regression, from the spectrum of {recording.path.name}"
         )
     yield (
-        f"standard deviations from {uncertainty.blocks} blocks of {uncertainty.block:.3g} s; those of the formula take "
-        "residuals for white"
+        f"standard deviations from {uncertainty.blocks} blocks of {uncertainty.block:.3g} s; those of the textbook "
+        "formula assume white residuals"
     )
 
 

@@ -114,16 +114,16 @@ def _reason(problem: Problem, column: int, silent: int | None) -> tuple[str, boo
     resting = joint not in {f"joint{j + 1}" for j in problem.rows.joint}
     if silent is not None and joint.startswith("joint") and resting and not is_effect(name):
         return (
-            f"{joint} rests: friction holds it, bears any torque up to its own, and hides offset and rotor; from the "
+            f"{joint} rests: stiction balances any torque up to its limit, and conceals offset and rotor; value of the "
             "model",
             True,
         )
     if silent is not None:
-        return "not excited by these runs; from the model", False
+        return "not excited by these runs; value of the model", False
     if np.any(problem.base.grouping[:, column] != 0):
         return (
-            "only in sums with others (base_parameters); this share of them is the physically consistent one nearest "
-            "the model",
+            "only in combination with others (base_parameters); this value is that of the physically consistent arm "
+            "nearest to the model",
             False,
         )
-    return "moves no torque of this arm, whatever its other parameters; from the model", False
+    return "changes no torque of this arm, whatever its other parameters; value of the model", False

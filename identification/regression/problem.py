@@ -194,14 +194,15 @@ def prepare(
     motions = motions if smooth else [*map(with_reversals, motions)]
     warnings = [warning for run in runs for warning in run.warnings]
     warnings += [
-        f"{name}: held as the model has it, and counted as rigid or sliding here" for name in effects_held_fixed(arm)
+        f"{name}: keeps the values of the model, and is taken as rigid or sliding here"
+        for name in effects_held_fixed(arm)
     ]
     warnings += [f"{name} is in the model more than once: only the first is fitted" for name in repeated(arm)]
     if freed := freed_rotors(arm):
         which = f"joint{'s' if len(freed) > 1 else ''} {', '.join(map(str, freed))}"
         warnings.append(
-            f"the model has a gear or screw, but no rotor inertia at {which}: identified here, at the joint side "
-            "(gear^2 times the motor's), by itself where the motions distinguish it from the link's inertia"
+            f"the model has a gear or screw, but no rotor inertia at {which}: it is identified here, at the joint side "
+            "(gear^2 times the motor's), alone if the motions distinguish it from the link's inertia"
         )
     progress("equations of motion")
     base = structural_base(arm, friction)
@@ -224,7 +225,7 @@ def unexcited(base: BaseParameters, excited: NDArray[np.intp]) -> list[str]:
         return []
     are = "is" if len(silent) == 1 else "are"
     return [
-        f"{len(silent)} of {len(base)} base parameters {are} not excited by these runs, and taken from the model: "
+        f"{len(silent)} of {len(base)} base parameters {are} not excited by these runs and keep the model's values: "
         f"{', '.join(silent)}"
     ]
 

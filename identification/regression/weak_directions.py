@@ -46,8 +46,8 @@ def held_note(held: int, directions: int) -> list[str]:
     if not held:
         return []
     return [
-        f"{held} of {directions} directions among the base parameters are known to no better than {WEAK:.0%} of the "
-        "model's own numbers, and do not contradict these: held there (method ols holds none)"
+        f"{held} of {directions} directions of the base parameters have a std above {WEAK:.0%} of the model's values, "
+        "and do not contradict these: they keep the model's values (method ols estimates all)"
     ]
 
 

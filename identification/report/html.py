@@ -128,8 +128,8 @@ def _no_rotors(arm: Arm) -> str:
     if any(joint.rotor_inertia or joint.ratio != 1.0 for joint in arm.joints[1:]) or len(arm) == 1:
         return ""
     return (
-        "The model has no rotors, and counts theirs as inertia of the links: with a gear in it (gear = 100 and "
-        "torque_constant = 0.01, where torques at the joints are recorded) rotors are identified. "
+        "The model has no rotors, so that their inertia counts as inertia of the links. With a gear in the model "
+        "(gear = 100 and torque_constant = 0.01, if torques at the joints are recorded) rotors are identified. "
     )
 
 

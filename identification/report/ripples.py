@@ -16,7 +16,7 @@ def sentences(result: Identification) -> list[str]:
     if "ripples" not in result.extra:
         return []
     found = result.extra["ripples"]
-    return [_said(result, one) for one in found] or ["ripples: none stands out of the residual"]
+    return [_said(result, one) for one in found] or ["ripples: none found in the residual"]
 
 
 def _said(result: Identification, one: Mapping[str, Any]) -> str:

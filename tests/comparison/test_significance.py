@@ -73,7 +73,7 @@ def test_a_recording_that_says_nothing_is_left_out() -> None:
         one.values[1] = np.nan
     found = changes(quantities(count=3), before, after)
     assert found[0].before == pytest.approx(before[1].values[0]) and found[0].comparable
-    assert found[1].quantity.why == "one side says nothing of it" and found[1].p is None
+    assert found[1].quantity.why == "one side does not determine it" and found[1].p is None
     assert found[2].comparable
 
 

@@ -167,7 +167,7 @@ def test_the_command(lab: Path, tmp_path: Path, capsys: pytest.CaptureFixture[st
     arguments = ["trend", str(lab), "--limit", "joint3.coulomb=30", "joint1.coulomb=+50%", "--out", str(out)]
     assert run(arguments) == 0
     shown = capsys.readouterr().out
-    assert "Coulomb friction of joint 3 moved; 1 of 6 quantities in 24 results" in shown
+    assert "Coulomb friction of joint 3 changed; 1 of 6 quantities in 24 results" in shown
     assert "limit 30 N m is reached on 2028-" in shown
     assert "Coulomb friction of joint 1: upper limit 7.4" in shown and "is not reached at the present trend" in shown
     table = json.loads((out / "trend.json").read_text())

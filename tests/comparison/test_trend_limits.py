@@ -90,7 +90,7 @@ def test_every_limit_of_a_quantity_is_kept(worn: Path, capsys: pytest.CaptureFix
 
 def test_what_a_limit_lacks_is_said(worn: Path) -> None:
     said = str(armscope.trend(worn, {"joint3.coulomb": 14, "joint2.coulomb": "+50%"}))
-    assert "limit 14 N m is not above the first value (" in said
+    assert "limit 14 N m is ambiguous, as it is not above the first value (" in said
     assert "(write joint3.coulomb=..14), a lower one is not reached (write joint3.coulomb=14..)" in said
     assert "limit +50% of the first value, which does not differ from zero (" in said
     assert "; give an absolute limit" in said and "reached on" not in said

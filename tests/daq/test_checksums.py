@@ -114,7 +114,7 @@ def test_info_names_the_record(file: bytes, tmp_path: Path, capsys: pytest.Captu
     data[index + 30] ^= 1
     path = tmp_path / "run.mcap"
     path.write_bytes(data)
-    assert run(["info", str(path)]) == 4, "three rows were lost as it was recorded"
+    assert run(["info", str(path)]) == 4, "three rows were lost during recording"
     assert "damaged" not in capsys.readouterr().out
     assert run(["info", str(path), "--verify"]) == 4
     assert "message index 1 of chunk 1 is damaged" in capsys.readouterr().out

@@ -130,7 +130,7 @@ def test_sigkill_mid_run_is_recoverable(lab: Lab) -> None:
         daemon.kill()
         _, err = recorder.communicate(timeout=60)
     assert recorder.returncode == 3
-    assert f"what it recorded is in {active}" in err
+    assert f"the rows it recorded are in {active}" in err
     recovered = lab.start("recover", str(active), "--out", "saved.mcap")
     recovered.communicate(timeout=60)
     assert recovered.returncode in (0, 4)  # 4: it knows of rows that had not reached the disk

@@ -146,7 +146,7 @@ def test_of_two_rows_a_setpoint_no_inertia_is_told(arm: Arm, recorded: Callable[
     fit, held_out = recorded(arm, 200.0, 0.0)
     result = armscope.diagnose(fit, arm, held_out=held_out)
     assert result.verdict == "consistent"
-    assert "how far cannot be seen" in result.details.warnings[0]
+    assert "do not show how large this is" in result.details.warnings[0]
 
 
 def test_an_inertia_beyond_what_folds_is_named_with_a_deviation_that_contains_it(

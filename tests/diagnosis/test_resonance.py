@@ -100,7 +100,7 @@ def test_a_spring_behind_servos_of_other_gains(tmp_path: Path) -> None:
 
     assert cause is not None and cause.key == ("joint_compliance", 3)
     assert abs(cause.parameters[0].value - 30_000.0) < 2 * cause.parameters[0].std < 5_000.0
-    assert "whose gains" in cause.evidence
+    assert "servo gains" in cause.evidence
 
 
 @pytest.mark.slow

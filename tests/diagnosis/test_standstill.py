@@ -49,7 +49,7 @@ def test_a_wave_at_rest_is_found_with_its_frequency(tmp_path: Path, colour: floa
     assert found.joint == 2
     assert found.frequency == pytest.approx(6.0, abs=0.2) and found.amplitude == pytest.approx(0.06, rel=0.15)
     said = found.structure("A")
-    assert said.joint == 2 and "Hz" in said.against and said.size.endswith("A while the arm stands")
+    assert said.joint == 2 and "Hz" in said.against and said.size.endswith("A while the arm is at rest")
 
 
 @pytest.mark.parametrize("recordings", [1, 3])

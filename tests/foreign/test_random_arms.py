@@ -41,7 +41,7 @@ def test_a_refusal_of_what_a_command_made_up_itself_is_a_crash() -> None:
         (0, "regression.py:3: RuntimeWarning: overflow encountered in multiply\n", False),
         (2, "error: model.toml: joint[1]: 'nan' is no number\n", True),
         (2, "error: one\nerror: two\n", False),
-        (2, "error: diagnose: needs more memory than this machine gives; give it fewer rows\n", False),
+        (2, "error: diagnose: needs more memory than this machine has; give it fewer rows\n", False),
         (3, "", False),
         (5, "changed beyond --fail-above 10%: 1 quantities: joint7.viscous\n", True),
         (5, "", False),

@@ -76,8 +76,8 @@ def break_it(what: str, q: np.ndarray, i: np.ndarray) -> None:
         ("stuck current", "i2: constant at 0.25 A while joint 2 moves"),
         ("nothing moves", "no joint moves"),
         ("noise only", "noise"),
-        ("hums", "i2: knows nothing of the motion of joint 2"),
-        ("in mA", "i2: follows the motion of joint 2 (100% of it explained alone), and the currents"),
+        ("hums", "i2: is independent of the motion of joint 2"),
+        ("in mA", "i2: follows the motion of joint 2 (which alone explains 100% of it), but all"),
         ("holes", "i3: 69% of its samples are missing"),
         ("reversed", "i1: the friction of joint 1 would drive it; the sign of its current is reversed"),
     ],
@@ -179,8 +179,8 @@ def test_torques_of_another_size_than_the_model_are_asked_about(
     write_table(tmp_path / "run.mcap", t, {"q": q, "i": factor * i}, Attachments())
     assert run(["identify", str(tmp_path / "run.mcap"), "--model", str(model), "--check"]) == 0
     said = capfd.readouterr().out
-    sentence = "run.mcap: what the currents or torques show of masses and inertias is"
-    assert (f"{sentence} {times} times what the model has" in said) if times else sentence not in said
+    sentence = "run.mcap: masses and inertias by the currents or torques are"
+    assert (f"{sentence} {times} times those of the model" in said) if times else sentence not in said
 
 
 def test_whole_recording_of_the_same_motion_is_taken(motion: tuple, root: Path, tmp_path: Path) -> None:
@@ -202,4 +202,4 @@ def test_channel_of_another_joint_is_named(
     assert run(["identify", str(path), "--model", str(model), "--out", str(tmp_path / "out"), "--json"]) == 0
     said = " ".join(json.loads(capsys.readouterr().out)["warnings"])
     assert "joint 2: the fit explains" in said
-    assert "is i2 dead, or of another joint?" in said
+    assert "is i2 dead, or does it belong to another joint?" in said

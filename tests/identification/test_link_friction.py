@@ -87,7 +87,7 @@ def test_without_couplings_only_the_sum_of_both_frictions_is_known(arm: Arm, tmp
     last = replace(arm.joints[2], link_viscous=0.5, link_coulomb=0.5)
     found = identify_by("wls", [run], replace(arm, joints=(*arm.joints[:2], last)), shape="straight")
     named, drive = values(found), arm.joints[2]
-    assert not named["joint3.link_coulomb"].identifiable and "only in sums" in named["joint3.link_coulomb"].why
+    assert not named["joint3.link_coulomb"].identifiable and "only in combination" in named["joint3.link_coulomb"].why
     whole = next(value for value in found.base if value.name == "joint3.coulomb + joint3.link_coulomb")
     assert abs(whole.value - drive.ratio * drive.coulomb[0] - COULOMB) < 3 * (whole.std or 0.0)
 

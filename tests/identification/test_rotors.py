@@ -100,7 +100,7 @@ def test_gears_of_a_urdf_leave_torques_and_friction_at_the_joint(urdf: Path, tmp
     bare = read_urdf(tmp_path / "bare.urdf")
     assert {joint.gear for joint in bare.joints} == {1.0}
     np.testing.assert_allclose(geared.joint_array("drive_constant"), 1.0)
-    assert "with a gear in it" in _no_rotors(bare) and not _no_rotors(geared)
+    assert "With a gear in the model" in _no_rotors(bare) and not _no_rotors(geared)
     for one, other in zip(geared.joints, bare.joints):
         assert one.ratio * one.coulomb[0] == pytest.approx(other.coulomb[0])
         assert one.ratio**2 * one.viscous[0] == pytest.approx(other.viscous[0])

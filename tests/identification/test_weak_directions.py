@@ -55,7 +55,7 @@ def test_weak_excitation_does_not_make_a_model_worse(arm: Arm, tmp_path: Path, s
     result = identify_by("wls", [fit], start, held_out=[held])
     assert result.relative_error(True) < wrong
     assert all(error < wrong for _, error in result.compared.values())
-    assert any("held there" in note for note in result.notes)
+    assert any("keep the model's values" in note for note in result.notes)
     # Left alone, least squares explains the fitted run and nothing else.
     assert identify_by("ols", [fit], start, held_out=[held]).compared[UNCONSTRAINED][1] > wrong
 

@@ -64,7 +64,7 @@ def test_friction_below_coulombs_is_written_as_found(tmp_path: Path) -> None:
     )
     assert relative_error([fit], tmp_path / "out/model.toml") == pytest.approx(table["relative_error"]["fit"], rel=1e-6)
     # nothing was given away on the way to an arm that could exist
-    alone = table["compared"]["least squares alone, not an arm that could exist"]["held_out"]
+    alone = table["compared"]["least squares alone, not physically consistent"]["held_out"]
     assert table["relative_error"]["held_out"] < 1.02 * alone
 
 
@@ -83,7 +83,7 @@ def test_impossible_values_are_not_the_ones_that_are_judged(tmp_path: Path) -> N
     assert mass["value"] < 0 < read_model(tmp_path / "out/model.toml").joints[0].mass
     printed = table["relative_error"]["held_out"]
     assert relative_error([tmp_path / "spring2.mcap"], tmp_path / "out/model.toml") == pytest.approx(printed, rel=1e-6)
-    assert printed > 1.1 * table["compared"]["least squares alone, not an arm that could exist"]["held_out"]
+    assert printed > 1.1 * table["compared"]["least squares alone, not physically consistent"]["held_out"]
 
 
 def test_one_set_of_friction_for_files_and_commands(tmp_path: Path) -> None:

@@ -98,8 +98,9 @@ def _of_joint(effect: Effect, joint: int, runs: Split[Sequence[Run]], terms: Seq
     )
     blocks = held_out.by_block
     evidence = (
-        f"where the load changes sign the current is as uncertain as teeth make it that meet at instants which no law "
-        f"predicts: {held_out.explained:.0%} of the squared residual above the noise lie there, in "
+        f"{held_out.explained:.0%} of the squared residual above the noise are where the load changes sign, where "
+        "teeth "
+        f"meet at instants that no law predicts, in "
         f"{int(np.sum(blocks > LEAST_GAIN))} of {len(blocks)} one-second blocks"
     )
     return Cause(

@@ -120,8 +120,8 @@ def _check_share(recording: Recording, angles: Mask, currents: Mask) -> None:
             raise InputError(
                 recording.path,
                 f"{channel}: {blank.mean():.1%} of the rows have no value, the first at {t[int(np.argmax(blank))]:.3f} "
-                f"s; with those that filters mix them into, {lost.mean():.0%} of joint {j + 1} cannot be judged, and "
-                f"at most {MOST:.0%} may be; check the wiring of the channel, or give a part without them",
+                f"s; with the rows that filters combine with them, {lost.mean():.0%} of joint {j + 1} cannot be judged "
+                f"(limit: {MOST:.0%}); check the wiring of the channel, or give a part without them",
             )
 
 

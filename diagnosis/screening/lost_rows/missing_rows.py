@@ -64,7 +64,7 @@ def event_of(missing: Sequence[Sequence[Instant]], recordings: Sequence[Recordin
             Estimate("count", -float(count), 0.2, "1"),
             Estimate("period", period, 1e-3 * period, "s"),
         ],
-        evidence="all moving angles jump at one row by as much as they turn in a whole number of rows: so many rows of "
+        evidence="all moving angles jump at one row by their travel in a whole number of rows: these rows of "
         f"the counters are missing ({names})",
         recordings=tuple(dict.fromkeys(k for k, _, _ in instants)),
         lost_rows=tuple(

@@ -43,7 +43,7 @@ class Merge:
     sample    (rows,) int: index of the tracker's sample, -1 where there is none
     drift     tracker's seconds per run's second, less 1
     residual  s, robust deviation of the paired times after the clocks were fitted
-    sure      False: the intervals do not single out one start (no jitter, no pause); the counts then decided
+    sure      False: the intervals fit more than one start (no jitter, no pause); the counts then decided
     """
 
     sample: Array

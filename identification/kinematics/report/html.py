@@ -63,7 +63,7 @@ def page(
 def headline(table: dict[str, Any]) -> tuple[str, bool]:
     """The verdict, and whether it is that the calibration is worse; a model that needs none is no failure."""
     rms, better = table["position_rms"]["held_out"], table["improvement"]["held_out"]
-    where = {"split": "held-out blocks of the same runs", "cross-validation": "poses that the fit had not seen"}.get(
+    where = {"split": "held-out blocks of the same runs", "cross-validation": "poses that were not fitted"}.get(
         str(table["held_out"]), "held-out runs"
     )
     if table["failures"]:
