@@ -97,7 +97,7 @@ COGGING = Effect(
     leading="tau = A sin(Np q_motor + phi)",
     shows="a fixed order of the motor angle, also without load",
     confused_with={
-        "gear_ripple": "run the motor without its gear: the torque of uneven teeth vanishes, cogging remains"
+        "gear_ripple": "a run of the motor without its gear: the torque of uneven teeth vanishes, cogging remains"
     },
     observed_by={
         Instrument.CURRENT: Observation(against=Variable.MOTOR_ANGLE),

@@ -16,10 +16,7 @@ from arm_model.effects import CATALOGUE
 from diagnosis.origins.evidence import Evidence, Finding
 from diagnosis.origins.table import Origin, Table, read_table
 
-JUDGEMENT = (
-    "likelihoods give the order of the checks; they are engineering judgement (priors and strengths), not measured "
-    "frequencies"
-)
+JUDGEMENT = "likelihoods give the order of the checks; they are engineering judgement, not measured frequencies"
 MOST = 5
 """Origins per place."""
 LEAST = 0.05

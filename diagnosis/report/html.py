@@ -95,7 +95,7 @@ def _asked(result: Diagnosis, table: dict[str, Any]) -> str:
         else "free within the uncertainty that the model states"
     )
     return (
-        f"Question: what is missing from this model? Its masses, inertias and constants are {taken}; a wrong one is "
+        f"Question: what is missing from this model? Its masses, inertias and constants are {taken}; a wrong value is "
         f"named as a cause like any other. {names}."
     )
 

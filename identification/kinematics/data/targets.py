@@ -50,7 +50,7 @@ def common_targets(tracked: Sequence[Tracked], given: Given, std: float, fitted:
             name = found[blind[0]].name
             raise InputError(
                 one.run.source,
-                f"its target{name and ' ' + name} is in no fitted recording, and its place is not known; give --target "
+                f"its target{name and ' ' + name} is in no fitted recording and has no known position; give --target "
                 f"{name or one.run.source}=X,Y,Z, or a fitted recording with it",
             )
     targets = tuple(

@@ -133,7 +133,7 @@ def _starts(a: Array, b: Array, period: float) -> tuple[_Clocks, float]:
     longer = [_follow(a, b, f.offset, period, _EVENTS) for f in tried if f.cost <= close]
     final = sorted((f for f in longer if f is not None), key=lambda f: f.cost)
     if not final:
-        raise InputError("tracker file", "no start makes its intervals agree with the run's triggers")
+        raise InputError("tracker file", "its intervals agree with the run's triggers for no start")
     second = min((f.cost for f in tried + final if abs(f.offset - final[0].offset) > 0.5 * period), default=np.inf)
     return final[0], second
 

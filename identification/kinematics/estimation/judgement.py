@@ -81,8 +81,8 @@ def judged(work: Work, nominal: Chain) -> Judgement:
     was, now = before["held_out"].rms_inliers, after["held_out"].rms_inliers
     if now >= was:
         work.warnings.append(
-            f"the held-out error does not fall ({1e3 * was:.3g} mm before, {1e3 * now:.3g} mm after): the points show "
-            "no error of the model that a calibration removes; keep the model as it is"
+            f"the held-out error does not fall ({1e3 * was:.3g} mm before, {1e3 * now:.3g} mm after): calibration "
+            "does not improve this model; keep the nominal model"
         )
     return Judgement(before, after, orientation, tuple(left_out), tuple(_failures(work, before, after, left_out)))
 
@@ -130,8 +130,8 @@ def weaknesses(work: Work, rank: int) -> list[str]:
         if one.given and chi_square > _PRIOR:
             name = one.name and f" {one.name}"
             found.append(
-                f"the target{name} is {1e3 * np.linalg.norm(off):.2f} mm off the place given with a standard deviation "
-                f"of {1e3 * one.std:g} mm (chi-square {chi_square:.0f} of 3): --target-std is too small"
+                f"the target{name} is {1e3 * np.linalg.norm(off):.2f} mm from the given position, whose standard "
+                f"deviation is {1e3 * one.std:g} mm (chi-square {chi_square:.0f} of 3): --target-std is too small"
             )
     return found
 
@@ -216,13 +216,13 @@ def _failures(
         )
     if not found and share:
         rows = ", ".join(_rows(one) for one in left_out if one.part == "fit")
-        work.warnings.append(f"the points left out ({rows}) share {share}: the model lacks something there")
+        work.warnings.append(f"the outliers ({rows}) share {share}: there the model lacks an effect")
     promised = _expected(work)
     most = work.settings.most_noise
     if (reached := after["held_out"].rms_inliers) > max(_REFUTED * promised, most):
         found.append(
-            f"the held-out points are {1e3 * reached:.3g} mm rms per coordinate off where the fit promises "
-            f"{1e3 * promised:.3g} mm: the model fits the poses that it was fitted to, and no others"
+            f"the error of the held-out points is {1e3 * reached:.3g} mm rms per coordinate, the error expected from "
+            f"the fit {1e3 * promised:.3g} mm: the model is valid for the fitted poses only"
         )
     if noise > most:
         than = "was stated" if work.settings.point_std else "a tracker has"
@@ -232,8 +232,8 @@ def _failures(
         )
     if found and not work.settings.point_std and max(one.rms for one in after.values()) < _COARSE:
         found.append(
-            "if the arm itself returns to a pose no better (backlash), state the standard deviation of a coordinate "
-            "with --point-std M"
+            "if the arm itself does not return to a pose more exactly (backlash), state the standard deviation of a "
+            "coordinate with --point-std M"
         )
     return found
 

@@ -54,8 +54,8 @@ class LeftOut:
     def why(self) -> str:
         """The criterion, as a person reads it."""
         if self.part == "fit":
-            return f"left out of the fit: further than {REJECT:g} standard deviations from the model of the others"
-        return f"further than {REJECT:g} standard deviations, of the others and of the prediction, from the model"
+            return f"left out of the fit: more than {REJECT:g} standard deviations from the model of the other points"
+        return f"more than {REJECT:g} standard deviations (of the other points and of the prediction) from the model"
 
 
 def far(residual: Array, std: float = 0.0) -> Mask:

@@ -35,8 +35,8 @@ def place_tracker(
     if frame_known and as_given > 0.1 and laid_over < as_given / 4:
         frame_known = False
         warnings.append(
-            f"the points are {1e3 * as_given:.0f} mm off the model in the stated tracker frame and "
-            f"{1e3 * laid_over:.1f} mm once laid over it: the frame was taken as unknown and estimated"
+            f"the median distance of the points from the model is {1e3 * as_given:.0f} mm in the stated tracker frame "
+            f"and {1e3 * laid_over:.1f} mm after a fit of the frame: the frame was taken as unknown and estimated"
         )
     if frame_known:
         return True, chain.values
@@ -74,15 +74,15 @@ def why_no_circles(arm: Arm, target: Target, runs: Sequence[Run], refused: Seque
     if not found:
         longest = np.degrees(max(_alone(run.q[run.usable]) for run in runs))
         seen = f"{len(refused)} sweeps gave no circle ({refused[0]})" if refused else (
-            f"no joint was swept alone (at most {longest:.3g} degrees while the others stood, of at least "
-            f"{np.degrees(LEAST_ARC):.0f})"
+            f"no joint was swept alone (at most {longest:.3g} degrees while the others were at rest; "
+            f"{np.degrees(LEAST_ARC):.0f} are needed)"
         )  # fmt: skip
-        return f"{seen}; it needs each joint in turn moved alone, at least {LEAST_POINTS} points on its circle"
+        return f"{seen}; each joint must be moved alone, with at least {LEAST_POINTS} points on its circle"
     if other := next((j for j, joint in enumerate(arm.joints, 1) if joint.convention != "standard"), None):
         return f"joint {other} has convention {arm.joints[other - 1].convention!r}; it needs standard D-H parameters"
     if not target.given:
         return (
-            "the place of the target is not known; it needs --target, because the zero of the last swept joint follows "
+            "the position of the target is not known; give --target, because the zero of the last swept joint follows "
             "from it"
         )
     return ""

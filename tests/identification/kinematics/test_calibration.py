@@ -76,7 +76,7 @@ def test_a_model_that_needs_no_calibration_is_said_to_need_none(arms) -> None:
         [Target(TARGET)],
         Settings(frame_known=True),
     )
-    assert any("keep the model as it is" in warning for warning in result.warnings)
+    assert any("keep the nominal model" in warning for warning in result.warnings)
     (line,) = [line for line in summary(table_of(nominal, result)).splitlines() if line.startswith("held-out points")]
     assert line.endswith("% worse)")
 
