@@ -30,7 +30,7 @@ from armscope.usage import COMMANDS, epilog
 
 _HELP = {"help_option_names": ["-h", "--help"]}
 
-NoColor = Annotated[bool, typer.Option("--no-color", help="no colours, as with the variable NO_COLOR")]
+NoColor = Annotated[bool, typer.Option("--no-color", help="no colours, like the environment variable NO_COLOR")]
 
 
 class LazyGroup(TyperGroup):

@@ -14,7 +14,7 @@ from armscope.usage import COMMANDS
 
 OPTIONS = {
     "-V, --version": "print the version",
-    "--no-color": "no colours, as with the variable NO_COLOR",
+    "--no-color": "no colours, like the environment variable NO_COLOR",
     "-h, --help": "show the options and commands",
 }
 PURPOSE = "Measures a robot arm, and finds what its model gets wrong."

@@ -26,14 +26,14 @@ COMMANDS: dict[str, str] = {
     "identify": "estimate the parameters of an arm from recordings, with uncertainty and held-out error",
     "diagnose": "detect and isolate errors of a model, extend the model, report the gain on held-out recordings",
     "compare": "detect what changed in an arm between two recordings, results, or groups of them",
-    "trend": "detect which parameters of an arm changed over many results: since when, how fast, when at a limit",
+    "trend": "detect which parameters of an arm changed over many results: since when, how fast, when beyond a limit",
     "archive": "index the recordings and results in a folder; find, compare, plot and open them",
     "fleet": "run a plan of many arms and nights on Dask: which arms changed, since when, how fast, what to do next",
-    "fleet-sim": "simulate recordings of a fleet whose arms wear, with the truth beside them",
+    "fleet-sim": "simulate recordings of a fleet whose arms wear, and write the true values",
     "calibrate": "estimate kinematic parameters from tracker data, plan poses, correct targets",
     "completion": "print the script with which bash, zsh or fish completes commands and options",
     "sim-devices": "simulate every device of a rig on its own protocol, until stopped",
-    "demo": "run through everything without hardware: record a simulated Puma, identify it, diagnose a worn one",
+    "demo": "demonstrate everything without hardware: record a simulated Puma, identify it, diagnose a worn one",
 }
 """Command -> one line of help, in the order in which they are listed."""
 

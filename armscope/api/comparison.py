@@ -45,7 +45,7 @@ def compare(
         raise InputError(_name(one), f"is a result, {_name(other)} is a recording; compare two of one kind")
     if all(stored):
         if model is not None:
-            raise InputError("--model", "is for recordings; results carry the models that they were made with")
+            raise InputError("--model", "is for recordings; results contain the models with which they were made")
         from comparison import compare_results
 
         return compare_results(*([stored_result(one) for one in side] for side in sides))
@@ -135,9 +135,9 @@ def _carried(recordings: Sequence[Recording]) -> Arm:
     first = recordings[0]
     for one in recordings:
         if one.model is None:
-            raise InputError("--model", f"is missing: {one.path} carries no model")
+            raise InputError("--model", f"is missing: {one.path} contains no model")
         if one.model != first.model:
-            raise InputError("--model", f"is missing: {first.path} and {one.path} carry different models")
+            raise InputError("--model", f"is missing: {first.path} and {one.path} contain different models")
     assert first.model is not None
     where = f"{first.path}: model.toml"
     return on_fixed_base(carried_arm(first.model, where), where, "'armscope compare'")

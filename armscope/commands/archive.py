@@ -37,14 +37,19 @@ NAMES = {Action.LIST: 0, Action.PARAMETERS: 0, Action.PLOT: 1, Action.COMPARE: 2
 
 
 def command(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="folder of recordings and results, with its folders")],
+    folder: Annotated[
+        Path, typer.Argument(metavar="DIR", help="folder of recordings and results, with its subfolders")
+    ],
     action: Annotated[
         Action,
         typer.Argument(
-            metavar="ACTION", help="parameters: names of all; plot PARAMETER; compare A B; open PATH (or a part of it)"
+            metavar="ACTION",
+            help="list; parameters (list their names); plot PARAMETER; compare A B; open PATH (or a part of it)",
         ),
     ] = Action.LIST,
-    names: Annotated[list[str] | None, typer.Argument(metavar="NAME", help="of the action", show_default=False)] = None,
+    names: Annotated[
+        list[str] | None, typer.Argument(metavar="NAME", help="arguments of the action", show_default=False)
+    ] = None,
     kind: Annotated[
         str | None, typer.Option(metavar="KIND", help="recording, identification, diagnosis, kinematics, comparison")
     ] = None,

@@ -57,7 +57,7 @@ Target = Annotated[
     list[str] | None,
     typer.Option(
         metavar="[NAME=]X,Y,Z",
-        help="position of the target in the frame of the last link, m; NAME: of this reflector or file alone (may be "
+        help="position of the target in the frame of the last link, m; NAME: of this reflector or file only (may be "
         "repeated; NAME=unknown: estimate it). Default: the rig's or the table's",
     ),
 ]

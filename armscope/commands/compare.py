@@ -33,14 +33,20 @@ def command(
         ),
     ] = None,
     before: Annotated[
-        list[str] | None, typer.Option("--before", metavar="A ...", help="instead of BEFORE: a group; may be repeated")
+        list[str] | None,
+        typer.Option(
+            "--before", metavar="A ...", help="instead of BEFORE: a member of the group before; may be repeated"
+        ),
     ] = None,
     after: Annotated[
-        list[str] | None, typer.Option("--after", metavar="B ...", help="instead of AFTER: a group; may be repeated")
+        list[str] | None,
+        typer.Option("--after", metavar="B ...", help="instead of AFTER: a member of the group after; may be repeated"),
     ] = None,
     model: Annotated[
         Path | None,
-        typer.Option(metavar="MODEL.toml", help="model of the arm, for recordings; default: the one that they carry"),
+        typer.Option(
+            metavar="MODEL.toml", help="model of the arm, for recordings; default: the model that they contain"
+        ),
     ] = None,
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="folder for compare.json, compare.html")] = None,
     fail_above: Annotated[

@@ -13,7 +13,7 @@ from armscope.commands.options import Json
 def command(
     shell: Annotated[
         Literal["bash", "zsh", "fish"],
-        typer.Argument(metavar="bash|zsh|fish", help="the shell; the script goes to standard output"),
+        typer.Argument(metavar="bash|zsh|fish", help="the shell; the script is printed to standard output"),
     ],
     as_json: Json = False,
 ) -> None:

@@ -39,7 +39,7 @@ class Output(NamedTuple):
 
 
 def command(
-    fit: Annotated[list[Path], typer.Option(metavar="A.mcap ...", help="recordings to find causes in")],
+    fit: Annotated[list[Path], typer.Option(metavar="A.mcap ...", help="recordings in which to find causes")],
     out: Annotated[Path, typer.Option(metavar="DIR", help="folder for diagnosis.json, report.html, model.toml")],
     model: Annotated[
         Path | None, typer.Option(metavar="MODEL.toml", help="nominal model to be diagnosed; default: the rig's")

@@ -61,7 +61,9 @@ def command(
     ] = None,
     trajectory_rate: Annotated[
         float,
-        typer.Option(min=1.0, max=10_000.0, help="points per second of --trajectory; of URScript the robot's rate"),
+        typer.Option(
+            min=1.0, max=10_000.0, help="points per second of --trajectory; for URScript, the rate of the robot"
+        ),
     ] = 125.0,
     as_json: Json = False,
 ) -> None:

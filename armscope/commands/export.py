@@ -42,7 +42,7 @@ def command(
     form = to or _by_ending(out)
     if os.path.isfile(out):
         # whether a table was exported or measured cannot be seen
-        raise InputError(out, "exists already, and may be the only copy of what it holds; use another name")
+        raise InputError(out, "exists already, and may be the only copy of its data; use another name")
     with shown(as_json) as progress:
         data = open_long(recording)
         progress("writing")

@@ -18,7 +18,7 @@ from armscope.progress import shown
 def command(
     plan: Annotated[Path, typer.Argument(metavar="PLAN.toml", help="arms, their recordings, what to compute")],
     out: Annotated[
-        Path, typer.Option(metavar="DIR", help="folder of the results; what it holds is not computed again")
+        Path, typer.Option(metavar="DIR", help="folder for the results; results already in it are not computed again")
     ],
     scheduler: Annotated[
         str | None,

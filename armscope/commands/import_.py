@@ -49,7 +49,8 @@ def command(
     ] = None,
     keep_extra: Annotated[bool, typer.Option("--keep-extra", help="keep columns with unknown names")] = False,
     time_unit: Annotated[
-        TimeUnit | None, typer.Option("--time-unit", help="unit of the column t; required if it does not look like s")
+        TimeUnit | None,
+        typer.Option("--time-unit", help="unit of the column t; required if its values do not look like s"),
     ] = None,
     mapping: Annotated[
         Path | None, typer.Option("--map", metavar="MAPPING.toml", help="names, units and separators of the columns")
@@ -60,7 +61,10 @@ def command(
     ] = None,
     topic: Annotated[str | None, typer.Option(help="of a ROS 2 bag: the topic of the joints")] = None,
     recorded: Annotated[
-        bool, typer.Option("--recorded-times", help="of a ROS 2 bag: times of recording, not the stamps in the headers")
+        bool,
+        typer.Option(
+            "--recorded-times", help="of a ROS 2 bag: use the times of recording, not the stamps in the headers"
+        ),
     ] = False,
     as_json: Json = False,
 ) -> None:

@@ -35,7 +35,9 @@ def command(
             show_default=False,
         ),
     ] = None,
-    out: Annotated[Path | None, typer.Option(help="write the arm as .toml or .urdf; with --into as that file")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="file to write (.toml or .urdf); with --into: the copy of that file")
+    ] = None,
     equations: Annotated[Form | None, typer.Option(help="print the accelerations: text, latex, python or c")] = None,
     by: Annotated[
         Formulation | None, typer.Option(help="with --equations: the torques of the rigid links, by this formulation")
@@ -50,7 +52,7 @@ def command(
         Path | None,
         typer.Option(
             metavar="ARM.urdf|ARM.xml",
-            help="with --out: this URDF or MuJoCo file with the numbers of the model, all else kept",
+            help="with --out: write a copy of this URDF or MuJoCo file with the parameters of the model",
         ),
     ] = None,
     tip: Annotated[

@@ -34,7 +34,7 @@ def command(
         Path | None,
         typer.Option(
             metavar="FILE.gif|html|mp4",
-            help="the arm moving: the first recording beside the second, or beside its demands; with --out or without",
+            help="animation of the arm: the first recording next to the second, or to its demands; needs no --out",
         ),
     ] = None,
     fps: Annotated[float, typer.Option(min=1.0, max=100.0, help="frames per second of --animate")] = 25.0,
@@ -50,7 +50,8 @@ def command(
         Path | None, typer.Option(metavar="RIG.toml", help="of an experiment: the rig, for its limits and its [space]")
     ] = None,
     space: Annotated[
-        Path | None, typer.Option(metavar="SPACE.toml", help="of an experiment: floor and boxes, not those of the rig")
+        Path | None,
+        typer.Option(metavar="SPACE.toml", help="of an experiment: floor and boxes, instead of those of the rig"),
     ] = None,
     as_json: Json = False,
 ) -> None:

@@ -33,7 +33,10 @@ def command(
     ] = None,
     temperature: Annotated[
         float | None,
-        typer.Option(help="degC of all motors; default: as in --like, else those at which the model's friction holds"),
+        typer.Option(
+            help="temperature of all motors, degC; default: as in --like, else those to which the friction of the "
+            "model refers"
+        ),
     ] = None,
     as_json: Json = False,
 ) -> None:

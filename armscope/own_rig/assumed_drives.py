@@ -90,7 +90,7 @@ def _loads(arm: Arm) -> tuple[Array, Array]:
 def _sized(joint: Joint, number: int, load: _Load, *, torques: bool) -> Sized:
     weight, inertia = load.weight, load.inertia
     if not inertia > 0:
-        raise InputError(f"joint[{number}]", "moves no mass; a joint that is to be simulated needs some behind it")
+        raise InputError(f"joint[{number}]", "moves no mass; to be simulated, a joint must move some")
     assumed: list[str] = []
     without = joint.encoder_lines is None and abs(joint.drive_constant - 1.0) < 1e-9
     speed = (joint.motor_speed_limit or 0.0) / joint.ratio

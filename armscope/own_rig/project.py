@@ -32,7 +32,7 @@ class OwnRig:
         """Comment lines on top of the model file."""
         lines = [f"{self.arm.name}. docs/models.md lists every key."]
         if self.assumed:
-            lines += ["Assumed, because the file it is from does not say it; enter what you know:"]
+            lines += ["Assumed, because the source file does not state it; enter the values that you know:"]
             lines += [f"  {one}" for one in self.assumed]
         return "\n".join(lines)
 
@@ -94,7 +94,9 @@ def _list(values: Array) -> str:
 
 def _readme(arm: Arm, path: Path, assumed: Sequence[str]) -> str:
     items = "".join(f"* {one}\n" for one in assumed)
-    about = f"\n`{path.name}` does not say all that moves an arm. Assumed, to be replaced in `model.toml`:\n\n{items}"
+    about = (
+        f"\n`{path.name}` does not describe the drives completely. Assumed, to be replaced in `model.toml`:\n\n{items}"
+    )
     return README.format(name=arm.name, assumed=about if assumed else "")
 
 
@@ -120,7 +122,7 @@ Design two motions for identification, record them, and compare them with the mo
 {assumed}
 What to edit:
 
-* `rig.toml`: let an arm move that the model does not know: copy `model.toml` to `worn.toml`, add an effect
+* `rig.toml`: to simulate an arm that differs from the model, copy `model.toml` to `worn.toml`, add an effect
   (`armscope model --effects` lists them), and name it in `[simulation]`. `pace = "fast"` records as fast as the
   computer can. `[limits]` and `[space]` keep motions safe.
 * `model.toml`: the nominal arm.

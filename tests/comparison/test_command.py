@@ -121,7 +121,7 @@ BAD = {
     "both ways": (["first.mcap", "again.mcap", "--before", "worn.mcap"], "(given: 2 arguments, --before)"),
     "half a group": (["--before", "first.mcap"], "(given: no arguments, --before)"),
     "absent": (["none.mcap", "again.mcap", *MODEL], "none.mcap: no such file"),
-    "no model": (["first.mcap", "again.mcap"], "first.mcap carries no model"),
+    "no model": (["first.mcap", "again.mcap"], "first.mcap contains no model"),
     "no such model": (["first.mcap", "again.mcap", "--model", "none.toml"], "none.toml: no such file"),
     "same recording": (
         ["first.mcap", "first.mcap", *MODEL],
