@@ -1,6 +1,6 @@
-"""Many arms, many nights, many machines: one task per arm and night on Dask, its results kept by content.
+"""Analysis of many arms and nights on many machines: one task per arm and night on Dask, results stored by content.
 
-Dask schedules, retries and moves data. What is here says what a task is, bounds it, keeps its result once, and judges
+Dask schedules, retries and moves data. This package defines the tasks, limits them, stores each result once, and judges
 the results of all arms together.
 """
 

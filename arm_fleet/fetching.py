@@ -1,7 +1,7 @@
-"""The recordings of a night on this machine: as they are, or of long ones the stretches that are examined.
+"""Copies the recordings of a night to this machine: whole, or only the examined segments of long ones.
 
-An hour of the same arm adds little to three minutes spread over it (``diagnosis`` examines no more), so that a task
-reads the chunks of some stretches, wherever the recording is: which rows are examined does not depend on the place.
+An hour of the same arm adds little to three minutes spread over it (``diagnosis`` examines no more). A task therefore
+reads only the chunks of some segments. Which rows are examined does not depend on where the recording is stored.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from arm_io import InputError, make_folder
 from daq.recording import Ranges
 
 LENGTH = 30.0
-"""s: approximate length of a stretch."""
+"""s: approximate length of a segment."""
 LEAST = 10.0
-"""s of every recording that are examined: there may be many, each with its own motion."""
+"""s that are examined of every recording, at least, since each may have its own motion."""
 
 
 @dataclass
 class Source:
-    """A recording as a file system has it; ``read`` counts the bytes that were asked for."""
+    """A recording in a file system; ``read`` counts the bytes that were requested."""
 
     place: str
     system: Any
@@ -35,7 +35,7 @@ class Source:
     ranges: Ranges | None = field(default=None, repr=False)
 
     def span(self, start: int, end: int) -> bytes:
-        """Bytes ``start`` to ``end``. InputError where they cannot be read."""
+        """Reads the bytes ``start`` to ``end``. InputError if they cannot be read."""
         with asking(self.place):
             data: bytes = self.system.cat_file(self.path, start=start, end=end)
         self.read += len(data)
@@ -44,7 +44,7 @@ class Source:
 
 @dataclass(frozen=True)
 class Fetched:
-    """Paths on this machine, per recording of the night; bytes of the recordings, and bytes of them that were read."""
+    """Paths on this machine, one per recording of the night; bytes of the recordings, and bytes that were read."""
 
     groups: list[list[Path]]
     size: int
@@ -54,7 +54,7 @@ class Fetched:
 def fetched(places: Sequence[str], folder: Path, storage: Mapping[str, Any], seconds: float | None) -> Fetched:
     """The recordings of one night, in the order of their places.
 
-    folder   for what is copied, which may be removed afterwards
+    folder   for the copies, which may be removed afterwards
     storage  options of the file system (fsspec)
     seconds  s that are examined of all of them together, at least ``LEAST`` of each; None: all
     InputError where one cannot be read.
@@ -71,7 +71,7 @@ def fetched(places: Sequence[str], folder: Path, storage: Mapping[str, Any], sec
 
 
 def spread(seconds: float, share: float) -> list[tuple[float, float]]:
-    """Stretches (s, from and to) of about ``LENGTH``, evenly spread over ``seconds``, ``share`` of it in total."""
+    """Segments (s, from and to) of about ``LENGTH``, evenly spread over ``seconds``; together ``share`` of it."""
     length = min(max(share * seconds, LEAST), seconds)
     count = max(1, round(length / LENGTH))
     return [(start, start + length / count) for start in np.linspace(0.0, seconds - length / count, count).tolist()]

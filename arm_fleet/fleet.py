@@ -23,17 +23,17 @@ from arm_io.progress import Progress, Step
 
 SCHEMA = "armscope.fleet/1"
 MANY = 4000
-"""Tasks from which on several processes judge: of fewer, starting them takes longer."""
+"""Number of tasks from which several processes judge; with fewer, starting processes would take longer."""
 TOGETHER = 20
-"""Arms that are judged in one call of a process."""
+"""Number of arms that are judged in one call of a process."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Fleet:
     """What ``armscope fleet`` returns; ``to_json`` has the layout of fleet.json.
 
-    tasks     all tasks of the plan that ran, now or earlier; ran: so many of them ran now
-    alarms    of every night that could be compared; verdicts: of every arm, as in the plan
+    tasks     all tasks of the plan that ran, now or earlier; ran: number of those that ran now
+    alarms    one per night that could be compared; verdicts: one per arm, in the order of the plan
     """
 
     plan: Plan
@@ -46,13 +46,13 @@ class Fleet:
 
     @property
     def changed(self) -> list[Verdict]:
-        """Arms that are called changed in their last night, the surest first."""
+        """Arms whose last night differs significantly from their reference nights, smallest p-value first."""
         found = [one for one in self.verdicts if one.condition is Condition.CHANGED]
         return sorted(found, key=lambda one: one.p or 0.0)
 
     @property
     def returned(self) -> list[Verdict]:
-        """Arms that had changed and are as before again in their last night, as in the plan."""
+        """Arms that had changed but agree with their reference nights in the last night, in the order of the plan."""
         return [one for one in self.verdicts if one.condition is Condition.RETURNED]
 
     @property
@@ -96,9 +96,9 @@ def fleet_of(
     notes: Sequence[str] = (),
     progress: Progress = lambda _: None,
 ) -> Fleet:
-    """Judges the kept results of a plan together, and writes pages and tables into the folder.
+    """Judges all stored results of a plan together, and writes pages and tables into the folder.
 
-    parts    the arms as in the plan; workers: processes of this machine that judge a large fleet
+    parts    the arms in the order of the plan; workers: processes of this machine that judge a large fleet
     InputError where something cannot be written.
     """
     count = len(parts)
@@ -137,7 +137,7 @@ Mapped = Callable[[Callable[..., Any], Sequence[tuple[Any, ...]]], Iterable[Any]
 
 @contextmanager
 def _mapping(workers: int) -> Iterator[Mapped]:
-    """Calls in this process, or in ``workers`` others of this machine, where the results are."""
+    """A map that calls in this process, or in ``workers`` other processes of this machine, which has the results."""
     if workers == 1:
         yield lambda function, calls: (function(*one) for one in calls)
         return

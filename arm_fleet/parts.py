@@ -1,6 +1,6 @@
-"""The arms of a fleet judged one by one: each reads the results of one arm from the disk, and keeps a few lines.
+"""Judges the arms of a fleet one by one: each call reads the results of one arm from the disk, and keeps a summary.
 
-Memory therefore does not grow with what the results hold, and several processes share the work.
+Memory therefore does not grow with the size of the results, and several processes can share the work.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class ArmTasks:
 
 @dataclass(frozen=True)
 class Compared:
-    """What became of the tasks of one arm, and the nights that could be compared, not corrected yet."""
+    """Outcomes of the tasks of one arm, and alarms of the nights that could be compared, p-values not yet corrected."""
 
     lines: list[TaskLine]
     alarms: list[Alarm]
@@ -53,7 +53,7 @@ def compare(plan: Plan, folder: Path, part: ArmTasks) -> Compared:
 
 
 def judge(plan: Plan, folder: Path, part: ArmTasks, alarms: Sequence[Alarm]) -> Judged:
-    """Judges an arm by its alarms, which are corrected over the whole fleet; writes its page where it changed.
+    """Judges an arm by its alarms, which are corrected over the whole fleet; writes its page if it changed.
 
     InputError where the page cannot be written.
     """

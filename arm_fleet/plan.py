@@ -27,7 +27,7 @@ def _pattern(text: str) -> str:
         raise ValueError("must be a pattern such as 'nights/{night}/{arm}_*.mcap' (is empty)")
     unknown = re.search(r"\{(?!arm\}|night\})[^}]*\}?", text)
     if unknown:
-        raise ValueError(f"{unknown[0]} stands for nothing; {{arm}} and {{night}} do")
+        raise ValueError(f"{unknown[0]} is no placeholder; must be {{arm}} or {{night}}")
     return text
 
 
@@ -36,15 +36,15 @@ Night = Annotated[str, AfterValidator(_night)]
 Pattern = Annotated[str, AfterValidator(_pattern)]
 StepName = Literal["identify", "diagnose", "calibrate"]
 LEAST_MEMORY, MOST_MEMORY = 0.2, 1e5
-"""GB of a task: less does not hold the libraries, more no machine has."""
+"""GB per task: the libraries need the minimum; no machine has more than the maximum."""
 
 
 class ArmTable(Table):
-    """One arm; what is left out is as at the top of the plan.
+    """One arm; entries that are omitted are those at the top of the plan.
 
     recordings   pattern of paths or URLs; {arm}: its name, {night}: a date such as 2026-01-31
-    calibration  hash (or its beginning) of the calibration that the recordings must carry
-    rig          name of the rig that the recordings must carry
+    calibration  hash (or its beginning) of the calibration that the recordings must contain
+    rig          name of the rig that the recordings must contain
     """
 
     name: Name
@@ -57,18 +57,18 @@ class ArmTable(Table):
 class Plan(Table):
     """What ``armscope fleet`` runs.
 
-    folder      of the plan: paths in it are relative to this
+    folder      folder of the plan; paths in the plan are relative to it
     archive     folder of an archive (``armscope archive``) that has the recordings, instead of a pattern
     run         what is computed per arm and night
     baseline    nights in which the arms were healthy, first and last; None: the first ``reference`` nights of each arm
-    reference   number of nights that others are compared with, at most
+    reference   maximum number of nights with which the others are compared
     adapt       nights are diagnosed against a model identified from the baseline, instead of the nominal one
-    report      of which nights report.html is written: those with causes, all, or none
-    seconds     s of an arm and night that are examined at most, in stretches evenly spread over its recordings
-    timeout     s of one task; memory: GB of one task
-    night_begins  hour (UTC) with which the day of a night begins: recordings before it belong to the night before
-    limits      quantity -> value that it must not pass, "..14" (at most), "14.." (at least), or "+50%" of its first
-    rate        expected share of false names among all arms and nights that are named
+    report      nights for which report.html is written: those with causes, all, or none
+    seconds     s that are examined per arm and night, at most, in segments evenly spread over its recordings
+    timeout     s per task, at most; memory: GB per task, at most
+    night_begins  hour (UTC) at which the day of a night begins: earlier recordings belong to the previous night
+    limits      quantity -> limit: a value, "..14" (at most), "14.." (at least), or "+50%" of its first value
+    rate        false-discovery rate: expected share of false alarms among all arms and nights that are called changed
     storage     options of the file system (fsspec), such as endpoint_url; no secrets: those belong into the environment
     """
 
@@ -115,7 +115,7 @@ class Plan(Table):
         return self
 
     def owners_limits(self) -> list[Limit]:
-        """What the owner must know of. ValueError where one is no number and no share."""
+        """Parsed limits of the plan. ValueError if one is neither a number nor a percentage."""
         limits: list[Limit] = []
         for name, value in self.limits.items():
             try:
@@ -128,20 +128,20 @@ class Plan(Table):
         return limits
 
     def place(self, text: str) -> str:
-        """A path relative to the plan; a URL as it is."""
+        """A path relative to the plan; a URL is not changed."""
         return text if re.match(r"^\w+://", text) else str(self.folder / text)
 
     def model_of(self, arm: ArmTable) -> Path:
         return Path(self.place(arm.model or self.model or ""))
 
     def pattern_of(self, arm: ArmTable) -> str | None:
-        """Where its recordings are; None: in the archive."""
+        """Pattern of the recordings of an arm; None: they are in the archive."""
         text = arm.recordings or (None if self.archive is not None else self.recordings)
         return None if text is None else self.place(text)
 
 
 def read_plan(path: str | Path) -> Plan:
-    """InputError names the entry that is wrong, and what would be right."""
+    """Reads the plan of a fleet. InputError names the wrong entry, and states what would be right."""
     table = read_toml(path)
     if "folder" in table:
         raise InputError(path, "folder: unknown entry")

@@ -1,7 +1,7 @@
 """The recordings of a plan by arm and night, each with an identity by content that is read from its last bytes.
 
-The end of a finished recording (docs/recordings.md) holds a checksum of all that is before it, and where every chunk
-lies: size and end identify it, so that a disk or an object store is asked for kilobytes, not for the file.
+The end of a finished recording (docs/recordings.md) has a checksum of all preceding bytes, and the positions of all
+chunks. Size and end identify it, so that only kilobytes are read from a disk or an object store, not the whole file.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from arm_fleet.storage import StorageError, asking, file_system
 from arm_io import InputError
 
 FOOTER = 37
-"""Bytes: footer record (29) and magic (8) of an MCAP file."""
+"""Bytes of footer record (29) and magic (8) of an MCAP file."""
 DATA_END = 13
 """Bytes of the record with the checksum of all data, directly before the summary."""
 STATISTICS = 0x0B
 MAGIC = b"\x89MCAP0\r\n"
 CALENDAR = 10**17
-"""ns since 1970: earlier times of rows count from the beginning of a table, and are no dates."""
+"""ns since 1970: earlier times of rows are relative to the beginning of a table, and are no dates."""
 BLOCK = 1 << 20
 
 
@@ -72,7 +72,7 @@ def arm_nights(plan: Plan, note: Callable[[str], None] = lambda _: None) -> list
 
 
 def _twice(found: Sequence[ArmNight]) -> Iterator[str]:
-    """Sentences about recordings that two arms have, or that stand for two nights."""
+    """Sentences about recordings that belong to two arms or to two nights."""
     first: dict[str, tuple[ArmNight, str]] = {}
     for one in found:
         for content, place in zip(one.contents, one.places):
@@ -89,7 +89,7 @@ Nights = dict[str, dict[str, str]]
 
 
 def _by_pattern(plan: Plan, arm: ArmTable, pattern: str, note: Callable[[str], None]) -> Nights:
-    """InputError where the pattern is a folder, or a file system that is not known; where no recording has a date."""
+    """InputError if the pattern is a folder, if the file system is not known, or if no recording has a date."""
     system, path = file_system(pattern.replace("{arm}", arm.name), plan.storage)
     if "://" not in pattern and Path(path).is_dir():
         raise InputError(pattern, "is a folder; a pattern such as 'nights/{night}/{arm}_*.mcap' is needed")
@@ -118,7 +118,7 @@ def _by_pattern(plan: Plan, arm: ArmTable, pattern: str, note: Callable[[str], N
 
 
 def _identified(system: Any, place: str, where: str) -> tuple[str, int | None]:
-    """As ``identity``; what cannot be read is a task of its own, which says so."""
+    """As ``identity``; a file that cannot be read becomes a task that reports this."""
     try:
         return identity(system, place)
     except InputError:
@@ -137,7 +137,7 @@ def _expression(path: str) -> str:
 
 
 def _archived(plan: Plan) -> dict[str, Nights]:
-    """Arm -> its nights: recordings in the archive whose arm or rig has its name."""
+    """Arm -> its nights, from recordings in the archive whose arm or rig has the name of the arm."""
     from arm_archive import Filters, open_archive
 
     folder = Path(plan.place(plan.archive or ""))
@@ -159,7 +159,7 @@ def _archived(plan: Plan) -> dict[str, Nights]:
 
 
 def _night(moment: int | None, begins: int) -> str | None:
-    """The date on whose evening a night began."""
+    """The date of the evening on which a night began."""
     if moment is None or moment < CALENDAR:
         return None
     when = datetime.fromtimestamp(moment / 1e9, UTC) - timedelta(hours=begins)
@@ -182,14 +182,14 @@ def identity(system: Any, place: str) -> tuple[str, int | None]:
 
 
 def _summary(footer: bytes) -> int:
-    """Where the summary begins; 0 where the file is no finished MCAP file."""
+    """Offset of the summary in bytes; 0 if the file is no finished MCAP file."""
     if len(footer) != FOOTER or footer[:9] != struct.pack("<BQ", 2, 20) or footer[-8:] != MAGIC:
         return 0
     return int(struct.unpack_from("<Q", footer, 9)[0])
 
 
 def _first_time(summary: bytes) -> int | None:
-    """Of the statistics record; None where there is none."""
+    """Time of the first message by the statistics record; None if there is none."""
     place = 0
     while place + 9 <= len(summary) - FOOTER:
         opcode, length = struct.unpack_from("<BQ", summary, place)
@@ -201,7 +201,7 @@ def _first_time(summary: bytes) -> int | None:
 
 
 def _of_all(system: Any, place: str, size: int) -> str:
-    """A table, or a recording that was cut off: its whole content."""
+    """Identity of a table, or of a recording that was cut off, by its whole content."""
     digest = hashlib.sha256()
     with system.open(place, "rb") as file:
         while block := file.read(BLOCK):

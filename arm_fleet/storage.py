@@ -1,7 +1,7 @@
-"""File systems on which recordings lie (fsspec), and what becomes of their errors.
+"""File systems with recordings (fsspec), and the conversion of their errors.
 
-Each has errors of its own kind (botocore's, aiohttp's, those of Google's and Azure's clients): a store that does not
-answer, lacks a permission or does not know an option is one line, and may answer the next time.
+Each file system raises its own errors (botocore's, aiohttp's, those of Google's and Azure's clients). A store that does
+not answer, refuses permission or does not know an option gives one line, and may answer the next time.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from arm_io.optional import optional
 
 
 class StorageError(InputError):
-    """A file system that does not answer or refuses; says nothing of the recording."""
+    """A file system does not answer or refuses; this does not concern the recording itself."""
 
 
 def file_system(url: str, storage: Mapping[str, Any]) -> tuple[Any, str]:
@@ -31,7 +31,7 @@ def file_system(url: str, storage: Mapping[str, Any]) -> tuple[Any, str]:
 
 @contextmanager
 def asking(where: str) -> Iterator[None]:
-    """Errors of a file system within it in one line: InputError for a file that is not there, else StorageError."""
+    """Converts errors of a file system in the context to one line: InputError for a missing file, else StorageError."""
     try:
         yield
     except (InputError, MemoryError):

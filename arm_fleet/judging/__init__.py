@@ -1,1 +1,1 @@
-"""From results to verdicts: which arms changed, since when, how fast."""
+"""From results to verdicts: detects which arms changed, since when and how fast."""

@@ -1,12 +1,12 @@
-"""Which arms changed in which night, with false alarms controlled over the whole fleet.
+"""Detects which arms changed in which night, with the false-discovery rate controlled over the whole fleet.
 
 Each night is compared with the reference nights of its arm, as ``armscope compare`` does (``comparison.significance``),
-with the scatter between reference nights (of causes like friction: ``scatter``); friction with what the recorded
-temperature explains of it (``temperature``). A quantity has changed in a night if
-it has in the night before it as well, to the same side: its p-value is the larger one of both (an intersection-union
-test), so that what one night shows is no change of an arm, and what grows from night to night is one. The smallest
-p-value of an arm and night, times the number of quantities (Bonferroni), is that of "this arm had changed in this
-night"; over all arms and nights these are corrected as Benjamini and Hochberg do (JRSS B 57 (1995) 289).
+with the scatter between reference nights (for causes like friction: ``scatter``); friction is compared with the value
+expected at the recorded temperature (``temperature``). A quantity has changed in a night if it changed in the previous
+night as well, in the same direction: its p-value is the larger of both (an intersection-union test). A deviation in a
+single night is therefore no change of an arm. The smallest p-value of an arm and night, times the number of quantities
+(Bonferroni), is the p-value of "this arm had changed in this night". These are corrected over all arms and nights
+(Benjamini and Hochberg, JRSS B 57 (1995) 289).
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from arm_io.types import Array
 from comparison import Change, Stored, compare_results, estimates_of
 
 NAMEABLE = 0.05
-"""p-value, times the number of quantities, up to which a quantity is listed as what changed."""
+"""Maximum p-value, times the number of quantities, of a quantity that is listed as changed."""
 FEWEST_REFERENCE = 2
-"""Nights without which nothing can be compared."""
+"""Minimum number of reference nights for a comparison."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,7 +34,7 @@ class Night:
     """The results of one arm and night: identification, diagnosis, or both.
 
     key          of its task
-    temperature  mean of each joint, degC, NaN where it is not known; None: none was recorded
+    temperature  mean of each joint, degC, NaN if it is not known; None: no temperature was recorded
     """
 
     night: str
@@ -45,12 +45,12 @@ class Night:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Alarm:
-    """What one night of one arm says.
+    """Result of comparing one night of one arm with its reference nights.
 
-    p, corrected  that the arm is as in its reference nights; corrected over all arms and nights
-    outside       K by which its temperature is outside that of its reference nights
-    named         whether it is called changed
-    changes       quantities that changed significantly within this comparison, the surest first
+    p, corrected  p-value of the hypothesis that the arm has not changed; the same, corrected over all arms and nights
+    outside       K by which its temperature is outside the range of its reference nights
+    named         whether the change is significant
+    changes       quantities that changed significantly within this comparison, smallest p-value first
     """
 
     arm: str
@@ -64,7 +64,7 @@ class Alarm:
 
 
 def corrected(found: Sequence[Alarm], rate: float) -> list[Alarm]:
-    """The same with p-values corrected over all of them; named where that is at most ``rate``."""
+    """The same alarms with p-values corrected over all of them; ``named`` if that is at most ``rate``."""
     if not found:
         return []
     q = stats.false_discovery_control(np.array([one.p for one in found]))
@@ -72,7 +72,7 @@ def corrected(found: Sequence[Alarm], rate: float) -> list[Alarm]:
 
 
 def reference(plan: Plan, nights: Sequence[Night]) -> list[Night]:
-    """The nights of an arm that others are compared with."""
+    """The nights of an arm with which the others are compared."""
     if plan.baseline is None:
         return list(nights[: plan.reference])
     first, last = plan.baseline
@@ -80,7 +80,7 @@ def reference(plan: Plan, nights: Sequence[Night]) -> list[Night]:
 
 
 def alarms_of(plan: Plan, arm: str, nights: Sequence[Night]) -> list[Alarm]:
-    """Every night of one arm that can be compared, in order; ``nights`` likewise. Not corrected yet."""
+    """Alarms of all nights of one arm that can be compared, in the order of ``nights``; p-values not yet corrected."""
     before = reference(plan, nights)
     alarms = []
     last: dict[str, Change] = {}
@@ -101,7 +101,7 @@ def alarms_of(plan: Plan, arm: str, nights: Sequence[Night]) -> list[Alarm]:
 
 
 def _confirmed(earlier: Change | None, later: Change) -> float:
-    """p-value of a change that two nights in a row show, to the same side; 1 where only one does."""
+    """p-value of a change in two successive nights in the same direction; 1 if only one shows it."""
     if earlier is None or earlier.p is None or later.p is None or not (earlier.change and later.change):
         return 1.0
     return max(earlier.p, later.p) if (earlier.change > 0) == (later.change > 0) else 1.0
@@ -116,7 +116,7 @@ def _all_changes(before: Sequence[Night], night: Night) -> list[Change]:
 
 
 def _changes(kind: str, before: Sequence[Night], night: Night) -> list[Change]:
-    """Of the results of one kind; none where one side has none. With the temperature where it is recorded."""
+    """Changes between results of one kind; none if one side has no result. Uses the temperature if it is recorded."""
     having = [(one, result) for one in (*before, night) for result in one.results if result.what == kind]
     results = [result for _, result in having]
     if len(results) < 2 or having[-1][0] is not night:
@@ -128,6 +128,6 @@ def _changes(kind: str, before: Sequence[Night], night: Night) -> list[Change]:
 
 
 def _temperature(nights: Sequence[Night]) -> Array:
-    """(nights, J) degC, NaN where it is not known; the last of them has one."""
+    """(nights, J) degC, NaN where it is not known; the last night has a temperature."""
     unknown = tuple(np.nan for _ in nights[-1].temperature or ())
     return np.array([one.temperature or unknown for one in nights])

@@ -1,4 +1,4 @@
-"""What the results of a fleet lack, in sentences: reference nights, recent recordings, the quantities of limits."""
+"""Sentences about missing data of a fleet: reference nights, recent recordings, the quantities of limits."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from arm_fleet.tasks.store import TaskLine
 from comparison.trend import State
 
 SILENT = 3
-"""Days after an arm's last recording, with others recording, from which on it is said."""
+"""Days without a recording of an arm, while others record, after which it is reported."""
 FAR = 3.0
-"""K outside the temperatures of an arm's reference nights, from which on it is said."""
+"""K outside the temperatures of an arm's reference nights beyond which it is reported."""
 MOST_NAMES = 5
-"""Arms that a sentence names; fleet.json has all."""
+"""Maximum number of arms that a sentence names; fleet.json has all."""
 
 
 def missing(plan: Plan, verdicts: Sequence[Verdict], tasks: Sequence[TaskLine], alarms: Sequence[Alarm]) -> list[str]:
@@ -47,22 +47,22 @@ def _silent(tasks: Sequence[TaskLine]) -> Iterator[str]:
     days = {arm: (date.fromisoformat(latest) - date.fromisoformat(night)).days for arm, night in last.items() if night}
     silent = [f"{arm} (since {last[arm]})" for arm, behind in days.items() if behind >= SILENT]
     if silent:
-        yield f"no recording, though the latest of the fleet is of {latest}: {_names(silent)}"
+        yield f"no recording, although the latest of the fleet is of {latest}: {_names(silent)}"
 
 
 def _warmer(alarms: Sequence[Alarm]) -> Iterator[str]:
-    """Arms whose last night is of a temperature at which their reference nights say little of friction."""
+    """Arms whose last night has a temperature far from those of their reference nights."""
     last = {one.arm: one.outside for one in alarms}
     far = [f"{arm} ({beyond:.0f} K in the last night)" for arm, beyond in last.items() if beyond >= FAR]
     if far:
         yield (
-            f"temperature outside that of the reference nights: {_names(far)}; what it may explain is not called a "
-            "change of friction. A baseline with nights of such temperatures judges friction more sharply"
+            f"temperature outside that of the reference nights: {_names(far)}; changes of friction that it may explain "
+            "are not reported. A baseline with nights of such temperatures detects smaller changes of friction"
         )
 
 
 def _limits(plan: Plan, verdicts: Sequence[Verdict]) -> Iterator[str]:
-    """Limits that are not kept: of a quantity that no arm has, of a side that is not clear, a share of nothing."""
+    """Limits that cannot be used: no arm has the quantity, upper or lower is ambiguous, or a percentage of zero."""
     judged = [one for one in verdicts if one.without_limit is not None]
     for name in judged[0].without_limit or () if judged else ():
         if all(name in (one.without_limit or ()) for one in judged):
@@ -82,7 +82,7 @@ def _limits(plan: Plan, verdicts: Sequence[Verdict]) -> Iterator[str]:
 
 
 def _arms(verdicts: Sequence[Verdict], name: str, stand: State) -> str:
-    """Names of the arms in which a limit of a quantity stands so."""
+    """Names of the arms in which the limit of a quantity has this state."""
     return _names([one.arm for one in verdicts if any(its.name == name and its.stand is stand for its in one.limits)])
 
 

@@ -1,4 +1,4 @@
-"""Kept results of an arm as what ``comparison`` reads: its nights, with identification and diagnosis."""
+"""Converts the stored results of an arm to nights with identification and diagnosis, as ``comparison`` reads them."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ COMPARED = (
     "causes",
     "not_visible",
 )
-"""Entries of the results that ``comparison`` reads: of a large fleet the others would fill the memory."""
+"""Entries of the results that ``comparison`` reads. The others of a large fleet would fill the memory."""
 
 
 def nights_of(store: Store, records: Sequence[Record], model: Arm) -> list[Night]:
@@ -54,6 +54,6 @@ def nights_of(store: Store, records: Sequence[Record], model: Arm) -> list[Night
 
 
 def _stored(path: Path, kind: Literal["identifications", "diagnoses"], arm: Arm) -> Stored:
-    """One result; causes are relative to the model of the plan, whichever stands beside them."""
+    """One result; its causes are relative to the model of the plan, whatever model is in its folder."""
     table = json.loads(read_file(path))
     return Stored(path, kind, {name: table[name] for name in COMPARED if name in table}, arm)

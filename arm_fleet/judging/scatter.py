@@ -1,9 +1,9 @@
-"""Causes that take each other's place from night to night.
+"""Scatter of causes that replace one another from night to night.
 
-Where friction of a healthy arm follows its temperature, diagnoses name it in one night viscous friction, in the next
-another cause with nearly the same current, and none in a third. A cause that no reference night names has no scatter
-of its own between them; yet it scatters as friction of its joint does, in units of their deviations: as identified, and
-as other causes of that kind say. That counts where it is more than chance explains.
+If the friction of a healthy arm follows its temperature, diagnoses name viscous friction in one night, in the next
+another cause with nearly the same current, and no cause in a third. A cause that no reference night names has no
+scatter between them; yet it scatters like the friction of its joint, in units of their standard deviations: the
+identified friction and the other causes of that kind. This scatter counts if chance does not explain it.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ from arm_model.effects import CATALOGUE, Instrument, Variable
 from comparison import Change, Quantity
 
 CHANCE = 0.01
-"""p-value, of deviations that explain all scatter, below which it counts."""
+"""The scatter counts if the p-value of the hypothesis that the standard deviations explain it is below this."""
 ALIKE = (Variable.VELOCITY, Variable.CURRENT)
-"""Against what the current shows effects that friction may be taken for."""
+"""Variables of the current residual of effects that can be confused with friction."""
 
 
 def widened(changes: Sequence[Change], reference: int) -> list[Change]:
-    """The same changes; p-values of causes like friction allow for the scatter between reference nights.
+    """The same changes, with p-values of causes like friction that include the scatter between reference nights.
 
-    changes    of one night, of identified parameters and of causes; reference: number of nights it is compared with
+    changes    of one night, of identified parameters and of causes; reference: number of reference nights
     """
     freedom = reference - 1
     least = float(np.sqrt(stats.chi2.isf(CHANCE, freedom) / freedom))
@@ -51,12 +51,12 @@ def _with(one: Change, scatter: dict[int | None, float], freedom: int) -> Change
 
 
 def of_friction(one: Change) -> bool:
-    """Whether what changed is friction, or a cause that friction may be taken for."""
+    """Whether the changed quantity is friction, or a cause that can be confused with friction."""
     return friction_like(one.quantity)
 
 
 def friction_like(quantity: Quantity) -> bool:
-    """Likewise, of a quantity."""
+    """Whether a quantity is friction, or a parameter of a cause that can be confused with friction."""
     kind = quantity.kind
     return like_friction(effect_of(quantity.name)) if kind == "cause" else kind in ("friction", "curve")
 
@@ -68,7 +68,7 @@ def effect_of(quantity: str) -> str:
 
 @cache
 def like_friction(effect: str) -> bool:
-    """Whether what friction changes in a current may be taken for this effect, or the other way round."""
+    """Whether this effect and friction can be confused in a current."""
     definition = CATALOGUE.get(effect)
     if definition is None:
         return False

@@ -1,11 +1,11 @@
-"""What the recorded temperature explains of a night that differs from its reference nights.
+"""Compares friction of a night with the value expected at its recorded temperature.
 
 Friction parameters, and causes that are named for friction, are regressed on the mean temperature of their joint over
-the reference nights (weighted least squares, a straight line). A night is compared with what the line says at its own
-temperature, with the joint deviation of level and slope, with the scatter of the reference nights about their lines,
-and with what a straight line leaves out: friction of greased gears falls exponentially (Bittencourt, Gunnarsson, J.
-Dyn. Sys. Meas. Control 134(5), 051013, 2012), so that far from the reference nights the line says little, and nothing
-is named that temperature may explain.
+the reference nights (weighted least squares, a straight line). A night is compared with the line at its own
+temperature. The variance of the comparison has three parts: that of level and slope, the scatter of the reference
+nights about their lines, and the error of a straight line: friction of greased gears falls exponentially (Bittencourt,
+Gunnarsson, J. Dyn. Sys. Meas. Control 134(5), 051013, 2012). Far from the reference nights this error is large, and no
+change is named that temperature can explain.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ from arm_io.types import Array
 from comparison import Change, Estimate, Quantity, moderate
 
 BENDS = 0.03
-"""1/K, standard deviation: by what share of itself the slope of friction over temperature differs one kelvin away."""
+"""1/K, standard deviation of the relative change of the slope of friction over temperature, per kelvin."""
 FEWEST = 3
-"""Reference nights with a temperature, from which on a line has a scatter."""
+"""Minimum number of reference nights with a temperature for the scatter about a line."""
 
 
 @dataclass(frozen=True)
 class Line:
-    """A quantity at the temperature of a night, from its reference nights.
+    """Prediction of a quantity at the temperature of a night, from the reference nights.
 
-    level, variance  what they say it is there, and how well, without scatter beyond their own deviations
-    left      standard deviation of what a straight line may leave out there
-    ratio     square of the scatter about the line over what deviations explain, with ``freedom`` degrees of freedom
-    stated    least degrees of freedom of the deviations
+    level, variance  predicted value and its variance, without scatter beyond the standard deviations of the nights
+    left      standard deviation of the error of the straight line at that temperature
+    ratio     variance about the line over that expected from the deviations; ``freedom``: its degrees of freedom
+    stated    least degrees of freedom of the standard deviations
     """
 
     level: float
@@ -47,7 +47,7 @@ class Line:
 def regressed(
     changes: Sequence[Change], quantities: Sequence[Quantity], estimates: Sequence[Estimate], temperature: Array
 ) -> list[Change]:
-    """The same changes; those of friction against what it would be at the temperature of the night.
+    """The same changes; those of friction relative to the prediction at the temperature of the night.
 
     estimates    of the n reference nights and then of the night, of all ``quantities``
     temperature  (n + 1, J) degC, NaN where it is not known
@@ -76,10 +76,10 @@ def regressed(
 
 
 def no_surer(changes: Sequence[Change]) -> list[Change]:
-    """The same changes; a cause of friction is no surer than what is identified of its joint.
+    """The same changes; the p-value of a friction cause is at least that of the identified friction of its joint.
 
-    Where the temperature takes a cause's place by another one, no reference night may name it: the line of such a cause
-    is that of nothing. What is identified has a line of its own.
+    If temperature replaces one cause by another, no reference night may name the latter: the line of such a cause
+    has no data. Identified parameters have their own line.
     """
     surest: dict[int | None, float] = {}
     for one in changes:
@@ -98,7 +98,7 @@ def no_surer(changes: Sequence[Change]) -> list[Change]:
 
 
 def outside(temperature: Array) -> float:
-    """K by which the last of (n + 1, J) degC is outside of the others, at the joint where that is most; 0: inside."""
+    """K by which the last row of (n + 1, J) degC is outside the range of the others, at the worst joint; 0: inside."""
     *before, night = temperature
     found = [0.0]
     for joint, its in enumerate(night):
@@ -114,7 +114,7 @@ def _of_joint(temperature: Array, joint: int | None) -> Array:
 
 
 def _line(estimates: Sequence[Estimate], which: int, degc: Array) -> Line | None:
-    """None where too few reference nights, or the night, have a temperature or a value."""
+    """None if too few reference nights, or not the night itself, have a temperature and a value."""
     values, raw = (np.array([getattr(estimate, name)[which] for estimate in estimates]) for name in ("values", "raw"))
     there = np.isfinite(values) & np.isfinite(degc) & (raw > 0)
     if not there[-1] or there[:-1].sum() < FEWEST:
@@ -140,7 +140,7 @@ def _line(estimates: Sequence[Estimate], which: int, degc: Array) -> Line | None
 
 
 def _scatter(changes: Sequence[Change], lines: Mapping[str, Line]) -> dict[str, tuple[float, float]]:
-    """Name -> scatter about the lines, at least 1, and its degrees of freedom; causes have one of their own."""
+    """Name -> ratio of the scatter about the lines, at least 1, and its degrees of freedom; one for all causes."""
     found = {}
     for causes in (True, False):
         names = [
@@ -159,7 +159,7 @@ def _scatter(changes: Sequence[Change], lines: Mapping[str, Line]) -> dict[str, 
 
 
 def _against(one: Change, line: Line, night: Estimate, which: int, scatter: float, freedom: float) -> Change:
-    """A change against the line."""
+    """A change relative to the line."""
     raw = float(np.hypot(scatter * np.hypot(line.variance**0.5, night.raw[which]), line.left))
     moved = float(night.values[which]) - line.level
     p = float(2 * stats.t.sf(abs(moved) / raw, min(freedom, line.stated)))

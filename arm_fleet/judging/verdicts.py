@@ -1,4 +1,4 @@
-"""What is to be said of each arm: whether it changed, what, since when, how fast, and what to do next."""
+"""Verdict on each arm: whether it changed, what changed, since when, how fast, and what to do next."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from comparison.trend import Movement, Trend, limit_sentence, sentence, trend_of
 from comparison.trend import State as Stand
 
 FEWEST = 3
-"""Results of a trend."""
+"""Minimum number of results for a trend."""
 FAILED = 3
-"""Nights in a row without a result after which somebody should look."""
+"""Number of successive nights without a result after which a check is recommended."""
 HINTS = 8
-"""Quantities that are listed where a limit is of none."""
+"""Maximum number of quantities that are listed if the quantity of a limit does not exist."""
 CHECKS = 2
-"""Origins per cause whose check is named."""
+"""Number of origins per cause whose check is recommended."""
 
 
 class Condition(StrEnum):
-    """Of an arm in its last night."""
+    """Condition of an arm in its last night."""
 
     CHANGED = "changed"
     RETURNED = "changed, and is as before again"
@@ -38,7 +38,7 @@ class Condition(StrEnum):
 
 @dataclass(frozen=True)
 class Limited:
-    """Where a quantity stands with respect to a limit of the plan, and the sentence about it."""
+    """State of a quantity with respect to a limit of the plan, and the sentence about it."""
 
     name: str
     stand: Stand
@@ -46,27 +46,27 @@ class Limited:
 
     @property
     def alarming(self) -> bool:
-        """Whether it is passed, or will be at the present drift."""
+        """Whether the limit is passed, or will be at the present drift."""
         return self.stand in (Stand.PASSED, Stand.PASSED_AT_FIRST, Stand.AHEAD)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Verdict:
-    """What is said of one arm.
+    """Verdict on one arm.
 
-    since, until  first and last night of the latest uninterrupted series of named nights; None: it has none
+    since, until  first and last night of the latest uninterrupted series of nights with a change; None: no such night
     cause    what changed, in words: the cause that changed in most nights of the series, else the quantity that changed
              most surely
-    trends   of its identifications and diagnoses; empty where nothing was named and no limit is set
-    told     quantities that moved: of an arm whose temperature is recorded, friction only where a named night shows it
+    trends   of its identifications and diagnoses; empty if nothing was named and no limit is set
+    told     quantities with a trend; if temperature is recorded, friction only if a night with a change shows it
     moved    sentences about them, and limits
-    limits   of each limit that its quantities have: name, where it stands, the sentence
+    limits   per limit of its quantities: name, state, sentence
     actions  what to do next
-    key      of the last named night, whose report shows the cause
+    key      of the task of the last night with a change, whose report shows the cause
     failed   its nights without a result: night, state, reason
-    page     path of its page relative to the folder; None: it has none
-    without_limit  limits of the plan whose quantity its results lack; None: they were not looked at
-    quantities     some names of quantities that they have, where there is such a limit
+    page     path of its page relative to the folder; None: no page
+    without_limit  limits of the plan whose quantity its results lack; None: not checked
+    quantities     some names of quantities that its results have, if there is such a limit
     """
 
     arm: str
@@ -106,7 +106,7 @@ class Verdict:
 def verdict_of(
     plan: Plan, arm: str, nights: Sequence[Night], alarms: Sequence[Alarm], records: Sequence[Record]
 ) -> Verdict:
-    """Of one arm: its nights with results, its alarms by night, and the records of all its tasks."""
+    """Verdict on one arm from its nights with results, its alarms by night, and the records of all its tasks."""
     failed = tuple(
         (one["night"] or "baseline", one["state"], one["reason"]) for one in records if one["state"] != State.DONE
     )
@@ -149,7 +149,7 @@ def verdict_of(
 
 
 def _last_series(alarms: Sequence[Alarm]) -> list[Alarm]:
-    """The latest named nights without one between them that is not named."""
+    """The latest uninterrupted series of nights with a change."""
     series: list[Alarm] = []
     for one in reversed(alarms):
         if one.named:
@@ -160,7 +160,7 @@ def _last_series(alarms: Sequence[Alarm]) -> list[Alarm]:
 
 
 def _cause(series: Sequence[Alarm]) -> str:
-    """The cause that changed in most of the named nights, of several the surest in the last; else a parameter."""
+    """The cause that changed in most nights (then: smallest p-value in the last night); else a parameter."""
     latest = [one.quantity for alarm in reversed(series) for one in alarm.changes]
     words = {place_of(one): one.words.partition(" of ")[2] or one.words for one in latest if one.kind == "cause"}
     nights = _nights_of_causes(series)
@@ -174,12 +174,12 @@ Place = tuple[str, int | None]
 
 
 def place_of(quantity: Quantity) -> Place:
-    """Of a parameter of a cause."""
+    """Effect and joint of a parameter of a cause."""
     return effect_of(quantity.name), quantity.joint
 
 
 def _nights_of_causes(series: Sequence[Alarm]) -> Counter[Place]:
-    """In how many nights each cause changed; of the same number, the surest of the latest night comes first."""
+    """Number of nights in which each cause changed; for equal numbers, smallest p-value of the latest night first."""
     counts: Counter[Place] = Counter()
     for alarm in reversed(series):
         # A cause has several parameters.
@@ -190,7 +190,7 @@ def _nights_of_causes(series: Sequence[Alarm]) -> Counter[Place]:
 
 
 def _told(trends: Sequence[Trend], series: Sequence[Alarm], heated: bool) -> list[tuple[Movement, Trend]]:
-    """What moved, what the named nights show first; friction that moved alone may only follow recorded temperature."""
+    """Quantities with a trend, those of nights with a change first; other friction may follow the temperature."""
     if not series:
         return []
     changed = {one.quantity.name for alarm in series for one in alarm.changes}
@@ -225,7 +225,7 @@ def _limits(trends: Sequence[Trend]) -> list[Limited]:
 
 
 def _that_changed(causes: Sequence[Mapping[str, Any]], series: Sequence[Alarm]) -> list[Mapping[str, Any]]:
-    """Of the causes of a night those that changed, in most nights first; else those that the changed parameters fit."""
+    """Causes of a night that changed, those of most nights first; else causes that fit the changed parameters."""
     nights = _nights_of_causes(series)
     changed = [cause for cause in causes if (cause["effect"], cause["joint"]) in nights]
     if changed:
@@ -243,7 +243,7 @@ def _actions(
     failed: Sequence[tuple[str, str, str]],
     limits: Sequence[Limited],
 ) -> list[str]:
-    """What to do next: checks of the likely origins, what reaches its limit, and recordings that fail."""
+    """Recommended actions: checks of the likely origins, maintenance before a limit, failed recordings."""
     actions = []
     if condition is Condition.CHANGED:
         causes = records[series[-1].key]["value"].get("causes", []) if series[-1].key in records else []
@@ -251,7 +251,7 @@ def _actions(
         for cause in fitting:
             actions += [f"{one['title']}: {one['check']}" for one in cause.get("origins", [])[:CHECKS]]
         if not fitting:
-            actions.append("Record the same experiments once more, with more speed, so that diagnose can name a cause")
+            actions.append("Record the same experiments again at higher speed, so that diagnose can name a cause")
     actions += [
         f"{one.sentence}: plan its maintenance {'before' if one.stand is Stand.AHEAD else 'now'}"
         for one in limits

@@ -1,4 +1,4 @@
-"""The page of an arm that changed: histories of what changed, its nights with their reports."""
+"""The page of an arm that changed: histories of the changed quantities, and the nights with their reports."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from arm_report import Report, table
 from comparison.trend import histories_chart
 
 MOST_PANELS = 12
-"""Histories on the page."""
+"""Maximum number of histories on the page."""
 
 
 def arm_page(arm: Verdict, tasks: Sequence[TaskLine], alarms: Sequence[Alarm]) -> Report:
-    """Histories of what changed, and the nights with their reports."""
+    """Page of an arm that changed: histories of its changed quantities, and its nights with their reports."""
     changed = {change.quantity.name for one in alarms if one.named for change in one.changes} | {*arm.told}
     charts = []
     for trend in arm.trends:
@@ -30,7 +30,7 @@ def arm_page(arm: Verdict, tasks: Sequence[TaskLine], alarms: Sequence[Alarm]) -
     says = (
         f"{arm.cause}: changed since {arm.since}."
         if now
-        else (f"{arm.cause}: changed from {arm.since} to {arm.until}, as before again since.")
+        else (f"{arm.cause}: changed from {arm.since} to {arm.until}, and agrees with its reference nights since then.")
     )
     return Report(
         title=f"{arm.arm}: {arm.condition}",
@@ -47,19 +47,19 @@ def arm_page(arm: Verdict, tasks: Sequence[TaskLine], alarms: Sequence[Alarm]) -
 
 
 def arm_file(arm: str) -> str:
-    """Of the page of an arm, relative to the folder; names of arms may have spaces and colons."""
+    """Path of the page of an arm, relative to the folder; names of arms may have spaces and colons."""
     return f"arms/{''.join(c if c.isalnum() or c in '.+-' else '_' for c in arm)}.html"
 
 
 def link(place: str | None, words: str) -> Markup:
-    """A link; the words alone where there is no place."""
+    """A link; only the words if there is no address."""
     if not place:
         return Markup.escape(words)
     return Markup('<a href="{}">{}</a>').format(place, words)
 
 
 def unbroken(words: str) -> Markup:
-    """A date in one line."""
+    """A date that is not broken into two lines."""
     return Markup('<span class="u">{}</span>').format(words)
 
 

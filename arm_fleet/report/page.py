@@ -20,13 +20,13 @@ if TYPE_CHECKING:
     from arm_fleet.judging.verdicts import Verdict
 
 MOST_NIGHTS = 60
-"""Latest nights of the map of nights."""
+"""Number of the latest nights that the map of nights shows."""
 MOST_ARMS = 400
-"""Arms of the map of nights and of the table of all arms; fleet.json has all."""
+"""Maximum number of arms in the map of nights and in the table of all arms; fleet.json has all."""
 MOST_FAILED = 1000
-"""Tasks without a result that are listed; tasks.parquet has all."""
+"""Maximum number of listed tasks without a result; tasks.parquet has all."""
 MARKS = {"named": "●", "compared": "·", "failed": "×", "reference": "○"}
-"""Of an arm and night; a mark with a report links to it."""
+"""Marks of an arm and night in the map; a mark links to the report, if there is one."""
 
 
 def fleet_page(fleet: Fleet) -> Report:
@@ -77,7 +77,7 @@ def _changed(fleet: Fleet, changed: list[Verdict]) -> Markup:
 
 
 def _named_per_night(fleet: Fleet) -> Chart | None:
-    """How many arms are named per night."""
+    """Number of changed arms per night."""
     nights = sorted({one.night for one in fleet.alarms})
     if not nights:
         return None
@@ -89,7 +89,7 @@ def _named_per_night(fleet: Fleet) -> Chart | None:
         for counts, colour, label in ((named, AFTER, "named"), (compared, MEASURED, "compared"))
     )
     panel = Panel(series=series, x="night", y="arms", dates=True)
-    return Chart(name="named", title="arms that are called changed, per night", panels=(panel,))
+    return Chart(name="named", title="number of changed arms per night", panels=(panel,))
 
 
 def _map(fleet: Fleet) -> Markup:

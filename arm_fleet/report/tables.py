@@ -61,13 +61,13 @@ PARAMETERS = {
 
 COLUMNS = {"tasks": TASKS, "causes": CAUSES, "parameters": PARAMETERS}
 GROUP = 100_000
-"""Rows of a row group: what is held until it is written."""
+"""Rows per row group; they are held in memory until they are written."""
 Tables = dict[str, Any]
 """Name of a table -> some of its rows (pyarrow.Table)."""
 
 
 def tables_of(records: Sequence[Record], alarms: Mapping[str, Alarm]) -> Tables:
-    """The rows of some tasks; ``alarms`` by key, of nights that could be compared."""
+    """Rows of the tables for some tasks; ``alarms``: by key of the task, of nights that could be compared."""
     nights = [one for one in records if one["night"]]
     rows = {
         "tasks": [_task(one, alarms.get(one["key"])) for one in records],
@@ -79,7 +79,7 @@ def tables_of(records: Sequence[Record], alarms: Mapping[str, Alarm]) -> Tables:
 
 @contextmanager
 def tables_in(folder: Path) -> Iterator[Callable[[Tables], None]]:
-    """Appends rows to tasks.parquet, causes.parquet and parameters.parquet, each there at the end, or not at all.
+    """Appends rows to tasks.parquet, causes.parquet and parameters.parquet; writes each file completely or not at all.
 
     InputError where they cannot be written.
     """

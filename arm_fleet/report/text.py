@@ -13,18 +13,22 @@ if TYPE_CHECKING:
 
 HEADS = ("arm", "changed since", "cause", "p corr.")
 MOST_FAILED = 5
-"""Failed tasks whose reason is printed; tasks.parquet has all."""
+"""Maximum number of failed tasks whose reason is printed; tasks.parquet has all."""
 
 
 def verdict(fleet: Fleet) -> str:
-    """The one sentence."""
+    """Verdict on the fleet in one sentence."""
     nights, named = len(fleet.alarms), sum(one.named for one in fleet.alarms)
     share = f"at most {fleet.plan.rate:.1%} of them are expected to differ by chance"
     if not fleet.alarms:
         return "No night could be compared with reference nights of its arm."
     changed, arms = len(fleet.changed), len(fleet.verdicts)
     returned = len(fleet.returned)
-    again = f" {returned} had changed, and {'is' if returned == 1 else 'are'} as before again." if returned else ""
+    again = (
+        f" {returned} had changed, and {'agrees' if returned == 1 else 'agree'} with the reference nights again."
+        if returned
+        else ""
+    )
     unknown = sum(one.condition is Condition.UNKNOWN for one in fleet.verdicts)
     without = f" {unknown} cannot be compared." if unknown else ""
     return (

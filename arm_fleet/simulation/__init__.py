@@ -1,1 +1,1 @@
-"""A fleet of simulated arms that wear, with the truth beside their recordings."""
+"""A fleet of simulated arms that wear: recordings and true values."""

@@ -1,8 +1,8 @@
-"""A simulated fleet: recordings of arms that wear, made by the batch engine, with the truth beside them.
+"""A simulated fleet: recordings of arms that wear, made by the batch engine, and the true values.
 
-All nights of one kind of wear are lanes of one simulation. What is recorded has the noise of the transducers and the
-steps of the encoders; the truth says by how much wear changes the current, in units of that noise. Where arms have
-another temperature every night (``weather``), every arm and night is a lane.
+All nights of one kind of wear are lanes of one simulation. The recordings have the noise of the transducers and the
+quantisation of the encoders. The true values include the change of current by wear, in units of that noise. If arms
+have another temperature every night (``weather``), every arm and night is a lane.
 """
 
 from __future__ import annotations
@@ -28,27 +28,27 @@ from arm_model.simulation import Demand, simulate_batch
 from daq.recording import Attachments, write_table
 
 NOISE = 0.01
-"""A, of every transducer."""
+"""A, noise std of every transducer."""
 ENCODER = 1.5e-6
-"""rad (m) of one step, at the joint."""
+"""rad (m) per encoder step, at the joint."""
 FREQUENCIES, SIZES = (0.17, 0.47, 1.3), (0.5, 0.28, 0.08)
 """Hz and rad of the sines of a motion."""
 BEGUN = 1.5
-"""s over which a motion begins."""
+"""s, duration of the smooth beginning of a motion."""
 START = date(2026, 1, 1)
 CLEAR = 3.0
-"""Times the noise: when wear is called visible."""
+"""Wear counts as visible if it changes the current by this multiple of the noise."""
 LANES = 256
-"""Of one simulation: more take memory and gain nothing."""
+"""Maximum number of lanes per simulation; more need memory and save no time."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Scene:
-    """What every arm does every night: ``runs`` recordings of ``seconds`` at ``rate`` rows/s.
+    """The recordings of every arm in every night: ``runs`` recordings of ``seconds`` at ``rate`` rows/s.
 
-    correlation  s over which the noise of a transducer forgets itself (by 1/e); 0: it is white
-    temperature  K, deviation of an arm's temperature from night to night; season: K by which all arms are warmer in the
-                 last night than in the first. Where both are 0, all nights are alike, and no temperature is recorded
+    correlation  s, correlation time of the noise of a transducer (to 1/e); 0: white noise
+    temperature  K, std of an arm's temperature from night to night; season: K by which all arms are warmer in the
+                 last night than in the first. If both are 0, all nights are alike, and no temperature is recorded
     """
 
     arm: Arm
@@ -61,7 +61,7 @@ class Scene:
 
     @property
     def changing(self) -> bool:
-        """Whether the temperature differs from night to night."""
+        """Whether the temperature varies from night to night."""
         return bool(self.temperature or self.season)
 
     @property
@@ -70,7 +70,7 @@ class Scene:
         return np.arange(int(self.seconds * self.rate)) / self.rate
 
     def demand(self, run: int) -> Demand:
-        """The motion of one of the recordings: another one in each, the same every night."""
+        """The motion of one recording: different in each recording of a night, the same in every night."""
         joints = len(self.arm)
         phase = np.random.default_rng(run).uniform(0, 2 * np.pi, (joints, len(SIZES)))
 
@@ -87,7 +87,7 @@ class Scene:
 def write_fleet(
     folder: Path, scene: Scene, lives: Sequence[Life], nights: int, *, seed: int, progress: Progress = lambda _: None
 ) -> dict[str, Any]:
-    """Writes FOLDER/nights/NIGHT/ARM_RUN.mcap, model.toml, plan.toml and truth.json; returns what truth.json says.
+    """Writes FOLDER/nights/NIGHT/ARM_RUN.mcap, model.toml, plan.toml and truth.json; returns the content of truth.json.
 
     InputError where they cannot be written, or the arm has no controller.
     """
@@ -121,12 +121,12 @@ def write_fleet(
 
 
 def night_of(number: int) -> str:
-    """'2026-01-01' of the first night (from 0)."""
+    """Date of a night (from 0): '2026-01-01' for the first."""
     return (START + timedelta(days=number)).isoformat()
 
 
 def plan_table(lives: Sequence[Life]) -> dict[str, Any]:
-    """The plan that reads such a fleet."""
+    """The plan with which ``armscope fleet`` reads this fleet."""
     return {
         "name": "simulated fleet",
         "model": "model.toml",
@@ -144,11 +144,11 @@ Shown = dict[str, Array]
 
 
 def _all(scene: Scene, run: int, lives: Sequence[Life], temperature: Array) -> Iterator[tuple[int, int, Shown, float]]:
-    """Arm (index), night, what is shown, and change of current by wear over the noise.
+    """Yields arm (index), night, signals, and change of current by wear, in units of the noise.
 
     temperature  (arms, nights) degC
-    The change is against the same arm before it wears, at the same temperature: a gear whose teeth are flexible
-    differs from a rigid one without any gap.
+    The change is relative to the same arm without wear at the same temperature: a gear with flexible teeth
+    differs from a rigid gear even without a gap.
     """
     nights = temperature.shape[1]
     for wear in {life.wear: None for life in lives}:
@@ -172,13 +172,13 @@ def _all(scene: Scene, run: int, lives: Sequence[Life], temperature: Array) -> I
 
 @dataclass(frozen=True)
 class _Lanes:
-    """What several lanes show."""
+    """Signals of several lanes."""
 
     readings: Readings
     demand: Array
 
     def lane(self, number: int) -> Shown:
-        """Of one lane; of a single one, whichever is asked for."""
+        """Signals of one lane; if there is only one, the same for every number."""
         which = number % len(self.readings.q)
         return {"q": self.readings.q[which], "i": self.readings.current[which], "qref": self.demand}
 
@@ -195,7 +195,7 @@ def _simulated(scene: Scene, run: int, wear: Wear | None, values: Array, tempera
 
 
 def _readings(arm: Arm, motion: Motion, wear: Wear | None, values: Array) -> Readings:
-    """What the instruments show, which may be what wears."""
+    """Signals as the instruments read them; the instrument itself may wear."""
     if wear is None:
         return recorded(arm, motion)
     lanes = []

@@ -1,4 +1,4 @@
-"""How the arms of a simulated fleet wear: one parameter of one effect that grows night by night, and a repair."""
+"""Wear of the arms of a simulated fleet: one parameter of one effect that grows night by night, and a repair."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class Wear:
 
     effect, parameter  of the catalogue; joint: from 1
     fixed              other parameters of the effect, which do not change
-    growth             of the parameter per night
+    growth             increase of the parameter per night
     """
 
     name: str
@@ -28,7 +28,7 @@ class Wear:
     fixed: tuple[tuple[str, float], ...] = ()
 
     def term(self, value: float) -> EffectTerm:
-        """The effect at one night."""
+        """The effect in one night."""
         return EffectTerm(self.effect, self.joint, {**dict(self.fixed), self.parameter: value})
 
     @property
@@ -42,15 +42,15 @@ KINDS = (
     Wear(name="seal that dries", effect="coulomb_friction", parameter="coulomb", joint=2, growth=0.08),
     Wear(name="transducer that drifts", effect="current_gain", parameter="error", joint=1, growth=4e-3),
 )
-"""Of the two-link arm: each crosses three times the noise after some nights."""
+"""Kinds of wear of the two-link arm; each changes the current by three times the noise after some nights."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Life:
-    """What happens to one arm.
+    """Wear and repair of one arm.
 
     wear      None: it stays healthy
-    begins    night (from 0) after which it wears; repaired: the first night after the repair, None: it is not repaired
+    begins    night (from 0) after which it wears; repaired: first night after the repair, None: no repair
     """
 
     arm: str
@@ -68,7 +68,7 @@ class Life:
 
 
 def lives(arms: int, nights: int, *, worn: float, seed: int) -> list[Life]:
-    """A fleet: a share ``worn`` of the arms wears, each kind equally often; every other worn one is repaired.
+    """Lives of a fleet: a share ``worn`` of the arms wears, each kind equally often; every second one is repaired.
 
     Wear begins in the first half, after five healthy nights. InputError for a fleet without arms or nights.
     """

@@ -1,8 +1,9 @@
-"""What differs from night to night in a healthy simulated arm: its temperature, and friction with it.
+"""Variation of a healthy simulated arm from night to night: temperature, and friction with it.
 
-Half of the variance of a temperature is that of the hall, which all arms share and which follows the night before; half
-is the arm's own and independent. Warm grease is thin: viscous friction falls by some per cent per kelvin, Coulomb
-friction by a fraction of that (Bittencourt, Gunnarsson, J. Dyn. Sys. Meas. Control 134(5), 051013, 2012, figure 4).
+Half of the variance of a temperature is that of the hall, which all arms share and which is correlated with the
+previous night; half is independent per arm. The viscosity of grease falls with temperature: viscous friction falls by
+some per cent per kelvin, Coulomb friction by a fraction of that (Bittencourt, Gunnarsson, J. Dyn. Sys. Meas. Control
+134(5), 051013, 2012, figure 4).
 """
 
 from __future__ import annotations
@@ -15,17 +16,17 @@ from arm_io.types import Array
 from arm_model import Arm, parameter
 
 REFERENCE = 35.0
-"""degC at which the friction of the model holds."""
+"""degC to which the friction of the model refers."""
 VISCOUS, COULOMB = 0.02, 0.005
-"""Share by which friction falls per K."""
+"""Relative decrease of friction per K."""
 FOLLOWS = 0.7
-"""Correlation of the hall's temperature with that of the night before."""
+"""Correlation of the hall's temperature with that of the previous night."""
 
 
 def temperatures(arms: int, nights: int, std: float, draw: np.random.Generator, *, season: float = 0.0) -> Array:
     """(arms, nights) degC of all motors of an arm in every night.
 
-    std: K, from night to night, half of its square that of the hall; season: K by which the last night is warmer.
+    std: K, from night to night; half of the variance is that of the hall. season: K by which the last night is warmer.
     """
     hall = np.empty(nights)
     for night, step in enumerate(draw.standard_normal(nights)):

@@ -1,1 +1,1 @@
-"""What a task is, its limits, where its result is kept, and how Dask runs it."""
+"""Tasks: definition, limits, storage of results, and execution on Dask."""

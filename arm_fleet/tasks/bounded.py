@@ -1,9 +1,10 @@
-"""One call in a process of its own, with a limit on its time and one on its memory that hold whatever it does.
+"""Runs one call in a separate process, with strict limits of time and memory.
 
-Dask's own limits do neither: its nanny ends the whole worker with the other tasks on it, tries a task that eats memory
-four times, and knows no time limit (docs/decisions/0036-fleet-on-dask.md). The process is forked from a server that has
-imported what tasks need, which takes 10 ms where a new interpreter takes 3 s. The kernel refuses memory beyond the
-limit; the process is killed at the end of its time; it ends itself when the worker that waits for it is killed.
+Dask's own limits do not suffice: its nanny ends the whole worker with the other tasks on it, retries a task that needs
+too much memory four times, and has no time limit (docs/decisions/0036-fleet-on-dask.md). The process is forked from a
+server that has imported what tasks need, which takes 10 ms instead of 3 s for a new interpreter. The kernel refuses
+memory beyond the limit. The process is killed at the end of its time, and ends when the worker that waits for it is
+killed.
 """
 
 from __future__ import annotations
@@ -31,13 +32,13 @@ from arm_io import DeviceFault, InputError
 from arm_io.parallel import CORES
 
 END = 5.0
-"""s that an ended process may take to disappear."""
+"""s, maximum time between the end of a process and its disappearance."""
 
 
 def bounded(task: Task, before: Mapping[str, bytes]) -> Outcome:
-    """Runs a task in a process; whatever it does, the outcome says what came of it.
+    """Runs a task in a process; the outcome states what happened, whatever the task does.
 
-    before  files of the task that this one needs
+    before  files of the task on which this one depends
     """
     began = time.monotonic()
     with TemporaryDirectory(prefix="armscope-fleet-") as folder:
@@ -56,11 +57,11 @@ def bounded(task: Task, before: Mapping[str, bytes]) -> Outcome:
 
 
 Answer = tuple[State, str, dict[str, Any], float, int]
-"""State, reason, value, s of processor time, bytes at most."""
+"""State, reason, value, s of processor time, maximum bytes of memory."""
 
 
 def _awaited(here: Connection, process: BaseProcess, task: Task) -> Answer:
-    """What the process sends, or why it sends nothing; the process is gone afterwards."""
+    """Answer of the process, or the reason why there is none; the process has ended afterwards."""
     try:
         if not here.poll(task.timeout):
             return State.TIME, f"took longer than {task.timeout:g} s (timeout of the plan)", {}, 0.0, 0
@@ -93,7 +94,7 @@ def _files(folder: Path) -> dict[str, bytes]:
 
 @cache
 def _context(module: str) -> BaseContext:
-    """Forks from a server that has imported ``module``; where there is no fork, a new interpreter."""
+    """Context that forks from a server that has imported ``module``; without fork, one that starts an interpreter."""
     if "forkserver" not in multiprocessing.get_all_start_methods():
         return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")
@@ -104,13 +105,13 @@ def _context(module: str) -> BaseContext:
 def _may_have_children() -> None:
     """Allows a worker under Dask's nanny to start processes.
 
-    Python forbids them to a process that is marked as daemonic, lest they outlive it. These do not: they watch it.
+    Python forbids a daemonic process to start others, which could outlive it. These watch the worker and end with it.
     """
     multiprocessing.current_process()._config["daemon"] = False  # type: ignore[attr-defined]
 
 
 def _called(there: Connection, task: Task, folder: str, before: dict[str, bytes]) -> None:
-    """What runs in the process."""
+    """Entry point of the process."""
     threading.Thread(target=_end_with_parent, daemon=True).start()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     # there are as many tasks as cores
@@ -137,7 +138,7 @@ def _called(there: Connection, task: Task, folder: str, before: dict[str, bytes]
 
 
 def _end_with_parent() -> None:
-    """A worker that is killed takes its tasks with it; others will do them."""
+    """Ends this process when its worker is killed; other workers then run its task."""
     parent = multiprocessing.parent_process()
     if parent is not None:
         parent.join()
@@ -145,7 +146,7 @@ def _end_with_parent() -> None:
 
 
 def _limit_memory(size: int) -> None:
-    """Data of the process, which includes whatever is allocated but not what is mapped from files."""
+    """Limits the data of the process: all allocated memory, but not memory mapped from files."""
     if sys.platform != "win32":
         import resource
 
@@ -153,7 +154,7 @@ def _limit_memory(size: int) -> None:
 
 
 def _unlimited() -> None:
-    """Leaves room for the answer."""
+    """Removes the limit of memory, so that the answer can be sent."""
     if sys.platform != "win32":
         import resource
 

@@ -17,16 +17,16 @@ if TYPE_CHECKING:
 
 EXTRA = "fleet"
 PATIENCE = 60.0
-"""s that a scheduler, or its first worker, may take to appear."""
+"""s, maximum time to wait for a scheduler or for its first worker."""
 
 
 @dataclass(frozen=True)
 class Cluster:
-    """Where tasks run.
+    """Workers on which tasks run.
 
-    scheduler  tcp://HOST:PORT of a running one; None: workers of this machine
-    workers    processes of this machine, one task each at a time
-    patience   s to wait for a scheduler that is not there (any more)
+    scheduler  tcp://HOST:PORT of a running scheduler; None: workers of this machine
+    workers    number of processes of this machine; each runs one task at a time
+    patience   s to wait for a scheduler that does not answer
     """
 
     scheduler: str | None = None
@@ -35,7 +35,7 @@ class Cluster:
 
     @contextmanager
     def client(self) -> Iterator[Client]:
-        """A connected client. InputError where there is no scheduler, or it has no worker."""
+        """A connected client. InputError if there is no scheduler, or if it has no worker."""
         distributed = optional("distributed", EXTRA, "armscope fleet")
         if self.scheduler is None:
             with _local(self.workers) as address, distributed.Client(address, set_as_default=False) as client:
@@ -76,7 +76,7 @@ def _local(workers: int) -> Iterator[str]:
 
 @contextmanager
 def _silent() -> Iterator[None]:
-    """Without Dask's log: what happens to a scheduler is told in a sentence, not by the traceback of its client."""
+    """Disables Dask's log: loss of a scheduler is reported in a sentence, not by the traceback of its client."""
     log = logging.getLogger("distributed.client")
     before, log.disabled = log.disabled, True
     try:

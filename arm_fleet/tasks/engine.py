@@ -1,8 +1,8 @@
-"""Runs tasks on Dask and keeps what comes of them: what is kept already does not run, what is lost runs again.
+"""Runs tasks on Dask and stores their outcomes: tasks with a stored result do not run, lost tasks run again.
 
-This process alone writes results, as workers hand them over; workers need no common disk. A worker
-that dies has its tasks run elsewhere by Dask. A scheduler that dies takes the tasks that were running with it; they
-are handed to the next one, and results that were kept are kept.
+Only this process writes results, which workers send to it; workers need no common disk. If a worker
+dies, Dask runs its tasks on another one. If a scheduler dies, the tasks that were running are lost; they
+are submitted to the next scheduler. Stored results remain.
 """
 
 from __future__ import annotations
@@ -26,21 +26,21 @@ if TYPE_CHECKING:
     from distributed import Client, Future
 
 MOST_LOSSES = 20
-"""Times that a plan may lose its scheduler before it gives up."""
+"""Number of losses of the scheduler after which a plan is abandoned."""
 KEEPERS = 4
-"""Threads that fetch results and bring them to the disk."""
+"""Number of threads that fetch results and write them to the disk."""
 
 
 class _SchedulerLost(Exception):
-    """The scheduler, and with it whatever it was doing, is gone."""
+    """The scheduler has ended, and its running tasks are lost."""
 
 
 @dataclass
 class Engine:
     """Runs plans.
 
-    notes  what happened to workers and scheduler, a sentence each
-    ran    tasks that ran, other than those that were kept already
+    notes  sentences about events of workers and scheduler
+    ran    number of tasks that ran, without those whose result was stored already
     """
 
     store: Store
@@ -51,10 +51,10 @@ class Engine:
     _refusing: set[str] = field(default_factory=set)
 
     def run(self, tasks: Sequence[Task]) -> None:
-        """Runs what is not settled; then the store has a record of every task.
+        """Runs the tasks that are not settled; afterwards the store has a record of every task.
 
-        tasks  each after the one that it needs
-        InputError where results cannot be kept, or nobody computes.
+        tasks  each after the task on which it depends
+        InputError if results cannot be stored, or if there is no worker.
         """
         waiting = {task.key: task for task in tasks if not self.store.settled(task)}
         total = len(waiting)
@@ -77,7 +77,7 @@ class Engine:
             )
 
     def _collect(self, client: Client, waiting: dict[str, Task], total: int) -> None:
-        """Submits all that is waiting and keeps what comes; takes each from ``waiting`` once it is kept."""
+        """Submits all waiting tasks and stores their outcomes; removes each from ``waiting`` once it is stored."""
         from distributed import as_completed
 
         running: dict[Future, Task] = {}
@@ -106,7 +106,7 @@ class Engine:
                     self.progress(Step("tasks", total - len(waiting), total, detail=task.name))
 
     def _keep(self, future: Future, task: Task, waiting: dict[str, Task]) -> Outcome:
-        """Fetches what came of a task and keeps it, unless a worker refused it."""
+        """Fetches the outcome of a task and stores it, unless a worker refused the task."""
         outcome = _outcome(future)
         if outcome.state is not State.REFUSED:
             self.store.put(task, outcome)
@@ -114,7 +114,7 @@ class Engine:
         return outcome
 
     def _submit(self, client: Client, task: Task, needed: Mapping[str, Future], anew: bool) -> Future:
-        """Hands a task to Dask, with the outcome of the one that it needs, which Dask carries from worker to worker."""
+        """Submits a task to Dask with the outcome on which it depends, which Dask moves from worker to worker."""
         before: Any = {}
         if task.after is not None:
             before = needed.get(task.after) or self._kept(task.after)
@@ -135,7 +135,7 @@ class Engine:
             self.notes.append(f"worker {worker} is not used: {why}")
 
     def _willing(self, client: Client) -> list[str]:
-        """Workers with the same code. InputError where there is none."""
+        """Workers with the same code version. InputError if there is none."""
         willing = [
             address for address in client.scheduler_info(n_workers=-1)["workers"] if address not in self._refusing
         ]
@@ -149,9 +149,9 @@ class Engine:
 
 
 def execute(table: Mapping[str, Any], before: Outcome | Mapping[str, Any]) -> Outcome:
-    """What runs on a worker: refuses other code than its own, else the task in a process of its own.
+    """Entry point on a worker: refuses a task of another code version, else runs it in a separate process.
 
-    before  what came of the task that this one needs
+    before  outcome of the task on which this one depends
     """
     task = Task(**table)
     where = _worker()
@@ -178,7 +178,7 @@ def _worker() -> str:
 
 
 def _refusing(client: Client, code: str) -> dict[str, str]:
-    """Address -> why, of workers with other code, or without ours."""
+    """Address -> reason, for workers with another version of armscope or without it."""
     found: Mapping[str, Any] = client.run(code_version, on_error="return")
     return {address: _other_code(version, code) for address, version in found.items() if version != code}
 
@@ -188,7 +188,7 @@ def _other_code(version: Any, code: str) -> str:
 
 
 def _outcome(future: Future) -> Outcome:
-    """What a future holds, or why it holds nothing. Raises ``_SchedulerLost``."""
+    """Outcome of a future, or the reason why it has none. Raises ``_SchedulerLost``."""
     from distributed import KilledWorker
     from distributed.comm.core import CommClosedError
 

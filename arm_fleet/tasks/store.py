@@ -1,9 +1,9 @@
-"""Results in a folder, each in one named by its content: there whole, or not at all.
+"""Store of results: each is in a folder named by its content, complete or not at all.
 
-    FOLDER/results/KEY/record.json   what came of the task, and the files beside it
+    FOLDER/results/KEY/record.json   outcome of the task; its files are in the same folder
 
-A result is written beside its place, brought to the disk, and then renamed: a process that is killed leaves none, a
-full disk leaves those before it, and two processes that have the same result leave one.
+A result is written to a temporary folder, synchronised to the disk, and then renamed. A process that is killed leaves
+no incomplete result, a full disk keeps the earlier ones, and two processes with the same result leave one.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ RECORD = "record.json"
 SCHEMA = "armscope.fleet.record/1"
 Record = dict[str, Any]
 ABANDONED = 3600.0
-"""s after its last change from which on an unfinished result is removed; another fleet may write one."""
+"""s after its last change until an unfinished result is removed; another fleet may be writing it."""
 REPORTS = ("diagnosed/report.html", "identified/report.html")
-"""Of a night, the first that is there."""
+"""Reports of a night; the first one that exists is linked."""
 
 
 @dataclass(frozen=True, slots=True)
 class TaskLine:
-    """What a fleet as a whole keeps of a record.
+    """Summary of a record that a fleet keeps in memory.
 
     verdict, causes  of the diagnosis, in words; report: path of its page relative to the folder, "" where there is none
     """
@@ -55,7 +55,7 @@ class TaskLine:
 
 
 def line_of(record: Record) -> TaskLine:
-    """The line of a record."""
+    """The summary of a record."""
     value, key = record["value"], record["key"]
     causes = ", ".join(in_words((one["effect"], one["joint"])) for one in value.get("causes", []))
     report = next((f"results/{key}/{name}" for name in REPORTS if name in record["files"]), "")
@@ -72,7 +72,7 @@ def line_of(record: Record) -> TaskLine:
 
 
 class Store:
-    """The results below a folder, which is made with the first of them. InputError where it cannot be."""
+    """The results below a folder, which is made with the first result. InputError if it cannot be made."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -87,7 +87,7 @@ class Store:
         return self.results / key
 
     def record(self, key: str) -> Record | None:
-        """What came of a task; None where nothing did, or where what is there is not whole."""
+        """Outcome of a task; None if there is none, or if the stored record is incomplete."""
         place = self.place(key)
         try:
             table = json.loads(read_file(place / RECORD))
@@ -99,7 +99,7 @@ class Store:
         return table if whole else None
 
     def settled(self, task: Task) -> bool:
-        """Whether a task need not run: it has a result, or a failure that would come again."""
+        """Whether a task need not run: it has a result, or a failure that would repeat."""
         record = self.record(task.key)
         if record is None or record["state"] in PASSING:
             return False
@@ -114,9 +114,9 @@ class Store:
         return {name: read_file(self.place(key) / name) for name in record["files"]}
 
     def put(self, task: Task, outcome: Outcome) -> Record:
-        """Keeps what came of a task; a failure that was there before is replaced, a result is not.
+        """Stores the outcome of a task; an earlier failure is replaced, an earlier result is not.
 
-        InputError where the disk refuses; what was there before is still there then.
+        InputError if the disk refuses; then the earlier content remains.
         """
         record = _record(task, outcome)
         place = self.place(task.key)
@@ -141,7 +141,7 @@ class Store:
 
 
 def _untouched(part: Path) -> float:
-    """s since something in an unfinished result changed; 0 where it is gone, or finished by now."""
+    """s since the last change of an unfinished result; 0 if it has been removed or finished meanwhile."""
     try:
         return time.time() - max(path.stat().st_mtime for path in (part, *part.rglob("*")))
     except OSError:
@@ -173,7 +173,7 @@ def _record(task: Task, outcome: Outcome) -> Record:
 
 
 def _without_texts(arguments: Mapping[str, Any]) -> dict[str, Any]:
-    """Long texts, such as a model, by their hash."""
+    """Replaces long texts, such as a model, by their hash."""
     return {
         name: f"sha256 {hashlib.sha256(value.encode()).hexdigest()}"
         if isinstance(value, str) and len(value) > 200

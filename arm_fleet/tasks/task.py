@@ -1,4 +1,4 @@
-"""A task of a fleet: what is computed from what, its name by content, and what came of it."""
+"""A task of a fleet: function, arguments, name by content, and outcome."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ KEY_DIGITS = 40
 
 
 class State(StrEnum):
-    """What came of a task. Only the first is a result; the others say why there is none."""
+    """State of a finished task. Only the first one is a result; the others state why there is none."""
 
     DONE = "done"
     INPUT = "unusable input"
@@ -27,23 +27,23 @@ class State(StrEnum):
 
 
 BY_LIMIT = (State.TIME, State.MEMORY)
-"""Failures that a higher limit may avoid."""
+"""Failures that a higher limit could avoid."""
 PASSING = (State.STORAGE, State.KILLED, State.REFUSED, State.BEFORE)
-"""Failures that say nothing of the recordings: the next run of the plan tries again."""
+"""Failures that are independent of the recordings: the next run of the plan tries again."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Task:
-    """One call, in a process of its own, of a function that every worker can import.
+    """One call of a function that every worker can import, in a separate process.
 
-    arm, night  what the task is about; night: "2026-01-31", or "" for the baseline of an arm
+    arm, night  arm and night of the task; night: "2026-01-31", or "" for the baseline of an arm
     call        "module:function", called with (arguments, folder, files of ``after``); writes files into the folder and
                 returns a table of plain data
-    arguments   plain data that the result depends on
-    places      plain data that it does not depend on: where recordings are, by their content in ``arguments``
-    code        ``version.code_version`` of whoever plans; a worker with another one refuses
-    after       key of the task whose files this one needs
-    timeout     s; memory: bytes of data that the process may have
+    arguments   plain data on which the result depends
+    places      plain data on which it does not depend: locations of the recordings, by their content in ``arguments``
+    code        ``version.code_version`` of the planning process; a worker with another version refuses
+    after       key of the task on whose files this one depends
+    timeout     s, at most; memory: bytes of data of the process, at most
     """
 
     arm: str
@@ -58,7 +58,7 @@ class Task:
 
     @property
     def key(self) -> str:
-        """By content: the same recordings, model, options and code have the same key, wherever the files are."""
+        """Key by content: the same recordings, model, options and code have the same key, wherever the files are."""
         content = [self.call, self.arguments, self.code, self.after]
         text = json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
         return hashlib.sha256(text.encode()).hexdigest()[:KEY_DIGITS]
@@ -68,18 +68,18 @@ class Task:
 
     @property
     def name(self) -> str:
-        """For people: 'cell-17 of 2026-01-31'."""
+        """Name for messages: 'cell-17 of 2026-01-31'."""
         return f"{self.arm} of {self.night}" if self.night else f"baseline of {self.arm}"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """What came of a task.
+    """Outcome of a task.
 
-    reason   one sentence, "" of a result
-    value    what the function returned; files: name -> content of what it wrote
-    seconds  that the process ran; cpu: s of its processor time; peak: bytes of its resident memory at most
-    worker   address and host that ran it
+    reason   one sentence; "" for a result
+    value    return value of the function; files: name -> content of the files that it wrote
+    seconds  duration of the process, s; cpu: s of processor time; peak: maximum bytes of resident memory
+    worker   address and host of the worker that ran it
     """
 
     state: State

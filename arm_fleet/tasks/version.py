@@ -1,4 +1,4 @@
-"""Which code computes: a hash that differs wherever a result could."""
+"""Version of the computing code: a hash that differs if a result could differ."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ SOURCES = (
     "experiment",
     "identification",
 )
-"""Packages of ours that a task runs."""
+"""Packages of armscope that a task uses."""
 LIBRARIES = ("numpy", "scipy", "llvmlite")
-"""Whose next version may round otherwise."""
+"""Libraries whose other versions may round differently."""
 
 
 @cache
 def code_version() -> str:
-    """16 hexadecimal digits: of our sources, of Python without its patch level, and of the libraries that compute."""
+    """16 hexadecimal digits: hash of armscope's sources, the minor version of Python and the numerical libraries."""
     digest = hashlib.sha256()
     for package in SOURCES:
         spec = find_spec(package)

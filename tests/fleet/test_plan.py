@@ -77,7 +77,7 @@ def test_a_wrong_entry_is_named(tmp_path: Path, head: str, complaint: str) -> No
     ("pattern", "complaint"),
     [
         ("", "recordings: must be a pattern such as"),
-        ("{arm}/{nihgt}.mcap", "{nihgt} stands for nothing; {arm} and {night} do"),
+        ("{arm}/{nihgt}.mcap", "{nihgt} is no placeholder; must be {arm} or {night}"),
         ("{night}/*.mcap", "recordings: must contain {arm}, or arms 'a1' and 'a2' have the same recordings"),
     ],
 )

@@ -129,7 +129,7 @@ def test_what_results_lack_is_said(tmp_path: Path, root: Path) -> None:
     result = fleet_of(plan(2, limits={"joint9.nothing": 1.0, "joint1.coulomb": "+50%"}), tmp_path, parts)
     assert [note.partition(":")[0] for note in result.notes] == [
         "arm-1 cannot be compared",
-        "no recording, though the latest of the fleet is of 2026-01-06",
+        "no recording, although the latest of the fleet is of 2026-01-06",
         "limits",
     ]
     assert "arm-1 (since 2026-01-02)" in result.notes[1]
