@@ -73,9 +73,10 @@ def headline(table: dict[str, Any]) -> tuple[str, bool]:
         if better > 0
         else (f"does not fall: {_mm(rms['before'])} before, {_mm(rms['after'])} after")
     )
+    stated = ", as stated" if table["noise"] == table["point_std"] else ""
     return (
         f"On all points of {where} the position error {fall} rms per coordinate ({change(better)})."
-        f"{_without_outliers(table)} The noise of the points is {_mm(table['noise'])}.{_orientation(table)}",
+        f"{_without_outliers(table)} The noise of the points is {_mm(table['noise'])}{stated}.{_orientation(table)}",
         better <= -NO_CHANGE and not table["position_error"]["held_out"]["after"]["outliers"],
     )
 

@@ -273,16 +273,18 @@ def test_the_page_leads_with_the_errors_of_positions_and_orientations() -> None:
         "held_out": ["held.csv"],
         "failures": [],
         "noise": 4e-5,
+        "point_std": None,
     }
     said, refuted = headline(table)
     assert not refuted
     assert said.endswith("The orientation error was 7.43 mrad rms per coordinate, and is 0.125.")
     assert "orientation" not in headline(table | {"orientation_rms": {}})[0]
+    assert "0.04 mm, as stated." in headline(table | {"point_std": 4e-5})[0]
 
 
 @pytest.mark.parametrize(("improvement", "refuted"), [(-0.001, False), (-0.2, True)])
 def test_a_model_that_needs_no_calibration_is_no_failure(improvement: float, refuted: bool) -> None:
     rms = {"before": 2e-4, "after": 2e-4 * (1 - improvement)}
     table = {"position_rms": {"held_out": rms}, "improvement": {"held_out": improvement}, "orientation_rms": {}}
-    more = {"held_out": ["held.csv"], "failures": [], "noise": 4e-5, "position_error": NO_OUTLIERS}
+    more = {"held_out": ["held.csv"], "failures": [], "noise": 4e-5, "point_std": None, "position_error": NO_OUTLIERS}
     assert headline(table | more)[1] is refuted
