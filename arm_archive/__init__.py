@@ -1,7 +1,7 @@
-"""The archive of a laboratory: an index of the recordings and results in a folder, kept beside them.
+"""The archive of a laboratory: an index of the recordings and results in a folder, stored in the same folder.
 
-The files are the truth. The index (``FOLDER/armscope-archive.sqlite``) can be deleted at any time, and is then made
-again.
+All information comes from the files. The index (``FOLDER/armscope-archive.sqlite``) can be deleted at any time, and is
+then made again.
 """
 
 from typing import TYPE_CHECKING

@@ -1,4 +1,4 @@
-"""An archive: its index brought up to date, asked for rows and for the history of a parameter."""
+"""An archive: updates its index, and answers queries for entries and for the history of a parameter."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ from arm_io import InputError
 from arm_report import table
 
 COMMIT = 1.0
-"""s between two transactions while files are read: so much work is lost if the process is killed."""
+"""s between two transactions while files are read: at most this work is lost if the process is killed."""
 Row = dict[str, Any]
 EVERYTHING = Filters()
 
 
 @dataclass(frozen=True)
 class Update:
-    """What bringing an index up to date did: numbers of files."""
+    """Result of an update of the index: numbers of files."""
 
     read: int = 0
     gone: int = 0
@@ -39,11 +39,11 @@ class Update:
 
 
 class Archive:
-    """The recordings and results below a folder. Use as a context manager, or ``close``.
+    """The recordings and results below a folder. Use it as a context manager, or call ``close``.
 
     folder  as given
-    update  what opening it did
-    notes   sentences: the index could not be written, or was made again
+    update  result of the update when it was opened
+    notes   sentences, if the index could not be written or was made again
     """
 
     def __init__(self, folder: Path, index: Index, update: Update) -> None:
@@ -76,15 +76,15 @@ class Archive:
         return f"<p>{escape(repr(self))}</p>{table(cells, shown)}"
 
     def rows(self, filters: Filters = EVERYTHING) -> list[Row]:
-        """One dictionary per recording or result that meets the filters, by date: ``COLUMNS`` -> value or None.
+        """One dictionary per recording or result that meets the filters, sorted by date: ``COLUMNS`` -> value or None.
 
-        The columns are those of ``Entry``; all values are text, numbers or None, as JSON has them.
+        The columns are those of ``Entry``; all values are text, numbers or None, as in JSON.
         """
         condition, values = filters.where()
         return self._index.rows(f"SELECT {', '.join(COLUMNS)} FROM entry WHERE {condition} ORDER BY date, path", values)
 
     def parameters(self, path: str | None = None) -> list[Row]:
-        """Parameters of one result (``path`` as in its row), or of all: name, unit, and of all in how many results."""
+        """Name and unit of the parameters of a result (``path`` as in its row), or of all with the number of results."""
         if path is not None:
             query = "SELECT name, value, std, unit FROM parameter WHERE path = ? ORDER BY place"
             return self._index.rows(query, [path])
@@ -93,9 +93,9 @@ class Archive:
         )
 
     def history(self, parameter: str, filters: Filters = EVERYTHING) -> list[Row]:
-        """Every value of a parameter by date: path, kind, date, arm, name, value, std (None: not known), unit.
+        """Every value of a parameter, sorted by date: path, kind, date, arm, name, value, std (None: not known), unit.
 
-        InputError where no result that meets the filters holds it; it names those that are alike.
+        InputError if no result that meets the filters has it; the message names similar parameters.
         """
         condition, values = filters.where()
         found = self._index.rows(
@@ -106,15 +106,15 @@ class Archive:
         if not found:
             names = [one["name"] for one in self.parameters()]
             alike = [name for name in names if plain(parameter) in plain(name)] or names
-            hint = f"results here hold {', '.join(alike[:8])}{' ...' * (len(alike) > 8)}" if alike else "none has any"
+            hint = f"results here have {', '.join(alike[:8])}{' ...' * (len(alike) > 8)}" if alike else "none has any"
             raise InputError(parameter, f"is a parameter of no such result; {hint}")
         return found
 
     def pictures(self, paths: Sequence[str], *, seconds: float = math.inf, draw: bool = True) -> dict[str, str | None]:
-        """Small SVG pictures of entries, drawn when they are first asked for and kept in the index.
+        """Small SVG pictures of entries, drawn at the first request and stored in the index.
 
-        None: the file has nothing to draw. ``seconds``: after so long no further one is drawn; those that are missing
-        in the answer can be asked for again. ``draw`` False: only those that are kept.
+        None: the file has nothing to draw. ``seconds``: s after which no further picture is drawn; missing pictures
+        in the answer can be requested again. ``draw`` False: only stored pictures.
         """
         kinds = {row["path"]: row["kind"] for row in self._index.rows("SELECT path, kind FROM entry")}
         until = time.monotonic() + seconds
@@ -131,7 +131,7 @@ class Archive:
         return answer
 
     def find(self, name: str) -> Row:
-        """The one entry of a path, of a folder, or of a part of a path; InputError where there is none, or more."""
+        """The one entry of a path, of a folder, or of a part of a path; InputError if there is none, or several."""
         rows = self.rows()
         exact = [row for row in rows if name.rstrip("/") in (row["path"], PurePosixPath(row["path"]).parent.as_posix())]
         found = exact or [row for row in rows if plain(name) in plain(row["path"])]
@@ -142,7 +142,7 @@ class Archive:
         raise InputError(name, what)
 
     def used_in(self, recording: Row) -> list[Row]:
-        """The results that were made from a recording, by the name of its file."""
+        """The results that were made from a recording, matched by the name of its file."""
         name = Path(recording["path"]).name
         return [row for row in self.rows() if name in (row["made_from"] or "").split(", ")]
 
@@ -150,10 +150,10 @@ class Archive:
 def open_archive(
     folder: str | PathLike[str], *, progress: Callable[[int, int, str], None] = lambda done, of, path: None
 ) -> Archive:
-    """The archive of a folder, its index made or brought up to date: only files that changed are read.
+    """Opens the archive of a folder; makes or updates its index: only files that changed are read.
 
-    progress  is called with bytes read, bytes to be read, and the path of the file that is read next
-    Raises InputError where ``folder`` is no readable folder.
+    progress  called with bytes read, bytes to be read, and the path of the next file
+    InputError if ``folder`` is no readable folder.
     """
     folder = Path(folder)
     found = list(files_in(folder))
@@ -197,7 +197,7 @@ def _read(
 
 
 def _batches(read: Iterable[tuple[Found, Entry, int]]) -> Iterator[list[tuple[Found, Entry, int]]]:
-    """Batches of what takes ``COMMIT`` s to read."""
+    """Batches of entries, each of which takes about ``COMMIT`` s to read."""
     batch: list[tuple[Found, Entry, int]] = []
     since = time.monotonic()
     for one in read:

@@ -1,4 +1,4 @@
-"""What the index says about one file: a recording or a result."""
+"""Entry of the index about one file: a recording or a result."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ RESULTS = {
     "kinematics.json": "kinematics",
     "compare.json": "comparison",
 }
-"""Name of a result's file -> its kind."""
+"""File name of a result -> its kind."""
 KINDS = (RECORDING, *RESULTS.values())
 
 
 @dataclass(frozen=True, kw_only=True)
 class Parameter:
-    """One number of a result; ``std`` None: the result gives no standard deviation."""
+    """One parameter of a result; ``std`` None: the result has no standard deviation."""
 
     name: str
     value: float
@@ -35,7 +35,7 @@ class Entry:
     note         what is wrong with the file, in one sentence
     date         UTC, YYYY-MM-DDTHH:MM:SSZ: first row of a recording (of an imported or simulated one, when it was
                  made); of a result that of its first recording
-    date_of      "recording", or "file": the result does not say, and the date is that of its file
+    date_of      "recording", or "file": the result does not state a date, and that of its file is used
     arm, rig, experiment   names
     source       measured, imported or simulated
     joints, rows, lost     numbers; lost: triggers without a row
@@ -81,4 +81,4 @@ NUMBERS = {
     "rate": "REAL",
     "error": "REAL",
 }
-"""Columns that hold numbers, with their type in SQLite; the others hold text."""
+"""Columns with numbers, and their type in SQLite; the others contain text."""

@@ -1,4 +1,4 @@
-"""Which entries of an archive are asked for."""
+"""Filters that select entries of an archive."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ _PERIOD = re.compile(r"\d{4}(-\d{2}(-\d{2}([T ]\d{2}(:\d{2}(:\d{2})?)?)?)?)?Z?")
 
 @dataclass(frozen=True, kw_only=True)
 class Filters:
-    """Conditions that an entry must meet, all of them; None: any.
+    """Conditions that an entry must meet, all of them; None: no condition.
 
     kind         recording, identification, diagnosis, kinematics, comparison
     arm, rig, experiment, path   part of the name; case, spaces and punctuation do not count: puma560 finds "Puma 560"
     since, until a date in UTC, or the beginning of one: 2026, 2026-01, 2026-01-31, 2026-01-31T12; both included
-    lost         at most so many lost rows (recordings)
+    lost         maximum number of lost rows (recordings)
     verdict      part of the verdict of a result: explained, backlash, "load_friction of joint 3"
     calibration, model   beginning of a content hash
     state        whole, unfinished, damaged, unreadable
@@ -40,7 +40,7 @@ class Filters:
     state: str | None = None
 
     def __post_init__(self) -> None:
-        """InputError for a date, a kind or a state that is none."""
+        """InputError for an invalid date, kind or state."""
         for name, allowed in (("kind", KINDS), ("state", STATES)):
             value = getattr(self, name)
             if value is not None and value not in allowed:
@@ -81,12 +81,12 @@ _PLAIN = "replace(replace(replace(replace(lower({}), ' ', ''), '-', ''), '_', ''
 
 
 def plain(text: str) -> str:
-    """A name without what people write differently: case, spaces, hyphens, underscores, full stops."""
+    """A name without case, spaces, hyphens, underscores and full stops, for comparisons."""
     return re.sub(r"[ \-_.]", "", text.lower())
 
 
 def _period(name: str, text: str | None) -> str | None:
-    """'2026-01-31T12' as dates of entries begin. InputError where it is no date."""
+    """Beginning of the dates of entries, such as '2026-01-31T12'. InputError if it is no date."""
     if text is None:
         return None
     whole = text.strip().removesuffix("Z").replace(" ", "T")

@@ -1,4 +1,4 @@
-"""What lies in the folder of an archive: recordings and results, and the state of the files that describe each."""
+"""Finds the recordings and results in the folder of an archive, with the state of the files that describe each."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from arm_archive.entries import RECORDING, RESULTS
 from arm_io import InputError
 
 BESIDE = ("model.toml", "report.html", "compare.html")
-"""Files beside a result that its entry depends on."""
+"""Files in the folder of a result on which its entry depends."""
 RACY = 2 * 10**9
-"""ns: the coarsest times of files (FAT: 2 s). A file that was changed this shortly before it was read may have changed
-again since, without a trace in its time."""
+"""ns, coarsest resolution of file times (FAT: 2 s). A file that was changed this shortly before it was read may have
+changed again since, without a trace in its time."""
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class Found:
     """One recording or result.
 
     path     relative to the folder of the archive, with /
-    stamp    size and time of the file and of those beside it that its entry depends on; equal: nothing changed
+    stamp    size and time of the file and of the other files on which its entry depends; equal: nothing changed
     changed  ns since 1970, the latest change of any of them
     size     bytes of the file
     """
@@ -57,12 +57,12 @@ def files_in(folder: Path) -> Iterator[Found]:
 
 
 def _is_text(name: str) -> bool:
-    """Whether a name can stand in the index; one that is not UTF-8 cannot."""
+    """Whether a name can be stored in the index: it must be UTF-8."""
     return not any("\ud800" <= letter <= "\udfff" for letter in name)
 
 
 def _found(folder: Path, path: Path, kind: str, beside: list[str] | tuple[()]) -> Found | None:
-    """None where the file vanished meanwhile."""
+    """State of a file; None if it has disappeared meanwhile."""
     stamps, changed, size = [], 0, 0
     for one in (path, *(path.parent / name for name in beside)):
         try:

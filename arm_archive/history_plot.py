@@ -1,4 +1,4 @@
-"""A parameter over time, with its deviations."""
+"""Plot of a parameter over time, with its standard deviations."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def history_figure(rows: Sequence[dict[str, Any]]) -> Figure:
-    """Values with two standard deviations over the date; ``rows`` as ``Archive.history`` returns them, at least one.
+    """Plots values with two standard deviations over the date; ``rows``: at least one, of ``Archive.history``.
 
     Hollow: a value without a standard deviation.
     """

@@ -1,8 +1,9 @@
 """The index: one SQLite file in the folder of the archive.
 
-It is made again whenever it is absent, damaged or of another version. Several processes may update it at once: each
-change is a short transaction, and equal whoever makes it. A process that is killed leaves the index as it was after the
-last transaction. Where the folder cannot be written, the index is in memory, starting from the file if there is one.
+It is made again whenever it is missing, damaged or of another version. Several processes may update it at once: each
+change is a short transaction with the same content in every process. A process that is killed leaves the index as it
+was after the last transaction. If the folder cannot be written, the index is in memory, starting from the file if there
+is one.
 """
 
 from __future__ import annotations
@@ -19,11 +20,11 @@ from arm_io import InputError
 
 INDEX = "armscope-archive.sqlite"
 APPLICATION = 0x61726D73
-"""Of the file's header: "arms". A file with another number is not ours, and is never touched."""
+"""application_id in the header of the file: "arms". A file with another number is never changed."""
 VERSION = 1
-"""Of the tables; an index with another one is made again."""
+"""Version of the tables; an index with another version is made again."""
 PATIENCE = 30.0
-"""s that a transaction waits for those of other processes."""
+"""s, maximum time that a transaction waits for those of other processes."""
 
 _SCHEMA = f"""
 CREATE TABLE entry (path TEXT PRIMARY KEY, stamp TEXT NOT NULL, racy INTEGER NOT NULL,
@@ -36,23 +37,23 @@ PRAGMA user_version = {VERSION};
 """
 _PICTURES = "CREATE TABLE IF NOT EXISTS picture (path TEXT PRIMARY KEY, stamp TEXT NOT NULL, svg TEXT) WITHOUT ROWID"
 PICTURE = 1
-"""Version of the pictures; others are drawn again."""
+"""Version of the pictures; pictures of another version are drawn again."""
 
 
 class Index:
-    """An open index. ``notes``: sentences about why it is not the file in the folder, or was made again."""
+    """An open index. ``notes``: sentences that say why it is not the file in the folder, or why it was made again."""
 
     def __init__(self, connection: sqlite3.Connection, notes: Sequence[str] = ()) -> None:
         self._connection = connection
         self.notes = tuple(notes)
 
     def stamps(self) -> dict[str, str]:
-        """Path -> stamp of what the index knows; "" where the file may have changed without a trace."""
+        """Path -> stamp of the indexed file; "" if the file may have changed without a change of its time."""
         rows = self._connection.execute("SELECT path, CASE racy WHEN 0 THEN stamp ELSE '' END FROM entry")
         return dict(rows.fetchall())
 
     def put(self, read: Iterable[tuple[Found, Entry, int]]) -> None:
-        """Adds or replaces entries, in one transaction. The number: ns since 1970 when the reading began."""
+        """Adds or replaces entries in one transaction. The number of each: time when reading began, ns since 1970."""
         with self._transaction() as connection:
             for found, entry, began in read:
                 _forget(connection, [found.path])
@@ -79,7 +80,7 @@ class Index:
         return [dict(zip(names, row)) for row in cursor.fetchall()]
 
     def picture(self, path: str) -> tuple[str | None] | None:
-        """The kept picture of an entry, (None,): it has none; None: nothing is kept of the file as it is."""
+        """The stored picture of an entry; (None,): it has no picture; None: none is stored for the present file."""
         found = self._connection.execute(
             "SELECT svg FROM picture JOIN entry USING (path) "
             "WHERE path = ? AND picture.stamp = ? || entry.stamp AND NOT racy",
@@ -88,7 +89,7 @@ class Index:
         return None if found is None else (found[0],)
 
     def keep_picture(self, path: str, svg: str | None) -> None:
-        """Of the file as the index knows it."""
+        """Stores the picture of a file in its indexed state."""
         with self._transaction() as connection:
             connection.execute(
                 "INSERT OR REPLACE INTO picture SELECT path, ? || stamp, ? FROM entry WHERE path = ?",
@@ -115,15 +116,15 @@ def _forget(connection: sqlite3.Connection, paths: Sequence[str]) -> None:
 
 
 def index_in_memory(folder: Path, why: str) -> Index:
-    """An index that is not kept, starting from the one in the folder where that can be read."""
+    """An index in memory, starting from the one in the folder if that can be read."""
     file = folder / INDEX
     return Index(_in_memory(file), [f"{file}: cannot be written ({why}); what is read now is not kept"])
 
 
 def open_index(folder: Path) -> Index:
-    """The index of a folder; made again where it is damaged, in memory where the folder cannot be written.
+    """Opens the index of a folder; makes it again if it is damaged, in memory if the folder cannot be written.
 
-    InputError where the file of its name belongs to something else.
+    InputError if the file of that name belongs to another program.
     """
     file = folder / INDEX
     notes: list[str] = []
@@ -143,7 +144,7 @@ def open_index(folder: Path) -> Index:
 
 
 def _writable(file: Path) -> sqlite3.Connection:
-    """sqlite3.OperationalError where it cannot be written, another DatabaseError where it is damaged."""
+    """Raises sqlite3.OperationalError if the file cannot be written, another DatabaseError if it is damaged."""
     connection = sqlite3.connect(file, timeout=PATIENCE, isolation_level=None)
     try:
         connection.execute("PRAGMA synchronous = NORMAL")
@@ -173,7 +174,7 @@ def _identity(connection: sqlite3.Connection) -> tuple[int, int, int]:
 
 
 def _sound(connection: sqlite3.Connection) -> bool:
-    """True; sqlite3.DatabaseError where the file is damaged."""
+    """True; raises sqlite3.DatabaseError if the file is damaged."""
     found = connection.execute("PRAGMA quick_check(1)").fetchone()[0]
     if found != "ok":
         raise sqlite3.DatabaseError(str(found))
@@ -181,7 +182,7 @@ def _sound(connection: sqlite3.Connection) -> bool:
 
 
 def _in_memory(file: Path) -> sqlite3.Connection:
-    """A copy of what the file holds, as far as it is whole and ours; else an empty index."""
+    """A copy of the file in memory if it is an undamaged index of armscope; else an empty index."""
     memory = sqlite3.connect(":memory:", isolation_level=None)
     try:
         with closing(sqlite3.connect(f"{file.absolute().as_uri()}?mode=ro", uri=True, timeout=PATIENCE)) as kept:

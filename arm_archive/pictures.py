@@ -17,17 +17,17 @@ from daq.recording import open_long
 from daq.recording.losses import unreported
 
 WIDTH, HEIGHT = 80, 26
-"""px of a picture."""
+"""px, size of a picture."""
 BINS = 40
-"""Intervals of time that the motion of a recording is drawn in."""
+"""Number of time intervals in which the motion of a recording is drawn."""
 MOST_BYTES = 200_000_000
-"""Of a recording that is read for its picture: some seconds."""
+"""Maximum size of a recording that is read for its picture, which takes some seconds."""
 MOST_BARS = 16
 PALE = "#c3cbd4"
 
 
 def picture_of(folder: Path, path: str, kind: str) -> str | None:
-    """SVG of ``WIDTH`` x ``HEIGHT`` px; None: the file has nothing to draw, is too long, or cannot be read."""
+    """SVG picture of ``WIDTH`` x ``HEIGHT`` px; None: the file has nothing to draw, is too long, or cannot be read."""
     try:
         if kind == RECORDING:
             return _motion(folder / path)
@@ -37,7 +37,7 @@ def picture_of(folder: Path, path: str, kind: str) -> str | None:
 
 
 def _motion(path: Path) -> str | None:
-    """Positions of all joints over time, each from its lowest to its highest value of an interval, on one scale."""
+    """Positions of all joints over time on one scale: lowest and highest value of every interval."""
     if path.stat().st_size > MOST_BYTES:
         return None
     with unreported():
@@ -62,7 +62,7 @@ def _motion(path: Path) -> str | None:
 
 
 def _line(low: Array, high: Array, colour: str) -> str:
-    """Shares of the height, up; through the lowest and the highest value of every interval that has one."""
+    """Polyline through the lowest and highest value of every interval with values, as shares of the height, upwards."""
     points = []
     for k in np.flatnonzero(np.isfinite(low)).tolist():
         x = (k + 0.5) * WIDTH / BINS
@@ -71,7 +71,7 @@ def _line(low: Array, high: Array, colour: str) -> str:
 
 
 def _bars(title: str, pairs: Sequence[tuple[float, float]], shown: Sequence[bool] | None = None) -> str | None:
-    """A bar for each pair: the second value, before the first one, pale and wider; ``shown``: which are coloured."""
+    """A bar per pair: the second value in front of the first one, which is pale and wider; ``shown``: coloured bars."""
     pairs = pairs[:MOST_BARS]
     most = max((value for pair in pairs for value in pair), default=0.0)
     if not 0 < most < np.inf:

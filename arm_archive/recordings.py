@@ -16,7 +16,7 @@ from daq.recording.losses import unreported
 
 
 def recording_entry(folder: Path, found: Found) -> Entry:
-    """Reads the whole recording once, with bounded memory; what is wrong with it becomes its ``state`` and ``note``."""
+    """Entry of a recording, which is read once with bounded memory; errors in it become its ``state`` and ``note``."""
     try:
         with unreported():
             recording = open_long(folder / found.path, damaged=True)
@@ -53,7 +53,7 @@ def _entry(path: str, recording: LongRecording) -> Entry:
 
 
 def _model_name(recording: LongRecording) -> str | None:
-    """Of the arm's model, a TOML table or the root of an XML text (URDF: name, MJCF: model)."""
+    """Name of the arm's model, from a TOML table or the root of an XML text (URDF: name, MJCF: model)."""
     text = recording.model
     if text is None:
         return None

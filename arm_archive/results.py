@@ -18,7 +18,7 @@ Table = dict[str, Any]
 
 
 def result_entry(folder: Path, found: Found) -> Entry:
-    """Reads a result and the model beside it; what is wrong becomes ``state`` and ``note``."""
+    """Entry of a result, from its file and the model in its folder; errors become its ``state`` and ``note``."""
     path = folder / found.path
     try:
         table = _table(path, found.kind)
@@ -59,12 +59,12 @@ def _table(path: Path, kind: str) -> Table:
 
 
 def _schemas(kind: str) -> tuple[str, str]:
-    """Of a result of the arm, and of the floating base that carries it."""
+    """Schemas of a result of the arm, and of the floating base that carries it."""
     return f"armscope.{kind}/1", f"armscope.base_{kind}/1"
 
 
 def _model(path: Path) -> tuple[str | None, str | None]:
-    """Name and content hash of the model beside a result; None where there is no readable one."""
+    """Name and content hash of the model in the folder of a result; None if there is no readable one."""
     try:
         data = read_file(path)
         name = toml_of(data.decode(), str(path)).get("name")
@@ -108,7 +108,7 @@ def _error(kind: str, table: Mapping[str, Any]) -> float | None:
 
 
 def _identified(table: Table) -> Iterator[Parameter]:
-    """Standard parameters that these data determine, then base parameters that are sums of several."""
+    """Standard parameters that the data determine, then base parameters that are combinations of several."""
     names = set()
     for one in table["parameters"]:
         if one["identifiable"] and one["value"] is not None:

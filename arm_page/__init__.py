@@ -1,6 +1,6 @@
-"""The control room: a page in the browser that shows a rig live, steers it, and opens what was recorded.
+"""The control room: a page in the browser that shows a rig live, operates it, and opens recordings and results.
 
-A process of its own and a client of the rig's daemon: drawing costs the sampler nothing (docs/page.md).
+It is a separate process and a client of the rig's daemon, so that drawing does not delay the sampler (docs/page.md).
 """
 
 from typing import TYPE_CHECKING

@@ -1,10 +1,10 @@
-"""Who may see the page, and who may steer.
+"""Access control: who may see the page, and who may operate the rig (steer).
 
-On loopback whoever reaches the port may watch; steering needs the key that ``armscope page`` prints and puts behind the
-'#' of the address that it opens: browsers do not send that part, and it stands in no log. Beyond loopback everybody
-logs in with a user and a password, and the rig file says who may steer.
+On loopback everybody who reaches the port may watch. Steering needs the key that ``armscope page`` prints and puts
+after the '#' of the address that it opens: browsers do not send that part, so that it is in no log. Beyond loopback
+everybody logs in with user and password, and the rig file states who may steer.
 
-Tokens travel in a header that a page of another origin cannot set, never in a cookie: a forged request carries none.
+Tokens are sent in a header that a page of another origin cannot set, never in a cookie: a forged request has none.
 ``Host`` must be an address of the page, so that a foreign name that resolves to it (DNS rebinding) is refused, and
 ``Origin``, where a browser sends it, must be the page itself.
 """
@@ -23,11 +23,11 @@ SESSION_SECONDS = 12 * 3600.0
 MOST_SESSIONS = 256
 MOST_ADDRESSES = 1024
 WRONG_SECONDS = 1.0
-"""After a wrong password the next one from the same address is not looked at for so long."""
+"""s after a wrong password in which further passwords from the same address are refused unread."""
 
 
 class Role(StrEnum):
-    """What somebody may do."""
+    """Permission of a client."""
 
     WATCH = "watch"
     STEER = "steer"
@@ -35,7 +35,7 @@ class Role(StrEnum):
 
 @dataclass
 class Access:
-    """passwords: user -> password; None: loopback, with ``key``. steerers: users who may steer, the others watch."""
+    """passwords: user -> password; None: loopback, with ``key``. steerers: users who may steer; others watch."""
 
     passwords: Mapping[str, str] | None = None
     steerers: Collection[str] = ()
@@ -44,7 +44,7 @@ class Access:
     _not_before: dict[str, float] = field(default_factory=dict)
 
     def role(self, token: str) -> Role | None:
-        """Of who shows a token ('': none); None: must log in."""
+        """Role of a client with a token ('': none); None: must log in."""
         if self.passwords is None:
             return Role.STEER if same(token, self.key) else Role.WATCH
         user, until = self._sessions.get(token, ("", 0.0))
@@ -53,7 +53,7 @@ class Access:
         return Role.STEER if user in self.steerers else Role.WATCH
 
     def log_in(self, user: str, password: str, address: str) -> str | None:
-        """A new token; None: wrong, or too soon after a wrong one from the same address."""
+        """A new token; None: wrong password, or too soon after a wrong one from the same address."""
         now = time.monotonic()
         if now < self._not_before.get(address, 0.0):
             return None
@@ -69,7 +69,7 @@ class Access:
         return token
 
     def _delay(self, address: str, now: float) -> None:
-        """Notes a wrong password. Of too many addresses the oldest is forgotten: the newest is always delayed."""
+        """Notes a wrong password. Of too many addresses the oldest is dropped, so that the newest is always delayed."""
         waiting = {a: t for a, t in self._not_before.items() if t > now and a != address}
         while len(waiting) >= MOST_ADDRESSES:
             del waiting[next(iter(waiting))]
@@ -77,13 +77,13 @@ class Access:
 
 
 def same(one: str, other: str) -> bool:
-    """Whether two secrets are equal, of any characters, in a time that shows neither where they differ nor a length."""
+    """Whether two secrets are equal, in a time that depends neither on where they differ nor on their lengths."""
     digests = (hashlib.sha256(text.encode("utf-8", "surrogatepass")).digest() for text in (one, other))
     return hmac.compare_digest(*digests)
 
 
 def hosts_of(host: str, port: int, others: Collection[str] = ()) -> frozenset[str]:
-    """The values of ``Host`` under which a page that listens on ``host`` may be asked for; ``others``: more names."""
+    """Accepted values of the header ``Host`` of a page that listens on ``host``; ``others``: more names."""
     loopback = {"127.0.0.1", "localhost", "::1"}
     names = {host.lower(), *(name.lower() for name in others)} | (loopback if host in loopback else set())
     return frozenset(f"[{name}]:{port}" if ":" in name else f"{name}:{port}" for name in names)

@@ -1,4 +1,4 @@
-"""Identification, diagnosis and calibration of recordings, each in a process of its own at low priority."""
+"""Identification, diagnosis and calibration of recordings, each in a separate process at low priority."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ NICE = 15
 
 @dataclass(frozen=True, kw_only=True)
 class Analysis:
-    """Something that can be done with recordings.
+    """An analysis of recordings that the page offers.
 
-    run  a function of a module: (recordings, held-out ones, model, folder for the results, progress) -> one sentence of
-         what was found. It writes report.html into the folder
+    run  a function of a module: (recordings, held-out ones, model, folder for results, progress) -> one sentence on
+         the result. It writes report.html into the folder
     """
 
     name: str
@@ -42,7 +42,7 @@ class Job:
     """One analysis of some recordings.
 
     state  waiting, working, done, failed or stopped
-    says   the step that it is at, or how it ended; share: of that step that is done, 0 to 1, None: not known
+    says   the current step, or how it ended; share: completed share of that step, 0 to 1; None: not known
     """
 
     id: str
@@ -57,7 +57,7 @@ class Job:
     seconds: float = 0.0
 
     def as_table(self) -> Table:
-        """Plain data for the page; ``report``: its place, once there is one."""
+        """The job as plain data for the page; ``report``: its address, once there is one."""
         working = self.state in ("waiting", "working")
         return {
             "id": self.id,
@@ -78,7 +78,7 @@ class Job:
 
 
 class Analyses:
-    """The jobs of a page, one at a time, in their order."""
+    """The jobs of a page; one runs at a time, in the order in which they were begun."""
 
     def __init__(self, known: Sequence[Analysis], model: Path | None, folder: Path) -> None:
         self.known = {analysis.name: analysis for analysis in known}
@@ -88,19 +88,19 @@ class Analyses:
         self._process: Any = None
 
     def list(self) -> list[Table]:
-        """The newest first."""
+        """All jobs, newest first."""
         with self._lock:
             return [job.as_table() for job in reversed(self._jobs.values())]
 
     def begin(self, name: str, recordings: Sequence[Path], held_out: Sequence[Path]) -> Table:
-        """A new job. InputError: no such analysis, no model, or one is under way."""
+        """Starts a new job. InputError: no such analysis, no model, or an analysis is running."""
         if name not in self.known:
             raise InputError(name, f"is no analysis; there are {', '.join(self.known)}")
         if self._model is None:
-            raise InputError("rig", "names no model; an analysis compares recordings with one")
+            raise InputError("rig", "names no model; an analysis needs a model")
         with self._lock:
             if any(job.state in ("waiting", "working") for job in self._jobs.values()):
-                raise InputError(name, "another analysis is under way; stop it, or wait for its end")
+                raise InputError(name, "another analysis is running; stop it, or wait for its end")
             # The id is the only way to the report, which is opened without a token in its address.
             job = Job(secrets.token_urlsafe(18), self.known[name], list(recordings), list(held_out), Path())
             job.out = self._folder / f"{recordings[0].stem}_{name}_{time.strftime('%H%M%S')}"
@@ -111,7 +111,7 @@ class Analyses:
         return job.as_table()
 
     def stop(self, job_id: str) -> None:
-        """Ends a job that is under way."""
+        """Ends a running job."""
         with self._lock:
             job = self._jobs.get(job_id)
             if job is not None and job.state in ("waiting", "working"):
@@ -120,16 +120,16 @@ class Analyses:
                     self._process.terminate()
 
     def close(self) -> None:
-        """Ends all that is under way."""
+        """Ends all running jobs."""
         for job in list(self._jobs.values()):
             self.stop(job.id)
 
     def holds(self, job_id: str) -> bool:
-        """Whether there is a job of that name."""
+        """Whether there is a job with that id."""
         return job_id in self._jobs
 
     def report(self, job_id: str) -> Path:
-        """The report of a job. InputError: there is none."""
+        """Path of the report of a job. InputError: there is none."""
         job = self._jobs.get(job_id)
         if job is None or not job.report.is_file():
             raise InputError("report", "there is none of that name")

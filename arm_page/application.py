@@ -1,4 +1,4 @@
-"""What the page's server answers: its files, its data, commands and the stream. Everything comes from this server."""
+"""Requests that the page's server answers: files, data, commands, stream. The page loads nothing from elsewhere."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ REPORT_POLICY = (
 
 @dataclass(frozen=True, kw_only=True)
 class Parts:
-    """What the page shows and moves."""
+    """The parts of the server that the requests use."""
 
     scene: Table
     meshes: Sequence[Path]
@@ -57,7 +57,7 @@ class Parts:
 
 
 class Server:
-    """The requests of all browsers; ``application`` is what an ASGI server runs."""
+    """Answers the requests of all browsers; ``application`` is the ASGI application."""
 
     def __init__(self, parts: Parts, hosts: frozenset[str], *, secure: bool) -> None:
         self._parts = parts
@@ -99,7 +99,7 @@ class Server:
         self._working.shutdown(wait=False, cancel_futures=True)
 
     def state(self) -> Table:
-        """What changes: the daemon's state, how the rows come, the analyses."""
+        """The variable data of the page: state of the daemon, telemetry of the rows, analyses."""
         link = self._parts.link
         return {
             "daemon": link.status,
@@ -131,12 +131,12 @@ class Server:
         return JSONResponse(self._parts.scene | {"role": role, "login": log_in, "analyses": analyses})
 
     async def _mesh(self, request: Request) -> Response:
-        """The file of a mesh of the scene, by its number there."""
+        """The file of a mesh of the scene, by its number in the scene."""
         number = request.path_params["number"]
         if self._parts.access.role(_token(request)) is None:
             return refusal(InputError("login", "is required"), 401)
         if number >= len(self._parts.meshes):
-            return refusal(InputError("mesh", "there is none of that number"), 404)
+            return refusal(InputError("mesh", "there is no mesh of that number"), 404)
         return FileResponse(self._parts.meshes[number])
 
     async def _experiments(self, request: Request) -> Response:
@@ -209,7 +209,7 @@ class Server:
         return await self._answer(request, Role.STEER, lambda: self._parts.analyses.stop(job))
 
     async def _report(self, request: Request) -> Response:
-        """Opened in a frame, which sends no token: the unguessable name of job or report is the permission."""
+        """A report in a frame, which sends no token: the unguessable name of job or report is the permission."""
         name = request.path_params["job"]
         try:
             analysed = self._parts.analyses.holds(name)
@@ -219,7 +219,7 @@ class Server:
         return FileResponse(path, headers={"content-security-policy": REPORT_POLICY})
 
     async def _fleet(self, request: Request) -> Response:
-        """A page of a fleet, as ``_report``."""
+        """A page of a fleet, with permission as in ``_report``."""
         try:
             path = self._parts.fleets.file(request.path_params["fleet"], request.path_params["name"])
         except InputError as error:
@@ -229,7 +229,7 @@ class Server:
     async def _answer(
         self, request: Request, least: Role, work: Callable[[], Any], *, pool: ThreadPoolExecutor | None = None
     ) -> Response:
-        """What ``work`` returns, done on a thread, if who asks may have it; one typed error otherwise."""
+        """Result of ``work``, run on a thread, if the client has permission; otherwise one typed error."""
         role = self._parts.access.role(_token(request))
         if role is None:
             return refusal(InputError("login", "is required"), 401)
@@ -248,7 +248,7 @@ def _token(request: Request) -> str:
 
 
 async def _body(request: Request) -> Table:
-    """The JSON object of a request. InputError: it is something else, or too long."""
+    """The JSON object of a request. InputError: it is no JSON object, or it is too long."""
     data = b""
     async for part in request.stream():
         data += part

@@ -15,13 +15,13 @@ from arm_page.recordings import Recordings
 
 Table = dict[str, Any]
 MOST_ROWS = 1000
-"""Newest entries that a browser is sent; the filters find the others."""
+"""Maximum number of newest entries sent to a browser; the filters find the others."""
 MOST_TICKETS = 200
 MOST_PICTURES = 50
 
 
 class FolderArchive:
-    """What is in the folder that the daemon records to, and below it; every answer is read from its index anew."""
+    """Archive of the folder to which the daemon records, and of its subfolders; every answer reads the index again."""
 
     def __init__(self, recordings: Recordings) -> None:
         self._recordings = recordings
@@ -31,7 +31,7 @@ class FolderArchive:
     def rows(self, query: Mapping[str, str]) -> Table:
         """Entries that meet the filters, the newest first, and the names of all parameters.
 
-        InputError for a filter that is none, or whose value is none.
+        InputError for an unknown filter or an invalid value.
         """
         filters = filters_of(query)
         with self._opened() as archive:
@@ -46,15 +46,15 @@ class FolderArchive:
             }
 
     def history(self, parameter: str, query: Mapping[str, str]) -> list[Table]:
-        """Every value of a parameter by date, with its standard deviation; InputError where no result holds it."""
+        """Every value of a parameter by date, with its standard deviation; InputError if no result has it."""
         filters = filters_of(query)
         with self._opened() as archive:
             return archive.history(parameter, filters)
 
     def entry(self, path: str) -> Table:
-        """One entry, its parameters, the results made from it, and a place for each report.
+        """One entry, its parameters, the results made from it, and an address for each report.
 
-        InputError: there is none of that path.
+        InputError: there is no entry of that path.
         """
         with self._opened() as archive:
             row = next((row for row in archive.rows() if row["path"] == path), None)
@@ -76,7 +76,7 @@ class FolderArchive:
     def pictures(self, paths: Sequence[str], *, draw: bool) -> Table:
         """Small SVG pictures of entries, as many as can be drawn in half a second, one request at a time.
 
-        ``draw`` False: a run needs the computer; only those that are kept, and ``later`` is true.
+        ``draw`` False (during a run): only pictures that are stored already, and ``later`` is true.
         """
         if len(paths) > MOST_PICTURES:
             raise InputError("path", f"may be given {MOST_PICTURES} times at most")
@@ -84,14 +84,14 @@ class FolderArchive:
             return {"pictures": archive.pictures(paths, seconds=0.5, draw=draw), "later": not draw}
 
     def report(self, ticket: str) -> Path:
-        """The file of a report. InputError: there is none of that name."""
+        """Path of a report. InputError: there is no report of that name."""
         path = self._tickets.get(ticket)
         if path is None or not path.is_file():
             raise InputError("report", "there is none of that name")
         return path
 
     def _ticket(self, name: str) -> str | None:
-        """An unguessable address of a report: a frame sends no token. None: it is gone, or is outside the folder."""
+        """An unguessable address of a report, because a frame sends no token. None: no such file in the folder."""
         folder = self._recordings.folder.resolve()
         path = (folder / name).resolve()
         if not path.is_relative_to(folder) or not path.is_file():

@@ -1,4 +1,4 @@
-"""The experiments that a page offers: the files of some folders, by names that clients may give."""
+"""The experiments that a page offers: files of certain folders, selected by name."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from experiment import Experiment, experiment_of
 
 @dataclass(frozen=True)
 class Chosen:
-    """An experiment as its file was read: its text, word for word, and the hash of it."""
+    """An experiment as read from its file, with the text of the file and its hash."""
 
     path: Path
     text: str
@@ -26,17 +26,17 @@ class Chosen:
 
 
 class Experiments:
-    """``*.toml`` of the folders that hold segments; the first folder wins where two have the same name."""
+    """Experiment files ``*.toml`` of the folders; of two with the same name, that of the first folder is taken."""
 
     def __init__(self, folders: Sequence[Path]) -> None:
         self._folders = list(folders)
 
     def list(self) -> list[dict[str, Any]]:
-        """Name and description of each that can be read; broken ones with what is wrong in place of it."""
+        """Name and description of each experiment; for an invalid file the error instead of the description."""
         return [entry for name, path in sorted(self._files().items()) if (entry := _entry(name, path)) is not None]
 
     def read(self, name: str) -> Chosen:
-        """The experiment of that name, as ``list`` has it. InputError: there is none, or it is wrong."""
+        """The experiment with a name of ``list``. InputError: there is none, or it is invalid."""
         path = self._files().get(name)
         if path is None:
             raise InputError(name, "is no experiment of this page; reload the list")
@@ -53,7 +53,7 @@ class Experiments:
 
 
 def _entry(name: str, path: Path) -> dict[str, Any] | None:
-    """None for a file that is something else: a rig, a model."""
+    """Entry of a file; None if it is no experiment, but a rig or a model."""
     try:
         table = toml_of(read_text(path), name)
     except InputError as error:

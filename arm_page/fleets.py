@@ -1,4 +1,4 @@
-"""Fleets of the page: what ``armscope fleet`` wrote into a folder of the recordings, with its own pages."""
+"""Fleets of the page: results that ``armscope fleet`` wrote into a folder of the recordings, with their pages."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from arm_page.recordings import Recordings
 
 Table = dict[str, Any]
 PLACES = ("fleet.json", "*/fleet.json", "*/*/fleet.json")
-"""Below the folder of the recordings."""
+"""Patterns of the results, relative to the folder of the recordings."""
 SCHEMA = "armscope.fleet/1"
 
 
 class Fleets:
-    """Results of fleets, found anew for every list; each has an unguessable address, since a frame sends no token."""
+    """Results of fleets, searched for at every list; each has an unguessable address, since a frame sends no token."""
 
     def __init__(self, recordings: Recordings) -> None:
         self._recordings = recordings
@@ -44,7 +44,7 @@ class Fleets:
         return {"folder": place, **names, **counts, "page": f"/fleets/{ticket}/fleet.html"}
 
     def file(self, ticket: str, name: str) -> Path:
-        """A page of a fleet: its own, that of an arm, the report of a night. InputError: there is none of that name."""
+        """A page of a fleet: main page, page of an arm, or report of a night. InputError: no page of that name."""
         folder = next((one for one, its in self._tickets.items() if same(its, ticket)), None)
         path = None if folder is None else (folder / name).resolve()
         if folder is None or path is None or path.suffix != ".html" or not path.is_relative_to(folder):

@@ -1,4 +1,4 @@
-"""Rows -> frames: what is drawn 50 times per second of acquisition time, no peak of a current left out."""
+"""Converts rows to frames, which are drawn 50 times per second of acquisition time and include every current peak."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ KEPT = round(KEPT_SECONDS * 1e9 / FRAME_NS)
 class Frame:
     """Rows of one interval of ``FRAME_NS``.
 
-    t           s since the first row of the run that was received, of the newest row
-    rows        how many
-    q, demand   (J,) rad (m) of the newest row that has a value; NaN: none has
+    t           s, time of the newest row since the first received row of the run
+    rows        number of rows
+    q, demand   (J,) rad (m) of the newest row that has a value; NaN: no row has
     low, high   (J,) A: lowest and highest current; mean: the average
-    point       (3,) m of the newest tracker point, in the base frame where the rig says where the tracker stands
+    point       (3,) m, newest tracker point in the base frame; NaN if the tracker's frame is not known
     """
 
     bin: int
@@ -44,7 +44,7 @@ class Frame:
     _count: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
 
     def merge(self, later: Frame) -> None:
-        """Takes rows of the same interval that came later."""
+        """Adds later rows of the same interval."""
         self.t, self.rows = later.t, self.rows + later.rows
         self.q = np.where(np.isnan(later.q), self.q, later.q)
         self.demand = np.where(np.isnan(later.demand), self.demand, later.demand)
@@ -54,7 +54,7 @@ class Frame:
         self.mean = _mean(self._sum, self._count)
 
     def as_json(self) -> str:
-        """One JSON object; values that do not exist are null."""
+        """The frame as one JSON object; missing values are null."""
         table: dict[str, Any] = {"t": round(self.t, 4), "n": self.rows}
         for name, values, digits in (
             ("q", self.q, 5),
@@ -69,7 +69,7 @@ class Frame:
 
 
 class FrameMaker:
-    """The frames of one run after another; ``base_from_tracker`` (4, 4), None: unknown, and no point is given."""
+    """Makes the frames of successive runs; ``base_from_tracker`` (4, 4); None: unknown, and frames have no point."""
 
     def __init__(self, joints: int, base_from_tracker: Sequence[Sequence[float]] | None) -> None:
         self._joints = joints
@@ -79,7 +79,7 @@ class FrameMaker:
         self._open: Frame | None = None
 
     def add(self, run: str, columns: Mapping[str, NDArray]) -> list[Frame]:
-        """The frames that are complete with the rows of a block of run ``run``."""
+        """Adds the rows of a block of run ``run``; returns the frames that are complete with them."""
         host = columns["host_ns"]
         done: list[Frame] = []
         if run != self._run:
@@ -101,7 +101,7 @@ class FrameMaker:
         return done
 
     def end(self) -> list[Frame]:
-        """The frame that is not complete, if there is one: the run has ended."""
+        """The incomplete frame at the end of a run, if there is one."""
         frame, self._open = self._open, None
         return [] if frame is None else [frame]
 
@@ -165,7 +165,7 @@ class Ring:
             self.last += len(encoded)
 
     def since(self, number: int) -> tuple[str, int, list[str]]:
-        """The run, the number of the last frame, and those after frame ``number`` that are still kept."""
+        """The run, the number of the last frame, and the stored frames after frame ``number``."""
         with self._lock:
             count = min(self.last - number, len(self._frames))
             return self.run, self.last, list(islice(self._frames, len(self._frames) - count, None))
@@ -176,6 +176,6 @@ def _mean(total: Array, count: NDArray[np.int64]) -> Array:
 
 
 def _plain(values: Array, digits: int) -> list[float | None] | None:
-    """Rounded numbers; None for each that does not exist, and for the list where none does."""
+    """Rounded numbers; None for each NaN, and for the whole list if all are NaN."""
     numbers = [round(value, digits) if np.isfinite(value) else None for value in values.tolist()]
     return None if all(number is None for number in numbers) else numbers

@@ -1,4 +1,4 @@
-"""What stands before all requests: whose they are, what the browser may load, and one typed error for each failure."""
+"""Checks before every request: host and origin, content-security policy, and one typed error per failure."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ POLICY = (
 
 
 class Guarded:
-    """Refuses requests under a foreign host name or from a foreign page, and sets what the browser may load.
+    """Refuses requests under a foreign host name or from a foreign page, and sets the content-security policy.
 
     An unexpected exception in a request becomes one line of the log.
     """
@@ -72,23 +72,23 @@ class Guarded:
             await receive()
             await send({"type": "websocket.close", "code": 4403})
             return
-        answer = refusal(InputError("page", "was asked for under a name that is not its own"), 403)
+        answer = refusal(InputError("page", "was requested under a host name that is not its own"), 403)
         await answer(scope, receive, send)
 
 
 def refusal(error: InputError | DeviceFault, status: int = 409) -> Response:
-    """What was wrong, as JSON: kind of error, where, what."""
+    """An error as JSON: kind of error, where, what."""
     where = error.where if isinstance(error, InputError) else error.device
     kind = "input" if isinstance(error, InputError) else "device"
     return JSONResponse({"error": kind, "where": str(where), "what": error.what}, status_code=status)
 
 
 def failed(request: Request, error: Exception) -> Response:
-    """What a browser hears of a request that raised what nobody expects; the log says more."""
+    """Answer to a request with an unexpected exception; the log has the details."""
     return JSONResponse({"error": "page", "where": "page", "what": "failed; its log says why"}, status_code=500)
 
 
 def _in_one_line(error: Exception) -> str:
-    """What was raised, and where."""
+    """Exception and place in one line."""
     *_, last = traceback.extract_tb(error.__traceback__)
     return f"{type(error).__name__}: {str(error)!a} ({Path(last.filename).name}:{last.lineno})"

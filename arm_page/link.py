@@ -1,7 +1,7 @@
-"""The page's connection to the daemon of a rig, kept up: rows and state come in, commands go out.
+"""The page's connection to the daemon of a rig: receives rows and state, sends commands, and reconnects.
 
-One thread takes the rows and asks for the state; commands are asked by whoever gives them, at any time. What the page
-armed is disarmed by the daemon when this connection or this process ends.
+One thread receives the rows and requests the state. Commands are sent from the threads of the requests, at any time. A
+rig that the page armed is disarmed by the daemon when this connection or this process ends.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ from daq.service import RemoteServer, Subscriber, call
 Table = dict[str, Any]
 STATE_SECONDS = 0.25
 ANSWER_SECONDS = 2.0
-"""Of ``status``, which a daemon answers in every state."""
+"""s, maximum time for the answer to ``status``, which a daemon answers in every state."""
 AGAIN_SECONDS = 0.5
 
 
 class RigLink:
-    """``open``, then ``ask`` and the attributes, from any thread, until ``close``.
+    """Connection to a daemon: ``open``, then ``ask`` and the attributes, from any thread, until ``close``.
 
-    frames  what is drawn
-    status  as the daemon answered last; None: it does not answer, and ``why`` says so
-    missed  rows that did not come here in this run: they are in the file, and missing on the page only
+    frames  frames to draw
+    status  last answer of the daemon; None: it does not answer, and ``why`` is the reason
+    missed  rows of this run that were not received: they are in the file, and are missing only on the page
     """
 
     def __init__(self, rig: Rig) -> None:
@@ -45,7 +45,7 @@ class RigLink:
         self._thread = threading.Thread(target=self._keep, name="link", daemon=True)
 
     def open(self) -> None:
-        """Begins to connect; a daemon that is not there yet is waited for."""
+        """Begins to connect; waits for a daemon that is not running yet."""
         self._thread.start()
 
     def close(self) -> None:
@@ -54,14 +54,14 @@ class RigLink:
         self._thread.join()
 
     def ask(self, verb: str, arguments: Table | None = None) -> Table:
-        """The daemon's answer. InputError: it refuses; DeviceFault: a device failed, or no daemon answers."""
+        """The daemon's answer. InputError: it refuses. DeviceFault: a device failed, or no daemon answers."""
         server = self._server
         if server is None:
             raise DeviceFault("daemon", self.why)
         return server.ask(verb, arguments)
 
     def telemetry(self) -> Table:
-        """How the rows of the last second came."""
+        """Telemetry of the rows of the last second."""
         try:
             return self._telemetry.table() | {"missed": self.missed}
         except RuntimeError:  # the other thread was just adding to it
@@ -83,7 +83,7 @@ class RigLink:
             self._closing.wait(AGAIN_SECONDS)
 
     def _follow(self, server: RemoteServer) -> None:
-        """Until the daemon is gone (DeviceFault) or the page closes."""
+        """Receives until the daemon disappears (DeviceFault) or the page closes."""
         asked = 0.0
         with Subscriber(server.session, server.keys) as rows:
             while not self._closing.is_set():
@@ -97,7 +97,7 @@ class RigLink:
         try:
             block = rows.receive(0.05)
         except ValueError as error:
-            raise DeviceFault("daemon", f"publishes something else than rows: {error}") from None
+            raise DeviceFault("daemon", f"publishes other data than rows: {error}") from None
         if block is None:
             return
         if block.run != self.frames.run:
@@ -111,7 +111,7 @@ class RigLink:
 
 
 def _channels(rig: Rig) -> list[str]:
-    """Names of the columns of ``quality``; none where the rig's drivers are not installed here."""
+    """Names of the columns of ``quality``; empty if the rig's drivers are not installed here."""
     try:
         return channel_names(rig)
     except InputError:

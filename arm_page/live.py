@@ -1,8 +1,8 @@
-"""The stream of a page: frames and state over a WebSocket, as fast as the browser takes them and no faster.
+"""The stream of a page: frames and state over a WebSocket, no faster than the browser draws them.
 
-The browser answers each message once it has drawn it (or, hidden, not at all). Two messages may be on their way: the
-next one is there when the last is drawn, so that every repaint has new frames. A slow browser gets fewer, larger
-messages, and costs no memory: frames wait in one ring for all (``arm_page.frames.Ring``).
+The browser acknowledges each message after drawing it (a hidden page does not). Two messages may be unacknowledged: the
+next one has arrived when the last is drawn, so that every repaint has new frames. A slow browser gets fewer, larger
+messages, and needs no memory: all browsers share one ring of frames (``arm_page.frames.Ring``).
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from arm_page.link import STATE_SECONDS, RigLink
 
 DRAW_SECONDS = 0.02
 AHEAD = 2
-"""Messages that a browser is sent before it has drawn the first of them."""
+"""Maximum number of messages sent to a browser that it has not acknowledged."""
 MOST_BYTES = 1000
-"""Of a message from the browser."""
+"""Maximum size of a message from the browser."""
 
 
 class Viewers:
-    """All browsers that look at a rig; ``close`` ends their streams."""
+    """All browsers that show a rig; ``close`` ends their streams."""
 
     def __init__(self, link: RigLink, access: Access, state: Callable[[], dict[str, Any]]) -> None:
         self._link, self._access, self._state = link, access, state
@@ -36,7 +36,7 @@ class Viewers:
         self.watching = self.steering = 0
 
     async def serve(self, socket: WebSocket) -> None:
-        """One browser: its first message is its token ('' for none), the others acknowledge."""
+        """Serves one browser: its first message is its token ('' for none), the others are acknowledgements."""
         await socket.accept()
         try:
             async with asyncio.timeout(10):
@@ -65,13 +65,13 @@ class Viewers:
             self.steering -= role is Role.STEER
 
     def close(self) -> None:
-        """Ends all streams; in the thread of the event loop."""
+        """Ends all streams; must be called in the thread of the event loop."""
         self._closing = True
         for task in list(self._tasks):
             task.cancel()
 
     async def _stream(self, socket: WebSocket, token: str) -> None:
-        """Until the browser has gone, or may not look on."""
+        """Sends until the browser has disconnected, or has lost the permission to watch."""
         free = asyncio.BoundedSemaphore(AHEAD)
         tasks = [asyncio.create_task(self._send(socket, token, free)), asyncio.create_task(_drawn(socket, free))]
         try:
@@ -114,7 +114,7 @@ class Viewers:
 
 
 async def _drawn(socket: WebSocket, free: asyncio.BoundedSemaphore) -> None:
-    """Makes room for a message with each that the browser has drawn; an answer to none counts for nothing."""
+    """Permits a further message per acknowledgement of the browser; surplus acknowledgements are ignored."""
     while True:
         await socket.receive_text()
         with suppress(ValueError):

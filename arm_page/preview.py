@@ -1,4 +1,4 @@
-"""An experiment before it runs: what moves, how far, how fast, and what the rig's limits and its space say to it."""
+"""Preview of an experiment: which joints move, how far and how fast, and checks of the rig's limits and space."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from experiment import FELT, STEP, Demand, Experiment, demand_of
 
 Table = dict[str, Any]
 MOST_LOOKS = 20_000
-"""Instants at which a demand is looked at for its extremes; a longer one is looked at less often."""
+"""Maximum number of instants at which the extremes of a motion are evaluated; long motions are sampled coarsely."""
 DRAWN = 600
-"""Poses of the motion that the page draws."""
+"""Number of poses of the motion that the page draws."""
 MOVES = 1e-6
 """rad (m): a joint that stays within this of its start does not move."""
 
 
 def preview_of(experiment: Experiment, rig: Rig, chain: Chain | None) -> Table:
-    """Everything a person should see before the arm moves; ``problems``: why it would be refused, empty if it is not.
+    """Preview for a person, before the arm moves; ``problems``: reasons why it would be refused, empty if it would not.
 
     The daemon checks again, in the same way, when it is asked to arm.
     """
@@ -55,7 +55,7 @@ def preview_of(experiment: Experiment, rig: Rig, chain: Chain | None) -> Table:
 
 
 def _joints(demand: Demand, experiment: Experiment, rig: Rig) -> list[Table]:
-    """Of each joint: where it goes, how fast at most and how hard, beside its limits; null where there is none."""
+    """Per joint: range of position, highest speed and acceleration, and its limits; null where there is no limit."""
     low, high, speed, acceleration = _extremes(demand)
     limits, start = rig.limits, np.array(experiment.start)
     return [

@@ -1,4 +1,4 @@
-"""The recordings of a folder, and what is in each."""
+"""The recordings of a folder, and their contents."""
 
 from __future__ import annotations
 
@@ -14,31 +14,31 @@ from daq.recording import ledger_table, open_long
 Table = dict[str, Any]
 MOST = 200
 DRAWN = 400
-"""Intervals of a recording's currents and positions that are drawn."""
+"""Number of intervals in which currents and positions of a recording are drawn."""
 SUFFIX = ".mcap"
 
 
 class Recordings:
-    """``*.mcap`` of one folder, by plain name; what was read of a file is kept until the file changes."""
+    """Recordings ``*.mcap`` of one folder, by file name; what was read is cached until the file changes."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder.absolute()
         self._read: dict[tuple[str, int, int], Table] = {}
 
     def follow(self, folder: str | None) -> None:
-        """The daemon records into a folder of its own: that one, where it is on this machine."""
+        """Uses the folder into which the daemon records, if it is on this machine."""
         if folder is not None and Path(folder).is_dir():
             self.folder = Path(folder)
 
     def new(self, experiment: str) -> Path:
-        """A file for a new recording that is not there yet: the experiment's name and the time."""
+        """Path of a new recording that does not exist yet, from the experiment's name and the time."""
         plain = "".join(c if c.isascii() and (c.isalnum() or c in "-_") else "_" for c in experiment)[:80] or "run"
         stem = f"{plain}_{time.strftime('%Y%m%d_%H%M%S')}"
         names = [f"{stem}{SUFFIX}", *(f"{stem}_{k}{SUFFIX}" for k in range(2, 100))]
         return next(path for name in names if not (path := self.folder / name).exists())
 
     def list(self) -> list[Table]:
-        """The newest ``MOST``: name, bytes, when (s since the epoch)."""
+        """The newest ``MOST`` recordings: name, bytes, time (s since the epoch)."""
         if not self.folder.is_dir():
             return []
         found = [(path.stat(), path.name) for path in self.folder.glob(f"*{SUFFIX}") if path.is_file()]
@@ -46,14 +46,14 @@ class Recordings:
         return [{"name": name, "bytes": status.st_size, "time": status.st_mtime} for status, name in found[:MOST]]
 
     def path(self, name: str) -> Path:
-        """InputError unless ``name`` is one of this folder's."""
+        """Path of a recording. InputError unless ``name`` is a recording of this folder."""
         path = self.folder / name
         if Path(name).name != name or not name.endswith(SUFFIX) or not path.is_file():
             raise InputError(name, "is no recording of this page; reload the list")
         return path
 
     def details(self, name: str) -> Table:
-        """How a run ended, what it holds, what is missing; and its positions and currents, thinned for a picture."""
+        """How a run ended, its contents, its losses; and its positions and currents, thinned for a picture."""
         path = self.path(name)
         status = path.stat()
         key = (name, status.st_size, status.st_mtime_ns)
@@ -100,7 +100,7 @@ def _clock(fit: Table) -> Table:
 
 
 def _drawn(recording: Any) -> Table:
-    """Of k intervals t (k,) s and (J, k) q, d newest position and demand, lo, hi, i lowest, highest, mean current."""
+    """k intervals: t (k,) s; (J, k): q, d newest position and demand; lo, hi, i lowest, highest, mean current."""
     if not len(recording):
         return {"t": [], "q": [], "d": [], "lo": [], "hi": [], "i": []}
     width = max(recording.duration / DRAWN, 1e-9)

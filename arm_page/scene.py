@@ -1,4 +1,4 @@
-"""What is drawn before any row comes: the arm's links, what stands around it, and the limits of its joints."""
+"""The scene that is drawn before any row is received: links of the arm, obstacles around it, limits of its joints."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Table = dict[str, Any]
 
 
 def chain_of_rig(rig: Rig) -> Chain | None:
-    """The links of the rig's arm; None where the rig file names no model. InputError where the two do not fit."""
+    """Kinematic chain of the rig's arm; None if the rig file names no model. InputError if the two do not match."""
     if rig.model_path is None:
         return None
     chain = read_chain(rig.model_path)
@@ -60,12 +60,12 @@ def scene_of(rig: Rig, chain: Chain | None, visuals: Sequence[Visual] = ()) -> T
 
 
 def _home(rig: Rig) -> list[float]:
-    """rad (m): where the joints are drawn before they are measured: at 0, or at the limit next to it."""
+    """rad (m), positions at which the joints are drawn before they are measured: 0, or the limit nearest to it."""
     if rig.limits.position is None:
         return [0.0] * rig.joints
     return [min(max(0.0, low), high) for low, high in rig.limits.position]
 
 
 def _placed(rig: Rig) -> bool:
-    """Whether points of the tracker can be given in the base frame."""
+    """Whether tracker points can be expressed in the base frame."""
     return rig.tracker is not None and (rig.tracker.device is None or rig.tracker.base_from_tracker is not None)

@@ -1,4 +1,4 @@
-"""The page of one rig, served until it is told to stop."""
+"""Serves the page of one rig until a signal ends it."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from arm_page.application import Parts
 
 NICE = 5
-"""Drawing gives way to the sampler."""
+"""Increase of the nice value, so that the sampler has priority over drawing."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,7 +43,7 @@ class Page:
     rig          the rig file
     recordings   the folder of recordings, results in ``results`` below it
     experiments  folders of experiments that may be chosen
-    port         0: any; None: as the rig file says, as the host, TLS, users and passwords
+    port         0: any free port; None: that of the rig file, which also has host, TLS, users and passwords
     """
 
     rig: Path
@@ -53,7 +53,7 @@ class Page:
     port: int | None = None
 
     def serve(self, ready: Callable[[str, str], None]) -> None:
-        """Serves until SIGINT or SIGTERM. ``ready`` gets the address to steer and the one to watch.
+        """Serves until SIGINT or SIGTERM; calls ``ready`` with the addresses for steering and for watching.
 
         InputError: the rig file or its model is wrong, or the packages of the extra 'page' are missing. DeviceFault:
         the port is taken.
@@ -92,7 +92,7 @@ class Page:
             listener.close()
 
     def _parts(self, rig: Rig, link: RigLink, access: Access) -> Parts:
-        """What the application serves of the rig."""
+        """The parts of the application for this rig."""
         from arm_page.application import Parts
 
         chain = chain_of_rig(rig)
@@ -113,7 +113,7 @@ class Page:
 
 
 def _access(rig: Rig) -> Access:
-    """Who may do what; InputError where 'steer' names somebody without a password."""
+    """Access control of the rig file; InputError if 'steer' names a user without a password."""
     if rig.page.password_file is None:
         return Access()
     path = rig.resolve(rig.page.password_file)
@@ -125,7 +125,7 @@ def _access(rig: Rig) -> Access:
 
 
 def _tls(rig: Rig) -> dict[str, str]:
-    """Files for TLS, as uvicorn takes them."""
+    """Files for TLS, as arguments of uvicorn."""
     if rig.page.tls is None:
         return {}
     files = {"ssl_certfile": rig.page.tls.certificate, "ssl_keyfile": rig.page.tls.key}
@@ -144,7 +144,7 @@ def _tls(rig: Rig) -> dict[str, str]:
 def _run(
     server: uvicorn.Server, close_streams: Callable[[], None], listener: socket.socket, ready: Callable[[], None]
 ) -> None:
-    """Until a signal, from ``ready`` on; the streams are ended first, or the server would wait for browsers."""
+    """Serves until a signal; calls ``ready`` first. Ends the streams first, or the server would wait for browsers."""
     # uvicorn raises every signal again once it has ended, and what is to be closed after it would stay open
     server.capture_signals = contextlib.nullcontext  # type: ignore[method-assign,assignment]
     loop = asyncio.new_event_loop()
@@ -164,7 +164,7 @@ def _run(
 
 
 def _installed() -> Any:
-    """The package uvicorn; InputError where the extra 'page' is not installed."""
+    """The package uvicorn; InputError if the extra 'page' is not installed."""
     try:
         import starlette  # noqa: F401
         import uvicorn

@@ -1,4 +1,4 @@
-"""Commands from the page: what is armed was previewed before, and goes to a file that the page names."""
+"""Commands from the page: only a previewed experiment can be armed, and the page names the file."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ COMMANDS = ("arm", "start", "stop", "disarm", "zero", "reset", "check")
 
 
 class Steering:
-    """The commands of the page; each answers, or raises InputError (refused) or DeviceFault (failed).
+    """The commands of the page; each returns an answer, or raises InputError (refused) or DeviceFault (failed).
 
-    rig_sha256  of the rig file: a daemon that runs another one refuses
+    rig_sha256  hash of the rig file: a daemon with another rig file refuses
     """
 
     def __init__(
@@ -34,7 +34,7 @@ class Steering:
         return self._link.rig
 
     def preview(self, name: str) -> Table:
-        """The preview of an experiment, with the hash that ``arm`` asks for."""
+        """The preview of an experiment, with the hash that ``arm`` requires."""
         chosen = self._experiments.read(name)
         if chosen.sha256 not in self._previews:
             while len(self._previews) >= 32:

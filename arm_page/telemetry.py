@@ -1,4 +1,4 @@
-"""How the rows come: their rate, what this page missed of them, which channels are doubtful, how the clocks agree."""
+"""Telemetry of the rows: rate, rows that this page missed, channels with quality flags, fit of the clocks."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from drivers.protocols import Quality
 
 SECOND_NS = 1_000_000_000
 CLOCK_BLOCKS = 3000
-"""Blocks of which one reading each goes into the clock fit: 30 s of blocks of 10 ms."""
+"""Number of blocks in the clock fit, one reading per block: 30 s of blocks of 10 ms."""
 DOUBTS = {
     Quality.MISSING: "missing",
     Quality.STALE: "stale",
@@ -28,7 +28,7 @@ DOUBTS = {
 class Telemetry:
     """Figures of the newest second of rows.
 
-    channels  names ``device.channel`` of the columns of ``quality``; empty: unknown here, numbers are given instead
+    channels  names ``device.channel`` of the columns of ``quality``; empty: unknown here, numbers are used instead
     clock     name of the device whose ticks come with the rows
     """
 
@@ -37,13 +37,13 @@ class Telemetry:
         self.begin()
 
     def begin(self) -> None:
-        """A new run."""
+        """Begins a new run."""
         self._blocks: deque[tuple[int, int, int, int, NDArray[np.int64]]] = deque()
         self._ticks: deque[tuple[int, int]] = deque(maxlen=CLOCK_BLOCKS)
         self._flags = np.zeros((0, len(DOUBTS)), np.int64)
 
     def add(self, columns: Mapping[str, NDArray]) -> None:
-        """Rows of one block."""
+        """Adds the rows of one block."""
         host, number = columns["host_ns"], columns.get("number")
         if not len(host):
             return
@@ -59,7 +59,7 @@ class Telemetry:
             self._ticks.append((int(columns["tick"][0]), int(host[0])))
 
     def table(self) -> dict[str, Any]:
-        """rate: triggers/s over the last second, None without rows; clock: fit of the device's ticks."""
+        """Figures as plain data; rate: triggers/s in the last second, None without rows; clock: fit of the ticks."""
         return {"rate": self._rate(), "clock": self._fit(), "doubtful": self._doubtful()}
 
     def _rate(self) -> float | None:
@@ -81,7 +81,7 @@ class Telemetry:
         }
 
     def _doubtful(self) -> list[dict[str, Any]]:
-        """Channels with doubtful values in the last second: name, doubt, share of the rows."""
+        """Channels with quality flags in the last second: name, flag, share of the rows."""
         kept = [block[4] for block in self._blocks if len(block[4])]
         if not kept:
             return []

@@ -78,7 +78,7 @@ def test_a_result_is_listed_with_its_parameters_and_report(lab: Path) -> None:
         values = [one["value"] for one in archive.history("joint1.coulomb")]
         assert values == [5.0, 6.0, 7.0]
         assert [one["value"] for one in archive.history("joint2.backlash.half_gap")] == [1e-3, 2e-3]
-        with pytest.raises(InputError, match=r"results here hold joint1.coulomb, joint2.coulomb"):
+        with pytest.raises(InputError, match=r"results here have joint1.coulomb, joint2.coulomb"):
             archive.history("Coulomb")
 
 

@@ -55,7 +55,7 @@ def test_a_parameter_over_months(lab: Path, capsys: pytest.CaptureFixture[str]) 
     assert out.read_bytes()[:4] == b"\x89PNG"
     later = json.loads(call(capsys, lab, "plot", "joint1.coulomb", "--since", "2026-02", "--json"))
     assert [row["value"] for row in later] == [7.0]
-    assert "results here hold joint1.coulomb" in call(capsys, lab, "plot", "coulomb", status=2)
+    assert "results here have joint1.coulomb" in call(capsys, lab, "plot", "coulomb", status=2)
 
 
 def test_compare_and_open(lab: Path, capsys: pytest.CaptureFixture[str]) -> None:
