@@ -84,7 +84,7 @@ class Archive:
         return self._index.rows(f"SELECT {', '.join(COLUMNS)} FROM entry WHERE {condition} ORDER BY date, path", values)
 
     def parameters(self, path: str | None = None) -> list[Row]:
-        """Name and unit of the parameters of a result (its ``path`` in ``rows``); None: of all, with numbers of results."""
+        """Name and unit of the parameters of a result (``path`` as in its row); None: of all, with their number."""
         if path is not None:
             query = "SELECT name, value, std, unit FROM parameter WHERE path = ? ORDER BY place"
             return self._index.rows(query, [path])
