@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy import ndimage, signal
+from scipy import ndimage
 
 from arm_io.types import Array
 from arm_model import Arm
@@ -21,7 +21,7 @@ from arm_model.system import mass_matrix_along, rigid_torque_along
 from comparison.regression import Rows
 from diagnosis.residual.gap import through_gap
 from diagnosis.residual.integration import spring_twist
-from identification.preprocessing import zero_phase
+from identification.preprocessing import butterworth, zero_phase
 from identification.preprocessing.signals import Motion, equation_rows, equation_weight, parallel_filter
 from identification.selection import scaled_lstsq
 
@@ -237,7 +237,7 @@ def _above_noise(motion: Motion) -> tuple[Array, Array, Array]:
         lost = np.flatnonzero((smooth < ABOVE * noise[:, j]) & (band.frequency > 0.0))
         cut = float(band.frequency[lost[0]]) if len(lost) else np.inf
         if 2.0 * cut * motion.dt < 0.98:
-            low_pass = signal.butter(2, 2.0 * cut * motion.dt, output="sos")
+            low_pass = butterworth(2, 2.0 * cut * motion.dt)
             for values in filtered:
                 values[:, j] = zero_phase(low_pass, values[:, j])
     return filtered[0], filtered[1], filtered[2]
@@ -245,7 +245,7 @@ def _above_noise(motion: Motion) -> tuple[Array, Array, Array]:
 
 def _smooth(values: Array, motion: Motion) -> Array:
     """Values (m, ...) in the band of the regression, beyond which their rates would be noise."""
-    low_pass = signal.butter(4, min(2 * motion.band.parallel * motion.dt, 0.98), output="sos")
+    low_pass = butterworth(4, 2 * motion.band.parallel * motion.dt)
     return zero_phase(low_pass, values)
 
 

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from functools import cache
-
 import numpy as np
-from scipy import signal
 from scipy.interpolate import CubicSpline
 
 from arm_io.types import Array
-from identification.preprocessing import zero_phase
+from identification.preprocessing import butterworth, zero_phase
 
 MOTION_BAND = 60.0
 """Hz: pass-band of the motion from which the model's currents are computed."""
@@ -32,18 +29,12 @@ Motion = tuple[Array, Array, Array]
 
 def low_pass(values: Array, band: float, rate: float) -> Array:
     """(m, ...) zero-phase fourth-order Butterworth along the first axis; ``band`` and ``rate`` of the rows: Hz."""
-    return zero_phase(_sections(band, rate), values, pad=min(len(values) - 1, int(3 * rate / band)))
+    return zero_phase(butterworth(ORDER, band / (rate / 2)), values, pad=min(len(values) - 1, int(3 * rate / band)))
 
 
 def low_pass_gain(frequency: Array, band: float) -> Array:
     """(m,) amplitude that ``low_pass`` leaves of 1 at frequencies (m,) Hz: a Butterworth filter, both ways."""
     return np.asarray(1.0 / (1.0 + (frequency / band) ** (2 * ORDER)))
-
-
-@cache
-def _sections(band: float, rate: float) -> Array:
-    sections: Array = signal.butter(ORDER, min(band / (rate / 2), 0.98), output="sos")
-    return sections
 
 
 def rate_of(t: Array) -> float:

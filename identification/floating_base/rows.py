@@ -20,7 +20,7 @@ from arm_model import Arm
 from arm_model.motion import POSE_COLUMNS, VELOCITY_COLUMNS, thruster_column
 from arm_model.moving_base import BaseRows, floating, rotations, thrust_of
 from daq.recording import Recording
-from identification.preprocessing import zero_phase
+from identification.preprocessing import butterworth, zero_phase
 from identification.preprocessing.grid import on_grid, uniform_grid
 from identification.preprocessing.mechanism import check_joints
 
@@ -202,5 +202,5 @@ def _lagged(demand: Array, constants: Sequence[float], dt: float) -> Array:
 
 def _low_pass(values: Array, band: float, dt: float) -> Array:
     """Zero-phase, along the first axis."""
-    low = signal.butter(3, min(band * dt * 2, 0.98), output="sos")
+    low = butterworth(3, band * dt * 2)
     return zero_phase(low, values)

@@ -6,7 +6,7 @@ from arm_io import lazy
 
 if TYPE_CHECKING:
     from identification.preprocessing.demands import demand_of_run, tracked_as_recorded
-    from identification.preprocessing.filtering import zero_phase
+    from identification.preprocessing.filtering import butterworth, zero_phase
     from identification.preprocessing.mechanism import check_joints
     from identification.preprocessing.readiness import Readiness
     from identification.preprocessing.setpoint_ripple import drifting, folded_along, lines_beside_zero
@@ -18,6 +18,7 @@ __all__ = [
     "UNKNOWN",
     "Readiness",
     "Setpoints",
+    "butterworth",
     "check_joints",
     "demand_of_run",
     "drifting",

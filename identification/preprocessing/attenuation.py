@@ -14,6 +14,7 @@ import numpy as np
 from scipy import signal
 
 from arm_io.types import Array
+from identification.preprocessing.filtering import butterworth
 from identification.preprocessing.signals import Motion, parallel_filter, parallel_taps
 
 NOTABLE = 0.02  # share of noise from which a warning is given
@@ -28,7 +29,7 @@ def noise_in_acceleration(motion: Motion) -> Array:
     """
     rate, band = 1.0 / motion.dt, motion.band
     f = np.linspace(0.0, 0.5 * rate, GRID)
-    low_pass = signal.butter(4, min(band.motion * motion.dt * 2, 0.98), output="sos")
+    low_pass = butterworth(4, band.motion * motion.dt * 2)
     once = np.abs(signal.sosfreqz(low_pass, f, fs=rate)[1])
     passed = once**4 * np.abs(signal.freqz(parallel_taps(motion), 1.0, f, fs=rate)[1]) ** 2  # the first, both ways
     power = np.trapezoid((2 * np.pi * f) ** 4 * passed, f) * 2 * motion.dt * band.noise_rms**2

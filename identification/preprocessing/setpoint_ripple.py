@@ -15,10 +15,9 @@ lag makes it fall faster.
 from __future__ import annotations
 
 import numpy as np
-from scipy import signal
 
 from arm_io.types import Array
-from identification.preprocessing.filtering import zero_phase
+from identification.preprocessing.filtering import butterworth, zero_phase
 from identification.preprocessing.folding import BEAT, LINES, Lines, as_one, folding_line, seen_at, unbounded
 from identification.preprocessing.setpoints import Setpoints
 from identification.preprocessing.signals import Motion, smooth_motion
@@ -180,7 +179,7 @@ def _at_nyquist(line: int, setpoints: Setpoints) -> bool:
 def _slow(values: Array, motion: Motion, period: float) -> Array:
     """(m, J) what is demanded of values (m, J) on the motion's grid, without the transients themselves."""
     cut = min(motion.band.parallel, 0.5 / period)
-    low_pass = signal.butter(4, min(2 * cut * motion.dt, 0.98), output="sos")
+    low_pass = butterworth(4, 2 * cut * motion.dt)
     return zero_phase(low_pass, values)
 
 

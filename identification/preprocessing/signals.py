@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,7 @@ from scipy.interpolate import make_interp_spline
 
 from arm_io.types import Array
 from arm_model.tables import Temperatures
-from identification.preprocessing.filtering import zero_phase
+from identification.preprocessing.filtering import butterworth, zero_phase
 from identification.preprocessing.grid import longest_whole, nearest, on_grid, uniform_grid
 from identification.preprocessing.setpoints import UNKNOWN, Setpoints
 from identification.preprocessing.spectrum import Band, choose_band
@@ -121,7 +122,7 @@ def low_passed(channels: Array, band: Band, dt: float) -> Array:
 
     A torque that steps at a reversal rings after it; a column of such a torque does so after the same filter only.
     """
-    low_pass = signal.butter(4, min(band.motion * dt * 2, 0.98), output="sos")
+    low_pass = butterworth(4, band.motion * dt * 2)
     return _both_ways(low_pass, channels)
 
 
@@ -208,8 +209,15 @@ def with_reversals(motion: Motion) -> Motion:
 def parallel_taps(motion: Motion) -> Array:
     """(m,) the symmetric impulse response of the parallel low-pass."""
     cut = motion.band.parallel * motion.dt  # of the rate
-    half = min(int(np.ceil(2.0 / cut)), (len(motion.t) - 1) // 4)
-    return np.asarray(signal.firwin(2 * half + 1, min(2 * cut, 0.98)), float)
+    return _taps(min(int(np.ceil(2.0 / cut)), (len(motion.t) - 1) // 4), cut)
+
+
+@lru_cache(maxsize=256)
+def _taps(half: int, cut: float) -> Array:
+    """(2 half + 1,) read-only taps of a low-pass at ``cut`` of the rate of the rows."""
+    taps = np.asarray(signal.firwin(2 * half + 1, min(2 * cut, 0.98)), float)
+    taps.setflags(write=False)
+    return taps
 
 
 def _parallel(motion: Motion) -> tuple[Array, int]:

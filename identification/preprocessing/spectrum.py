@@ -17,7 +17,7 @@ import numpy as np
 from scipy import signal
 
 from arm_io.types import Array
-from identification.preprocessing.filtering import zero_phase
+from identification.preprocessing.filtering import butterworth, zero_phase
 
 OCCUPIED = 0.95  # share of the acceleration's power that counts as the bandwidth of the dynamics
 SPEEDY = 0.9  # share of the speed's power, without that of noise, that lies below the valley
@@ -81,7 +81,7 @@ def _occupied(f: Array, density: Array) -> float:
 
 def _signs(q: Array, dt: float, cut: float) -> Array:
     """Direction of motion (n,) of a joint, 0 near standstill."""
-    low_pass = signal.butter(2, min(2 * cut * dt, 0.98), output="sos")
+    low_pass = butterworth(2, 2 * cut * dt)
     speed = np.gradient(zero_phase(low_pass, q), dt)
     return np.where(np.abs(speed) > STANDING * np.max(np.abs(speed)), np.sign(speed), 0.0)
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import signal
 
 from arm_io.progress import Step
 from arm_io.types import Array, Progress
@@ -17,7 +16,7 @@ from arm_model.friction_split import split_arm
 from arm_model.tables import recorded_temperatures
 from daq.recording import Recording
 from identification.preprocessing import checks
-from identification.preprocessing.filtering import zero_phase
+from identification.preprocessing.filtering import butterworth, zero_phase
 from identification.preprocessing.quality import trusted
 from identification.preprocessing.readiness import Excitation, RunReadiness, readiness_of
 from identification.preprocessing.run_warnings import said_once
@@ -133,7 +132,7 @@ def _setpoints_of(recording: Recording, arm: Arm, motion: Motion, torque: Array)
     t = recording.t - recording.t[0]
 
     def currents() -> tuple[Array, Array]:
-        low_pass = signal.butter(4, min(2 * min(motion.band.parallel, SLOW) * motion.dt, 0.98), output="sos")
+        low_pass = butterworth(4, 2 * min(motion.band.parallel, SLOW) * motion.dt)
         slow = zero_phase(low_pass, motion.qdd)
         smooth, pushed = (np.column_stack([np.interp(t, motion.t, x) for x in y.T]) for y in (motion.torque, slow))
         return torque - smooth, pushed
