@@ -80,7 +80,7 @@ def rig_toml(arm: Arm, *, name: str, model: str, heading: str) -> str:
     rated = max(RATED, *(_two_digits(current / FILL) for current in currents))
     turns = [max(1, int(FILL * rated / current)) for current in currents]
     pose = [[0.0, -1.0, 0.0, 0.35], [1.0, 0.0, 0.0, -BEHIND], [0.0, 0.0, 1.0, 0.25], [0.0, 0.0, 0.0, 1.0]]
-    shift = np.array(arm.tool)[:3, 3] + (0.05, 0.03, 0.06)
+    shift = np.round(np.array(arm.tool)[:3, 3] + (0.05, 0.03, 0.06), 6)
     parts = [
         HEADING.format(heading=heading, name=_text(name), model=_text(model)),
         *(_counter(card, arm) for card in range(-(-len(arm) // CARD))),

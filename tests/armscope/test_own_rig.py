@@ -35,6 +35,12 @@ def test_every_file_fits_every_other(root: Path, tmp_path: Path, model: str, tor
     units = [joint.current.unit for joint in rig.joint if joint.current]
     assert units == [joint.command_unit for joint in arm.joints]
     assert set(units) <= ({"N m", "N"} if torques else {"A"})
+    (target,) = {
+        line
+        for line in (folder / "rig.toml").read_text().splitlines()
+        if line.startswith("target = ") and "#" not in line
+    }
+    assert len(target) < 60, "numbers as a person would write them"
     assert rig.limits.current is not None
     for joint, limit, unit in zip(arm.joints, rig.limits.current, rig.simulation["transducer"]["turns"]):
         assert joint.torque_limit is not None
