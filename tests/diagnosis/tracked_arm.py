@@ -100,25 +100,36 @@ class Puma:
         turn = np.array([[1, -z, y], [z, 1, -x], [-y, x, 1.0]])
         return xyz @ turn.T + wrong.frame[:3]
 
-    def motion(self, t: Array, generator: np.random.Generator) -> Array:
-        """(N, 6) rad: sines at their own frequencies through a good part of every joint's range."""
+    def motion(self, t: Array, generator: np.random.Generator, wrist: float = 1.0) -> Array:
+        """(N, 6) rad: sines at their own frequencies through a good part of every joint's range.
+
+        wrist: share of that by which joints 4 to 6 turn.
+        """
         middle, half = self.limits.mean(axis=1), np.ptp(self.limits, axis=1) / 2
         frequency = 0.08 + 0.04 * np.arange(6) + 0.02 * generator.random(6)
         phase = 2 * np.pi * generator.random(6)
-        share = np.array([0.6, 0.5, 0.5, 0.5, 0.6, 0.4])
+        share = np.array([0.6, 0.5, 0.5, wrist * 0.5, wrist * 0.6, wrist * 0.4])
         shift = 0.2 * half * generator.uniform(-1, 1, 6)
         return middle + shift + share * half * np.sin(2 * np.pi * np.outer(t, frequency) + phase)
 
 
 def record(
-    puma: Puma, folder: Path, name: str, wrong: Wrong, seed: int, *, seconds: float = 12.0, rest: bool = False
+    puma: Puma,
+    folder: Path,
+    name: str,
+    wrong: Wrong,
+    seed: int,
+    *,
+    seconds: float = 12.0,
+    rest: bool = False,
+    wrist: float = 1.0,
 ) -> Recording:
-    """One recording of 250 rows/s, of which the tracker gives every second a point."""
+    """One recording of 250 rows/s, of which the tracker gives every second a point; wrist: as of ``Puma.motion``."""
     generator = np.random.default_rng(seed)
     t = np.arange(0.0, seconds, 0.004)
 
     def link(at: Array) -> Array:
-        return puma.motion(0 * at if rest else at, np.random.default_rng(seed))
+        return puma.motion(0 * at if rest else at, np.random.default_rng(seed), wrist)
 
     q = link(t)
     xyz = puma.seen(link(t - wrong.delay), wrong) + generator.normal(size=(len(t), 3)) * NOISE

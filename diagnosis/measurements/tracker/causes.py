@@ -190,8 +190,7 @@ def _sparse(state: State, model: TrackedPoints) -> State:
     The least significant is removed first, the others, frame and target refitted. An error of theta alone is a joint
     offset.
     """
-    fit, steps = model.points.fit, model.steps
-    least = LIMITS.geometry_gain * 3 * len(fit) * model.level**2
+    steps = model.steps
     for candidate in state.chosen:
         while candidate.effect == LINK_GEOMETRY.name and len(candidate.names) > 1:
             values, covariance = model.precise(state).coefficients(candidate)
@@ -200,10 +199,7 @@ def _sparse(state: State, model: TrackedPoints) -> State:
                 certain[0] = 0.0
             fewer = replace(candidate, names=tuple(np.delete(candidate.names, int(np.argmin(certain))).tolist()))
             without = model.refit([fewer if c is candidate else c for c in state.chosen], state)
-            if (
-                certain.min() > LIMITS.geometry_stds
-                and energy(point_residual(without, fit)) > energy(point_residual(state, fit)) + least
-            ):
+            if certain.min() > LIMITS.geometry_stds and _leaves_more(without, state, model):
                 break
             candidate, state = fewer, without
     # an error of theta moves one link, a zero offset all links that the joint moves
@@ -218,6 +214,20 @@ def _sparse(state: State, model: TrackedPoints) -> State:
         if c.names != ("d_theta",) or abs(state.coefficients(was)[0][0]) >= LIMITS.zero_counts * _step(c, steps)
     ]
     return state if tuple(stays) == state.chosen else model.refit(stays, state)
+
+
+def _leaves_more(without: State, state: State, model: TrackedPoints) -> bool:
+    """Whether a state leaves more of the fitted points by what an error must explain, or of held-out ones as a cause.
+
+    While the joints beyond it stand, an error of a link is taken for another one; a held-out motion of theirs tells.
+    """
+
+    def more(side: Side) -> float:
+        left, less = (energy(point_residual(one, side)) for one in (without, state))
+        return (left - less) / (3 * len(side) * model.level**2)
+
+    fit, held_out = model.points
+    return more(fit) > LIMITS.geometry_gain or more(held_out) > LIMITS.min_gain
 
 
 def _step(candidate: TrackedCandidate, steps: Array) -> float:
