@@ -56,7 +56,7 @@ def check_kind(path: str | Path, entry: str) -> None:
         found = False
     if not found:
         kind = KINDS[entry].removeprefix("a ").removeprefix("an ")
-        raise InputError(path, f"exists already and is no {kind}, which alone would be replaced; use another name")
+        raise InputError(path, f"exists already and is no {kind}, and only that is replaced; use another name")
 
 
 def check_table(where: str | Path, table: Mapping[str, Any], model: type[M]) -> M:

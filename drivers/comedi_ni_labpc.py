@@ -103,7 +103,7 @@ class NiLabPc:
         if plan.source == EdgeSource.POLL:
             raise self._fault("cannot be polled row by row: trigger source must be tracker or timer")
         if plan.rate > most:
-            raise self._fault(f"{plan.rate:g} rows/s asked, {most:.0f} possible with {self.config.inputs} inputs")
+            raise self._fault(f"{plan.rate:g} rows/s requested, {most:.0f} possible with {self.config.inputs} inputs")
         self.disarm()
         command = c.comedi_cmd_struct()
         channels = c.chanlist(self.config.inputs)
@@ -196,7 +196,7 @@ class NiLabPc:
         check_channel(self.name, channel, len(self.output_range))
         low, high = self.output_range[channel]
         if not low <= volts <= high:
-            raise self._fault(f"output {channel}: {volts:g} V asked, {low:g} to {high:g} V possible")
+            raise self._fault(f"output {channel}: {volts:g} V requested, {low:g} to {high:g} V possible")
         full = int(self._comedi.comedi_get_maxdata(self._card, self._output, channel))
         code = round((volts - low) / (high - low) * full)
         if self._comedi.comedi_data_write(self._card, self._output, channel, 0, self._comedi.AREF_GROUND, code) < 0:

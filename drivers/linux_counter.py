@@ -105,7 +105,7 @@ class LinuxCounter:
             raise self._fault("is not open")
         if plan.rate > self._fastest:
             raise self._fault(
-                f"{plan.rate:g} rows/s asked, {self._fastest:.0f} possible, as measured when it was opened"
+                f"{plan.rate:g} rows/s requested, {self._fastest:.0f} possible, as measured when it was opened"
             )
         self._reset = [False] * len(self._files)
         self._reconnect.begin()

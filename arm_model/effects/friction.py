@@ -39,7 +39,7 @@ def with_time(unit: str, typical: tuple[float, float]) -> tuple[Parameter, Param
             "s",
             (0.0, 600.0),
             False,
-            "time after which it stays as it is: that of the longest recording",
+            "time after which it is constant: that of the longest recording",
             term=WITH_TIME,
             lasts=True,
             noun="end of its change",

@@ -112,7 +112,7 @@ class Contents:
         notes = [damage.sentence for damage in self.damages]
         if not self.finished:
             what = (
-                "its ledger is there, its summary is cut off or damaged"
+                "its ledger is complete, its summary is cut off or damaged"
                 if "ledger.json" in self.attachments
                 else "it was cut off"
             )

@@ -80,9 +80,7 @@ def check_replaceable(path: str | Path, *, measured: bool = False) -> None:
         raise InputError(path, "exists already, and no recording of a rig is overwritten; use another name")
     with os.fdopen(open_regular(path), "rb") as file:
         if file.read(len(MAGIC)) != MAGIC:
-            raise InputError(
-                path, "exists already and is no recording, which alone would be replaced; use another name"
-            )
+            raise InputError(path, "exists already and is no recording; only recordings are replaced; use another name")
 
 
 def check_ending(path: str | Path) -> None:

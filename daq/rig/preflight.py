@@ -70,10 +70,12 @@ def _check_memory(name: str, memory: int, plan: Plan) -> list[str]:
         return []
     seconds = memory / plan.rate
     if plan.rows is None:
-        return [f"{name} holds {memory} samples, {seconds:g} s at {plan.rate:g} rows/s: give the run a duration"]
+        return [
+            f"the memory of {name} has {memory} samples, {seconds:g} s at {plan.rate:g} rows/s: give the run a duration"
+        ]
     rate = memory / (plan.rows / plan.rate)
     return [
-        f"{name} holds {memory} samples, the run makes {plan.rows}: "
+        f"the memory of {name} has {memory} samples, the run makes {plan.rows}: "
         f"lower the rate to {np.floor(rate):g} rows/s, or shorten the run to {seconds:g} s"
     ]
 

@@ -60,7 +60,7 @@ class RigLock:
             holder = _read(self._handle)
             os.close(self._handle)
             who = f"process {holder.pid} ({holder.role})" if holder else "another process"
-            raise DeviceFault("rig", f"'{rig}' is in use by {who}; one process a rig")
+            raise DeviceFault("rig", f"'{rig}' is in use by {who}; one process per rig")
         os.ftruncate(self._handle, 0)
         write_at(self._handle, json.dumps({"pid": os.getpid(), "role": role}).encode(), 0)
 

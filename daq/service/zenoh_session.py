@@ -194,4 +194,4 @@ def _tls(rig: Rig, *, listen: bool) -> dict[str, Any]:
 def _reason(error: Exception) -> str:
     """The part of a Zenoh error that a person can use: without source paths."""
     text = str(error).split(" at /")[0]
-    return "another program has it" if "Address already in use" in str(error) else text
+    return "another program uses it" if "Address already in use" in str(error) else text

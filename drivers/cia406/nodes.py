@@ -137,7 +137,7 @@ class EncoderNodes:
     def arm(self, plan: Plan) -> None:
         if plan.rate > self.max_rate:
             most = f"{self.max_rate:.0f} possible with {len(self.config.nodes)} encoders at {self.config.bitrate} bit/s"
-            raise self._fault(f"{plan.rate:g} rows/s asked, {most}")
+            raise self._fault(f"{plan.rate:g} rows/s requested, {most}")
         if not self._bus.is_open:
             raise self._fault("the bus is not open")
         self._restarted.clear()

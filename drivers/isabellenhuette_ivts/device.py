@@ -148,7 +148,9 @@ class IvtSensors:
         if not self._bus.is_open:
             raise self._fault("the bus is not open")
         if plan.rate > 1000.0 / self.config.period:
-            raise self._fault(f"{plan.rate:g} rows/s asked, a result comes every {self.config.period} ms: stale rows")
+            raise self._fault(
+                f"{plan.rate:g} rows/s requested, a result comes every {self.config.period} ms: stale rows"
+            )
         load = len(self.config.sensors) * frame_bits(ivt.RESULT_BYTES) * 1000 / self.config.period / self.config.bitrate
         if load > 0.9:
             raise self._fault(f"its results alone fill {load:.0%} of the bus: a longer period or fewer sensors")

@@ -167,7 +167,9 @@ class LabJackT7:
             raise self._fault(f"cannot be polled row by row: trigger source {plan.source} must be tracker or timer")
         if plan.rate > self.scan.fastest:
             most = f"{self.scan.fastest:.0f} rows/s with {self.scan.slots} slots per scan"
-            raise self._fault(f"{plan.rate:g} rows/s asked, {most} possible: lower the rate or measure fewer channels")
+            raise self._fault(
+                f"{plan.rate:g} rows/s requested, {most} possible: lower the rate or measure fewer channels"
+            )
         self._plan, self._offset, self._resume = plan, 0, False
         self._rows: list[Block] = []
         self._edges: list[Block] = []
@@ -316,7 +318,7 @@ class LabJackT7:
         check_channel(self.name, channel, len(self.output_range))
         low, high = self.output_range[channel]
         if not low <= volts <= high:
-            raise self._fault(f"DAC{channel}: {volts:g} V asked, {low:g} to {high:g} V possible")
+            raise self._fault(f"DAC{channel}: {volts:g} V requested, {low:g} to {high:g} V possible")
         with or_fault(self.name, ADVICE):
             self._link.write_float(t7.DAC + 2 * channel, volts)
 

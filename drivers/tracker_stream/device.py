@@ -123,7 +123,7 @@ class TrackerStream:
         if plan.rows is not None and plan.rows > self.memory:
             seconds = self.memory / plan.rate
             raise self._fault(
-                f"{plan.rows} samples asked, its memory holds {self.memory}: record at most {seconds:g} s, or at a "
+                f"{plan.rows} samples requested, its memory has {self.memory}: record at most {seconds:g} s, or at a "
                 "lower rate"
             )
         if plan.source == EdgeSource.TRACKER and plan.rate != self.rate:

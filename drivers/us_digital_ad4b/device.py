@@ -75,7 +75,7 @@ class Ad4b:
         if not self._port.is_open:
             raise self._fault("is not open")
         if plan.rate > ad4b.RATE:
-            raise self._fault(f"{plan.rate:g} rows/s asked, {ad4b.RATE:.0f} possible at {ad4b.BAUD} baud")
+            raise self._fault(f"{plan.rate:g} rows/s requested, {ad4b.RATE:.0f} possible at {ad4b.BAUD} baud")
         self._was_reset = False
         self._reconnect.begin()
 

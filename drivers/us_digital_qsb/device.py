@@ -113,10 +113,10 @@ class Qsb:
     def arm(self, plan: Plan) -> None:
         if plan.source == EdgeSource.TRACKER and self.config.reading == "ask" and plan.rate > qsb.BAUD / 10 / ASK_BYTES:
             raise self._fault(
-                f"{plan.rate:g} rows/s asked, {qsb.BAUD / 10 / ASK_BYTES:.0f} possible by polling: stream"
+                f"{plan.rate:g} rows/s requested, {qsb.BAUD / 10 / ASK_BYTES:.0f} possible by polling: stream"
             )
         if plan.rate > qsb.STREAM_RATE:
-            raise self._fault(f"{plan.rate:g} rows/s asked, {qsb.STREAM_RATE:.0f} possible at {qsb.BAUD} baud")
+            raise self._fault(f"{plan.rate:g} rows/s requested, {qsb.STREAM_RATE:.0f} possible at {qsb.BAUD} baud")
         self._was_reset = False
         self._reconnect.begin()
         with or_fault(self.name, ADVICE):

@@ -201,7 +201,7 @@ def test_points_that_stay_in_the_tracker_are_merged_after_the_run() -> None:
 
 def test_more_rows_than_the_tracker_holds_are_refused_with_what_would_be_right() -> None:
     rig = make_rig(more=[{"name": "tracker", "kind": "memory_tracker"}], tracker={"device": "tracker"})
-    with pytest.raises(InputError, match="holds 1000 samples, the run makes 4000: lower the rate to 250 rows/s"):
+    with pytest.raises(InputError, match="has 1000 samples, the run makes 4000: lower the rate to 250 rows/s"):
         run(rig, seconds=4.0)
 
 

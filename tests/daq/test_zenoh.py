@@ -253,7 +253,7 @@ def test_nobody_there_is_an_error() -> None:
 
 
 def test_second_server_is_refused(server: zenoh.Session, server_rig: Rig) -> None:
-    with pytest.raises(DeviceFault, match="cannot listen on .*: another program has it"):
+    with pytest.raises(DeviceFault, match="cannot listen on .*: another program uses it"):
         open_session(server_rig, listen=True)
 
 

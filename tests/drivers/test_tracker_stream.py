@@ -114,7 +114,7 @@ def test_ceilings_are_checked_before_arming(rig) -> None:
     device.open()
     for asked, what in (
         (Plan(ON_EDGES, 1500.0, 100), "at most 1000"),
-        (Plan(ON_EDGES, 500.0, 401), "memory holds 400: record at most 0.8 s"),
+        (Plan(ON_EDGES, 500.0, 401), "memory has 400: record at most 0.8 s"),
         (Plan(ON_EDGES, 400.0, 100), "set to 500 Hz"),
     ):
         with pytest.raises(DeviceFault, match=what):

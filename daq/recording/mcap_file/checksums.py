@@ -180,7 +180,7 @@ def _compare(data: memoryview, entries: np.ndarray, stop: int) -> Iterator[Damag
             released = now
             report("verifying checksums", place, stop)
     if place != stop:
-        yield DamagedRecord("what stands before the list of checksums", 0, min(place, stop), max(place, stop))
+        yield DamagedRecord("the records before the list of checksums", 0, min(place, stop), max(place, stop))
 
 
 def _check_summary(data: memoryview, start: int) -> Iterator[DamagedRecord]:

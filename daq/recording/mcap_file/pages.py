@@ -23,7 +23,7 @@ def mapped(path: Path) -> memoryview:
         if os.path.isfile(os.path.join(path, "metadata.yaml")):
             raise InputError(path, "is a ROS 2 bag; 'armscope import' makes a recording of it") from None
         active = f"{path}{ACTIVE}"
-        hint = f"; {active} is there: it was not finished, and can be read as it is" if os.path.isfile(active) else ""
+        hint = f"; {active} is unfinished and can be read" if os.path.isfile(active) else ""
         raise InputError(path, error.what + hint) from None
     try:
         with os.fdopen(handle, "rb") as file:

@@ -249,7 +249,7 @@ class McapFile:
 def create(path: str | Path, *, live: bool = False, replace: bool = False) -> McapFile:
     """Opens ``path`` for writing under another name.
 
-    InputError where it exists (unless ``replace``), or cannot be made; DeviceFault where the host's clock stands before
+    InputError where it exists (unless ``replace``), or cannot be made; DeviceFault where the host's clock is before
     1970.
 
     live  True: the other name is ``path.active``, because what is in it is found nowhere else; never replaces one. A
@@ -284,7 +284,7 @@ def _check_clock() -> None:
     """
     now = time.time_ns()
     if not 0 <= now < 2**31 * 10**9:
-        raise DeviceFault("clock", f"the host's clock stands {now / 1e9:.0f} s after 1970, beyond 1970 to 2038; set it")
+        raise DeviceFault("clock", f"the host's clock is {now / 1e9:.0f} s after 1970, beyond 1970 to 2038; set it")
 
 
 def being_written(path: str | Path) -> bool:

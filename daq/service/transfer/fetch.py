@@ -54,7 +54,7 @@ def fetch(
         os.link(part, out)  # unlike a rename it does not replace a file that has come meanwhile
         os.unlink(part)
     except FileExistsError:
-        raise InputError(out, f"has come meanwhile; what was fetched is in {part}") from None
+        raise InputError(out, f"was made meanwhile; the fetched part is in {part}") from None
     except OSError as error:
         raise DeviceFault("disk", f"{error.strerror} while writing {part}") from None
     except DeviceFault as fault:
@@ -95,7 +95,7 @@ def _verify(handle: int, size: int, sha256: str, part: Path) -> None:
         offset += len(block)
     if offset != size or digest.hexdigest() != sha256:
         part.unlink()
-        raise DeviceFault("daemon", "what came has another checksum than the recording; fetch it again")
+        raise DeviceFault("daemon", "the received data has another checksum than the recording; fetch it again")
 
 
 def _kept(part: Path) -> str:
