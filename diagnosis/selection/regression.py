@@ -133,13 +133,13 @@ def residual_with(pair: Pair, c: Array, fitted: Fitted, held_out: Dataset) -> Ar
 
 def best_of_each(
     candidates: Iterable[Candidate],
-    at_own_joint: Callable[[Candidate], Columns],
+    shown: Callable[[Candidate], Columns],
     fitted: Fitted,
     excluded: Set[EffectKey],
 ) -> list[Candidate]:
-    """For every effect at every joint that is not excluded, the candidate that fits its own joint best.
+    """For every effect at every joint that is not excluded, the candidate that fits best.
 
-    Conditional on those fitted. at_own_joint: the candidate's columns in the fit set there (``at_joint``).
+    Conditional on those fitted. shown: the candidate's columns in the fit set, at the rows in which it is judged.
     """
     of_key: dict[EffectKey, list[Candidate]] = {}
     for candidate in candidates:
@@ -147,7 +147,7 @@ def best_of_each(
             of_key.setdefault(candidate.key, []).append(candidate)
 
     def gain(candidate: Candidate) -> float:
-        return fit_gain(at_own_joint(candidate), fitted)[0]
+        return fit_gain(shown(candidate), fitted)[0]
 
     return [
         max(alternatives, key=gain) if len(alternatives) > 1 else alternatives[0] for alternatives in of_key.values()

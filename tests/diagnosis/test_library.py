@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
+from arm_io.types import Array
 from arm_model import Arm, EffectTerm, read_model
 from diagnosis.measurements.currents.columns import candidates, columns, own_columns
 from diagnosis.measurements.currents.design_matrix import Library, columns_of, dataset_of
@@ -17,7 +18,7 @@ from diagnosis.residual.filters import COMPARE_BAND, kept_rows, low_pass, rate_a
 from diagnosis.residual.generation import residual_run
 from diagnosis.residual.other_effects import residual_with
 from diagnosis.residual.run import Run
-from diagnosis.selection.regression import at_joint
+from diagnosis.selection.regression import at_joint, best_of_each, fit_together
 from identification.selection import Split
 
 RATE = 200.0
@@ -34,6 +35,10 @@ def _run(arm: Arm, seed: int) -> Run:
     t = np.arange(0.0, 12.0, 1.0 / RATE)
     q = np.sin(np.outer(t, random.uniform(0.5, 2.0, len(arm)))) * random.uniform(0.1, 0.5, len(arm))
     return residual_run(f"{seed}", arm, t, q, random.normal(size=q.shape))
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))
 
 
 def test_columns_at_the_own_joint_are_those_of_all_joints(run: Run) -> None:
@@ -56,6 +61,23 @@ def test_a_library_has_the_columns_of_every_candidate(run: Run) -> None:
         before = library.in_held_out(c)
         assert np.array_equal(before.x, library[c].held_out.x)
         assert np.array_equal(library[c].fit.x, columns_of(c, data.fit).x)
+
+
+@pytest.mark.parametrize("stiffness", [3160.0, 10000.0])
+def test_a_spring_is_chosen_by_all_joints_where_sampling_hides_its_own(run: Run, stiffness: float) -> None:
+    springs = [c for c in candidates(run.arm) if c.key == ("joint_compliance", 2)]
+    hidden = next(c for c in springs if abs(dict(c.shape)["stiffness"] / stiffness - 1.0) < 0.01)
+    shown = columns(hidden, run)[..., 0]
+    scale, jerk = 10.0 / _rms(shown[:, 1]), np.gradient(run.a[:, 1])
+    # what servos do at setpoints, beyond what is known to fold: twice the spring, at its own joint
+    shown[:, 1] += 2.0 * _rms(shown[:, 1]) / _rms(jerk) * jerk
+    folded = np.zeros_like(run.a)
+    folded[:, 1] = 2.0 * run.deviation[:, 1] * run.a[:, 1] / np.std(run.a[:, 1])
+    noise = np.random.default_rng(3).normal(size=shown.shape)
+    data = dataset_of([replace(run, current=run.expected + run.deviation * (noise + scale * shown), folded=folded)])
+    library, alone = Library(springs, Split(data, data)), fit_together(Split(data, data), [])
+    assert best_of_each(springs, library.at_own_joint, alone, set()) != [hidden]
+    assert best_of_each(springs, library.where_shown, alone, set()) == [hidden]
 
 
 def test_a_model_is_evaluated_the_same_whatever_was_evaluated_before(run: Run) -> None:

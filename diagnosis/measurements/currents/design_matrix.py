@@ -111,13 +111,16 @@ class Library(Mapping[Candidate, Pair]):
     """Candidates in their order, and their columns in both sets of ``data``, each computed when it is first asked for.
 
     Most candidates are places of a search grid (half of all are springs), of which only the best is ever asked for more
-    than what it explains of the fitted recordings at its own joint: a tenth of the work and of the memory.
+    than what it explains of the fitted recordings at its own joint: a tenth of the work and of the memory. Where
+    sampling hides most of what a joint shows, as at few rows per setpoint, other joints show a deflection of its link.
     """
 
     def __init__(self, candidates: Iterable[Candidate], data: Split[Dataset]) -> None:
         self._data = data
         self._known: dict[Candidate, Pair | None] = dict.fromkeys(candidates)
-        self._own: dict[Candidate, Columns] = {}
+        self._shown: dict[Candidate, Columns] = {}
+        hidden = (run.folded.any(axis=0) for run in data.fit.runs)
+        self._hidden = {joint for one in hidden for joint in (np.flatnonzero(one) + 1).tolist()}
 
     def __iter__(self) -> Iterator[Candidate]:
         return iter(self._known)
@@ -137,20 +140,30 @@ class Library(Mapping[Candidate, Pair]):
 
     def at_own_joint(self, candidate: Candidate) -> Columns:
         """Columns of the fitted recordings at the candidate's joint; at all, for an effect of the whole arm."""
-        if candidate not in self._own:
-            self._own[candidate] = columns_at_joint(candidate, self._data.fit)
-        return self._own[candidate]
+        if candidate.joint in self._hidden:
+            return at_joint(self.where_shown(candidate), candidate.joint, self._data.fit)
+        return self.where_shown(candidate)
 
-    def compute_at_own_joints(self) -> None:
-        """``at_own_joint`` of every point of a search grid, on all cores."""
+    def where_shown(self, candidate: Candidate) -> Columns:
+        """``at_own_joint``, or of all joints where sampling hides what the candidate's own shows."""
+        if candidate not in self._shown:
+            self._shown[candidate] = self._columns(candidate)
+        return self._shown[candidate]
+
+    def _columns(self, candidate: Candidate) -> Columns:
+        of_rows = columns_of if candidate.joint in self._hidden else columns_at_joint
+        return of_rows(candidate, self._data.fit)
+
+    def compute_grids(self) -> None:
+        """``where_shown`` of every point of a search grid, on all cores."""
         of_key: dict[EffectKey, list[Candidate]] = {}
         for candidate in self._known:
             of_key.setdefault(candidate.key, []).append(candidate)
-        new = ([c for c in shapes if c not in self._own] for shapes in of_key.values() if len(shapes) > 1)
+        new = ([c for c in shapes if c not in self._shown] for shapes in of_key.values() if len(shapes) > 1)
         grids = [grid for grid in new if grid]
-        of_grids = in_parallel(lambda grid: [columns_at_joint(c, self._data.fit) for c in grid], grids)
+        of_grids = in_parallel(lambda grid: [self._columns(c) for c in grid], grids)
         for grid, of_grid in zip(grids, of_grids):
-            self._own |= zip(grid, of_grid)
+            self._shown |= zip(grid, of_grid)
 
     def compute(self, candidates: Iterable[Candidate]) -> None:
         """Columns of several candidates at all rows, on all cores."""

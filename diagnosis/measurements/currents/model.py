@@ -69,8 +69,8 @@ class Currents(MeasurementModel[Candidate, State]):
     def scores(self, state: State) -> list[Score[Candidate]]:
         """Every effect at every joint, at the nonlinear parameters that fit best; the largest gain first."""
         self._add_ripples(state.fitted.fit)
-        self.library.compute_at_own_joints()
-        best = best_of_each(self.library, self.library.at_own_joint, state.fitted, self.taken(state))
+        self.library.compute_grids()
+        best = best_of_each(self.library, self.library.where_shown, state.fitted, self.taken(state))
         self.library.compute(best)
         scores = [score(c, self.library[c], state.fitted, state.data.held_out) for c in best]
         scores += [
