@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 from scipy import optimize
 
@@ -13,6 +15,9 @@ from diagnosis.measurements.currents.state import State, terms
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Dataset
 from diagnosis.selection.regression import Fitted, fit_gain
+
+FINE, COARSE = 1.5, 3.0
+"""Factors to both sides of a value of a search grid, between whose values the first reaches, or does not."""
 
 
 def refined(candidate: Candidate, fitted: Fitted, fit: Dataset) -> Candidate:
@@ -27,7 +32,7 @@ def refined(candidate: Candidate, fitted: Fitted, fit: Dataset) -> Candidate:
             # by shape alone: what a coefficient of 1 gains, for a gain that is quadratic in the coefficient
             return -gain * (1.0 - (1.0 / c[0] - 1.0) ** 2) if now.unit_amplitude and c[0] else -gain
 
-        reach = 1.5 if candidate.definition.spring is not None else 3.0  # their grids are finer
+        reach = _reach(candidate, name)
         optimum = optimize.minimize_scalar(
             worse,
             bounds=(np.log(value / reach), np.log(value * reach)),
@@ -36,6 +41,16 @@ def refined(candidate: Candidate, fitted: Fitted, fit: Dataset) -> Candidate:
         )
         candidate = candidate.at(name, float(np.exp(optimum.x)))
     return candidate
+
+
+def _reach(candidate: Candidate, name: str) -> float:
+    """Factor to both sides of a grid value in which an optimum is looked for, less on the fine grids of springs.
+
+    Their damping has two values only: a small arm's is far below both.
+    """
+    (grid,) = (p.search for p in candidate.definition.parameters if p.name == name)
+    fine = all(b / a <= FINE**2 for a, b in itertools.pairwise(grid))
+    return FINE if fine and candidate.definition.spring is not None else COARSE
 
 
 def gauss_newton_refined(state: State) -> State:

@@ -1,0 +1,40 @@
+"""Nonlinear parameters between and beyond the values of a search grid."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from arm_model import read_model
+from diagnosis.measurements.currents.columns import columns
+from diagnosis.measurements.currents.design_matrix import dataset_of
+from diagnosis.measurements.currents.refinement import refined
+from diagnosis.residual.generation import residual_run
+from diagnosis.residual.run import Run
+from diagnosis.selection.candidate import Candidate
+from diagnosis.selection.regression import fit_together
+from identification.selection import Split
+
+
+@pytest.fixture(scope="module")
+def run(root: Path) -> Run:
+    """The Puma, shaken at up to 8 Hz."""
+    t = np.arange(0.0, 8.0, 0.005)
+    sweep = np.sin(2 * np.pi * (0.5 + 0.45 * t) * t)
+    q = np.outer(sweep, [0.02, 0.03, 0.04, 0.05, 0.06, 0.07])
+    return residual_run("a", read_model(root / "config/models/puma560.toml"), t, q, np.zeros_like(q))
+
+
+@pytest.mark.parametrize(("stiffness", "damping"), [(4000.0, 2.5), (3000.0, 6.0), (3000.0, 15.0), (6000.0, 60.0)])
+def test_the_damping_of_a_spring_is_found_far_from_its_grid(run: Run, stiffness: float, damping: float) -> None:
+    def spring(k: float, d: float) -> Candidate:
+        return Candidate("joint_compliance", 2, (("stiffness", k), ("damping", d)))
+
+    data = dataset_of([replace(run, current=run.expected + columns(spring(stiffness, damping), run)[..., 0])])
+    nearest = spring(1.1 * stiffness, 20.0 if damping < 40.0 else 80.0)
+    found = dict(refined(nearest, fit_together(Split(data, data), []), data).shape)
+    assert found["stiffness"] == pytest.approx(stiffness, rel=0.03)
+    assert found["damping"] == pytest.approx(damping, rel=0.1)
