@@ -119,6 +119,13 @@ def test_a_group_is_never_told_as_one_lucky_member() -> None:
     assert sentence(cast(Diagnosis, result)) == expected
 
 
+def test_the_verdict_says_of_which_names_it_is_not_sure() -> None:
+    sure = group_of(("backlash", 3), felt_at=3)
+    doubted = replace(group_of(("joint_compliance", 2), felt_at=2), confidence=0.641)
+    said = sentence(cast(Diagnosis, Verdict("explained", [doubted, sure])))
+    assert said.startswith("Explained: joint compliance of joint 2 (confidence 64%), backlash of joint 3.")
+
+
 def test_a_short_recording_says_how_much_more_is_needed() -> None:
     short = Shortage(("payload", None), (1, 2), 2.0)
     said = sentence(cast(Diagnosis, Verdict("consistent", [], shortage=short)))
