@@ -62,7 +62,7 @@ export class RecordingsView {
       el("p", { class: "note" }, [`${count(recording.rows)} rows`, seconds(recording.duration), recording.experiment && `experiment ${recording.experiment}`, recording.rig && `rig ${recording.rig}`, recording.made].filter(Boolean).join(", ")),
       el("ul", { class: "lines" }, lost,
         ledger.losses.map((loss) => el("li", { class: "wrong" }, `${count(loss.rows)} from trigger ${count(loss.first)} on: ${loss.sentence}${loss.detail ? ` (${loss.detail})` : ""}`)),
-        ending ? el("li", { class: ending.fault ? "wrong" : "" }, `ended because ${ending.sentence}`) : null,
+        ending ? el("li", { class: ending.fault ? "wrong" : "" }, `end of the run: ${ending.sentence}`) : null,
         recording.notes.map((note) => el("li", { class: "warn" }, note)),
         recording.clocks.map((clock) => el("li", { class: "quiet" }, `clock of ${clock.device}: ${number(clock.tick_rate / 1e6, 6)} MHz, readings ±${number(clock.residual_us, 1)} µs, fit ±${number(clock.std_us, 2)} µs`))),
       charts,

@@ -30,7 +30,7 @@ export class RowsPanel {
     const lines = [];
     for (const loss of (run ? run.losses : last?.ledger.losses) ?? [])
       lines.push(el("li", { class: "wrong" }, `lost ${count(loss.rows)} from trigger ${count(loss.first)}: ${loss.sentence}${loss.detail ? ` (${loss.detail})` : ""}`));
-    if (!run && last) lines.push(el("li", { class: last.ending.fault ? "wrong" : "" }, `ended because ${last.ending.sentence}`));
+    if (!run && last) lines.push(el("li", { class: last.ending.fault ? "wrong" : "" }, `end of the run: ${last.ending.sentence}`));
     for (const note of (!run && last?.notes) || []) lines.push(el("li", { class: "warn" }, note));
     const clock = telemetry.clock;
     if (clock) lines.push(el("li", { class: "quiet" }, `clock of ${clock.device}: ${number(clock.tick_rate / 1e6, 6)} MHz, readings ±${number(clock.residual_us, 1)} µs, fit ±${number(clock.std_us, 2)} µs`));

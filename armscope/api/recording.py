@@ -236,7 +236,7 @@ def text_of(result: Table) -> str:
     for loss in ledger["losses"]:
         detail = f" ({loss['detail']})" if loss["detail"] else ""
         lines.append(f"  lost: {loss['rows']} from trigger {loss['first']} on: {loss['sentence']}{detail}")
-    lines.append(f"  ended because {ending['sentence']}")
+    lines.append(f"  end of the run: {ending['sentence']}")
     if result.get("fetched"):
         lines.append(f"  copied to {result['fetched']}")
     elif "fetched" in result:

@@ -129,7 +129,7 @@ def test_one_that_is_stopped_ends_at_once_and_a_second_is_refused_meanwhile(page
     page.click("#details button >> text=Diagnose")
     page.wait_for_selector("#details li[data-job=working]")
     page.click("#details button >> text=Identify")
-    page.wait_for_selector("#alert >> text=another analysis is under way")
+    page.wait_for_selector("#alert >> text=another analysis is running")
     page.click("#details >> text=stop it")
     page.wait_for_selector("#details li[data-job=stopped] >> text=stopped by command")
     sync_api.expect(page.locator("#details li[data-job=working]")).to_have_count(0, timeout=SECONDS)

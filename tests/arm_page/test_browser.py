@@ -90,7 +90,7 @@ def test_a_run_is_previewed_armed_started_recorded_and_opened(page: Any, room: R
     page.click("text=Start")
     state(page, "running")
     state(page, "idle")
-    page.wait_for_function("document.querySelector('#rows').innerText.includes('ended because the motion has ended')")
+    page.wait_for_function("document.querySelector('#rows').innerText.includes('end of the run: the motion has ended')")
     (made,) = set((room.folder / "recordings").glob("*.mcap")) - before
     recording = open_recording(made)
     assert len(recording) >= 1200 and recording.ledger.lost == 0
@@ -192,12 +192,12 @@ def test_slow_frames_get_fewer_pixels_and_a_still_picture_all(page: Any) -> None
 
 def test_what_the_guard_would_refuse_cannot_be_armed(page: Any, room: Room) -> None:
     preview(page, "too_far")
-    assert "joint 1 goes to 2.9" in page.inner_text("#run .wrong")
+    assert "joint 1 reaches 2.9" in page.inner_text("#run .wrong")
     assert page.is_disabled("text=Arm")
     page.keyboard.press("a")
     _, shown = room.ask("/api/preview/too_far.toml")
     status, answer = room.ask("/api/command/arm", {"experiment": "too_far.toml", "sha256": shown["sha256"]})
-    assert status == 409 and "joint 1 goes to 2.9" in answer["what"]
+    assert status == 409 and "joint 1 reaches 2.9" in answer["what"]
 
 
 @pytest.mark.slow
@@ -236,7 +236,7 @@ def test_losses_are_shown_as_they_happen_and_a_lost_device_is_named(browser: Any
         page.wait_for_selector("#rows .wrong >> text=lost 5 from trigger 300")
         (failing.folder / "plug").touch()
         state(page, "idle")
-        page.wait_for_selector("#rows .wrong >> text=ended because")
+        page.wait_for_selector("#rows .wrong >> text=end of the run")
         assert page.wait_for_selector("[data-device=counter1] .wrong").inner_text() == "fault"
         page.click("#devices button")
         page.wait_for_selector("[data-device=counter2] .good")

@@ -92,7 +92,7 @@ def test_stop_ends_an_embedded_recording_with_its_rows(lab: Lab, command: Callab
         assert recorder.poll() is None
     status, out, err = command("stop")
     assert (status, err) == (0, "")
-    assert "ended because stopped by command" in out
+    assert "end of the run: stopped by command" in out
     assert finished(recorder)["rows"] == len(open_recording(lab.folder / "run.mcap"))
 
 

@@ -66,7 +66,7 @@ def test_outputs_are_known_by_name_and_kind() -> None:
     [
         (
             {"position": [[-1, 1], [-0.4, 0.4]]},
-            "joint 2 goes to 0.5 rad; its limits in the rig file are -0.4 to 0.4 rad",
+            "joint 2 reaches 0.5 rad; its limits in the rig file are -0.4 to 0.4 rad",
         ),
         ({"speed": [3.0, 1.9]}, "joint 2 moves at up to 2 rad/s; its limit is 1.9 rad/s"),
     ],

@@ -75,7 +75,7 @@ def test_a_table_in_our_words_that_seems_to_be_in_degrees_is_noted(
         (tmp_path / "log.csv").write_text(f"t,q1,q2,i1,i2\n{rows}\n")
         (tmp_path / "run.mcap").unlink(missing_ok=True)
         assert run(["import", str(tmp_path / "log.csv"), "--out", str(tmp_path / "run.mcap"), *options]) == 0
-        assert ("joint 2 goes to 90 rad, more than two turns" in capsys.readouterr().err) == noted
+        assert ("joint 2 reaches 90 rad, more than two turns" in capsys.readouterr().err) == noted
 
 
 @pytest.mark.parametrize(

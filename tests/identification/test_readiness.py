@@ -90,7 +90,7 @@ def test_degrees_read_as_radians_are_asked_about(path: Path, arm: Arm) -> None:
     free = replace(arm, joints=tuple(replace(joint, limits=None) for joint in arm.joints))
     recording = open_recording(path)
     said = check_runs([replace(recording, q=np.degrees(recording.q))], free).warnings
-    assert any("joint 1 goes to" in line and line.endswith("are its angles in degrees?") for line in said)
+    assert any("joint 1 reaches" in line and line.endswith("are its angles in degrees?") for line in said)
     assert not any("degrees" in line for line in check_runs([recording], free).warnings)
 
 
