@@ -131,6 +131,8 @@ def _above_medians(several: Pairs, white: Sequence[Array]) -> Array:
 def _medians(parts: Iterator[Array]) -> Array:
     """(n,) root of the median of the blocks' mean squares (blocks, n); 0 where there are too few."""
     blocks = np.concatenate(list(parts))
+    if not len(blocks):
+        return np.zeros(blocks.shape[1])
     enough = np.sum(np.isfinite(blocks), axis=0) >= LEAST_BLOCKS
     known = np.where(enough, blocks, 0.0)
     return np.asarray(np.sqrt(np.nanmedian(known, axis=0)))

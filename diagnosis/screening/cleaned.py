@@ -33,6 +33,9 @@ from diagnosis.screening.standstill import Oscillation, oscillations
 
 OWN_LIMIT = 0.02
 """Relative difference below which an observed limit is the model's own."""
+FEW_ROWS = 3.0
+"""Rows per setpoint below which what servos do at setpoints is sampled into the band of comparison not along the
+acceleration alone: of the SCARA with two rows each, it is above noise of 0.5 %."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -114,10 +117,11 @@ def with_rows_put_back(screened: Screened, losses: Sequence[DroppedTriggers], ev
 
 
 def beside_loops(screened: Screened, arm: Arm) -> Screened:
-    """The same with the closed loops of an arm beside recordings of which instruments leave less than rows resolve.
+    """The same with the closed loops of an arm beside recordings whose noise is not all that their rows show.
 
-    The same object where there are none. Instruments are those of all recordings: the shortest with a loop like it
-    tells, and only where it has no noise are the others simulated.
+    Instruments leave less than rows resolve, or rows are fewer than ``FEW_ROWS`` per setpoint. The same object where
+    neither is. Instruments are those of all recordings: the shortest with a loop like it tells, and only where it needs
+    one are the others simulated.
     """
     recordings, samples = screened.recordings, screened.samples
     loops: dict[int, SimulatedLoop | None] = {}
@@ -128,8 +132,9 @@ def beside_loops(screened: Screened, arm: Arm) -> Screened:
     else:
         return screened
     (t, q, i), own = samples[k], screened.known_noise[k]
-    steps = encoder_steps(q) if own.steps is None else own.steps
-    if not without_noise(q, i, current_inertia(arm, q), rate_of(t), replace(own, steps=steps, loop=loop)):
+    steps, rate = encoder_steps(q) if own.steps is None else own.steps, rate_of(t)
+    few = own.setpoints.within and rate * own.setpoints.period < FEW_ROWS
+    if not (few or without_noise(q, i, current_inertia(arm, q), rate, replace(own, steps=steps, loop=loop))):
         return screened
     others = [k for k in range(len(recordings)) if k not in loops]
     loops |= zip(others, in_parallel(lambda k: simulated_loop(arm, recordings[k], samples[k]), others))

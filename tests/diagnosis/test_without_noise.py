@@ -45,6 +45,24 @@ def test_ten_rows_per_setpoint_show_nothing_that_is_not_there(root: Path, tmp_pa
     assert result.verdict == "consistent" and not result.causes
 
 
+@pytest.mark.filterwarnings("error")  # a median of no blocks, below 80 rows/s
+@pytest.mark.parametrize(("rate", "seed"), [(100.0, 1), (100.0, 2), (62.5, 2)])
+def test_few_rows_per_setpoint_show_nothing_beside_noise_either(
+    root: Path, tmp_path: Path, rate: float, seed: int
+) -> None:
+    """Setpoints of the SCARA come at 50 Hz; noise of 0.5 % is less than what sampling folds."""
+    scara, random = armscope.read_model(root / "config/models/scara_driven.toml"), np.random.default_rng(seed)
+    recordings = []
+    for name in FILES:
+        motion = armscope.read_experiment(root / f"config/experiments/arms/scara_{name}.toml")
+        shown = armscope.simulate(scara, motion, rate=rate)
+        noise = 0.005 * np.sqrt(np.mean(shown.i**2, axis=0)) * random.standard_normal(shown.i.shape)
+        noisy = replace(shown, readings=replace(shown.readings, current=shown.i + noise))
+        recordings.append(noisy.write(tmp_path / f"{name}.mcap"))
+    result = armscope.diagnose(recordings[0], scara, held_out=recordings[1])
+    assert result.verdict == "consistent" and not result.causes
+
+
 CHANGED = {
     "viscous_friction": ({"viscous": (1.2e-3, 1.2e-3)}, "viscous", 0.2e-3 * 100.0**2),
     "torque_constant": ({"torque_constant": 0.097}, "error", 1 / 0.97 - 1),
