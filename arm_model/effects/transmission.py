@@ -117,7 +117,8 @@ JOINT_COMPLIANCE = Effect(
             (0.0, 500.0),
             False,
             "damping of the transmission",
-            search=(20.0, 80.0),
+            # a spring of a small arm, damped by 20, does not ring
+            search=(5.0, 20.0, 80.0),
             noun="joint damping",
         ),
     ),

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from arm_model import read_model
-from diagnosis.measurements.currents.columns import columns
-from diagnosis.measurements.currents.design_matrix import dataset_of
+from diagnosis.measurements.currents.columns import candidates, columns
+from diagnosis.measurements.currents.design_matrix import columns_at_joint, dataset_of
 from diagnosis.measurements.currents.refinement import refined
 from diagnosis.residual.generation import residual_run
 from diagnosis.residual.run import Run
 from diagnosis.selection.candidate import Candidate
-from diagnosis.selection.regression import fit_together
+from diagnosis.selection.regression import best_of_each, fit_together
 from identification.selection import Split
 
 
@@ -38,3 +38,15 @@ def test_the_damping_of_a_spring_is_found_far_from_its_grid(run: Run, stiffness:
     found = dict(refined(nearest, fit_together(Split(data, data), []), data).shape)
     assert found["stiffness"] == pytest.approx(stiffness, rel=0.03)
     assert found["damping"] == pytest.approx(damping, rel=0.1)
+
+
+@pytest.mark.parametrize(("joint", "stiffness", "damping"), [(2, 1200.0, 1.0), (2, 6000.0, 5.0), (3, 3000.0, 2.0)])
+def test_the_grid_leads_to_a_spring_that_rings(run: Run, joint: int, stiffness: float, damping: float) -> None:
+    """Of a spring that rings in the motion's band, another spring with ten times its damping shows next to nothing."""
+    hidden = Candidate("joint_compliance", joint, (("stiffness", stiffness), ("damping", damping)))
+    data = dataset_of([replace(run, current=run.expected + columns(hidden, run)[..., 0])])
+    alone, grid = fit_together(Split(data, data), []), [c for c in candidates(run.arm) if c.key == hidden.key]
+    (best,) = best_of_each(grid, lambda c: columns_at_joint(c, data), alone, set())
+    found = dict(refined(best, alone, data).shape)
+    assert found["stiffness"] == pytest.approx(stiffness, rel=0.02)
+    assert found["damping"] == pytest.approx(damping, rel=0.05)
