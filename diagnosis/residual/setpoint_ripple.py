@@ -38,7 +38,7 @@ def folded_onto(
     rate = rate_of(t)
     if unbounded(setpoints, rate):
         return a / constant
-    torque = folded_along(t, q, i * constant, setpoints, demands)
+    torque = folded_along(t, q, i * constant, setpoints, demands, band=COMPARE_BAND)
     if torque is None:
         return np.zeros_like(a)
     folded = torque[kept] / constant
@@ -56,7 +56,7 @@ def ripple_beside(
     (t, q, i), constant = samples, arm.joint_array("drive_constant")
     rate = rate_of(t)
     columns = np.zeros((len(t[kept]), len(arm), DIRECTIONS))
-    for k, (hz, torque) in enumerate(lines_beside_zero(t, q, i * constant, setpoints, demands)):
+    for k, (hz, torque) in enumerate(lines_beside_zero(t, q, i * constant, setpoints, demands, band=COMPARE_BAND)):
         angle = 2 * np.pi * hz * (t - t[0])[:, None]
         for part, wave in enumerate((np.cos(angle), np.sin(angle))):
             one = low_pass(wave * torque / constant, COMPARE_BAND, rate)[kept]

@@ -43,50 +43,67 @@ def drifting(folded: Array, t: Array) -> Array:
 
 
 def folded_torque(
-    motion: Motion, t: Array, torque: Array, setpoints: Setpoints, demands: Array | None = None
+    motion: Motion,
+    t: Array,
+    torque: Array,
+    setpoints: Setpoints,
+    demands: Array | None = None,
+    *,
+    band: float | None = None,
 ) -> Array | None:
     """(m, J) N m (N) on the motion's grid: one std of c q'' above, of torques (n, J) at t (n,) s from its start.
 
-    demands: as of ``_pushing``. None where nothing folds, or nothing bounds what does (``unbounded``). Two std bound c
-    at any phase.
+    demands, band: as of ``_pushing``. None where nothing folds, or nothing bounds what does (``unbounded``). Two std
+    bound c at any phase.
     """
     rate = 1 / motion.dt
     line = folding_line(setpoints, rate)
     if line == 0 or not len(_bounding(line, setpoints, rate)):
         return None
-    pushing = _pushing([line], motion, t, torque, setpoints, demands)
+    pushing = _pushing([line], motion, t, torque, setpoints, demands, band)
     return np.asarray(pushing * _bounds([line], motion, pushing, t, torque, setpoints))
 
 
-def folded_along(t: Array, q: Array, torque: Array, setpoints: Setpoints, demands: Array | None = None) -> Array | None:
+def folded_along(
+    t: Array, q: Array, torque: Array, setpoints: Setpoints, demands: Array | None = None, *, band: float | None = None
+) -> Array | None:
     """(n, J) N m (N): ``folded_torque`` of recorded angles q (n, J) rad (m) and torques (n, J), at their times (n,) s.
 
-    InputError as of ``smooth_motion``.
+    band: as of ``_pushing``. InputError as of ``smooth_motion``.
     """
     rate = (len(t) - 1) / float(t[-1] - t[0])
     if folding_line(setpoints, rate) == 0 or unbounded(setpoints, rate):
         return None
     motion = smooth_motion(t, q, torque)
-    folded = folded_torque(motion, t - t[0], torque, setpoints, demands)
+    folded = folded_torque(motion, t - t[0], torque, setpoints, demands, band=band)
     return None if folded is None else _at(t, motion, folded)
 
 
 def _pushing(
-    lines: list[int], motion: Motion, t: Array, torque: Array, setpoints: Setpoints, demands: Array | None
+    lines: list[int],
+    motion: Motion,
+    t: Array,
+    torque: Array,
+    setpoints: Setpoints,
+    demands: Array | None,
+    band: float | None = None,
 ) -> Array:
     """(m, J) rad/s2 (m/s2): the acceleration that causes the transients, without the transients themselves.
 
     The motion is later than setpoints by the delay of its servo, and an inertia of 2 % that is 20 ms ahead of the
     motion looks like a time skew of 0.4 ms. So it is that of the ``demands`` (n, J) rad (m) at t (n,) s of a joint that
     follows them, and elsewhere that of the motion, as far ahead as the lines that are seen follow it best.
+
+    band: Hz up to which demands are followed, that of the residual that this is held against; None: the motion's own.
     """
     moved = _slow(motion.qdd, motion, setpoints.period)
-    asked = np.zeros_like(moved)
+    bends = np.zeros_like(moved)
     if demands is not None and demands.shape[1:] == moved.shape[1:] and np.isfinite(demands).all():
         on_grid = np.column_stack([np.interp(motion.t, t, column) for column in demands.T])
-        bends = np.diff(on_grid, 2, axis=0, prepend=on_grid[:1], append=on_grid[-1:])
-        asked = _slow(bends / motion.dt**2, motion, setpoints.period)
-    followed = np.abs(np.log(np.maximum(asked.std(axis=0), 1e-12) / np.maximum(moved.std(axis=0), 1e-12))) < FOLLOWS
+        bends = np.diff(on_grid, 2, axis=0, prepend=on_grid[:1], append=on_grid[-1:]) / motion.dt**2
+    alike = _slow(bends, motion, setpoints.period)
+    followed = np.abs(np.log(np.maximum(alike.std(axis=0), 1e-12) / np.maximum(moved.std(axis=0), 1e-12))) < FOLLOWS
+    asked = alike if band is None else _slow(bends, motion, setpoints.period, band)
     if followed.all():
         return asked
     seen = np.unique(np.concatenate([_bounding(line, setpoints, 1 / motion.dt) for line in lines]))
@@ -116,7 +133,7 @@ def _ahead(acceleration: Array, grid: Array, t: Array, ripple: Array, frequency:
 
 
 def lines_beside_zero(
-    t: Array, q: Array, torque: Array, setpoints: Setpoints, demands: Array | None = None
+    t: Array, q: Array, torque: Array, setpoints: Setpoints, demands: Array | None = None, *, band: float | None = None
 ) -> list[tuple[float, Array]]:
     """Frequency Hz, and amplitude std (n, J) N m (N), of lines that sampling aliases to near 0 Hz, but not onto it.
 
@@ -128,7 +145,7 @@ def lines_beside_zero(
         return []
     motion = smooth_motion(t, q, torque)
     lines = [line for at_hz in of_frequency.values() for line in at_hz]
-    pushing = _pushing(lines, motion, t - t[0], torque, setpoints, demands)
+    pushing = _pushing(lines, motion, t - t[0], torque, setpoints, demands, band)
     amplitudes = [
         (hz, 2 * pushing * _bounds(of_one, motion, pushing, t - t[0], torque, setpoints))
         for hz, of_one in of_frequency.items()
@@ -176,9 +193,9 @@ def _at_nyquist(line: int, setpoints: Setpoints) -> bool:
     return line == 2 and setpoints.source == "currents"
 
 
-def _slow(values: Array, motion: Motion, period: float) -> Array:
-    """(m, J) what is demanded of values (m, J) on the motion's grid, without the transients themselves."""
-    cut = min(motion.band.parallel, 0.5 / period)
+def _slow(values: Array, motion: Motion, period: float, band: float | None = None) -> Array:
+    """(m, J) what is demanded of values (m, J) on the motion's grid up to ``band`` Hz, without the transients."""
+    cut = min(motion.band.parallel if band is None else band, 0.5 / period)
     low_pass = butterworth(4, 2 * cut * motion.dt)
     return zero_phase(low_pass, values)
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy import signal
 
 import armscope
 from arm_model import Arm, EffectTerm
@@ -15,12 +16,14 @@ from arm_model.sensing import recorded
 from arm_model.simulation import simulate
 from daq.recording import Attachments, Recording, open_recording, write_table
 from diagnosis.measurements.currents.columns import columns
-from diagnosis.residual.filters import COMPARE_BAND
+from diagnosis.residual.filters import COMPARE_BAND, kept_rows, low_pass, motion_of
 from diagnosis.residual.generation import residual_run
 from diagnosis.residual.noise.channels import scatter
 from diagnosis.residual.run import Run
 from diagnosis.residual.run_setup import known_setpoints
+from diagnosis.residual.setpoint_ripple import folded_onto
 from diagnosis.selection.candidate import Candidate
+from identification.preprocessing import Setpoints
 from identification.preprocessing.spectrum import choose_band
 
 NOISE, STEP = 0.01, 1.5e-6
@@ -160,3 +163,21 @@ def test_a_model_without_controller_learns_of_the_setpoints_from_the_demands(
     assert found.verdict == "consistent"
     assert found.details.fit[0].noise[0] < 0.01
     assert any("250 Hz is 2.5 times the rate" in one for one in found.details.warnings)
+
+
+def test_what_folds_follows_steps_of_the_acceleration_as_quickly_as_the_residual(arm: Arm) -> None:
+    """Of a motion slower than 13 Hz, what folds was, too: at steps of the acceleration it left ten times the noise."""
+    rate, period = 250.0, 0.02
+    t, corners = np.arange(0.0, 12.0, 1.0 / rate), np.arange(0.0, 12.1, period)
+    asked = np.array([8.0, -8.0, -8.0, 8.0, 0.0])[np.arange(len(corners)) // 12 % 5]
+    demand = np.tile(np.interp(t, corners, np.cumsum(np.cumsum(asked)) * period**2)[:, None], (1, len(arm)))
+    q = signal.sosfilt(signal.butter(2, 12.0, output="sos", fs=rate), demand, axis=0)
+    bends = np.diff(demand, 2, axis=0, prepend=demand[:1], append=demand[-1:]) * rate**2
+    expected, seen = low_pass(bends, COMPARE_BAND, rate), np.cos(2 * np.pi / period * t + 0.3)[:, None]
+    acceleration, kept = motion_of(q, COMPARE_BAND, rate)[2], kept_rows(rate)
+    current = 0.5 * acceleration + 0.05 * expected * seen
+    known, noise = Setpoints(period, "demands"), np.full(len(arm), 1e-4)
+    folded = folded_onto(arm, (t, q, current), acceleration[kept], noise, kept, known, demand)
+    for got, want in zip(folded.T, expected[kept].T):
+        assert want @ got > 0.0
+        assert np.sum((got - want * (want @ got) / (want @ want)) ** 2) < 1e-3 * np.sum(got**2)
