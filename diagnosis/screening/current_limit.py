@@ -76,7 +76,12 @@ class _Pile:
     @property
     def flat(self) -> bool:
         """As a clipped current is: near a smooth maximum (a parabola) 2.3 times as many rows are at it as below."""
-        return self.at > max(PILED * self.below, FLAT_SECONDS) and self.beyond < BEYOND * self.at
+        return self.at > max(PILED * self.below, FLAT_SECONDS) and not self.exceeded
+
+    @property
+    def exceeded(self) -> bool:
+        """Whether more rows are above it than noise lifts there."""
+        return self.beyond >= BEYOND * self.at
 
     @property
     def high(self) -> bool:
@@ -166,8 +171,10 @@ def _clipped(
     # a servo without feed-forward lags by its speed: no farther than where the current was smaller is not away
     usual_lag = max((_lag(r, j) for r, rows in zip(recordings, at_level) if not rows.any()), default=0.0)
     away = [k for k in moving if _runs_away(recordings[k], j, at_level[k], usual_lag)]
-    piled_by_rows = [_pile([values[k][values[k] > 0.0]], pile.noise, recordings[k : k + 1]).high for k in away]
-    if any(piled_by_rows):
+    every = np.concatenate([value[value > 0.0] for value in values])
+    piles = [_pile([values[k][values[k] > 0.0]], pile.noise, recordings[k : k + 1]) for k in away]
+    # what a drive gives in any recording, it gives in all
+    if any(one.high and not one.of(every, recordings[0].dt).exceeded for one in piles):
         return moving
     visits = _visits(recordings, values, j, pile)
     if not (pile.high and _again(visits)) and not _returns(visits) and not _sharp(visits):

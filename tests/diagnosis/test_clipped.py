@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy import ndimage
+from scipy import ndimage, signal
 
 import armscope
 from arm_model import Arm
@@ -74,6 +74,28 @@ def test_a_current_that_a_standing_joint_holds_is_no_limit(tmp_path: Path, limit
     write_table(tmp_path / "run.mcap", t, signals, Attachments())
     found = current_limits([open_recording(tmp_path / "run.mcap")])
     assert [one.effect for one in found] == ([] if limit is None else ["current_limit"])
+
+
+@pytest.mark.parametrize("limit", [None, 0.5])
+def test_a_current_that_others_exceed_is_no_limit_though_the_joint_lags_meanwhile(
+    tmp_path: Path, limit: float | None
+) -> None:
+    """One slow move against friction, in which a servo without feed-forward lags as it never did before."""
+    rng, recordings, t = np.random.default_rng(2), [], np.arange(0.0, 3.2, 1e-3)
+    moves = ndimage.uniform_filter1d(np.repeat([0.0, 1.0, 0.0], [700, 2000, 500]), 60)
+    for name, speed, varies in (("slow", 0.15, 0.0), ("fast", 0.5, 0.06)):
+        needed = moves * (0.5 - varies / 2 + varies * np.sin(9.0 * t))
+        q, given = np.cumsum(speed * moves) * 1e-3, needed
+        lag = 0.012 * speed * signal.lfilter([0.02], [1.0, -0.98], moves)
+        if limit is not None:
+            given = np.minimum(given, limit)
+            lag = lag + np.cumsum(needed - given) * 1e-3
+        i = np.round((given + 0.01 * rng.normal(size=len(q))) / 0.01) * 0.01
+        table = {"q": q[:, None], "i": i[:, None], "qref": (q + lag)[:, None]}
+        write_table(tmp_path / f"{name}.mcap", t, table, Attachments())
+        recordings.append(open_recording(tmp_path / f"{name}.mcap"))
+    found = [(one.effect, one.recordings) for one in current_limits(recordings)]
+    assert found == ([] if limit is None else [("current_limit", (0, 1))])
 
 
 def test_coulomb_friction_in_noise_is_no_limit(tmp_path: Path) -> None:
