@@ -17,6 +17,7 @@ from scipy.interpolate import CubicSpline
 from arm_io.types import Array
 from arm_model import Arm
 from diagnosis.selection.design import Dataset
+from diagnosis.selection.unseen_friction import unseen_friction
 from diagnosis.selection.unseen_inertia import unseen_inertia
 
 KNOTS = 16
@@ -65,9 +66,9 @@ class Bases:
         self._harmonics: dict[int, Array] = {}
 
     @cached_property
-    def unseen(self) -> Array:
-        """(n rows,) of the held-out residual: setpoint ripple that may be aliased onto the acceleration."""
-        return unseen_inertia(self.held_out.runs)
+    def unseen(self) -> tuple[Array, ...]:
+        """Each (n rows,) of the held-out residual: what folds onto the acceleration, and friction near rest."""
+        return unseen_inertia(self.held_out.runs), unseen_friction(self.held_out.runs)
 
     def compute(self, arm: Arm) -> None:
         """Computes everything that several joints need, before they are processed in parallel."""

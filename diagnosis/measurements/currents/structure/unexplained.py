@@ -137,7 +137,7 @@ def _strongest(
     joint: int,
     significance: Significance,
     known: NDArray[np.bool_],
-    unseen: Array,
+    unseen: Sequence[Array],
 ) -> tuple[Shape, float] | None:
     """The function that explains most of a joint's held-out residual, and the share of its variance.
 
@@ -164,9 +164,11 @@ def _strongest(
     of_causes = float(np.sum(held_out.y[rows] ** 2 * known)) - before
     enough = max(LIMITS.structure_gain * held_out.rows, LIMITS.structure_share * of_causes)
     significant = [k for k, gain in enumerate(gains) if q[k] < LIMITS.structure_p and gain.sum() > enough]
-    if unseen[rows].any():
-        of_unseen = {k: explained(unseen, shapes[k].pair.held_out, held_out)[joint - 1] for k in significant}
-        significant = [k for k in significant if gains[k].sum() - of_unseen[k] > enough]
+    of_unseen = {
+        k: sum(float(explained(one, shapes[k].pair.held_out, held_out)[joint - 1]) for one in unseen)
+        for k in significant
+    }
+    significant = [k for k in significant if gains[k].sum() - of_unseen[k] > enough]
     significant = [k for k in significant if significance.beyond_model(shapes[k].pair, LIMITS.beyond_model)]
     if not significant:
         return None

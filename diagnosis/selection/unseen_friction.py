@@ -1,0 +1,26 @@
+"""What friction near rest may be throughout a recording, though every row of it is within its std.
+
+How dry friction turns round at rest is on no data sheet. The std of a row near standstill is what friction lacks there
+to its value while sliding (``Run.deviation``), and that is one error of one law: a joint that creeps for ten seconds
+has the same in all of them. By blocks it would look like a proof.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from arm_io.types import Array
+from diagnosis.residual.run import Run
+
+
+def unseen_friction(runs: Sequence[Run]) -> Array:
+    """(n rows,) as ``Dataset.y``: one std of what friction may have near rest against the motion, over the noise."""
+    return np.concatenate([_of_run(run) for run in runs]).T.ravel()
+
+
+def _of_run(run: Run) -> Array:
+    """(m, n)."""
+    near_rest = np.sqrt(np.maximum(run.deviation**2 - run.instruments**2, 0.0))
+    return run.whiten(np.sign(run.v) * near_rest * run.powered)
