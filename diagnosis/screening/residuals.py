@@ -26,6 +26,7 @@ from diagnosis.screening.lost_rows.lost_triggers import (
     MOST_ROWS,
     DroppedTriggers,
     dropped_triggers,
+    energy,
     event_of,
     realigned_rows,
     unmeasured,
@@ -139,14 +140,8 @@ def confirmed(residuals: Residuals, terms: Sequence[EffectTerm]) -> Residuals:
 
 
 def _energy(run: Run, terms: Sequence[EffectTerm]) -> float:
-    """Mean square of a run's whitened residual over all joints, with more effects, at the constant lag that fits best.
-
-    A lag that changes looks like a time skew between both lags as long as it is not known: such a skew among the
-    ``terms`` must not speak against rows that were put where they belong.
-    """
-    y, rate = residual_with(run, terms) / run.deviation, run.current_rate / run.deviation
-    size = float(np.sum(rate**2))
-    return float(np.sum(y**2) - np.sum(y * rate) ** 2 / size if size > 0.0 else np.sum(y**2)) / y.size
+    """``lost_triggers.energy`` of a run with more effects."""
+    return energy(replace(run, expected=run.current - residual_with(run, terms)))
 
 
 def _gain_of_realignment(original: Run, corrected: Run, terms: Sequence[EffectTerm]) -> Gain:

@@ -138,6 +138,17 @@ def test_steps_that_make_the_residual_larger_are_no_lost_rows(root: Path, monkey
     assert realigned(residuals, []) is residuals
 
 
+def test_a_lag_that_another_error_chooses_hides_no_short_loss(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A joint that breaks away by another law fits its first half second best with the currents of seconds later."""
+    run = _seen(root, Hidden("dropped_trigger", None, {"row": 7000, "count": 5}))
+    where = "diagnosis.screening.lost_rows.lost_triggers.lag_steps"
+    for time, step in ((0.46, 3.53), (1.21, 2.13)):
+        monkeypatch.setattr(where, lambda run, one=Step(time, step): [one])
+        (loss,) = _found(run)
+        assert loss.count == 5
+        assert abs(loss.row - 7000) < 3 * loss.row_std
+
+
 def test_rows_that_lose_their_weight_are_no_gain(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Angles that are wrong where a made-up loss leaves no weight: what it leaves elsewhere is worse."""
     residuals = _residuals(root)
