@@ -142,8 +142,8 @@ def test_a_lag_that_another_error_chooses_hides_no_short_loss(root: Path, monkey
     """A joint that breaks away by another law fits its first half second best with the currents of seconds later."""
     run = _seen(root, Hidden("dropped_trigger", None, {"row": 7000, "count": 5}))
     where = "diagnosis.screening.lost_rows.lost_triggers.lag_steps"
-    for time, step in ((0.46, 3.53), (1.21, 2.13)):
-        monkeypatch.setattr(where, lambda run, one=Step(time, step): [one])
+    for step in (Step(0.46, 3.53), Step(1.21, 2.13)):
+        monkeypatch.setattr(where, lambda run, step=step: [step])
         (loss,) = _found(run)
         assert loss.count == 5
         assert abs(loss.row - 7000) < 3 * loss.row_std

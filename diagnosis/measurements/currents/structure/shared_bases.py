@@ -16,8 +16,8 @@ from scipy.interpolate import CubicSpline
 
 from arm_io.types import Array
 from arm_model import Arm
+from diagnosis.measurements.currents.structure.unseen_friction import unseen_friction
 from diagnosis.selection.design import Dataset
-from diagnosis.selection.unseen_friction import unseen_friction
 from diagnosis.selection.unseen_inertia import unseen_inertia
 
 KNOTS = 16
