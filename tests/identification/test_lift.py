@@ -51,7 +51,7 @@ def test_a_rotor_is_no_weight(tmp_path: Path) -> None:
     """The file has the wrong mass, too: that is found, and no offset makes up for it."""
     fit, held = (record(tmp_path / f"{seed}.mcap", seed) for seed in (1, 2))
     found = armscope.identify(fit, urdf(tmp_path / "gantry.urdf", 0.9 * LIFT), held_out=held)
-    assert any("no rotor inertia at joint 2: identified here" in text for text in found.warnings)
+    assert any("no rotor inertia at joint 2: it is identified here" in text for text in found.warnings)
     joint = found.arm.joints[1]
     assert joint.mass == pytest.approx(LIFT, rel=0.01)
     assert joint.rotor_inertia == pytest.approx(ROTOR, rel=0.05)

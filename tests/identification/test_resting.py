@@ -81,7 +81,7 @@ def test_resting_joints_keep_the_model_and_say_why(result: Identification, start
     for entry in ("coulomb", "offset", "viscous", "rotor_inertia"):
         value = by_name[f"joint5.{entry}"]
         assert not value.identifiable and value.std is None
-        assert "rests" in value.why and "friction" in value.why
+        assert "rests" in value.why and "stiction" in value.why
 
 
 def test_moving_joints_are_found_beside_resting_ones(result: Identification, arm: Arm) -> None:

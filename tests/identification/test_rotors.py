@@ -59,7 +59,7 @@ def test_rotors_behind_gears_are_found(urdf: Path, tmp_path: Path) -> None:
     assert [joint.gear for joint in arm.joints] == list(GEARS) and freed_rotors(arm) == [1, 2, 3, 4, 5, 6]
     fit, held = (record(tmp_path / f"{seed}.mcap", arm, seed) for seed in (1, 2))
     found = armscope.identify(fit, urdf, held_out=held)
-    assert any("no rotor inertia at joints 1, 2, 3, 4, 5, 6: identified here" in text for text in found.warnings)
+    assert any("no rotor inertia at joints 1, 2, 3, 4, 5, 6: it is identified here" in text for text in found.warnings)
     named = {value.name: value for value in found.parameters}
     for j in (3, 4, 5, 6):  # of joints 1 and 2 in a sum with the link's
         rotor = named[f"joint{j}.rotor_inertia"]
