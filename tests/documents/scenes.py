@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
@@ -38,9 +39,10 @@ def _everyday(folder: Path) -> None:
     """RIG, MODEL, EXP and recordings of a worn Puma, as the synopses call them; the shipped files, patient."""
     shutil.copytree(CONFIG, folder / "config")
     for path in (folder / "config").glob("*.toml"):
-        # the machine of a test may be busy, and no arm is behind these rigs
-        if "watchdog" not in read_toml(path):
-            path.write_text("watchdog = 20.0\n" + path.read_text())
+        # the machine of a test may be busy, and no arm is behind these rigs; a device's own watchdog is the slower one
+        if "watchdog" not in (rig := read_toml(path)):
+            patient = re.sub(r"(?m)^watchdog = \d+", "watchdog = 60", path.read_text()) if "device" in rig else ""
+            path.write_text("watchdog = 20.0\n" + (patient or path.read_text()))
     rig = read_toml(CONFIG / "puma560_sim.toml")
     rig |= {"name": f"documents {os.getpid()}", "watchdog": 20.0, "model": str(NOMINAL)}
     (folder / "RIG.toml").write_text(tomli_w.dumps(rig | {"zenoh": {"endpoint": free_endpoint()}}))
