@@ -38,12 +38,12 @@ _LISTED = 12
 """Rows that a message lists."""
 _REFUTED = 5.0
 """Held-out error over the one that the fit promises, above which the model is refuted."""
-_COARSE = 5e-3
-"""m per coordinate: no arm repeats its poses worse."""
 _PROMISED = 2000
 """Points on which that is computed."""
 _PRIOR = 25.0
 """Chi-square of three target coordinates against their prior, above which it is said: once in 65000."""
+_COARSE = 5e-3
+"""m per coordinate: no arm repeats its poses worse."""
 
 
 @dataclass(frozen=True)
