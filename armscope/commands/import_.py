@@ -19,7 +19,7 @@ from armscope.commands.options import Json, RecordingOut
 from armscope.progress import shown
 from daq.recording import Attachments, Table, TimeUnit, write_blocks
 from daq.recording.provenance import file_identity, provenance
-from daq.recording.tables import Mapping, guessed, open_source, read_blocks, read_mapping
+from daq.recording.tables import Mapping, guessed, open_source, read_blocks, read_mapping, some
 from daq.rig import LONGEST_RIG_NAME, read_rig
 
 if TYPE_CHECKING:
@@ -73,9 +73,15 @@ def command(
     chosen = read_mapping(mapping) if mapping is not None else _guessed(table, guess, names)
     with shown(as_json):
         source = open_source(table, mapping=chosen, topic=topic, joints=names, recorded=recorded)
+        others = [] if chosen is None or keep_extra else chosen.left_out(source)
         chosen = chosen or source.mapping
         if chosen is not None and mapping is None:
             print(f"note: {table}: {chosen.in_words()}", file=sys.stderr)
+        if others:
+            print(
+                f"note: {table}: {len(others)} column{'s' * (len(others) > 1)} left out: {some(others)}",
+                file=sys.stderr,
+            )
         joints = None if checked is None else checked.joints
         torques = chosen is not None and chosen.torques
         per_current = _torque_per_current(checked) if torques else None

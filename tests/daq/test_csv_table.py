@@ -75,6 +75,7 @@ def test_windows_and_spaces_are_welcome(tmp_path: Path) -> None:
         ("t,q1,i1\n0,1,2\n0,1,2\n", "line 3: t goes from 0 to 0"),
         ("t,q1,i1\n0,1,\n1,2,nan\n", "column i1 has no value in any line"),
         ("t;q1;i1\n0;1;2\n1;1;2\n", "columns are separated by ';', and their names do not say"),
+        ("a [ms];b;c\n0;1;2\n1;1;2\n", r"there are 'a \[ms\]', 'b', 'c'$"),
         ("t,q1,i1\n0,1,2\n5e9,1,2\n", "is it in s?"),
         ("t,q1,i1\n0,\xff\n", "."),
     ],

@@ -135,6 +135,15 @@ def test_a_drive_of_one_joint_by_a_german_spreadsheet(tmp_path: Path) -> None:
     np.testing.assert_allclose(np.diff(recording.t), 1e-3)
 
 
+def test_columns_that_are_left_out_are_named(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    table, saved = tmp_path / "log.csv", tmp_path / "map.toml"
+    rows = "".join(f"{k / 100};{k % 7};{k % 5};OK;{k}\n" for k in range(50))
+    table.write_text("time;pos_1;current_1;Status;Room [degC]\n" + rows)
+    for how in (["--guess", "--save-map", str(saved)], ["--map", str(saved)]):
+        imported(table, *how)
+        assert "log.csv: 2 columns left out: Status, Room [degC]" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("names", [["a", "b"], ["t", "q1"], ["time", "q1", "q3", "i1"], []])
 def test_nothing_is_guessed_from_too_little(names: list[str]) -> None:
     assert guess(names) is None

@@ -6,6 +6,7 @@ from arm_io import lazy
 
 if TYPE_CHECKING:
     from daq.recording.tables.columns import Table, read_blocks
+    from daq.recording.tables.csv_header import some
     from daq.recording.tables.mapping import Mapping, read_mapping
     from daq.recording.tables.matlab_writer import write_matlab
     from daq.recording.tables.parquet_writer import write_parquet
@@ -21,6 +22,7 @@ __all__ = [
     "open_source",
     "read_blocks",
     "read_mapping",
+    "some",
     "write_bag",
     "write_matlab",
     "write_parquet",

@@ -29,6 +29,8 @@ _TEXT = frozenset(b"\t\n\r\f\x1a")
 """Control characters that texts have; the last ends those of DOS."""
 _PACKED = {b"\x1f\x8b": "is packed by gzip", b"PK\x03\x04": "is an Excel workbook or a ZIP file"}
 MOST_JOINTS = 64
+MOST_NAMED = 8
+"""Columns that a message names."""
 LONGEST_HEADER = 1 << 16
 """Characters: 64 joints with all their columns take 3000."""
 JOINT_COLUMN = re.compile(rf"({'|'.join(JOINT_TOPICS)})([1-9][0-9]*)")
@@ -106,16 +108,23 @@ def read_header(path: str | Path, file: TextIO, separator: str = ",") -> tuple[l
         raise InputError(path, f"line 1: is longer than {LONGEST_HEADER} characters; it must name the columns")
     names = [name.strip() for name in next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])]
     if separator == "," and len(names) == 1 and (found := re.search(r"[;\t|]", names[0])):
+        there = [f"{name.strip()!r}" for name in names[0].split(found[0])]
         raise InputError(
             path,
             f"columns are separated by {found[0]!r}, and their names do not say which are time, position and current; "
-            "use --map MAPPING.toml, or commas, decimal points and the names t, q1, i1, ..",
+            "use --map MAPPING.toml (docs/recordings.md), or commas, decimal points and the names t, q1, i1, ..; there "
+            f"are {some(there)}",
         )
     if len(names) > 1 and not names[-1]:
         names.pop()
     if len(names) > 1 and all(map(is_number, names)):
         raise InputError(path, f"line 1: has numbers; {_NAMES}")
     return names, before
+
+
+def some(names: Sequence[str]) -> str:
+    """The names of columns for a message: the first ``MOST_NAMED`` of them."""
+    return ", ".join(names[:MOST_NAMED]) + (f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else "")
 
 
 def _first_cell(line: str) -> str:

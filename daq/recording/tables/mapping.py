@@ -128,6 +128,11 @@ class Mapping(Table):
             picked += [Picked(name, name) for name in table.names if name not in taken]
         return picked
 
+    def left_out(self, table: Named) -> list[str]:
+        """The columns of a table that ``pick`` does not take, unless it keeps all."""
+        taken = {one.column for one in self.pick(table)}
+        return [name for name in table.names if name not in taken]
+
     def _joints(self, table: Named, signal: str, wanted: str | list[str]) -> list[Picked]:
         names = wanted if isinstance(wanted, list) else _numbered(table, wanted)
         if not names:
