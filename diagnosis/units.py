@@ -47,6 +47,12 @@ def readable(unit: str, values: Sequence[float]) -> tuple[float, str]:
     return (1e3, f"m{unit}") if unit in MILLI and max(finite, default=1.0) < 0.5 else (1.0, unit)
 
 
+def fall(before: float, after: float, unit: str) -> str:
+    """``from 110 to 4.8 mA rms``, of an error, in a unit that suits both values."""
+    factor, shown = readable(unit, (before, after))
+    return f"from {rounded(factor * before)} to {rounded(factor * after)} {shown} rms"
+
+
 def rounded(value: float, digits: int = 3) -> str:
     """A value to ``digits`` significant ones, without an exponent between 0.001 and 100 000."""
     short = f"{value:.{digits}g}"

@@ -33,6 +33,7 @@ from diagnosis.measurements.near_rest.laws import RESOLVED, SOFTEST
 from diagnosis.residual.filters import COMPARE_BAND, TRANSIENT, kept_rows, low_pass, rate_kept, rate_of
 from diagnosis.residual.noise.channels import angle_noise
 from diagnosis.residual.run_setup import has_demand, set_up
+from diagnosis.units import fall
 from identification.preprocessing import demand_of_run
 from identification.selection import Thresholds, p_value
 from identification.selection.cluster_covariance import cluster_covariance
@@ -229,7 +230,7 @@ def _judged(arm: Arm, recordings: Sequence[Recording], joint: int, effect: Effec
         after=rms[1],
         group=((effect.name, joint),),
         evidence=f"{effect.shows}: in closed loop, where every recording is predicted from the others, the position "
-        f"error of joint {joint} falls from {rms[0]:.3g} to {rms[1]:.3g} {unit} rms; its encoder is too coarse to "
+        f"error of joint {joint} falls {fall(rms[0], rms[1], unit)}; its encoder is too coarse to "
         "judge currents near rest",
         felt_at=joint,
         unit=unit,

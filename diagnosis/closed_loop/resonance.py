@@ -26,7 +26,7 @@ from diagnosis.closed_loop.comparison import with_smoothing_velocities
 from diagnosis.closed_loop.loop_errors import BAND, Trial, loop_errors, noise_floor
 from diagnosis.closed_loop.servo_gains import with_servo_gains
 from diagnosis.residual.run_setup import has_demand
-from diagnosis.units import recorded_quantity
+from diagnosis.units import fall, recorded_quantity
 from identification.selection import BLOCK_SECONDS, Thresholds, p_value
 from identification.selection.cluster_covariance import cluster_covariance
 
@@ -37,6 +37,7 @@ LANES = 40
 STEPS = np.array([0.7, 0.85, 0.95, 1.05, 1.18, 1.4])
 """Factors by which each parameter is then varied about the best, the others as they are; dampings by their cubes."""
 ROUNDS = 4
+"""Times that every parameter is varied so, by smaller factors each time."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -244,8 +245,8 @@ def _judged(
     shows = CATALOGUE[trial.effect].shown(Instrument.CLOSED_LOOP, trial.values, {})
     sentence = (
         f"{shows}: with it, the held-out closed-loop error of the {recorded_quantity(arm.joints[j])} of joint "
-        f"{trial.joint} between {BAND[0]:.0f} and {BAND[1]:.0f} Hz falls from {before[j]:.3g} to {after[j]:.3g} "
-        f"{unit} rms, in {int(np.sum(gains > 0))} of {len(gains)} one-second blocks"
+        f"{trial.joint} between {BAND[0]:.0f} and {BAND[1]:.0f} Hz falls "
+        f"{fall(before[j], after[j], unit)}, in {int(np.sum(gains > 0))} of {len(gains)} one-second blocks"
     )
     if bare.controller != arm.controller:
         sentence += ", with the servo gains that the recordings show, not those of the model"

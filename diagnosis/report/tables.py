@@ -24,7 +24,7 @@ def summary(result: Diagnosis) -> Markup:
     for number, cause in enumerate(result.causes, 1):
         alike = f" or {', '.join(map(in_words, cause.group[1:]))}" if len(cause.group) > 1 else ""
         link = Markup('<a href="#cause{}">{}</a>{}').format(number, title(cause), alike)
-        values = Markup("<br>").join(values_of(cause))
+        values = Markup("<br>").join(line.replace(" N m", "\u00a0N\u00a0m") for line in values_of(cause))
         rows.append((link, values, gain(cause).replace("->", "→"), f"{cause.confidence:.0%}"))
     return arm_report.table(rows, ("cause", "parameters", "held-out error without → with it", "confidence"), (2, 3))
 

@@ -8,9 +8,9 @@ import pytest
 
 from arm_model import Arm, Joint
 from arm_model.effects import CATALOGUE
-from diagnosis.cause import Signal
-from diagnosis.report.wording import against
-from diagnosis.units import recorded_quantities, recorded_quantity, recorded_signals, variable_in_words
+from diagnosis.cause import Cause, Signal
+from diagnosis.report.wording import against, gain
+from diagnosis.units import fall, recorded_quantities, recorded_quantity, recorded_signals, variable_in_words
 
 EVERY = sorted({(p.unit, p.name) for effect in CATALOGUE.values() if effect.per_joint for p in effect.parameters})
 
@@ -41,3 +41,21 @@ def test_a_signal_is_called_by_its_unit() -> None:
     loop = "the torque in closed loop of joint 1, no single variable"
     assert against(arm, Signal.CLOSED_LOOP, 1, "no single variable") == loop
     assert against(arm, Signal.TRACKER, None, "time") == "the tracker's points against time"
+
+
+def test_a_fall_is_written_in_the_unit_of_the_table_beside_it() -> None:
+    cause = Cause(
+        effect="load_friction",
+        joint=2,
+        parameters=[],
+        confidence=0.97,
+        before=0.11,
+        after=0.0048,
+        group=(("load_friction", 2),),
+        evidence="",
+        felt_at=2,
+        unit="A",
+    )
+    assert fall(cause.before, cause.after, cause.unit) == "from 110 to 4.8 mA rms"
+    assert gain(cause) == "110 -> 4.8 mA"
+    assert fall(2.5, 0.02, "A") == "from 2.5 to 0.02 A rms" and fall(0.3, 0.1, "N m") == "from 0.3 to 0.1 N m rms"

@@ -24,7 +24,7 @@ from diagnosis.selection.design import Dataset
 from diagnosis.selection.friction_shares import with_shares
 from diagnosis.selection.regression import Fitted, score
 from diagnosis.selection.ripple_orders import in_words
-from diagnosis.units import recorded_quantity
+from diagnosis.units import fall, recorded_quantity
 from identification.selection import Split
 
 BY_DIRECTION = {"positive", "negative", "viscous_positive", "viscous_negative"}
@@ -43,7 +43,7 @@ def of_candidate(candidate: Candidate, values: list[Estimate], state: State) -> 
     better, compared = (int(np.sum(blocks)) for blocks in (conditional.blocks > 0, conditional.blocks != 0))
     sentence = (
         f"{candidate.definition.shows}{f' ({turn})' if turn else ''}: with it, the held-out {recorded_quantity(drive)} "
-        f"error of joint {joint} falls from {before:.3g} to {after:.3g} {drive.command_unit} rms, in {better} of "
+        f"error of joint {joint} falls {fall(before, after, drive.command_unit)}, in {better} of "
         f"{compared} one-second blocks of {f'joint {candidate.joint}' if candidate.joint else 'all joints'}"
     )
     group = _ambiguity_group(candidate, others, state)
@@ -173,7 +173,7 @@ def from_axis(axis_cause: AxisCause, arm: Arm) -> Cause:
     units = {p.name: drive.unit(p.unit, p.name) for p in effect.parameters}
     sentence = (
         f"{effect.shown(Instrument.SINGLE_AXIS, values, units)}: with it, the held-out error of the command below 60 "
-        f"Hz falls from {axis_cause.before:.3g} to {axis_cause.after:.3g} {drive.command_unit} rms, in "
+        f"Hz falls {fall(axis_cause.before, axis_cause.after, drive.command_unit)}, in "
         f"{int(np.sum(axis_cause.gains > 0))} of {len(axis_cause.gains)} blocks"
     )
     if set(values) >= BY_DIRECTION:

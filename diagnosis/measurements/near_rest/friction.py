@@ -38,7 +38,7 @@ from diagnosis.residual.filters import rate_of
 from diagnosis.residual.run import Run
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.friction_shares import with_shares
-from diagnosis.units import recorded_quantity
+from diagnosis.units import fall, recorded_quantity
 from identification.selection import Split, Thresholds, p_value
 from identification.selection.cluster_covariance import cluster_covariance
 
@@ -195,8 +195,9 @@ def _cause(
     group = [best.law.effect, *(one.law.effect for one in as_well if one.law.effect)]
     sentence = (
         f"{effect.shows}: near rest, where every recording is predicted from the others, the "
-        f"{recorded_quantity(drive)} error of joint {joint} falls from {before:.3g} to {after:.3g} "
-        f"{drive.command_unit} rms, in {int(np.sum(gains > 0))} of {len(gains)} passages and one-second blocks"
+        f"{recorded_quantity(drive)} error of joint {joint} falls "
+        f"{fall(before, after, drive.command_unit)}, in {int(np.sum(gains > 0))} of {len(gains)} passages and "
+        "one-second blocks"
     )
     return Cause(
         effect=effect.name,
