@@ -1,8 +1,8 @@
-"""How friction differs between two sides of an arm in which nothing changed: its temperature is never quite the same.
+"""Variation of friction with temperature between the two sides of a comparison, in which nothing need have changed.
 
-Recordings of one side show how they scatter among themselves, and one recording shows not even that; what differs from
-day to day no recording of a single day shows. It is assumed: a difference of temperature, and what it does to friction
-by the published law of a greased robot joint (Bittencourt, Gunnarsson, J. Dyn. Sys. Meas. Control 134(5), 2012).
+Recordings of one side show the scatter among themselves; what varies from day to day, no recordings of a single day
+show. It is therefore assumed: a difference of temperature, and its effect on friction by the published law of a
+greased robot joint (Bittencourt, Gunnarsson, J. Dyn. Sys. Meas. Control 134(5), 2012).
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from arm_io.types import Array
 from comparison.circumstances import WARMER
 from comparison.regression import Structure
 
-UNTOLD = WARMER / 2
-"""K, standard deviation of a difference of temperature that is not told: ``WARMER`` is two of it."""
+UNRECORDED = WARMER / 2
+"""K, standard deviation of a difference of temperature that was not recorded: ``WARMER`` is two of it."""
 COULOMB = 0.005
 """Share by which Coulomb friction differs per K, as in ``arm_fleet.simulation.weather``; by the published law none."""
 VISCOUS = 0.03
@@ -37,9 +37,9 @@ def friction_drift(structure: Structure, values: Array, warmer: Array) -> Array:
 
     values  (c,) of the arm, NaN where they are not known
     warmer  (J,) K by which the side after was warmer; NaN where it was not recorded. The standard deviation of the
-            temperature is that, and ``UNTOLD`` at least: it is measured at the motor, and friction is in the gear
+            temperature is that, and ``UNRECORDED`` at least: it is measured at the motor, and friction is in the gear
     """
-    kelvin = np.fmax(np.abs(warmer), UNTOLD)
+    kelvin = np.fmax(np.abs(warmer), UNRECORDED)
     points = np.zeros(structure.size, bool)
     points[len(structure.rows) : len(structure.rows) + len(structure.points)] = True
     drift = []
@@ -68,7 +68,7 @@ def assumed(count: int, what: str = "recordings") -> str:
 
     A result does not say at which temperature its recordings were made.
     """
-    shares = [f"{100 * UNTOLD * share:.2g} %" for share in (COULOMB, VISCOUS, NEAR_REST)]
+    shares = [f"{100 * UNRECORDED * share:.2g} %" for share in (COULOMB, VISCOUS, NEAR_REST)]
     one = what.removesuffix("es") + "is" if what == "diagnoses" else what.removesuffix("s")
     unknown = (
         f"one {one} per side: how much friction differs from one {one} to the next cannot be estimated"
@@ -77,7 +77,7 @@ def assumed(count: int, what: str = "recordings") -> str:
     )
     measured = ", or of the recorded one" if what == "recordings" else ""
     return (
-        f"{unknown}; assumed is the effect of a temperature difference of {UNTOLD:g} K (std){measured}: "
+        f"{unknown}; assumed is the effect of a temperature difference of {UNRECORDED:g} K (std){measured}: "
         f"{shares[0]} of Coulomb friction, {shares[1]} of viscous friction, near rest {shares[2]} of Coulomb friction "
         "(Bittencourt, Gunnarsson 2012)"
     )

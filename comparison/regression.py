@@ -13,7 +13,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 
 from arm_io.types import Array
 from arm_model import Arm
@@ -25,7 +24,7 @@ from identification.regression.effect_columns import is_effect
 from identification.regression.equations import Equations, equations
 from identification.regression.least_squares import least_squares
 from identification.regression.model_parameters import model_values
-from identification.regression.uncertainty import fit_uncertainty
+from identification.regression.uncertainty import fit_uncertainty, student_factor
 
 EXCITED = 1e-3
 """Share of a column that no other explains; below it, a recording says nothing about the parameter."""
@@ -223,7 +222,7 @@ def fit(rows: Rows, shown: NDArray[np.bool_], model: Array, joints: int) -> Fitt
     solution = least_squares(columns, y, rows.equations.joint, "wls")
     uncertainty = fit_uncertainty(columns, rows.equations, solution)
     count, size = int(shown.sum()), len(shown)
-    widened = float(stats.t.ppf(0.975, max(uncertainty.blocks - 1, 1)) / stats.norm.ppf(0.975))
+    widened = student_factor(uncertainty.blocks - 1)
     values, covariance, leakage = np.full(size, np.nan), np.zeros((size, size)), np.zeros((size, size))
     values[shown] = solution.values[:count]
     covariance[np.ix_(shown, shown)] = uncertainty.covariance[:count, :count] / widened**2

@@ -17,7 +17,8 @@ EffectKey = tuple[str, int | None]
 """An effect of the catalogue and its joint (from 1); None: of the whole arm."""
 
 MAX_CONFIDENCE = 0.98
-"""Largest confidence in a cause by 1 - p alone: of 297 names of the bank 284 were right (diagnosis-evidence.md)."""
+"""Largest confidence in a cause by 1 - p alone: of 297 causes named in cases with known answers 284 were right
+(docs/diagnosis-evidence.md)."""
 
 
 class Signal(StrEnum):
@@ -31,15 +32,15 @@ class Signal(StrEnum):
 
 
 ROUNDING = 1e-9
-"""Relative standard deviation below which it is what rounding leaves of none: no recording determines a value so."""
+"""Relative standard deviation below which it counts as 0: no recording determines a value so well, it is rounding."""
 
 
 @dataclass(frozen=True)
 class Estimate:
     """One parameter of a cause: its value and standard deviation, both in ``unit``.
 
-    std: 0 of a number that was chosen, and where less than ``ROUNDING`` of the value was estimated. of_own: value over
-    the same quantity of the model's own friction (1: it has doubled); None where it has none.
+    std: 0 for a number that was chosen rather than estimated, and for a relative std below ``ROUNDING``. of_own: value
+    over the same quantity of the model's own friction (1: it has doubled); None where it has none.
     """
 
     name: str
@@ -107,8 +108,8 @@ class Support:
     significance  1 - p of its gain on held-out data, at most MAX_CONFIDENCE
     gain          rms of the held-out residual without it, over that with it, at its joint
     largest       largest such gain of all causes
-    determined    largest of its parameters over their standard deviations, without what its law may miss
-    left          rms of what all causes leave at that joint, over the noise
+    determined    largest ratio of a parameter to its standard deviation, without the error of its law
+    left          rms residual at that joint with all causes in the model, over the noise
     unexplained   signals in which structure remains that no effect explains
     """
 
@@ -121,14 +122,14 @@ class Support:
 
 
 RISES = 3.0
-"""Standard deviations by which a break-away level must rise with the time at rest to be known to."""
+"""Standard deviations by which the rise of a break-away level must differ from zero to be significant."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RiseAtRest:
     """How the break-away level rises with the time at rest: by ``value`` in ``unit`` for ten times as long.
 
-    std                it is estimated with; both None: too few rests, or too much alike
+    std                of ``value``; both None: too few rests, or all of nearly the same length
     rests              break-aways that show it, after rests of ``shortest`` to ``longest`` s
     reference          s at rest after which the level is that of its cause
     slip               rad (m) that a joint slides until its hump is over; contacts are renewed over no less
@@ -169,8 +170,8 @@ class Cause:
     lost_rows      of dropped triggers: every loss
     encoder_jumps  of an encoder: every jump
     rise_at_rest   of break-away friction: how its level depends on the time at rest; None: it was not judged
-    deviations     standard deviations from nothing with the model exact, and with its parameters free within what it
-                   says of them; None: it says nothing
+    deviations     standard deviations from zero with the model exact, and with its parameters free within their
+                   stated uncertainty; None: the model states none
     """
 
     effect: str

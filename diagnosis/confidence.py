@@ -1,9 +1,9 @@
 """From the evidence for a cause to its stated confidence, by a table that was fitted to cases with known answers.
 
 The p-value of a gain says how seldom chance alone gains as much. It does not say how often a name is wrong for another
-reason: the arm has friction of another law, or two causes share one residual. That was counted on a bank of cases
-(``tests/confidence``): the confidence is the logistic regression of "the name, or another of its group, was right" on
-the features of a ``Support``, with the weights of ``confidence.json``.
+reason: the arm has friction of another law, or two causes share one residual. That was counted on the bank, a table of
+cases with known answers (``tests/confidence/bank.json``): the confidence is the logistic regression of "the name, or
+another of its group, was right" on the features of a ``Support``, with the weights of ``confidence.json``.
 """
 
 from __future__ import annotations
@@ -24,26 +24,26 @@ from diagnosis.cause import Cause, Signal, Support
 
 TABLE = Path(__file__).with_name("confidence.json")
 SIGNALS = (Signal.CURRENT, Signal.ANGLE, Signal.CLOSED_LOOP)
-"""Of causes that the bank has cases of.
+"""Signals of the causes in the bank.
 
-Confidence in what tracker and link encoders show is 1 - p, and no larger than the largest that was counted.
+The confidence in causes that a tracker or link encoders show is 1 - p, at most the largest success rate of the bank.
 """
 LARGEST = 1e3
-"""Of a gain: what is beyond says no more."""
+"""Largest gain, and ratio of a parameter to its std, that is told apart from a larger one."""
 DETERMINED = 3.0, 50.0
-"""Standard deviations between which a parameter says how sure a name is: below, it may be 0; beyond, it is known to
-2 %, and what a law misses is as large."""
+"""Ratios of a parameter to its std between which the confidence depends on them: below, the parameter may be 0; above,
+it is known to 2 %, and the error of its law is as large."""
 NOISE_RATIOS = 1.0, 5.0
-"""Times the noise between which what is left at a joint does: no case of the bank leaves more."""
+"""Residuals over the noise between which the confidence depends on them: no case of the bank has a larger one."""
 UNCOUNTED = 0.5
-"""The most that is stated where more is left than in any case of the bank."""
+"""Largest confidence where the residual over the noise is larger than in any case of the bank."""
 
 
 def features(support: Support) -> tuple[float, ...]:
     """The features of the logistic regression, in the order of the table's weights: logarithms of ratios.
 
-    A cause that explains little beside a large one may be what the law of that one misses. How many causes are named is
-    no feature: arms of the bank with one hidden effect would say that every second name is wrong.
+    A cause that explains little beside a large one may be an error of the law of that one. The number of named causes
+    is no feature: in the bank it tells the arms with one hidden effect from the others.
     """
     gain, largest = _between(support.gain, (1.0, LARGEST)), _between(support.largest, (1.0, LARGEST))
     return gain, largest - gain, _between(support.determined, DETERMINED), _between(support.left, NOISE_RATIOS)
@@ -77,7 +77,7 @@ def gain_of(cause: Cause) -> float:
 def determined(cause: Cause) -> float:
     """Largest of the parameters of a cause over the std that chance alone gives them.
 
-    A law that misses a tenth gives each value a std of a tenth, however well the recordings determine it.
+    The stated std also has the relative error of the effect's law, however well the recordings determine a value.
     """
     effect = CATALOGUE[cause.effect]
     missed = {p.name: 0.0 if p.whole or p.own or p.lasts or p.coarse else effect.model_error for p in effect.parameters}
@@ -92,7 +92,7 @@ def determined(cause: Cause) -> float:
 def with_confidence(causes: Sequence[Cause], noise_ratios: Mapping[int, float], unexplained: int) -> list[Cause]:
     """The causes with their calibrated confidence, at most 1 - p of their gain.
 
-    What no case of the bank shows is stated with no larger confidence than was counted anywhere.
+    For signals without cases in the bank it is at most the largest success rate in it.
     """
     rated = []
     largest = max((gain_of(cause) for cause in causes if cause.signal in SIGNALS), default=1.0)

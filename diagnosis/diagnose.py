@@ -32,7 +32,7 @@ from diagnosis.measurements.single_axis.remarks import remarks
 from diagnosis.other_instruments import OtherInstruments, measure
 from diagnosis.remainder.against_noise import ratios
 from diagnosis.remainder.fitted_only import known_to, not_held_out
-from diagnosis.remainder.of_identification import remainders
+from diagnosis.remainder.of_identification import allowed_residuals
 from diagnosis.residual.folding_warnings import folding_warnings
 from diagnosis.residual.noise.channels import angle_noise
 from diagnosis.residual.other_effects import with_own
@@ -93,7 +93,7 @@ def diagnose(
         judged=instruments.judged,
         shortage=currents.shortage if instruments.judged else None,
         known_to=known_to(state).held_out if state.model.uncertain else None,
-        remainders=remainders(state, unexplained) if instruments.judged else [],
+        allowed_residuals=allowed_residuals(state, unexplained) if instruments.judged else [],
         warnings=(
             *cleaned.remarks,
             *_warnings(model, instruments, currents),

@@ -32,7 +32,7 @@ from diagnosis.per_recording.values import cause_of
 from diagnosis.residual.expected_current import has_dynamics
 from diagnosis.residual.run import Run
 from diagnosis.residual.warmth import depends, not_warmed
-from diagnosis.screening.cleaned import Screened, beside_loops, with_rows_put_back
+from diagnosis.screening.cleaned import Screened, with_rows_put_back, with_simulated_loops
 from diagnosis.screening.lost_rows.lost_triggers import event_of
 from diagnosis.screening.residuals import Residuals, confirmed, realigned, residuals_of
 from diagnosis.selection.candidate import Candidate
@@ -46,9 +46,9 @@ from diagnosis.verification.tenable import tenable_causes
 from identification.selection import Split
 
 LOOPS = 2
-"""Searches beside simulated loops after the first, whose loop lacks all causes."""
+"""Searches with other simulated loops after the first, in whose loops all causes are missing."""
 SETTLED = 0.2
-"""Of a std: closed loops whose residuals differ by less say the same."""
+"""Std of the residual, rms, by which the residuals of closed loops must differ for another search."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,8 +76,8 @@ class Search:
         return residuals_of(self.arm, self.screened, self.progress)
 
     def simulating(self, arm: Arm) -> Search:
-        """The same beside closed loops of that arm, where recordings have no noise."""
-        return replace(self, screened=beside_loops(self.screened, arm))
+        """The same with simulated closed loops of that arm for recordings without noise."""
+        return replace(self, screened=with_simulated_loops(self.screened, arm))
 
     def knowing(self, causes: Sequence[Cause], excluded: Iterable[EffectKey]) -> Search:
         """The same search with more known causes, and more effects that it may not choose."""
@@ -96,7 +96,7 @@ def find_causes(
         screened=screened,
         progress=progress,
     )
-    currents = _beside_loops(search)
+    currents = _with_loops(search)
     held = as_held(currents.causes, [run for part in currents.state.data for run in part.runs])
     currents = replace(currents, held=tuple(held), causes=[cause for cause in currents.causes if cause not in held])
     if currents.axis or currents.arm.uncertainty is not None:
@@ -110,20 +110,24 @@ def find_causes(
     )
 
 
-def _beside_loops(search: Search) -> CurrentDiagnosis:
-    """The search; of recordings without noise beside closed loops, and again beside those that have the causes."""
+def _with_loops(search: Search) -> CurrentDiagnosis:
+    """The search; for recordings without noise repeated with the causes in the simulated loops.
+
+    Without noise, the error of the method itself exceeds that of the instruments; a closed loop of the model on the
+    same demands has the same error, which is subtracted (``simulated_loop``).
+    """
     search = search.simulating(search.arm)
     currents = _repeated_search(search)
     for _ in range(LOOPS):
         again = search.simulating(extend(currents.base, currents.causes))
-        if not _moved(search.screened, again.screened, currents.residuals.runs):
+        if not _loops_differ(search.screened, again.screened, currents.residuals.runs):
             break
         search, currents = again, _repeated_search(again)
     return currents
 
 
-def _moved(before: Screened, after: Screened, runs: Sequence[Run]) -> bool:
-    """Whether loops beside the recordings of ``runs`` have other residuals, by more than ``SETTLED`` of a std, rms."""
+def _loops_differ(before: Screened, after: Screened, runs: Sequence[Run]) -> bool:
+    """Whether the residuals of the simulated loops of any recording differ by more than ``SETTLED``."""
     for was, now, run in zip(before.known_noise, after.known_noise, runs):
         of_loops = [0.0 if known.loop is None else known.loop.residual for known in (was, now)]
         moved = (of_loops[1] - of_loops[0]) / run.deviation
@@ -191,13 +195,13 @@ def _searched(search: Search, residuals: Residuals) -> CurrentDiagnosis:
     warm = [run.arm.temperatures for run in residuals.runs]
     axis = axis_side(arm, (residuals.samples[:first], residuals.samples[first:]), two_fold=parts, temperatures=warm)
     if axis is None:
-        return _searched_beside(search, residuals, None)
-    by_axis = _searched_beside(search, residuals, axis)
+        return _searched_given(search, residuals, None)
+    by_axis = _searched_given(search, residuals, axis)
     # the single-axis search has neither changes of inertia nor aliased setpoint ripple
     wider = any(load_changes(run) or run.folded.any() for run in residuals.runs)
     if not (wider or by_axis.selection.unexplained.structures):
         return by_axis
-    by_arm = _searched_beside(search, residuals, None)
+    by_arm = _searched_given(search, residuals, None)
     if wider and not (by_arm.selection.unexplained.structures or _above_noise(by_arm)):
         return by_arm
     energies = [one.state.energy.held_out for one in (by_axis, by_arm)]
@@ -211,7 +215,7 @@ def _above_noise(currents: CurrentDiagnosis) -> bool:
     return any(joints_above_noise(residual, side, currents.arm) for residual, side in sides)
 
 
-def _searched_beside(search: Search, residuals: Residuals, axis: AxisSide | None) -> CurrentDiagnosis:
+def _searched_given(search: Search, residuals: Residuals, axis: AxisSide | None) -> CurrentDiagnosis:
     """The search conditional on the causes of a single ``axis``; None: the search that every arm gets.
 
     Repeated with all that joints show along their acceleration, where that is more than sampling may put there.

@@ -1,9 +1,9 @@
-"""Which of the effects that two encoders of a joint do not distinguish it is, where the currents tell.
+"""Ambiguity groups of the link encoders, resolved by the currents.
 
-A wave of the gear and one of the motor's encoder are the same to the difference of motor and link encoder. With the
-gear's, the link moves otherwise than the motor's encoder says, with the encoder's the motor does as well. A wrong name
-would be in the model before the currents are judged, and leave there what other effects then explain. So would a
-right one whose size is not known as well as currents show it: a wave of the encoder is estimated by both.
+A ripple of the gear and one of the motor's encoder make the same difference of motor and link encoder. With the first,
+only the link departs from the reading of the motor's encoder; with the second, the motor does as well, and its current
+shows that. A wrong name would be in the model before the currents are judged, where other effects would then make up
+for it. So would a right one of inaccurate size: the ripple of an encoder is estimated by both instruments.
 """
 
 from __future__ import annotations

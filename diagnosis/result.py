@@ -14,7 +14,7 @@ from diagnosis.measurements.link_encoders.causes import LinkSide
 from diagnosis.measurements.single_axis.causes import AxisSide
 from diagnosis.measurements.tracker.causes import Tracked
 from diagnosis.origins import Suspect, evidence_of, suspects
-from diagnosis.remainder.of_identification import Remainder
+from diagnosis.remainder.of_identification import AllowedResidual
 from diagnosis.residual.run import Run
 from identification.selection import Split
 
@@ -30,7 +30,7 @@ class Diagnosis:
     judged         whether the currents were compared: not with a model that predicts none
     shortage       what the held-out recordings are too short for
     known_to       (n,) times the noise that held-out residuals may be by what the model says of its own uncertainty
-    remainders     what is above the noise within that, joint by joint
+    allowed_residuals     what is above the noise within that, joint by joint
     """
 
     arm: Arm
@@ -50,7 +50,7 @@ class Diagnosis:
     judged: bool = True
     shortage: Shortage | None = None
     known_to: Array | None = None
-    remainders: list[Remainder] = field(default_factory=list)
+    allowed_residuals: list[AllowedResidual] = field(default_factory=list)
     warnings: tuple[str, ...] = ()
 
     @property

@@ -20,7 +20,7 @@ from arm_io.types import Array
 from arm_model import Arm
 from arm_model.rigid_body import total_at
 from comparison.change import Estimate, Quantity
-from comparison.friction_drift import COULOMB, NEAR_REST, UNTOLD, VISCOUS, friction_size
+from comparison.friction_drift import COULOMB, NEAR_REST, UNRECORDED, VISCOUS, friction_size
 
 DAYS = 3
 """Days on which the results of a side were recorded, from which on their scatter says how much friction differs."""
@@ -82,9 +82,9 @@ def _drift(quantity: Quantity, value: float, tables: Sequence[Mapping[str, Any]]
         if np.isnan(friction.fastest):
             # an older result: what it states of this parameter
             friction = friction.more(which, value)
-    level = UNTOLD * COULOMB * abs(friction.level)
-    slope = UNTOLD * VISCOUS * abs(friction.slope)
-    hump = UNTOLD * NEAR_REST * abs(friction.level)
+    level = UNRECORDED * COULOMB * abs(friction.level)
+    slope = UNRECORDED * VISCOUS * abs(friction.slope)
+    hump = UNRECORDED * NEAR_REST * abs(friction.level)
     if quantity.speed is not None:
         speed = abs(quantity.speed)
         return float(np.linalg.norm([level, slope * speed, hump * _near_rest(speed / friction.fastest)]))

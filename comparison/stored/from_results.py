@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from scipy import stats
 
 from arm_io import InputError, check_plain, read_text
 from arm_model import Arm, read_model
@@ -22,7 +21,7 @@ from comparison.stored.diagnosed_causes import Entry, align, cause_sentences, en
 from comparison.stored.drift import stored_drift
 from comparison.stored.identified_friction import curved_joints, friction_points, is_replaced
 from comparison.wording import parameter_quantity
-from identification.regression.uncertainty import LEAST_BLOCKS
+from identification.regression.uncertainty import LEAST_BLOCKS, student_factor
 
 SCHEMAS: Mapping[str, Literal["identifications", "diagnoses"]] = {
     "armscope.identification/1": "identifications",
@@ -35,6 +34,7 @@ Where an identification held directions (``identification.regression.weak_direct
 the other estimated; the files do not say which.
 """
 ROUNDING = 1e-9
+"""Difference, absolute and relative, up to which two numbers of model files are equal."""
 STRUCTURE = ("theta", "d", "a", "alpha", "beta", "xyz", "rpy", "axis", "gear", "torque_constant")
 NOMINAL = ("mass", "com", "inertia", "rotor_inertia", "viscous", "coulomb", "offset")
 
@@ -143,7 +143,7 @@ def structural_difference(one: Arm, other: Arm, *, nominal: bool = False) -> str
             if getattr(joint, name) != getattr(other_joint, name):
                 return f"{name} of joint {number} is {getattr(joint, name)} and {getattr(other_joint, name)}"
         for name in (*STRUCTURE, *(NOMINAL if nominal else ())):
-            if not np.allclose(getattr(joint, name), getattr(other_joint, name), rtol=1e-9, atol=ROUNDING):
+            if not np.allclose(getattr(joint, name), getattr(other_joint, name), rtol=ROUNDING, atol=ROUNDING):
                 return f"{name} of joint {number} is {getattr(joint, name)} and {getattr(other_joint, name)}"
         if nominal and joint.friction_curve != other_joint.friction_curve:
             return f"friction_curve of joint {number} differs"
@@ -227,5 +227,4 @@ def estimate_of(result: Stored, quantities: Sequence[Quantity], entries: Mapping
     if _holds_directions(result.table):
         std = PRETEST * std
     freedom = _freedom(result.table)
-    factor = float(stats.t.ppf(0.975, freedom) / stats.norm.ppf(0.975))
-    return Estimate(source=str(result.path), values=values, std=std, raw=std / factor, freedom=freedom)
+    return Estimate(source=str(result.path), values=values, std=std, raw=std / student_factor(freedom), freedom=freedom)

@@ -15,6 +15,7 @@ from comparison.trend.history import Histories
 from comparison.trend.movement import Movement
 
 POINTS = 200
+"""Points of a drawn trend."""
 MOST_AHEAD = 2.0
 """A forecast is drawn this many times as far ahead as the results go back, at most."""
 

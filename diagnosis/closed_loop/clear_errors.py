@@ -12,12 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import signal
 from scipy.interpolate import CubicSpline
 
 from arm_io.types import Array
 from diagnosis.cause import NO_VARIABLE, Signal, Structure
 from diagnosis.closed_loop.comparison import Compared
+from diagnosis.closed_loop.loop_errors import band_sections, white_noise_share
 from diagnosis.closed_loop.setpoint_phase import lag_of
 from diagnosis.residual.filters import COMPARE_BAND, TRANSIENT, rate_kept, rate_of
 from diagnosis.residual.noise.channels import current_noise
@@ -177,15 +177,13 @@ def _above(before: Compared, one: Compared, white: Array) -> tuple[Array, Array]
 
 
 def _sections(rate: float) -> Array:
-    half = rate / 2
-    sections: Array = signal.butter(3, [COMPARE_BAND / half, min(HIGHEST / half, 0.9)], btype="band", output="sos")
-    return sections
+    """Of the band from COMPARE_BAND to HIGHEST, at ``rate`` rows/s."""
+    return band_sections(rate, (COMPARE_BAND, HIGHEST))
 
 
 def _in_band(white: Array, sections: Array) -> Array:
-    """(n,) what a filter, forwards and back, leaves of white noise (n,)."""
-    _, response = signal.sosfreqz(sections, 2000)
-    return np.asarray(np.maximum(white * np.sqrt(np.mean(np.abs(response) ** 4)), 1e-12))
+    """(n,) std that a filter, forwards and back, leaves of white noise of std (n,)."""
+    return np.asarray(np.maximum(white * np.sqrt(white_noise_share(sections)), 1e-12))
 
 
 def _of_blocks(values: Array, measured: NDArray[np.bool_], rows: int) -> Array:

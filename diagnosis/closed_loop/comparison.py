@@ -42,6 +42,8 @@ FAITHFUL = 1.5
 """Ratio to the error along the measured motion above which the controller of the model is not that of the arm."""
 SMOOTHING = np.array([0.12, 0.2, 0.3, 0.45, 0.65, 1.0, 1.6, 2.5])
 """Candidate Coulomb smoothing velocities, as multiples of the model's own; one lane of the engine each."""
+REDUCED = 0.9
+"""Share of a joint's squared error in closed loop that another smoothing velocity may leave to replace the model's."""
 
 
 def identity(values: Array) -> Array:
@@ -183,7 +185,7 @@ def with_smoothing_velocities(arm: Arm, recordings: Sequence[Recording]) -> Arm:
     """The arm with the Coulomb smoothing velocities (``sign_velocity``) that these recordings show in closed loop.
 
     No data sheet states them, and simulations differ in them. A joint keeps its own where no other reduces its squared
-    error by a tenth.
+    error to ``REDUCED`` of it.
     """
     usable = [r for r in recordings if has_demand(r)]
     moving = [j for j, joint in enumerate(arm.joints) if max(joint.rest_friction) > 0.0]
@@ -198,7 +200,7 @@ def with_smoothing_velocities(arm: Arm, recordings: Sequence[Recording]) -> Arm:
     for j in moving:
         # lanes whose loop is not stable are NaN
         best = int(np.argmin(np.nan_to_num(errors[:, j], nan=np.inf)))
-        if errors[best, j] < 0.9 * errors[unchanged, j]:
+        if errors[best, j] < REDUCED * errors[unchanged, j]:
             joints[j] = replace(joints[j], sign_velocity=float(joints[j].sign_velocity * SMOOTHING[best]))
     return replace(arm, joints=tuple(joints))
 

@@ -33,7 +33,7 @@ LONGEST = 0.014
 COARSE, FINE = 1e-3, 1e-4
 """s between lags at which errors are computed, ten per period of the highest frequency, and interpolated."""
 MOVES = 0.01
-"""rad (m) that a joint must move to have a say."""
+"""rad (m) that a joint must move to count."""
 SAME_ANGLES = 0.2
 """Servo periods by which angles of a loop may be late: those of other servos are by more."""
 
@@ -123,7 +123,7 @@ class LagCosts:
 
 
 def lag_costs(arm: Arm, recording: Recording, current: Array) -> LagCosts | None:
-    """By every lag of currents (m, n) A, what the loop of the arm on the recorded demands misses of them.
+    """Closed-loop errors of an arm on the recorded demands, for every lag of the currents (m, n) A.
 
     current: those recorded, with the rows put back that are known to be lost. None where no loop can judge: without
     demand or controller, unstable, with setpoints whose instants are not recorded, or by servos that are not the arm's.

@@ -29,6 +29,8 @@ from identification.preprocessing import demand_of_run, zero_phase
 
 BAND = (10.0, 100.0)
 """Hz: up to here the model in closed loop follows measured currents to the transducers' noise."""
+BELOW_NYQUIST, FREQUENCIES = 0.9, 2000
+"""Share of the Nyquist frequency up to which a band-pass can reach, and frequencies that its gain is averaged over."""
 
 
 @dataclass(frozen=True)
@@ -159,19 +161,23 @@ def left_over_in_loop(arm: Arm, recordings: Sequence[Recording]) -> Array:
 def _noise_in_band(recordings: Sequence[Recording]) -> Array:
     """(n,) A: noise of the measured currents in the band."""
     return np.asarray(
-        np.sqrt(np.mean([current_noise(r.i) ** 2 * _share_of_white_noise(r) for r in recordings], axis=0))
+        np.sqrt(
+            np.mean(
+                [current_noise(r.i) ** 2 * white_noise_share(band_sections(1.0 / r.dt)) for r in recordings], axis=0
+            )
+        )
     )
 
 
 @cache
-def band_sections(rate: float) -> Array:
-    """(3, 6) second-order sections of the Butterworth filter of ``BAND`` at ``rate`` rows/s."""
+def band_sections(rate: float, band: tuple[float, float] = BAND) -> Array:
+    """(3, 6) second-order sections of the Butterworth band-pass of a ``band``, Hz, at ``rate`` rows/s."""
     half = rate / 2
-    sections: Array = signal.butter(3, [BAND[0] / half, min(BAND[1] / half, 0.9)], btype="band", output="sos")
+    sections: Array = signal.butter(3, [band[0] / half, min(band[1] / half, BELOW_NYQUIST)], btype="band", output="sos")
     return sections
 
 
-def _share_of_white_noise(recording: Recording) -> float:
-    """Share of the power of white noise that lies in the band."""
-    _, response = signal.sosfreqz(band_sections(1.0 / recording.dt), 2000)
+def white_noise_share(sections: Array) -> float:
+    """Share of the power of white noise that ``sections`` (k, 6) leave, applied forwards and back."""
+    _, response = signal.sosfreqz(sections, FREQUENCIES)
     return float(np.mean(np.abs(response) ** 4))

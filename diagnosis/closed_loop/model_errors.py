@@ -1,7 +1,7 @@
-"""How far the closed loop of a model that says how well it is known may be from the arm's, by that alone.
+"""Errors of simulated closed loops that follow from the stated uncertainty of a model.
 
-Arms are drawn from what is known of the parameters, and each runs the demands: the spread of their currents about the
-model's own is what a comparison in closed loop cannot hold against the arm.
+Arms are drawn from the distribution of the parameters, and each is simulated on the demands. An error of the model's
+own closed loop that is within the spread of their currents is no sign of a fault.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from diagnosis.closed_loop.comparison import Compared, compare
 from diagnosis.residual.run import Run
 
 DRAWS = 8
-"""Arms: their spread is known to a quarter, the limits that it widens are no finer."""
+"""Arms that are drawn: their spread is then known to a quarter, which is enough for the limits that it widens."""
 SEED = 0
-"""Of the draws: the same recordings have the same verdict."""
+"""Seed of the draws, so that the same recordings have the same verdict."""
 
 
 def sampled_arms(arm: Arm, count: int = DRAWS) -> list[Arm]:

@@ -13,7 +13,9 @@ from diagnosis.binned_means import quantile_edges
 from diagnosis.distortion.random_walk import STEP
 
 BINS = 12
+"""Bins of a variable, with equal numbers of values."""
 DRAWS = 400
+"""Permutations of blocks from which the shares by chance follow: p-values down to 1/400."""
 
 
 @dataclass(frozen=True)

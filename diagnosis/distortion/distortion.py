@@ -27,6 +27,7 @@ from diagnosis.distortion.random_walk import GAP, STEP, gains_of, likelihood, me
 from diagnosis.measurements.currents.design_matrix import dataset_of, free_columns
 from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.residual.comparable_rows import comparable_rows
+from diagnosis.residual.filters import TRANSIENT
 from diagnosis.residual.run import Run
 from identification.selection import p_value
 
@@ -37,6 +38,10 @@ SIGNIFICANT = 0.01
 
 Like a cause, it must also explain more than ``LIMITS.min_gain``.
 """
+LEAST_SHARE = 0.1
+"""Share of the variance of a parameter from which a variable is named that it depends on."""
+DETERMINED = 0.1
+"""Information of a step over the median one, above which its value is drawn: with less it is interpolated."""
 LEAST_PREDICTED = 3
 """Steps: more than the two unknowns that prediction errors determine, the strength of the walk and the noise."""
 JOINT_SIDE = (
@@ -260,9 +265,9 @@ def _path(
     }
     if recording.temp is not None and np.isfinite(recording.temp[:, j]).any():
         there = np.isfinite(recording.temp[:, j])
-        first = run.raw[0][0] + 0.2
+        first = run.raw[0][0] + TRANSIENT
         against["temperature"] = np.interp(mean(run.t) + first, recording.t[there], recording.temp[there, j])
-    enough = seen > 0.1 * np.median(seen[seen > 0]) if (seen > 0).any() else seen > 0
+    enough = seen > DETERMINED * np.median(seen[seen > 0]) if (seen > 0).any() else seen > 0
     return Path(run.name, mean(run.t), model + x, np.sqrt(scale * variance), enough, against, score, seen, run.alike)
 
 
@@ -280,7 +285,7 @@ def sentence(result: Distortion) -> str:
         f"{result.parameter} would have to vary between {low:.4g} and {high:.4g}{unit} (the model has "
         f"{result.model:.4g})"
     )
-    real = [one for one in result.shares if one.p < SIGNIFICANT and one.share > 0.1]
+    real = [one for one in result.shares if one.p < SIGNIFICANT and one.share > LEAST_SHARE]
     if not real:
         return f"{first}; it correlates with none of {', '.join(one.against for one in result.shares)}."
     others = "".join(f", {one.against} {one.share:.0%}" for one in real[1:])

@@ -24,6 +24,7 @@ LEAST = 0.05
 SPEAKS = 0.8
 """Likelihood ratio below which a sign speaks against an origin."""
 LARGEST = 0.99
+"""Likelihood up to which one is stated: a table of judgement is no more certain."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

@@ -27,12 +27,12 @@ from diagnosis.remainder.against_noise import ratios
 from diagnosis.residual.comparable_rows import comparable_rows
 from diagnosis.residual.other_effects import with_own
 from diagnosis.residual.run import Run, with_free
-from diagnosis.selection.candidate import Candidate
+from diagnosis.selection.candidate import RELATIVE_STEP, Candidate
 from diagnosis.selection.contradiction import CHANCE, SAME, SingleEstimate, chance_of
 from diagnosis.selection.design import Pair
 from diagnosis.selection.estimates import estimates
 from diagnosis.selection.regression import INDEPENDENT
-from diagnosis.units import recorded_quantity
+from diagnosis.units import fall, recorded_quantity
 from identification.selection import p_value, scaled_lstsq
 from identification.selection.cluster_covariance import cluster_covariance
 
@@ -46,8 +46,6 @@ IMPOSSIBLE = 2.0
 """std by which a load of one recording must be negative to be none."""
 QUIET = 1.5
 """Times the noise that may remain at a joint: values per recording also follow what no effect explains, in part."""
-MOVED = 0.02
-"""Relative step of a nonlinear parameter by which columns are differentiated."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -196,10 +194,10 @@ def _bends(c: Candidate, pair: Pair, state: State) -> list[tuple[float, list[Arr
     found = []
     for name in c.searched():
         value = dict(c.shape)[name]
-        other = c.at(name, (1.0 + MOVED) * value)
+        other = c.at(name, (1.0 + RELATIVE_STEP) * value)
         moved = state.model.data.map(partial(columns_of, other))
         both = zip(_of_runs([moved], state), _of_runs([pair], state))
-        found.append((value, [(after - before) / (MOVED * value) for after, before in both]))
+        found.append((value, [(after - before) / (RELATIVE_STEP * value) for after, before in both]))
     return found
 
 
@@ -246,8 +244,8 @@ def cause_of(
         after=after,
         group=(c.key, *dict.fromkeys((name, c.joint) for name in aliases if name != c.effect)),
         evidence=f"{c.definition.shows}, differently in each recording: with one value per recording, the held-out "
-        f"{recorded_quantity(state.model.arm.joints[joint - 1])} error of joint {joint} falls from {before:.3g} "
-        f"to {after:.3g} {unit} rms; no single value fits all recordings",
+        f"{recorded_quantity(state.model.arm.joints[joint - 1])} error of joint {joint} falls "
+        f"{fall(before, after, unit)}; no single value fits all recordings",
         felt_at=joint,
         unit=unit,
         of_arm=False,

@@ -34,7 +34,7 @@ def against_noise(arm: Arm, recordings: Sequence[Recording], others: Sequence[Re
 
 
 def runs_of(arm: Arm, recordings: Sequence[Recording], others: Sequence[Recording]) -> list[Run]:
-    """Residuals of recordings under an arm, with the noise that they and ``beside`` show at standstill."""
+    """Residuals of recordings under an arm, with the noise that they and the ``others`` show at standstill."""
     check(arm, recordings)
     blanks = [blanks_of(r) for r in recordings]
     recordings, others = ([without_blanks(r) for r in of_side] for of_side in (recordings, others))

@@ -41,9 +41,9 @@ def structures_of_fit(
 ) -> list[Structure]:
     """Joints whose residual exceeds the noise in the fitted recordings alone, as unexplained structure.
 
-    left (n * rows,): residual of the fitted recordings, whitened; structures: those that are reported already; allowed
-    (n,): times the noise that a residual may be (``known_to``); variable_of: a joint's residual in all recordings
-    (``likely_variable``), if it depends on one.
+    residual (n * rows,): of the fitted recordings, whitened; structures: those that are reported already; allowed
+    (n,): residual over the noise that is not reported (``known_to``); variable_of: joint -> the variable on which its
+    residual in all recordings depends (``likely_variable``), or None.
     """
     return [
         Structure(

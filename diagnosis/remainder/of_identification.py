@@ -1,7 +1,7 @@
-"""What an identified model leaves on recordings of its own identification, beyond the noise of their instruments.
+"""Residual that an identified model leaves on the recordings of its own identification, above their noise.
 
-``identify`` writes it beside the model: an arm is never quite of its model's kind. What is no larger on another day is
-no news of that day, whatever it depends on.
+``identify`` writes it beside the model, because no model has exactly the structure of its arm. A residual that is no
+larger on another day does not show a change of the arm, whatever variable it depends on.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ def _along(arm: Arm, data: Dataset) -> tuple[float, ...]:
 
 
 def _against(arm: Arm, learned: Dataset, data: Dataset, joint: int) -> str:
-    """Name of the variable that predicts most of what is left at a joint (from 1), from the recordings beside."""
+    """Name of the variable that predicts most of what is left at a joint (from 1), from the ``learned`` recordings."""
     if noise_ratio(data.y, data, joint) <= LIMITS.above_noise:
         return ""
     split, bases = Split(learned, data), Bases(learned, data)
@@ -81,7 +81,7 @@ def _against(arm: Arm, learned: Dataset, data: Dataset, joint: int) -> str:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Remainder:
+class AllowedResidual:
     """A residual at a joint (from 1) above the noise, but within the stated uncertainty of an identified model.
 
     against  variable that predicts most of it; "" where none does
@@ -94,9 +94,9 @@ class Remainder:
     before_against: str
 
 
-def remainders(state: State, structures: Sequence[Structure]) -> list[Remainder]:
+def allowed_residuals(state: State, structures: Sequence[Structure]) -> list[AllowedResidual]:
     """For every joint above the noise without unexplained structure; empty if the model states no uncertainty."""
-    model, result = state.model, list[Remainder]()
+    model, result = state.model, list[AllowedResidual]()
     if model.uncertain is None or model.arm.uncertainty is None:
         return result
     exact = Significance(state.data, [*model.free, *(model.columns(c) for c in state.chosen)], None)
@@ -107,7 +107,9 @@ def remainders(state: State, structures: Sequence[Structure]) -> list[Remainder]
         if joint in reported or max(noise_ratio(y, side, joint) for side, y in sides) <= LIMITS.above_noise:
             continue
         against = _variable(structures_at(joint, state.data, bases, state.fitted, model.arm, exact)[0])
-        result.append(Remainder(joint=joint, against=against, before=(1.0 + remaining) ** 0.5, before_against=before))
+        result.append(
+            AllowedResidual(joint=joint, against=against, before=(1.0 + remaining) ** 0.5, before_against=before)
+        )
     return result
 
 

@@ -13,6 +13,7 @@ from diagnosis.selection.design import Dataset
 
 FROM = ("position", "velocity", "load torque")
 KNOTS = 12
+"""Knots of the function of one variable: enough for two cycles over its range."""
 RIDGE = 1e-3
 """Ridge penalty relative to the mean Gram diagonal; shrinks knots without data to zero."""
 

@@ -14,7 +14,7 @@ import numpy as np
 from diagnosis.cause import Signal
 from diagnosis.closed_loop.clear_errors import SIDES
 from diagnosis.remainder.against_noise import ratios
-from diagnosis.remainder.of_identification import Remainder
+from diagnosis.remainder.of_identification import AllowedResidual
 from diagnosis.result import Diagnosis
 
 NOISE = 1.3
@@ -37,7 +37,7 @@ class Remaining:
     along: dict[str, float] = field(default_factory=dict)
     in_loop: dict[str, float] = field(default_factory=dict)
     known_to: float | None = None
-    remainder: Remainder | None = None
+    remainder: AllowedResidual | None = None
 
     @property
     def words(self) -> Iterator[str]:
@@ -65,7 +65,7 @@ class Remaining:
         return f", where the model is known to {self.known_to:.1f} times" if self.known_to else ""
 
 
-def _compared(one: Remainder | None) -> str:
+def _compared(one: AllowedResidual | None) -> str:
     """`` (against position; 5.6 times, against position, when it was identified)``; empty where nothing is known."""
     if one is None:
         return ""
@@ -94,7 +94,7 @@ def remaining(result: Diagnosis) -> list[Remaining]:
             along={side: sizes[joint] for side, sizes in along.items() if joint in sizes},
             in_loop={side: float(sizes[joint - 1]) for side, sizes in in_loop.items()},
             known_to=None if result.known_to is None else float(result.known_to[joint - 1]),
-            remainder=next((remainder for remainder in result.remainders if remainder.joint == joint), None),
+            remainder=next((remainder for remainder in result.allowed_residuals if remainder.joint == joint), None),
         )
         for joint in range(1, len(result.arm) + 1)
     ]

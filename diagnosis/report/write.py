@@ -23,7 +23,7 @@ from diagnosis.measurements.near_rest import friction as near_rest
 from diagnosis.measurements.single_axis import model as single_axis
 from diagnosis.measurements.tracker import model as tracker
 from diagnosis.origins import JUDGEMENT
-from diagnosis.remainder.of_identification import Remainder
+from diagnosis.remainder.of_identification import AllowedResidual
 from diagnosis.report.html import report
 from diagnosis.report.joint_verdicts import remaining
 from diagnosis.report.origins import of_cause, origin_row
@@ -103,7 +103,7 @@ def _terms(cause: Cause) -> list[dict[str, Any]]:
     return [{"term": term, "parameters": [effect.of_term(term).name]} for term in cause.next_orders]
 
 
-def _remainder(one: Remainder) -> dict[str, Any]:
+def _remainder(one: AllowedResidual) -> dict[str, Any]:
     """On what a residual within the model's uncertainty depends, and what the model left when it was identified."""
     before = {"noise_ratio": one.before, "against": one.before_against or None}
     return {"against": one.against or None, "when_identified": before}

@@ -4,11 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 
+from arm_io.types import Array
 from arm_model import Arm
 from arm_model.effects import Signals
 from diagnosis.residual.expected_current import coulomb_at
 from diagnosis.residual.run import Run
 from diagnosis.residual.warmth import warmth
+
+SHARPNESS = 0.01
+"""Share of its highest speed at which a joint counts as moving fully in one direction, where nothing else says so."""
+
+
+def direction_of(v: Array) -> Array:
+    """(m,) direction of motion, from -1 to 1, at speeds v (m,) per second, without a Coulomb smoothing velocity."""
+    return np.asarray(v / np.hypot(v, SHARPNESS * max(float(np.max(np.abs(v))), 1e-12)))
 
 
 def signals_of(run: Run, arm: Arm, joint: int, *, link_side: bool = False) -> Signals:

@@ -116,12 +116,12 @@ def with_rows_put_back(screened: Screened, losses: Sequence[DroppedTriggers], ev
     return replace(screened, samples=samples, events=united([*screened.events, event]))
 
 
-def beside_loops(screened: Screened, arm: Arm) -> Screened:
-    """The same with the closed loops of an arm beside recordings whose noise is not all that their rows show.
+def with_simulated_loops(screened: Screened, arm: Arm) -> Screened:
+    """The same with a simulated closed loop of ``arm`` for every recording, where the method's own error needs it.
 
-    Instruments leave less than rows resolve, or rows are fewer than ``FEW_ROWS`` per setpoint. The same object where
-    neither is. Instruments are those of all recordings: the shortest with a loop like it tells, and only where it needs
-    one are the others simulated.
+    That is where the noise of the instruments is less than sampled rows resolve, or where there are fewer than
+    ``FEW_ROWS`` rows per setpoint; elsewhere the same object. As all recordings have the same instruments, the shortest
+    one whose loop follows it decides, and only then are the others simulated.
     """
     recordings, samples = screened.recordings, screened.samples
     loops: dict[int, SimulatedLoop | None] = {}

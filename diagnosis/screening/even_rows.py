@@ -24,7 +24,7 @@ from identification.preprocessing.grid import on_grid
 EVEN = 0.02
 """Of a period, rms: stamps this close to equal spacing are taken for it.
 
-The largest error of a stamp grows with the length of a recording and says nothing of the rest.
+The largest error of a stamp grows with the length of a recording and is no measure of the others.
 """
 TORN = 2.5
 """Periods between two rows that are no mere jitter: rows are missing, and a grid would invent them."""

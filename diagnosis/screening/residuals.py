@@ -109,7 +109,7 @@ def realigned(residuals: Residuals, terms: Sequence[EffectTerm]) -> Residuals:
         )
         corrected = unweighted(without_skipped(corrected, residuals.holes[k]), residuals.blanks[k])
         corrected = unmeasured(corrected, of_recording)
-        # of the same rows: those that were not measured have no say in either
+        # of the same rows: those that were not measured count in neither
         if _energy(corrected, terms) < _energy(unmeasured(recorded_runs[k], of_recording), terms):
             samples[k], runs[k] = (t, q, i), corrected
         else:  # another error, which follows a change of lag at some joints and contradicts it at others

@@ -10,6 +10,9 @@ from typing import Self
 from arm_model.effects import CATALOGUE, Effect, Values, solved, units
 from diagnosis.cause import EffectKey
 
+RELATIVE_STEP = 0.02
+"""Relative change of a nonlinear parameter by which columns and residuals are differentiated."""
+
 
 @dataclass(frozen=True)
 class Candidate:

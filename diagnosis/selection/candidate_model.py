@@ -35,7 +35,7 @@ class CandidateModel(MeasurementModel[C, tuple[C, ...]]):
         return [self.score(candidate, state) for candidate in self.best(state)]
 
     def entered(self, score: Score[C], admissible: Sequence[Score[C]], state: tuple[C, ...]) -> tuple[C, ...]:
-        """With the candidate; what else might have entered has no say."""
+        """With the candidate, whatever else might have entered."""
         return (*state, score.candidate)
 
     def without(self, candidate: C, state: tuple[C, ...]) -> tuple[C, ...]:
@@ -47,10 +47,10 @@ class CandidateModel(MeasurementModel[C, tuple[C, ...]]):
         return self.score(candidate, without)
 
     def beyond_model(self, candidate: C, others: tuple[C, ...]) -> bool:
-        """Whether a candidate is significant conditional on others, with the model as uncertain as it says it is."""
+        """Whether a candidate is significant conditional on others, within the stated uncertainty of the model."""
         return True
 
     def needed(self, score: Score[C], state: tuple[C, ...]) -> bool:
-        """Whether a candidate still matters beside all others, which enter after it and may take its part."""
+        """Whether a candidate still matters conditional on all others, which may have entered after it."""
         matters = score.share > (self.limits.kept_gain or 0.0)
         return matters and self.beyond_model(score.candidate, self.without(score.candidate, state))

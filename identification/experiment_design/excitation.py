@@ -223,7 +223,7 @@ def _feasible(task: _Task, proposals: Array) -> tuple[Array, Array, Array]:
 def _within_torque(task: _Task, start: Array, q: Array, qd: Array, qdd: Array, scale: Array) -> Array:
     """The scales (m, n) of motions (m, k, n) made smaller until the motors can follow.
 
-    All joints calm down together, since they feel each other. 0 where the motors hardly hold the arm.
+    All joints are scaled together, since their dynamics are coupled. 0 where the motors hardly hold the arm.
     """
     share = np.ones(len(scale))
     over = share > 0

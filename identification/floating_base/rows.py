@@ -31,6 +31,7 @@ COMPARE_BAND = 1.0
 ENDS = 1.0
 """s at either end of a recording that filters spoil."""
 ROWS_PER_SECOND = 5.0
+"""Rows that are kept: five per period of COMPARE_BAND."""
 BLOCK_SECONDS = 3.0
 """Length of a block: several times the longest correlation of the residual."""
 MOST_ROWS = 100_000

@@ -130,7 +130,7 @@ def _identify_joint(arm: Arm, j: int, runs: Sequence[Run], held_out: Sequence[Ru
 
 
 def own_run(motions: Sequence[Motion], j: int) -> int | None:
-    """The run in which joint j travels furthest against the others; None where it is never among the lively ones."""
+    """The run in which joint j travels furthest against the others; None where it moves far less in all of them."""
     share = []
     for motion in motions:
         travel = np.ptp(motion.q, axis=0)

@@ -4,8 +4,6 @@ The equation of the one joint is
 
     tau = I q'' + B q' + g1 cos q + g2 sin q + f1 [q' > 0] - f2 [q' < 0],     tau = abs(gear) k i
 
-    tau = I q'' + B q' + g1 cos q + g2 sin q + f1 [q' > 0] - f2 [q' < 0],     tau = abs(gear) k i
-
 Two ways around differentiating noise (Abderrahim, "Modelling of Robotic Manipulators", thesis, Glasgow, section 5.2):
 
 * state-variable filter: every term through C(s) = 1 / (1 + s / lambda)^3, whose states are the filtered signal's own

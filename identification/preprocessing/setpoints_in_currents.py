@@ -1,4 +1,4 @@
-"""Whether recorded currents show that rows come at a multiple of the rate of setpoints that nobody has stated.
+"""Whether recorded currents show that rows come at a multiple of the rate of setpoints, where these are not stated.
 
 A model from a URDF file says nothing of its controller. But transients at setpoints are lines of the current at whole
 multiples of the setpoints' rate, and follow the acceleration (``setpoint_ripple``): with n rows per setpoint the

@@ -43,7 +43,7 @@ class Band:
 
 
 def choose_band(q: Array, dt: float) -> Band:
-    """The band of positions q (n, J) rad or m on a uniform grid of dt s. Joints that do not move have no say."""
+    """The band of positions q (n, J) rad or m on a uniform grid of dt s. Joints that do not move do not count."""
     rate = 1.0 / dt
     segment = int(min(len(q) - 2, max(SEGMENT * rate, 16)))
     f, density = _spectra((np.diff(column, 2) / dt**2 for column in q.T), rate, segment)

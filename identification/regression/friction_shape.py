@@ -47,6 +47,7 @@ FEWEST = 1000
 SCALES = (0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0)
 """Standard deviations of the change of slope per unit of log speed, as shares of the joint's friction."""
 FOLDS = 5
+"""Parts of the time, each predicted from the others."""
 
 
 def curve_speeds(motions: Sequence[Motion], j: int) -> tuple[float, ...] | None:

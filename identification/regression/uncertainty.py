@@ -21,7 +21,7 @@ from identification.regression.equations import Equations
 from identification.regression.least_squares import Fit
 from identification.regression.qr import triangle_of
 
-REPLICATES = 400
+REPLICATES = 400  # refits to blocks drawn anew: a std from them is known to 5 %
 LEAST_BLOCKS = 12  # smallest number of blocks that shows their scatter
 MOST_BLOCKS = 2500  # largest number of blocks: each has its own normal equations
 MEMORIES = 4.0  # block length in correlation times of the residual
@@ -117,15 +117,22 @@ def _jackknife(total: Array, grams: Array, scores: Array, pull: Array | float) -
     """(b, b) covariance of the fit from refits without one block each (delete-one jackknife).
 
     total (b, b): normal matrix of all blocks and the prior; pull (b,): gradient that the prior takes up.
-    Unlike plain resampling it is not deceived where a block alone determines a parameter.
+    Unlike plain resampling it stays valid where a single block determines a parameter.
     """
     count, scale = len(grams), _unit_scale(total)
     shifts = np.empty((count, len(total)))
     for b in range(count):
         shifts[b] = _solve(total - grams[b], scores.sum(axis=0) - pull - scores[b], scale)
     shifts = shifts - shifts.mean(axis=0)
-    factor = stats.t.ppf(0.975, max(count - 1, 1)) / stats.norm.ppf(0.975)
-    return np.asarray(factor**2 * (count - 1) / count * shifts.T @ shifts)
+    return np.asarray(student_factor(count - 1) ** 2 * (count - 1) / count * shifts.T @ shifts)
+
+
+def student_factor(freedom: float) -> float:
+    """Factor on a std that is known with so many degrees of freedom (at least 1), so that two of it hold 95 %.
+
+    Student's quantile over the normal one.
+    """
+    return float(stats.t.ppf(0.975, max(freedom, 1)) / stats.norm.ppf(0.975))
 
 
 def _systematic(total: Array, score: Array) -> Array:

@@ -10,9 +10,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
 
 from arm_io.types import Array
+from identification.regression.uncertainty import student_factor
 from identification.ripples.rows import Side, WideRows
 from identification.selection import scaled_lstsq
 from identification.selection.cluster_covariance import cluster_covariance
@@ -127,12 +127,11 @@ def _covariance(columns: Array, residual: Array, side: Side, free: Sequence[int]
     """(3 w, 3 w) by blocks of time, never below that of white residuals; two standard deviations cover 95 %."""
     count = int(side.block.max()) + 1
     robust = cluster_covariance(columns, [residual], side.block)
-    student = stats.t.ppf(0.975, max(count - 1, 1)) / stats.norm.ppf(0.975)
     size = np.linalg.norm(columns, axis=0)
     size[size == 0.0] = 1.0
     gram = np.linalg.pinv((columns / size).T @ (columns / size), hermitian=True) / np.outer(size, size)
     white = gram * float(residual @ residual) / max(len(residual) - columns.shape[1], 1)
-    known = robust * student**2
+    known = robust * student_factor(count - 1) ** 2
     raised = np.sqrt(np.maximum(1.0, np.diag(white) / np.maximum(np.diag(known), 1e-300)))
     known = known * np.outer(raised, raised)
     whole = np.zeros((3 * waves, 3 * waves))

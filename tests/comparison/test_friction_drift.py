@@ -11,7 +11,7 @@ import pytest
 from arm_model.description import Arm
 from comparison import friction_drift
 from comparison.friction_curves import Curve
-from comparison.friction_drift import UNTOLD
+from comparison.friction_drift import UNRECORDED
 from comparison.from_recordings import compare_recordings
 from comparison.joint_fit import tested
 from comparison.joint_fit.hypotheses import Hypothesis
@@ -43,7 +43,7 @@ def test_the_assumed_difference_is_that_of_the_published_law(arm: Arm, temperatu
     values = np.tile(published(speeds, temperature), 4)
     drift = friction_drift.friction_drift(structure, values, np.full(2, np.nan))
     std = np.sqrt(np.sum(drift**2, axis=1))[: len(speeds)]
-    true = np.abs(published(speeds, temperature + UNTOLD) - published(speeds, temperature))
+    true = np.abs(published(speeds, temperature + UNRECORDED) - published(speeds, temperature))
     assert (true < 2.5 * std).all()
     assert np.sqrt(np.mean(true**2)) > 0.3 * np.sqrt(np.mean(std**2))
     # the other joint's friction is its own
@@ -55,7 +55,7 @@ def test_a_recorded_difference_counts_where_it_is_larger(arm: Arm) -> None:
     structure = Structure(arm, structural_base(arm, "asymmetric"), np.empty(0, np.intp), curves, np.full(2, np.nan))
     values = np.tile([10.0, 12.0], 4)
     some, more = (friction_drift.friction_drift(structure, values, np.array(k)) for k in ([0.2, np.nan], [-6.0, 0.0]))
-    np.testing.assert_allclose(more[:, :3], some[:, :3] * 6.0 / UNTOLD)
+    np.testing.assert_allclose(more[:, :3], some[:, :3] * 6.0 / UNRECORDED)
     np.testing.assert_allclose(more[:, 3:], some[:, 3:])
 
 

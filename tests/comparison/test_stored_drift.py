@@ -13,7 +13,7 @@ import armscope
 from arm_model import Arm, Joint
 from arm_model.model_file import write_model
 from comparison import Comparison
-from comparison.friction_drift import UNTOLD
+from comparison.friction_drift import UNRECORDED
 from tests.comparison.test_friction_drift import published
 from tests.comparison.test_results import FIRST, diagnosis, identification
 
@@ -39,7 +39,7 @@ def changed(result: Comparison) -> bool:
     return bool(result.significant)
 
 
-@pytest.mark.parametrize("warmer, times, named", [(UNTOLD, 1.0, False), (-UNTOLD, 1.0, False), (0.0, 1.2, True)])
+@pytest.mark.parametrize("warmer, times, named", [(UNRECORDED, 1.0, False), (-UNRECORDED, 1.0, False), (0.0, 1.2, True)])
 def test_between_two_identifications_only_what_temperature_does_not_explain_is_named(
     tmp_path: Path, warmer: float, times: float, named: bool
 ) -> None:

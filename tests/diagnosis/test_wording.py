@@ -18,7 +18,7 @@ from arm_model.model_file import read_model
 from diagnosis.cause import NO_VARIABLE, Estimate, Signal, Structure
 from diagnosis.measurements.currents.design_matrix import dataset_of
 from diagnosis.measurements.currents.shortage import Shortage
-from diagnosis.remainder.of_identification import Remainder
+from diagnosis.remainder.of_identification import AllowedResidual
 from diagnosis.remainder.predictable import predictable
 from diagnosis.report.joint_verdicts import Remaining
 from diagnosis.report.tables import undetectable_table
@@ -99,7 +99,7 @@ def test_within_what_the_model_is_known_to_the_experiment_that_decides_is_said(
 ) -> None:
     """What the model lacked on its own day is no matter of more recordings."""
     before = left_when_identified
-    left = None if before is None else Remainder(joint=2, against="load", before=before, before_against="")
+    left = None if before is None else AllowedResidual(joint=2, against="load", before=before, before_against="")
     loud = Remaining(joint=2, verdict="consistent", along={"fit": 4.6}, known_to=4.3, remainder=left)
     exact = Remaining(joint=3, verdict="consistent", along={"fit": 1.5})
     monkeypatch.setattr("diagnosis.report.wording.remaining", lambda result: [loud, exact])

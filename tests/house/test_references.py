@@ -1,11 +1,13 @@
 """What docstrings and documents refer to is there."""
 
+import ast
 import io
 import re
 import tokenize
 from functools import cache
 from pathlib import Path
 
+from tests.house.sources import syntax
 from tests.house.test_arrows import MAY_IMPORT
 
 ROOT = Path(__file__).parents[2]
@@ -48,6 +50,35 @@ def missing(text: str) -> list[str]:
         if not all(part in words() or part.rstrip("0123456789") in words() for part in parts) and not parts & OF_OTHERS:
             found.append(name)
     return found
+
+
+DESCRIBED = re.compile(r"\n\n((?:[a-z_]\w*(?:, | and )?)+)(?: \([^)\n]*\))?(?: [\w/]+)?: ")
+"""Names at the beginning of a paragraph that say what parameters are: ``left, right (n,): residuals of both``."""
+
+
+def unknown_parameters(function: ast.FunctionDef | ast.AsyncFunctionDef) -> list[str]:
+    """Names that a docstring describes as parameters, and that are neither these nor local names."""
+    own = {node.arg for node in ast.walk(function) if isinstance(node, ast.arg)}
+    own |= {node.id for node in ast.walk(function) if isinstance(node, ast.Name)}
+    described = DESCRIBED.findall(ast.get_docstring(function) or "")
+    return [name for names in described for name in re.split(", | and ", names) if name and name not in own]
+
+
+def test_parameters_in_docstrings() -> None:
+    wrong = [
+        f"{path.relative_to(ROOT)}: {function.name}: {name}"
+        for path in sources()
+        for function in ast.walk(syntax(path))
+        if isinstance(function, ast.FunctionDef | ast.AsyncFunctionDef)
+        for name in unknown_parameters(function)
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+def test_a_parameter_that_is_not_there_is_found() -> None:
+    source = 'def f(left):\n    """Both.\n\n    left, right (n,): residuals; up: m.\n\n    None: at once.\n    """'
+    (function,) = ast.parse(source).body
+    assert isinstance(function, ast.FunctionDef) and unknown_parameters(function) == ["right"]
 
 
 def test_names_in_docstrings() -> None:

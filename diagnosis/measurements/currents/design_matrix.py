@@ -68,10 +68,9 @@ def _joints_apart(side: Dataset) -> bool:
     return all(run.own_directions is None for run in side.runs)
 
 
-SHARPEST, IMPOSSIBLE = 0.5, 2.0
+SHARPEST, IMPOSSIBLE, SMOOTHING_STDS = 0.5, 2.0, 5.0
 """Coefficients of ``free_columns``: 0.5 makes friction a step at rest, to first order; what is above 2 by more than
 SMOOTHING_STDS standard deviations is no smoothing, but a hump of friction, or another effect."""
-SMOOTHING_STDS = 5.0
 
 
 def bounded(data: Split[Dataset], free: Sequence[Split[Columns]]) -> tuple[Split[Dataset], list[Split[Columns]]]:

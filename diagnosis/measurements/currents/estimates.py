@@ -9,7 +9,7 @@ from arm_io.types import Array
 from diagnosis.cause import Estimate
 from diagnosis.measurements.currents.design_matrix import columns_of
 from diagnosis.measurements.currents.state import State
-from diagnosis.selection.candidate import Candidate
+from diagnosis.selection.candidate import RELATIVE_STEP, Candidate
 from diagnosis.selection.design import Columns, Dataset
 from diagnosis.selection.estimates import estimates
 from identification.selection import scaled_lstsq
@@ -116,7 +116,8 @@ def _slopes(candidate: Candidate, columns: Columns, c: Array, state: State) -> t
     fit, slopes, values = state.data.fit, [], []
     for name in candidate.searched():
         value = dict(candidate.shape)[name]
-        moved = columns_of(candidate.at(name, 1.02 * value), fit)
-        slopes.append((moved.contribution(c, len(fit.y)) - columns.contribution(c, len(fit.y))) / (0.02 * value))
+        moved = columns_of(candidate.at(name, (1.0 + RELATIVE_STEP) * value), fit)
+        change = moved.contribution(c, len(fit.y)) - columns.contribution(c, len(fit.y))
+        slopes.append(change / (RELATIVE_STEP * value))
         values.append(value)
     return slopes, values

@@ -19,12 +19,15 @@ DEVIATIONS = 2.0
 """std by which a size must miss what a body may have to be impossible."""
 DUST = 1e-9
 """Relative rounding errors."""
+UNIT_AMPLITUDE = 0.25, 4.0
+"""Coefficients between which an effect without a linear parameter may be: the true one is 1, and between the values of
+a search grid it may differ."""
 
 
 def is_physical(candidate: Candidate, coefficients: Array) -> bool:
     """Whether the parameters have admissible signs and sizes: no negative mass, stiffness, gap or friction share."""
-    if candidate.unit_amplitude and not 0.25 < coefficients[0] < 4.0:
-        return False  # its true coefficient is 1; between the points of the grid it may differ
+    if candidate.unit_amplitude and not UNIT_AMPLITUDE[0] < coefficients[0] < UNIT_AMPLITUDE[1]:
+        return False
     if candidate.definition.body and not coefficients[0]:
         return False  # a single axis shows moments, and nothing of the mass that would be a body's
     values = candidate.parameters(coefficients.tolist())

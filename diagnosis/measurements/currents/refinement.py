@@ -12,7 +12,7 @@ from arm_io.types import Array
 from diagnosis.measurements.currents.design_matrix import columns_of, dataset_with
 from diagnosis.measurements.currents.possible import exists
 from diagnosis.measurements.currents.state import State, terms
-from diagnosis.selection.candidate import Candidate
+from diagnosis.selection.candidate import RELATIVE_STEP, Candidate
 from diagnosis.selection.design import Dataset
 from diagnosis.selection.regression import Fitted, fit_gain
 
@@ -69,7 +69,7 @@ def gauss_newton_refined(state: State) -> State:
     def slope_of(place: tuple[int, str]) -> Array:
         k, name = place
         value = dict(state.chosen[k].shape)[name]
-        step = 0.02 * value
+        step = RELATIVE_STEP * value
         moved = [c.at(name, value + step) if n == k else c for n, c in enumerate(state.chosen)]
         return (dataset_with(model.data.fit, terms(moved, coefficients)) - at_estimate) / step
 

@@ -97,7 +97,7 @@ class State:
 
 
 def _harm(explained: Array, remaining: Array) -> float:
-    """Squared residual that a column costs: where it explains ``explained`` (rows,) and leaves ``left`` (rows,)."""
+    """Squared residual that a column adds: it explains ``explained`` (rows,) and leaves ``remaining`` (rows,)."""
     return float(remaining @ remaining - (remaining + explained) @ (remaining + explained))
 
 

@@ -19,6 +19,7 @@ from arm_model.effects.wrist import WRIST_COUPLING
 from daq.recording import Recording
 from diagnosis.cause import Estimate
 from diagnosis.residual.noise.channels import angle_noise
+from diagnosis.residual.signals import direction_of
 from diagnosis.screening.event import Event, Gain
 from identification.selection import BLOCK_SECONDS, Thresholds, block_sums, p_value, scaled_lstsq
 from identification.selection.cluster_covariance import cluster_covariance
@@ -168,8 +169,7 @@ def _rows(recordings: Sequence[Recording], axis: int, motors: Sequence[int]) -> 
         assert r.qref is not None
         demand = r.qref[:, axis - 1]
         speed = np.gradient(demand, r.dt)
-        direction = speed / np.hypot(speed, 0.01 * max(float(np.max(np.abs(speed))), 1e-9))
-        basis = [demand, speed, np.gradient(speed, r.dt), direction]
+        basis = [demand, speed, np.gradient(speed, r.dt), direction_of(speed)]
         x = np.column_stack([*basis, *(-r.q[:, m - 1] for m in motors)])
         y = r.q[:, axis - 1] - demand
         columns.append(x - x.mean(axis=0))

@@ -26,6 +26,7 @@ from daq.recording import Recording
 from diagnosis.residual.filters import low_pass, rate_along
 from diagnosis.residual.load_errors import load_errors
 from diagnosis.residual.noise.encoder_step import encoder_step
+from diagnosis.residual.signals import direction_of
 from diagnosis.selection.candidate import Candidate
 from identification.selection import MAD_TO_STD
 
@@ -298,7 +299,7 @@ def columns(candidate: LinkCandidate, rows: Rows, k: int) -> Array:
     q, load, largest = rows.q[:, k], rows.load[:, k], float(rows.largest[k])
     match candidate.variant:
         case "drag", drag:
-            return (load - drag * largest * _direction(rows.v[:, k]))[:, None]
+            return (load - drag * largest * direction_of(rows.v[:, k]))[:, None]
         case "by_load", _:
             return (load / np.hypot(load, FULL_LOAD * largest))[:, None]
         case "half_gap", half_gap:
@@ -340,10 +341,6 @@ def standing_orders(residual: Array, rows: Rows, k: int, count: int = 3) -> list
     power[(order < 0.5) | (order > HIGHEST_ORDER)] = 0.0
     peaks = np.flatnonzero((power[1:-1] > power[:-2]) & (power[1:-1] >= power[2:])) + 1
     return [float(order[peak]) for peak in peaks[np.argsort(-power[peaks])][:count]]
-
-
-def _direction(v: Array) -> Array:
-    return v / np.hypot(v, 0.01 * max(float(np.max(np.abs(v))), 1e-12))
 
 
 def _play(q: Array, half_gap: float, starts: tuple[int, ...]) -> Array:

@@ -14,6 +14,7 @@ from diagnosis.measurements.link_encoders.columns import standing_orders, turns
 from diagnosis.measurements.link_encoders.model import LIMITS, Chosen, LinkEncoders
 
 BINS = 16
+"""Bins of a variable, with equal numbers of rows."""
 VARIABLES = {"position": "q", "velocity": "v", "load torque": "load"}
 """What may predict a residual, by its field of ``Rows``."""
 

@@ -53,7 +53,7 @@ judge it as well."""
 BENDS = 9
 """Knots of a function of one variable: straight between them, so that the magnitude of a load is such a function."""
 UNMEASURED = 1e4
-"""Deviation of a row over the noise of its instruments from which nobody measured it."""
+"""Deviation of a row over the noise of its instruments from which it counts as not measured."""
 
 
 @dataclass(frozen=True)
@@ -264,12 +264,12 @@ def standstill_rows(v: Array, rate: float) -> NDArray[np.bool_]:
 
 
 def _longer(flags: NDArray[np.bool_], rows: float) -> NDArray[np.bool_]:
-    """Where ``here`` is True for more than so many successive rows."""
+    """(k,) the runs of True in ``flags`` (k,) that are longer than ``rows``."""
     label, count = ndimage.label(flags)
     length = np.bincount(label, minlength=count + 1)
     return np.asarray(flags & (length[label] > rows))
 
 
 def _spread(flags: NDArray[np.bool_], rows: float) -> NDArray[np.bool_]:
-    """``here`` extended by so many rows before and after."""
+    """(k,) each True in ``flags`` (k,) extended by ``rows`` on either side."""
     return np.asarray(ndimage.maximum_filter1d(flags.astype(np.uint8), 2 * int(rows) + 1) > 0)

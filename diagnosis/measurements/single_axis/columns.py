@@ -31,6 +31,7 @@ MOTION_BAND, COMPARE_BAND = 100.0, 60.0
 ENDS = 0.3
 """s at either end of a recording that filters spoil."""
 ROWS_PER_SECOND = 200
+"""Rows that are kept: more than three per period of COMPARE_BAND."""
 PLACES, SPEEDS = 8, 15
 """Parts of the travel and of the range of speed; rows in the same parts are one observation."""
 FEWEST_WAVES = 8

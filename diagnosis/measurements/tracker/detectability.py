@@ -18,7 +18,8 @@ from diagnosis.measurements.tracker.points import Side
 from diagnosis.measurements.tracker.regression import Linear, columns_of, good, linear
 from identification.kinematics.estimation import stacked
 
-BINS = 24
+BINS, SHUFFLES = 24, 200
+"""Bins of a variable, with equal numbers of points; random signs of blocks that the chance of a share is counted by."""
 
 
 def no_tracker(placed: bool, fitted: bool) -> list[Undetectable]:
@@ -110,7 +111,9 @@ def structure(
     """Structure in the residual of tracked points: waves, drifts, and the variable that predicts most of it.
 
     Of a residual far above the noise that no variable predicts, the size. Empty where the residual is noise.
-    ``beside``: the residuals beside the encoders' zeros, of which waves and drifts are.
+
+    residuals (N, 3) m of each side; without_zeros: the same without what errors of the encoders' zeros explain, in
+    which waves and drifts are searched for; level m: std of a coordinate that the points leave undetermined.
     """
     of_time = (over_time(side, residual, level) for side, residual in zip(reversed(sides), reversed(without_zeros)))
     times = next(filter(None, of_time), [])
@@ -132,7 +135,7 @@ def _against(sides: Sequence[Side], residuals: Sequence[Array], level: float) ->
         share = 1.0 - float(np.sum((held_out - predicted) ** 2)) / total
         if share > LIMITS.structure_share and (best is None or share > best.share):
             inner = np.bincount(block, weights=np.sum(held_out * predicted, axis=1))
-            signs = generator.choice([-1.0, 1.0], size=(200, len(inner)))
+            signs = generator.choice([-1.0, 1.0], size=(SHUFFLES, len(inner)))
             if np.mean(signs @ inner >= inner.sum()) < LIMITS.structure_p:
                 best = Structure(Signal.TRACKER, None, name, share)
     ratio = float(np.sqrt(np.mean(held_out**2))) / level

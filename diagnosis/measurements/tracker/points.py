@@ -26,6 +26,7 @@ MOST = 6000
 WRONG = 8.0
 """Noise std from the median of its neighbours above which a point is wrong; Gaussian noise: once in 1e14."""
 NEIGHBOURS = 7
+"""Points, itself among them, whose median a point is compared with."""
 RATES = 0.1
 """s: length of the local cubics whose slopes are speed and acceleration."""
 

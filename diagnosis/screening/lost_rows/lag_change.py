@@ -85,7 +85,7 @@ def mean_lag(run: Run) -> float:
 
 
 def _change(lag: Array, weight: Array, pieces: Array, at: int, *, agree: bool = True) -> Change | None:
-    """The step between pieces ``at`` - 1 and ``at``; these two may hold the instant, and have no say."""
+    """The step between pieces ``at`` - 1 and ``at``; these two may contain the instant, and do not count."""
     weight = weight.copy()
     weight[max(at - 1, 1) : at + 1] *= 1e-6
     step, _ = _step(lag, weight, at)

@@ -129,7 +129,7 @@ def _of_others(fall: Array) -> float:
 
 
 def put_back(values: Array, t: Array, steps: Sequence[Step]) -> Array:
-    """(m, n) values at t (m,) s moved to where they belong; rows that nobody measured are interpolated."""
+    """(m, n) values at t (m,) s moved to where they belong; rows without a measurement are interpolated."""
     belongs = t + sum((step.step * (t >= step.time) for step in steps), np.zeros(len(t)))
     order = np.argsort(belongs, kind="stable")
     return np.stack([np.interp(t, belongs[order], column[order]) for column in values.T], axis=1)

@@ -235,7 +235,7 @@ def realigned_rows(current: Array, loss: DroppedTriggers) -> Array:
 
 
 def unmeasured(run: Run, losses: Sequence[DroppedTriggers]) -> Run:
-    """A realigned run in which the rows that nobody measured have no weight, where they are more than filters smear."""
+    """A realigned run in which the lost rows have no weight, where they are more than filters smear."""
     spans, end = [], float(run.t[-1])
     for loss in losses:
         start, length = loss.row * loss.period, abs(loss.count) * loss.period

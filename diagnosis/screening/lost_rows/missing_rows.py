@@ -113,7 +113,8 @@ def _of_one_joint(
 ) -> list[Instant]:
     """Rows missing where only one joint moved enough to jump: as in other recordings, or as elsewhere in this one.
 
-    others: whether this recording lost rows elsewhere. All other joints must turn too little in the missing rows.
+    elsewhere: instants at which other recordings lost rows; lost_elsewhere: whether this one lost rows at another
+    instant. All other joints must turn too little in the missing rows for a jump to be visible.
     """
     instants = []
     for row, part, jumped in _by_row(recording, jumps):

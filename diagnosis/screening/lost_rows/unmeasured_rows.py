@@ -1,4 +1,4 @@
-"""Rows that nobody measured, which are interpolated so that filters and differences go on: they have no weight."""
+"""Rows without a measurement: interpolated, so that filters and differences can pass over them, and without weight."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from dataclasses import replace
 from diagnosis.residual.run import Run
 
 SMEARED = 0.05
-"""s by which filters spread what was interpolated."""
+"""s by which filters spread interpolated rows."""
 NO_WEIGHT = 1e6
-"""Times the std of a row, at which it has no say."""
+"""Factor on the std of a row that is not to count."""
 
 
 def without_weight(run: Run, spans: Iterable[tuple[float, float]], joint: int | None = None) -> Run:

@@ -20,7 +20,9 @@ from arm_io.types import Array
 from identification.kinematics.models.chain import Mask
 
 LEAST_ARC = np.radians(30.0)
+"""rad: over this arc the sagitta is 3 % of the radius, and noise of the points counts thirtyfold in the centre."""
 LEAST_POINTS = 10
+"""Points of a circle, whose six parameters they must overdetermine."""
 
 
 class DegenerateSweep(ValueError):

@@ -17,10 +17,19 @@ from identification.kinematics.models.chain import Chain, position, position_jac
 from identification.selection import MAD_TO_STD
 
 _WINDOWS = 80
-_LEAST_STEP = 0.6  # rows
+"""Windows of a run, in each of which one delay is estimated."""
+_LEAST_STEP = 0.6
+"""Rows: a smaller step is nearer to none than to a whole row."""
 _LEAST_Z = 8.0
+"""Standard deviations that a step must exceed: it is the largest of all places."""
 _MOST_ROWS = 3
+"""Rows of a constant delay: a longer one is of the tracker."""
+_OFF_WHOLE, _LEAST_CERTAIN = 0.2, 0.1
+"""Rows by which a constant delay may miss a whole number, and its largest std."""
+_BETTER = 0.75
+"""Share of the median distance of the points that a shift may leave: errors of the model are not as large."""
 _BLOCK = 10_000
+"""Rows of a Jacobian at a time."""
 
 
 @dataclass(frozen=True)
@@ -132,23 +141,20 @@ def find_constant(run: Run, chain: Chain, noise: float) -> Shift | None:
     delay = float(np.median(measured.delay))
     std = MAD_TO_STD * float(np.median(np.abs(measured.delay - delay))) / np.sqrt(len(measured.delay))
     rows = round(delay)
-    if not 1 <= abs(rows) <= _MOST_ROWS or abs(delay - rows) > 0.2 or std > 0.1:
+    if not 1 <= abs(rows) <= _MOST_ROWS or abs(delay - rows) > _OFF_WHOLE or std > _LEAST_CERTAIN:
         return None
     return _if_better(run, chain, Shift(run.name, 0, rows, delay, std))
 
 
 def _if_better(run: Run, chain: Chain, shift: Shift) -> Shift | None:
-    """The shift, if with it the points fit a quarter better while the arm moves; else None.
-
-    A smaller gain may come from errors of the model itself.
-    """
+    """The shift, if with it the points fit better while the arm moves, by more than errors of the model; else None."""
     moving = np.abs(run.velocity()).max(axis=1) > 0.0
     moving[: shift.first] = False
     at = _moving(run, chain)[0]
     as_is = np.linalg.norm(run.xyz - at, axis=1)[moving]
     moved = np.linalg.norm(shifted(run, shift.first, shift.rows).xyz - at, axis=1)[moving]
     both = np.isfinite(as_is) & np.isfinite(moved)
-    if not both.any() or np.median(moved[both]) > 0.75 * np.median(as_is[both]):
+    if not both.any() or np.median(moved[both]) > _BETTER * np.median(as_is[both]):
         return None
     return shift
 

@@ -43,8 +43,8 @@ _FITS = 3e-4
 """m rms of the distance: as near as a tracker's points may be; the search is over."""
 _ROUGH = 6
 """Iterations for a hypothesis: the right one is near by then."""
-_POINTS = 120
-_ENTRIES = 4
+_POINTS, _ENTRIES = 120, 4
+"""Points that a hypothesis is fitted to, evenly chosen, and entries of the matrix that are searched for at most."""
 _TRIMMED = 0.95
 """Share of the points that is judged: single wrong points do not decide, a sweep or a region does."""
 

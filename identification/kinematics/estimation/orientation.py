@@ -19,6 +19,7 @@ from identification.kinematics.models.chain import Chain, forward
 from identification.selection import MEDIAN_OF_NORM
 
 _LEAST, _MOST = 1e-3, 1e2
+"""m: limits of a lever, where positions or orientations have no noise."""
 
 
 def aimed(chain: Chain, points: Points) -> dict[int, Array]:

@@ -53,8 +53,6 @@ def zero_columns(runs: Sequence[Run], rows: Sequence[Index]) -> tuple[Array, Arr
     """Deflections (N, joints, zeros) of the chosen rows of all runs, and prior deviations (zeros,) rad.
 
     There is one zero per run and joint; runs whose count is not known have none.
-
-    Runs without a known count have none.
     """
     owners = [(k, j) for k, run in enumerate(runs) if run.count is not None for j in np.flatnonzero(run.count)]
     which = np.concatenate([np.full(len(r), k) for k, r in enumerate(rows)])
@@ -65,7 +63,7 @@ def zero_columns(runs: Sequence[Run], rows: Sequence[Index]) -> tuple[Array, Arr
 
 
 def with_zeros(runs: Sequence[Run], zeros: Array) -> list[Run]:
-    """The runs with their zeros (zeros,) rad, in the order of ``zero_columns``, put right."""
+    """The runs with their angles corrected by the zeros (zeros,) rad, in the order of ``zero_columns``."""
     corrected, remaining = [], list(zeros)
     for run in runs:
         off = np.zeros(run.q.shape[1])

@@ -20,6 +20,10 @@ from identification.kinematics.estimation.map_estimation import residuals
 from identification.kinematics.models.chain import Chain, position, target_steps, xyz_ypr
 from identification.kinematics.models.parameters import Parameters, Target, Trust, base_pose, is_target, parameters_of
 
+WRONG_FRAME = 0.1
+"""m: median distance of the points in a stated tracker frame from which that frame is wrong, if a fitted one leaves
+less than a quarter of it."""
+
 
 def place_tracker(
     arm: Arm, points: Points, targets: Sequence[Target], frame_known: bool, warnings: list[str]
@@ -32,7 +36,7 @@ def place_tracker(
     pose = aligned(at, points.xyz)
     as_given = float(np.median(np.linalg.norm(points.xyz - at, axis=1)))
     laid_over = float(np.median(np.linalg.norm(points.xyz - at @ pose[:3, :3].T - pose[:3, 3], axis=1)))
-    if frame_known and as_given > 0.1 and laid_over < as_given / 4:
+    if frame_known and as_given > WRONG_FRAME and laid_over < as_given / 4:
         frame_known = False
         warnings.append(
             f"the median distance of the points from the model is {1e3 * as_given:.0f} mm in the stated tracker frame "

@@ -60,7 +60,7 @@ class Target:
     """A tracked target (reflector) on the last link.
 
     place     (3,) m in the frame of the last link, nominally
-    std       m, prior standard deviation of each coordinate; ``UNKNOWN_TARGET``: nobody measured it
+    std       m, prior standard deviation of each coordinate; ``UNKNOWN_TARGET``: it was not measured
     oriented  whether its orientation was tracked too; that of its frame on the link is then estimated
     name      "" where there is one
     """
@@ -141,7 +141,7 @@ def parameters_of(arm: Arm, targets: Sequence[Target], *, frame_known: bool, tru
     return Parameters(chain, np.array(free, int), np.array(every, int), scale)
 
 
-def chain_of(arm: Arm, target: Sequence[float] | Sequence[Target], where: str = "model") -> Chain:
+def chain_of(arm: Arm, target: Sequence[float] | Sequence[Target]) -> Chain:
     """The chain of an arm from its mounting to the tracked point (3,) m of the last link, or to several targets.
 
     InputError for joints without Denavit-Hartenberg parameters.
@@ -150,7 +150,7 @@ def chain_of(arm: Arm, target: Sequence[float] | Sequence[Target], where: str = 
     for j, joint in enumerate(arm.joints):
         if joint.convention == "placed":
             raise InputError(
-                where,
+                "model",
                 f"joint[{j + 1}]: convention 'placed' has no D-H parameters to estimate; in_denavit_hartenberg(arm) "
                 "gives it some",
             )

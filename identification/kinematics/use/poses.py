@@ -24,6 +24,8 @@ from identification.kinematics.use.correction import limits_of
 
 ENOUGH = np.sqrt(1.1**2 - 1.0)
 """A model error of 0.458 of the tracker's noise adds a tenth to the rms of a measured point: that counts as reached."""
+FLOOR, COLUMN = 0.05, 0.25
+"""m: least height above the floor (0 in the base frame), and distance of the target from the axis of joint 1."""
 HOLD, SPEED = 0.6, 0.5
 """s for which the arm stands at each pose, and share of the full speed at which it goes there."""
 
@@ -58,9 +60,9 @@ def select_poses(
     """``count`` poses for a tracked ``target`` (3,) m and tracker noise of ``noise`` m a coordinate and point.
 
     Candidates are random within 95 % of the joint ranges; those are left out that bring a link's origin beyond the
-    shoulder, or the target, below the floor (0 m in the base frame) or the target within 0.25 m of the axis of joint 1:
-    the arm's own column. A person still looks whether the cell has room. InputError: fewer
-    than two poses, or too few that are possible.
+    shoulder, or the target, lower than ``FLOOR``, or the target nearer than ``COLUMN`` to the axis of joint 1, which is
+    the arm's own column. A person must still check that the cell has room. InputError: fewer than two poses, or too few
+    that are possible.
     """
     if count < 2:
         raise InputError("--poses", f"{count} poses determine nothing; use at least 2, better 30")
@@ -103,7 +105,7 @@ def allowed_poses(arm: Arm, target: tuple[float, float, float], count: int, gene
     column = np.array(arm.base)
     across = point - column[:3, 3]
     across = across - np.outer(across @ column[:3, 2], column[:3, 2])
-    good = (heights > 0.05).all(axis=1) & (np.linalg.norm(across, axis=1) > 0.25)
+    good = (heights > FLOOR).all(axis=1) & (np.linalg.norm(across, axis=1) > COLUMN)
     return q[good][:count]
 
 

@@ -25,6 +25,7 @@ PLACES = 100
 CYCLES = (0.5, 40.0)
 """Cycles per motor revolution between which a ripple is searched for."""
 BINS_PER_TURN = 256
+"""Bins of a motor's turn over which a residual is summed: six for each of the most ``CYCLES``."""
 UNMIXED = ("velocity", "acceleration", "current")
 """Variables whose functions are not multiplied by direction or velocity, which they contain."""
 TWO_FACED = (Variable.POSITION, Variable.LOAD)
@@ -185,7 +186,7 @@ def _ripple(weighted: Array, motor: Array) -> float | None:
 def _plane_wave(weighted: Array, angle: Array, other_angle: Array) -> tuple[float, float]:
     """c and d, rad/rad, of the strongest wave sin(c own + d other) that depends on both angles.
 
-    own, other: ``harmonics_of`` the angles.
+    weighted (m,): residual; angle, other_angle (2 steps, m): ``shared_bases.harmonics_of`` both angles.
     """
     steps = len(WAVE_STEPS)
     products = ((angle * weighted) @ other_angle.T).reshape(2, steps, 2, steps)

@@ -49,10 +49,10 @@ class Likely(NamedTuple):
 
 
 def likely_variable(data: Split[Dataset], residual: Split[Array], arm: Arm, joint: int) -> Likely | None:
-    """The variable whose function explains most of what is left at a joint (from 1).
+    """The variable whose function explains most of the residual of a joint (from 1).
 
-    left: whitened residuals (n * rows,) of both sides. None where no function explains half of it
-    (``LIMITS.likely_share``).
+    residual: whitened (n * rows,) of each part of ``data``. None where no function explains the share
+    ``LIMITS.likely_share`` of it.
     """
     every = joined(data, residual)
     rows = every.of(joint)

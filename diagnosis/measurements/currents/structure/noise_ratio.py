@@ -10,6 +10,9 @@ from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.residual.noise.channels import quiet_noise
 from diagnosis.selection.design import Dataset
 
+VARIES = 1.5
+"""Rms of a residual over that in its quietest seconds from which it varies, as noise does not."""
+
 
 def joints_above_noise(residual: Array, side: Dataset, arm: Arm) -> list[int]:
     """Joints whose ``residual`` (n * rows,) exceeds the noise, the largest residual-to-noise ratio first."""
@@ -33,4 +36,4 @@ def noise_ratio(residual: Array, side: Dataset, joint: int) -> float:
     of_joint, block = residual[side.of(joint)], side.block[side.of(joint)]
     ratio = float(np.sqrt(np.mean(of_joint[comparable] ** 2)))
     quiet = float(quiet_noise(of_joint[:, None], comparable[:, None], block)[0])
-    return ratio if ratio > LIMITS.far_above_noise or ratio > 1.5 * quiet else min(ratio, 1.0)
+    return ratio if ratio > LIMITS.far_above_noise or ratio > VARIES * quiet else min(ratio, 1.0)
