@@ -1,4 +1,4 @@
-"""Names of quantities in physical words."""
+"""Names of quantities in physical words, and probabilities as text."""
 
 from __future__ import annotations
 
@@ -94,3 +94,8 @@ def point_quantity(arm: Arm, joint: int, direction: float, speed: float) -> Quan
         joint=joint + 1,
         speed=direction * speed,
     )
+
+
+def probability(p: float) -> str:
+    """A p-value to two digits; one below 1e-9, which rests on the tails of a distribution, only as such."""
+    return f"{p:.2g}" if p >= 1e-9 else "< 1e-9"

@@ -11,6 +11,7 @@ from arm_report import Report, table
 from comparison.change import Change
 from comparison.report import plots
 from comparison.report.wording import changed_sentences, overruled_sentences, percent, size, verdict
+from comparison.wording import probability
 
 if TYPE_CHECKING:
     from comparison.outcome import Comparison
@@ -67,7 +68,7 @@ def _changes(changes: list[Change]) -> Markup:
             "" if one.std is None else f"{2 * one.std:.2g}",
             percent(one).replace("+-", "±"),
             "" if one.z is None else f"{one.z:+.1f}",
-            "" if one.corrected is None else f"{one.corrected:.2g}",
+            "" if one.corrected is None else probability(one.corrected),
             Markup('<span class="u">{}</span>').format(one.quantity.unit),
         ]
         rows.append(row + ([size(one.scatter)] if scattered else []))

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from arm_report import cut, line_width, text_table
 from comparison.change import Change
 from comparison.report.wording import changed_sentences, overruled_sentences, percent, size, verdict
+from comparison.wording import probability
 
 if TYPE_CHECKING:
     from comparison.outcome import Comparison
@@ -66,7 +67,7 @@ def _row(change: Change) -> tuple[str, ...]:
         "" if change.std is None else f"{2 * change.std:.2g}",
         percent(change),
         "" if change.z is None else f"{change.z:+.1f}{mark}",
-        "" if change.corrected is None else f"{change.corrected:.2g}",
+        "" if change.corrected is None else probability(change.corrected),
         change.quantity.unit,
     )
 

@@ -10,7 +10,8 @@ from markupsafe import Markup
 from arm_report import Report, table
 from comparison.trend.movement import MONTH, Movement
 from comparison.trend.plots import histories_chart
-from comparison.trend.text import chance, limit_sentence, sentence, verdict
+from comparison.trend.text import limit_sentence, sentence, verdict
+from comparison.wording import probability
 
 if TYPE_CHECKING:
     from comparison.trend.outcome import Trend
@@ -71,7 +72,7 @@ def _table(trend: Trend) -> Markup:
                 f"{2 * one.change[1]:.2g}" if one.significant else "",
                 "" if one.drift is None else f"{MONTH * one.drift[0]:+.3g}",
                 "" if one.drift is None else f"{2 * MONTH * one.drift[1]:.2g}",
-                chance(one.moved.corrected),
+                probability(one.moved.corrected),
                 Markup('<span class="u">{}</span>').format(history.quantity.unit),
             ]
         )

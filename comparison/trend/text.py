@@ -9,6 +9,7 @@ from comparison.change import SIGNIFICANT
 from comparison.trend.forecast import Reach, State
 from comparison.trend.history import Histories
 from comparison.trend.movement import MONTH, Movement, Onset
+from comparison.wording import probability
 
 if TYPE_CHECKING:
     from comparison.trend.outcome import Trend
@@ -40,14 +41,9 @@ def _row(one: Movement, histories: Histories) -> tuple[str, ...]:
         f"{one.change[0]:+.3g}",
         f"{2 * one.change[1]:.2g}",
         histories.date(one.onsets[0].by) or "",
-        chance(one.moved.corrected),
+        probability(one.moved.corrected),
         quantity.unit,
     )
-
-
-def chance(p: float) -> str:
-    """A p-value; below 1e-9 only that it is."""
-    return f"{p:.2g}" if p >= 1e-9 else "< 1e-9"
 
 
 def verdict(trend: Trend) -> str:
@@ -70,7 +66,7 @@ def sentence(one: Movement, histories: Histories) -> str:
     if sum(onset.shape == "drift" for onset in one.onsets) > 1 and one.drift is not None:
         parts.append(f"now drifts by {_size(MONTH * one.drift[0], MONTH * one.drift[1])}{unit} per {MONTH:.0f} days")
     if one.moved.p_shape < DOUBTFUL:
-        chances = f"p = {chance(one.moved.p_shape)}"
+        chances = f"p = {probability(one.moved.p_shape)}"
         parts.append(
             f"its results scatter about this shape more than those of other quantities ({chances}): the shape may be "
             "wrong"

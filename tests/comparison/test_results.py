@@ -196,3 +196,11 @@ def test_any_table_is_compared_or_refused_in_one_line(tmp_path: Path, schema: st
         json.dumps(compare_results(stored[:1], stored[1:]).to_json(), allow_nan=False)
     except InputError as error:
         assert "\n" not in str(error)
+
+
+def test_a_probability_of_nothing_is_none(tmp_path: Path) -> None:
+    before = identification(tmp_path / "before", {"joint1.coulomb": (1.0, 0.001), "joint2.coulomb": (2.0, 0.1)})
+    after = identification(tmp_path / "after", {"joint1.coulomb": (9.0, 0.001), "joint2.coulomb": (2.0, 0.1)})
+    result = armscope.compare([before], [after])
+    row = next(line for line in str(result).splitlines() if line.startswith("Coulomb friction of joint 1 "))
+    assert row.split()[-4:] == ["<", "1e-9", "N", "m"]

@@ -39,7 +39,9 @@ def changed(result: Comparison) -> bool:
     return bool(result.significant)
 
 
-@pytest.mark.parametrize("warmer, times, named", [(UNRECORDED, 1.0, False), (-UNRECORDED, 1.0, False), (0.0, 1.2, True)])
+@pytest.mark.parametrize(
+    "warmer, times, named", [(UNRECORDED, 1.0, False), (-UNRECORDED, 1.0, False), (0.0, 1.2, True)]
+)
 def test_between_two_identifications_only_what_temperature_does_not_explain_is_named(
     tmp_path: Path, warmer: float, times: float, named: bool
 ) -> None:
