@@ -47,6 +47,16 @@ def test_rows_that_stamps_leave_out_are_no_dropped_trigger(tmp_path: Path, root:
     assert all(one.ratio < 1.3 for one in against_noise(arm, runs[:1]))
 
 
+def test_single_rows_that_a_logger_lost_are_no_causes(tmp_path: Path, root: Path) -> None:
+    """One in a hundred, as of a bag whose messages lack efforts: each was named missed counts of every joint."""
+    arm = puma(root, 2)
+    lost = tuple((int(row), 1) for row in np.sort(np.random.default_rng(4).choice(3700, 37, replace=False)) + 20)
+    runs = [_recorded(tmp_path / f"{seed}.mcap", arm, seed, lost) for seed in (1, 2, 3)]
+    result = diagnose(arm, runs[:2], runs[2:])
+    assert (result.verdict, [cause.key for cause in result.causes]) == ("consistent", [])
+    assert any("1.mcap: 37 rows are missing by its time stamps" in said for said in result.warnings)
+
+
 def test_a_trigger_that_was_dropped_is_found_beside_rows_left_out(tmp_path: Path, root: Path) -> None:
     arm = puma(root, 2)
     runs = [
@@ -80,6 +90,25 @@ def test_jitter_is_no_hole() -> None:
     rng = np.random.default_rng(1)
     assert holes_of((np.arange(5000) + 0.2 * np.clip(rng.normal(size=5000), -2, 2)) / RATE) == ()
     assert holes_of(np.array([0.0])) == holes_of(np.zeros(0)) == ()
+    # a stamp that is late, and the next one in time again
+    late = np.arange(1000) / RATE
+    late[500] += 0.9 / RATE
+    assert holes_of(late) == ()
+    # 980 rows per second with stamps in whole ms
+    assert holes_of(np.round(np.arange(5000) / 0.98) / 1000) == ()
+
+
+def test_a_single_row_is_a_hole_where_stamps_hardly_jitter() -> None:
+    rng = np.random.default_rng(2)
+    t = (np.arange(5000) + 0.02 * rng.normal(size=5000)) / RATE
+    lost = [1, 700, 702, 2000, 4998]
+    assert [(hole.row, hole.rows) for hole in holes_of(np.delete(t, lost))] == [
+        (1, 1),
+        (699, 1),
+        (700, 1),
+        (1997, 1),
+        (4994, 1),
+    ]
 
 
 def test_a_recording_with_more_holes_than_rows_is_refused(tmp_path: Path, root: Path) -> None:

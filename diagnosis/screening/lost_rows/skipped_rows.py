@@ -1,7 +1,7 @@
 """Rows that a recording leaves out, as its stamps say: a logger lost them, with all that was measured in them.
 
 Nothing is out of step: angles and currents of every row belong together. The rows are put in again, so that what
-filters and differences take as equally spaced is so, and weigh nothing.
+filters and differences take as equally spaced is so. Where more than one is missing, they weigh nothing.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from arm_io import InputError
 from arm_io.types import Array
@@ -19,9 +20,15 @@ from diagnosis.residual.run import Run
 from diagnosis.screening.even_rows import SPLINED, TORN, resampled
 from diagnosis.screening.lost_rows.unmeasured_rows import without_weight
 from identification.preprocessing.grid import on_grid
+from identification.selection import MAD_TO_STD
 
 SMOOTH = (*SPLINED, "qref")
 """Signals that go through a hole as a curve without overshoot; others go in straight lines, integers stay."""
+SINGLE = 1.5
+"""Periods between two rows of which one is missing, at least, where stamps hardly jitter and no neighbouring step is
+shorter by as much."""
+JITTER = 0.1
+"""Of a period: std of the steps between stamps (by their median) up to which a single missing row shows in them."""
 
 
 @dataclass(frozen=True)
@@ -40,10 +47,25 @@ def holes_of(t: Array) -> tuple[Hole, ...]:
     if not len(steps):
         return ()
     period = float(np.median(steps))
+    torn = (steps > TORN * period) | _single(steps / period)
     return tuple(
         Hole(row=int(k) + 1, rows=int(np.rint(steps[k] / period)) - 1, start=float(t[k]), end=float(t[k + 1]))
-        for k in np.flatnonzero(steps > TORN * period)
+        for k in np.flatnonzero(torn)
     )
+
+
+def _single(steps: Array) -> NDArray[np.bool_]:
+    """(k,) which of the steps between stamps (k,), in periods, have one row missing.
+
+    A stamp that is late alone makes a long step and a short one. Stamps in whole units of about a period make long
+    steps at equal distances, where no row is missing.
+    """
+    if MAD_TO_STD * float(np.median(np.abs(steps - 1.0))) > JITTER:
+        return np.zeros(len(steps), bool)
+    before, after = np.concatenate([[1.0], steps[:-1]]), np.concatenate([steps[1:], [1.0]])
+    single = (steps > SINGLE) & (steps <= TORN) & (np.minimum(before, after) + steps > 1.0 + SINGLE)
+    apart = np.diff(np.flatnonzero(single))
+    return single & (len(apart) < 2 or np.ptp(apart) > 1)
 
 
 def filled(recording: Recording, holes: Sequence[Hole]) -> Recording:
@@ -80,11 +102,15 @@ def _across(t: Array, stamps: Array, values: Array) -> Array:
 
 
 def without_skipped(run: Run, holes: Sequence[Hole]) -> Run:
-    """A run in which rows that were left out weigh nothing; the same object where there are none."""
-    if not holes:
+    """A run in which rows that were left out weigh nothing; the same object where there are none.
+
+    A row alone keeps its weight: what its neighbours do not show of it is far above the band of the residual.
+    """
+    longer = [hole for hole in holes if hole.rows > 1]
+    if not longer:
         return run
     first = float(run.raw[0][0])
-    return without_weight(run, ((hole.start - first, hole.end - first) for hole in holes))
+    return without_weight(run, ((hole.start - first, hole.end - first) for hole in longer))
 
 
 def remark(recording: Recording, holes: Sequence[Hole]) -> str:
@@ -93,6 +119,6 @@ def remark(recording: Recording, holes: Sequence[Hole]) -> str:
     places = ", ".join(f"{hole.rows} after {hole.start:.3f} s" for hole in holes[:3])
     further = f" and {len(holes) - 3} more" if len(holes) > 3 else ""
     return (
-        f"{recording.path.name}: {count} rows are missing by its time stamps ({places}{further}); they were "
-        "interpolated, and have no weight"
+        f"{recording.path.name}: {count} row{'s are' if count > 1 else ' is'} missing by its time stamps "
+        f"({places}{further}); interpolated, and without weight where more than one is missing at a time"
     )
