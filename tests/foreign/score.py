@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -126,7 +126,7 @@ def outcome(case: Case, hidden: Hidden | None, strength: float, results: Results
     one = Outcome(case.name, case.protocol, case.kind, case.arm.name, vars(case.logger), key, strength)
     one.crashes = [f"{ended.command}\n{ended.said}".strip() for ended in results.failed]
     if results.diagnosis is not None:
-        _score_diagnosis(one, hidden, results.diagnosis, case.plant)
+        _score_diagnosis(one, hidden and as_logged(hidden, case), results.diagnosis, case.plant)
     if results.comparison is not None:
         _score_comparison(one, hidden, results.comparison)
     return one
@@ -196,6 +196,15 @@ def of_the_arm(cause: Mapping[str, Any], plant: Plant) -> bool:
 def in_group(cause: Mapping[str, Any], hidden: Hidden) -> bool:
     """Whether the group of a cause has the hidden effect."""
     return any((one["effect"], one["joint"]) == (hidden.effect, hidden.joint) for one in cause["group"])
+
+
+def as_logged(hidden: Hidden, case: Case) -> Hidden:
+    """The hidden effect with an offset of the current in A, where the log has currents; it is drawn in N m (N)."""
+    if hidden.effect != "current_offset" or hidden.joint is None or not case.logger.currents:
+        return hidden
+    motor = case.arm.joints[hidden.joint - 1]
+    amperes = hidden.parameters["offset"] / (motor.gear * motor.torque_constant)
+    return replace(hidden, parameters={**hidden.parameters, "offset": amperes})
 
 
 def within(found: Mapping[str, Mapping[str, float]], true: Mapping[str, float]) -> list[list[Any]]:

@@ -21,7 +21,7 @@ from tests.foreign.log import Defects, logged
 from tests.foreign.motions import targets
 from tests.foreign.plant import STEP, compiled, healthy, run
 from tests.foreign.proving_ground import judged
-from tests.foreign.score import Outcome, is_of, outcome
+from tests.foreign.score import Outcome, as_logged, is_of, outcome
 from tests.foreign.through import Results
 from tests.foreign.urdf import urdf
 
@@ -117,6 +117,16 @@ def test_a_change_counts_as_the_effect_only_where_it_says_so(
 def test_a_change_of_the_whole_arm_counts_by_its_name(quantity: str, joint: int | None, right: bool) -> None:
     change = {"name": quantity, "kind": "effect", "joint": joint}
     assert is_of(change, Hidden("time_skew", None, {})) is right
+
+
+@pytest.mark.parametrize(("currents", "offset"), [(True, 0.05), (False, 4.0)])
+def test_an_offset_is_scored_in_the_unit_of_the_log(currents: bool, offset: float) -> None:
+    """4 N m of a drive with 80 N m/A."""
+    case = _case("first", "singles", "two_link", "current_offset", 1)
+    motor = replace(case.arm.joints[0], gear=100.0, torque_constant=0.8)
+    arm = replace(case.arm, joints=(motor, *case.arm.joints[1:]))
+    case = replace(case, arm=arm, logger=replace(case.logger, currents=currents))
+    assert as_logged(Hidden("current_offset", 1, {"offset": 4.0}), case).parameters["offset"] == pytest.approx(offset)
 
 
 def _named(*groups: list[tuple[str, int | None]]) -> Outcome:
