@@ -12,7 +12,7 @@ from dataclasses import replace
 
 from arm_io.types import Progress
 from identification.methods.friction_trial import FrictionTrial, trial_of
-from identification.methods.held_out import held_out_residuals
+from identification.methods.held_out import cross_validated, held_out_residuals
 from identification.methods.load_and_temperature import Dependence, with_load_and_temperature
 from identification.methods.solution import Solution, fitted_arm, friction_sizes, solve
 from identification.regression.conditional_friction import with_terms
@@ -39,8 +39,9 @@ def with_free_friction(
     degc = {j: one.temperature for j, one in enumerate(wider.problem.arm.joints) if one.temperature is not None}
     if added:
         straight = solve(with_terms(problem, fitted_arm(straight), added, degc), method, progress)
-    residuals, sizes = held_out_residuals(straight, wider), friction_sizes(straight.problem, straight.best)
-    trials = [trial_of(j, residuals, speed[0], float(sizes[j]), len(speeds)) for j, speed in speeds.items()]
+    both, sizes = (straight, wider), friction_sizes(straight.problem, straight.best)
+    held_out, every = held_out_residuals(*both), cross_validated(*both)
+    trials = [trial_of(j, held_out, every, speed[0], float(sizes[j]), len(speeds)) for j, speed in speeds.items()]
     trials = [replace(trial, stays=True) for trial in trials] if always else trials
     stay = {trial.joint - 1: speeds[trial.joint - 1] for trial in trials if trial.stays}
     if not stay:

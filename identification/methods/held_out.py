@@ -1,4 +1,4 @@
-"""Two fits compared on held-out rows: whether what one of them has more reduces the error beyond chance."""
+"""Two fits compared on rows to which they were not fitted: whether one reduces the error beyond chance."""
 
 from __future__ import annotations
 
@@ -10,8 +10,11 @@ from numpy.typing import NDArray
 from arm_io.types import Array
 from identification.methods.solution import Solution
 from identification.regression.conclusion import SPLIT
-from identification.regression.equations import Equations
+from identification.regression.equations import Equations, joined
 from identification.selection import p_value
+
+STRETCH, FOLDS = 5.0, 4
+"""s of a recording that are predicted as a whole, many times what filters correlate; every so many-th together."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,7 +28,7 @@ class Comparison:
 
 @dataclass(frozen=True)
 class HeldOutResiduals:
-    """Residuals (rows,) N m (N) of two fits of the same held-out rows: without a term, and with it."""
+    """Residuals (rows,) N m (N) of two fits of the same rows, fitted to others: without a term, and with it."""
 
     rows: Equations
     without: Array
@@ -57,3 +60,41 @@ def held_out_residual(one: Solution) -> tuple[Equations, Array]:
     early = problem.rows.t < (SPLIT * ends)[problem.rows.run]
     late = problem.judged.of(problem.judged.t > SPLIT * ends[problem.judged.run])
     return late, one.residual(late, one.solve(problem.rows.of(early)))
+
+
+def cross_validated(without: Solution, with_it: Solution) -> HeldOutResiduals:
+    """Of all rows, each stretch of the recordings predicted by fits of the other folds (K-fold cross-validation).
+
+    Held-out recordings are a part of all: where they are short, the few blocks of them decide little. Rows on which a
+    joint slides faster or slower than on all rows of the other folds are left out: friction there is extrapolated.
+    """
+    (rows, one, inside), (_, other, _) = _by_folds(without), _by_folds(with_it)
+    return HeldOutResiduals(rows.of(inside), one[inside], other[inside])
+
+
+def _by_folds(one: Solution) -> tuple[Equations, Array, NDArray[np.bool_]]:
+    """The rows of all recordings, reversals and all, their residual (rows,) N m (N), and which to compare."""
+    problem = one.problem
+    judged, fitted = problem.judged, problem.rows
+    if (held := problem.held) is not None:
+        judged = joined([judged, held])
+        fitted = joined([fitted, _sliding(held)])
+    residual, inside, fold = np.zeros(len(judged)), np.zeros(len(judged), bool), _fold(judged)
+    for k in range(FOLDS):
+        others, own = fitted.of(_fold(fitted) != k), judged.of(fold == k)
+        residual[fold == k] = one.residual(own, one.solve(others))
+        shown, slowest, fastest = _sliding(others), np.full(len(problem.arm), np.inf), np.zeros(len(problem.arm))
+        np.minimum.at(slowest, shown.joint, shown.speed())
+        np.maximum.at(fastest, shown.joint, shown.speed())
+        inside[fold == k] = (own.speed() >= slowest[own.joint]) & (own.speed() <= fastest[own.joint])
+    return judged, residual, inside
+
+
+def _fold(rows: Equations) -> NDArray[np.intp]:
+    """(rows,) 0 to FOLDS - 1."""
+    return np.asarray((rows.t // STRETCH + rows.run) % FOLDS, np.intp)
+
+
+def _sliding(rows: Equations) -> Equations:
+    """The rows that are free of reversals."""
+    return rows if rows.sliding is None else rows.of(rows.sliding)

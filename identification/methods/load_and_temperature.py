@@ -17,7 +17,7 @@ from arm_io.types import Array, Progress
 from arm_model import Arm, EffectTerm
 from arm_model.effects import CATALOGUE
 from identification.methods.friction_trial import trial_of
-from identification.methods.held_out import held_out_residuals
+from identification.methods.held_out import cross_validated, held_out_residuals
 from identification.methods.solution import Solution, fitted_arm, friction_sizes, solve
 from identification.preprocessing.signals import Motion
 from identification.regression.conditional_friction import (
@@ -157,11 +157,12 @@ def _no_temperature(motions: Sequence[Motion], seen: Sequence[Conditions], certa
 def _justified(found: Solution, wider: Solution, tried: _Tried) -> tuple[list[EffectTerm], dict[int, str]]:
     """The effects that stay, with those coefficients alone that are clearly not zero, and per joint the reason."""
     values, joints = _estimates(wider), sorted({j for j, _ in _kinds(tried.terms)})
-    residuals, sizes = held_out_residuals(found, wider), friction_sizes(found.problem, found.best)
+    held_out, every = held_out_residuals(found, wider), cross_validated(found, wider)
+    sizes = friction_sizes(found.problem, found.best)
     stay: list[EffectTerm] = []
     why: dict[int, str] = {}
     for j in joints:
-        trial = trial_of(j, residuals, tried.slowest[j], float(sizes[j]), len(joints))
+        trial = trial_of(j, held_out, every, tried.slowest[j], float(sizes[j]), len(joints))
         unit = "N m" if found.problem.arm.joints[j].revolute else "N"
         why[j] = trial.compared(unit)
         if not trial.stays:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,10 +61,32 @@ class Equations:
         given = {name: value[rows] for name in PER_ROW if (value := getattr(self, name)) is not None}
         return replace(self, **given)
 
+    def speed(self) -> Array:
+        """(rows,) rad/s (m/s) of the joint of each row, as its columns of viscous friction have it."""
+        speed = np.zeros(len(self))
+        for k, name in enumerate(self.names):
+            joint, _, parameter = name.partition(".")
+            if parameter.startswith("viscous"):
+                own = self.joint == int(joint.removeprefix("joint")) - 1
+                speed[own] += self.columns[own, k]
+        return np.abs(speed)
+
     def blocks(self) -> NDArray[np.intp]:
         """(rows,) number of the run and second of each row, from 0."""
         _, block = np.unique(np.stack([self.run, self.t // BLOCK_SECONDS]), axis=1, return_inverse=True)
         return np.asarray(block.ravel(), np.intp)
+
+
+def joined(parts: Sequence[Equations]) -> Equations:
+    """The rows of several sets of recordings, those of each as further runs, without ``systematic`` errors."""
+    first = np.cumsum([0, *(int(part.run.max(initial=-1)) + 1 for part in parts)])
+    numbered = [replace(part, run=part.run + start) for part, start in zip(parts, first)]
+    given: dict[str, Any] = {
+        name: np.concatenate([getattr(part, name) for part in numbered])
+        for name in PER_ROW
+        if name != "systematic" and all(getattr(part, name) is not None for part in numbered)
+    }
+    return replace(parts[0], systematic=None, **given)
 
 
 def equations(

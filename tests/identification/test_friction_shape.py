@@ -117,12 +117,13 @@ def test_straight_friction_stays_straight(tmp_path: Path) -> None:
 def test_a_curve_that_halves_the_error_stays_though_few_seconds_are_held_out(
     curved: tuple[armscope.Identification, Path],
 ) -> None:
+    """Their blocks alone are too few: the fitted recording, predicted in stretches, shows that it is no chance."""
     _, folder = curved
-    held_out = recording(folder / "short.mcap", humped, 3, seconds=8.5)
+    held_out = recording(folder / "short.mcap", humped, 3, seconds=6.0)
     result = armscope.identify(folder / "1.mcap", folder / "model.toml", held_out=held_out)
     for trial in result.extra["friction_trials"]:
         assert trial["curve"] < 0.5 * trial["straight"]
-        assert trial["p"] > 0.01 / 3
+        assert trial["p"] < 1e-4
         assert trial["stays"] and not trial["why"]
 
 
