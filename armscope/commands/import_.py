@@ -200,7 +200,7 @@ def _identity(table: Path) -> dict[str, Any]:
 
 def _unit(mapping: Mapping, per_current: list[float] | None) -> str:
     """Of ``i`` in the recording."""
-    unit = mapping.units.get("i", "drive")
+    unit = (mapping.units_of("i", 1) or ["drive"])[0]
     return "A" if unit == "mA" or (mapping.torques and per_current) else unit
 
 

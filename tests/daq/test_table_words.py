@@ -139,3 +139,41 @@ def test_joints_that_slide_have_metres_and_newtons(root: Path, tmp_path: Path) -
     assert [recording.position_unit(joint) for joint in (1, 2, 3)] == ["m"] * 3
     plain = imported(tmp_path / "log.csv", "--guess")
     assert plain.position_unit(1) == "rad" and plain.current_unit(1) == "N m"
+
+
+@pytest.mark.parametrize(
+    "heads", ["{joint} position [{unit}],{joint} current [{drive}]", "pos_{k} [{unit}],i_{k} [{drive}]"]
+)
+def test_every_column_has_the_unit_of_its_heading(heads: str, root: Path, tmp_path: Path) -> None:
+    """Of an arm that slides and turns, whatever unit comes first."""
+    joints = [("slide", "mm", "mA"), ("turn", "deg", "A"), ("lift", "cm", "mA")]
+    named = [heads.format(joint=name, k=k, unit=unit, drive=drive) for k, (name, unit, drive) in enumerate(joints, 1)]
+    (tmp_path / "log.csv").write_text(
+        ",".join(["Time [ms]", *named]) + "\n" + "\n".join(f"{10 * k}" + f",{k},{5 * k}" * 3 for k in range(30))
+    )
+    saved = tmp_path / "map.toml"
+    for option in (["--guess", "--save-map", str(saved)], ["--map", str(saved)]):
+        (tmp_path / "log.mcap").unlink(missing_ok=True)
+        recording = imported(tmp_path / "log.csv", *option)
+        k = np.arange(30.0)[:, None]
+        np.testing.assert_allclose(recording.q, k * [1e-3, np.pi / 180, 1e-2], atol=1e-12)
+        np.testing.assert_allclose(recording.i, 5 * k * [1e-3, 1.0, 1e-3], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("units", "says"),
+    [
+        ('q = ["mm", "deg", "mm"]', "units.q of the mapping has 3 entries for 2 columns"),
+        ('q = ["mm", "furlong"]', "'furlong' is unknown"),
+        ('i = ["A", "N m"]', "must be torques (N m) of all joints, or currents of all"),
+        ('t = ["s", "ms"]', "units.t: must be one unit"),
+    ],
+)
+def test_units_that_fit_no_column_are_refused(
+    units: str, says: str, tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    (tmp_path / "map.toml").write_text(f'[columns]\nt = "t"\nq = "q{{1}}"\ni = "i{{1}}"\n[units]\n{units}\n')
+    (tmp_path / "log.csv").write_text("t,q1,q2,i1,i2\n" + "\n".join(f"{k / 10},0,{k},1,1" for k in range(30)))
+    options = ["--map", str(tmp_path / "map.toml"), "--out", str(tmp_path / "run.mcap")]
+    assert run(["import", str(tmp_path / "log.csv"), *options]) == 2
+    assert says in capsys.readouterr().err

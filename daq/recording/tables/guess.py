@@ -14,7 +14,7 @@ from arm_io import InputError
 from arm_io.files import read_head
 from arm_io.types import Array
 from daq.recording.tables.csv_header import LONGEST_HEADER, SAMPLE, encoding_of, names_line
-from daq.recording.tables.mapping import Mapping
+from daq.recording.tables.mapping import UNITS, Mapping
 
 KNOWN: dict[str, dict[str, dict[str, str]]] = {
     "Universal Robots RTDE": {
@@ -65,8 +65,9 @@ _WORDS = {
 _UNIT = r"(?P<unit>[ _]*[\[(]?(rad|deg|degrees|grad|°|mA|A|Nm|N m|N\*m|V|C|degC)[\])]?|[ _]*[ _\[(](mm|cm|m)[\])]?)?"
 _SPELLED = {"degrees": "deg", "Grad": "deg", "grad": "deg", "°": "deg", "Nm": "N m", "N*m": "N m", "C": "degC"}
 _COMMA = re.compile(r"\s*-?\d+,\d+(e-?\d+)?\s*")
-_Series = tuple[tuple[str, ...], str]
-"""Columns, one per joint, and their unit as it is written; "" without."""
+_Units = str | list[str]
+_Series = tuple[list[str], _Units]
+"""Columns, one per joint, and their unit, or one per column; "" without."""
 _BETWEEN = "[ _./:-]+"
 
 
@@ -157,14 +158,14 @@ def _from_words(names: Sequence[str], numbers: dict[str, Array], joints: Sequenc
     """The columns whose names are words for a signal and numbers, or words and names of joints."""
     time = _times(names, numbers)
     columns: dict[str, Any] = {}
-    units: dict[str, str] = {}
+    units: dict[str, _Units] = {}
     taken: set[str] = set()
     first: dict[str, int] = {}
     if time:
-        columns["t"], unit = time[0][0], time[0][1]["unit"]
-        units |= {"t": unit.lower().replace("sec", "s")} if unit else {}
+        columns["t"], of_time = time[0][0], time[0][1]["unit"]
+        units |= {"t": of_time.lower().replace("sec", "s")} if of_time else {}
     for signal, word in _WORDS.items():
-        series = _of_joints([name for name in names if name not in taken], word)
+        series = _of_joints([name for name in names if name not in taken], signal, word)
         if series is not None:
             columns[signal], unit, first[signal] = series
             taken |= set(columns[signal])
@@ -175,9 +176,10 @@ def _from_words(names: Sequence[str], numbers: dict[str, Array], joints: Sequenc
         units.pop(signal, None)
     if "t" in columns and not {"q", "i"} & set(columns):
         named = _of_named_joints([name for name in names if name != columns["t"]], joints)
-        columns |= {signal: list(series) for signal, (series, _) in named.items()}
-        units |= {signal: _SPELLED.get(unit, unit) for signal, (_, unit) in named.items() if unit}
-    if not {"t", "q", "i"} <= set(columns):
+        columns |= {signal: series for signal, (series, _) in named.items()}
+        units |= {signal: unit for signal, (_, unit) in named.items() if unit}
+    efforts = units.get("i", "")
+    if not {"t", "q", "i"} <= set(columns) or (isinstance(efforts, list) and "N m" in efforts):
         return None
     for signal in {"q", "qref", "ql"} & set(columns) - set(units):
         values = [numbers[name] for name in columns[signal] if name in numbers]
@@ -199,25 +201,35 @@ def _times(names: Sequence[str], numbers: dict[str, Array]) -> list[tuple[str, r
     return fields if same else []
 
 
-def _of_joints(names: Sequence[str], word: str) -> tuple[list[str], str, int] | None:
+def _units(signal: str, written: Sequence[str]) -> _Units:
+    """The unit of a signal's columns, of each column where they differ; "" where no column states one.
+
+    A column that states none has that of all others, or the first of ``UNITS``.
+    """
+    spelled = [_SPELLED.get(unit, unit) for unit in (one.strip(" _[]()") for one in written)]
+    stated = {unit for unit in spelled if unit}
+    return (stated or {""}).pop() if len(stated) < 2 else [unit or next(iter(UNITS[signal])) for unit in spelled]
+
+
+def _of_joints(names: Sequence[str], signal: str, word: str) -> tuple[list[str], _Units, int] | None:
     """The columns whose names are a word with a number, in the order of their numbers; their unit and first number."""
     patterns = (
         rf"{word}[ _.\[#]*(({_JOINT})[ _.]*)?(?P<number>\d+)\]?{_UNIT}",
         rf"({_JOINT}|j|a)[ _.]*(?P<number>\d+)[ _.]*{word}{_UNIT}",
         rf"{word}{_UNIT}(?P<number>\d+)",  # columns of a matrix whose name ends in its unit
     )
-    found: dict[int, str] = {}
-    unit = ""
+    found: dict[int, tuple[str, str]] = {}
     for name in names:
         matches = (re.fullmatch(pattern, name.strip(), re.IGNORECASE) for pattern in patterns)
         match = next((one for one in matches if one), None)
         if match:
-            found.setdefault(int(match["number"]), name)
-            text = (match["unit"] or "").strip(" _[]()")
-            unit = _SPELLED.get(text, text) if text else unit
+            found.setdefault(int(match["number"]), (name, match["unit"] or ""))
     first = min(found, default=2)
     numbers = range(first, first + len(found))
-    return ([found[number] for number in numbers], unit, first) if first < 2 and set(numbers) == set(found) else None
+    if first > 1 or set(numbers) != set(found):
+        return None
+    columns = [found[number] for number in numbers]
+    return [name for name, _ in columns], _units(signal, [unit for _, unit in columns]), first
 
 
 def _of_named_joints(names: Sequence[str], joints: Sequence[str]) -> dict[str, _Series]:
@@ -242,7 +254,7 @@ def _of_named_joints(names: Sequence[str], joints: Sequence[str]) -> dict[str, _
         return {}
     complete = {signal: columns for signal, columns in found.items() if set(order) <= set(columns)}
     return {
-        signal: (tuple(columns[joint][0] for joint in order), columns[order[0]][1])
+        signal: ([columns[joint][0] for joint in order], _units(signal, [columns[joint][1] for joint in order]))
         for signal, columns in complete.items()
     }
 
@@ -255,7 +267,7 @@ def _joint_of(name: str, word: str) -> tuple[str, str] | None:
         rf"{word}{_BETWEEN}(?P<joint>.+?){_UNIT}",
     ):
         if match := re.fullmatch(pattern, name.strip(), re.IGNORECASE):
-            return _bare(match.groupdict().get("joint") or ""), (match["unit"] or "").strip(" _[]()")
+            return _bare(match.groupdict().get("joint") or ""), match["unit"] or ""
     return None
 
 

@@ -77,33 +77,45 @@ class Named(Protocol):
 class Mapping(Table):
     """The mapping of a table's columns. ``separator`` and ``decimal`` are those of a text.
 
-    units  signal -> unit of ``UNITS``; scale: signal -> factor of the measured value, one or one per joint (-1: sign)
+    units  signal -> unit of ``UNITS``, one or one per joint (an arm that slides and turns); scale: signal -> factor of
+           the measured value, one or one per joint (-1: sign)
     """
 
     separator: Literal[",", ";", "\t", " ", "|"] = ","
     decimal: Literal[".", ","] = "."
     columns: _Columns
-    units: dict[Literal["t", "q", "i", "qref", "ql", "v", "temp", "xyz"], str] = Field(default={})
+    units: dict[Literal["t", "q", "i", "qref", "ql", "v", "temp", "xyz"], str | list[str]] = Field(default={})
     scale: dict[Literal["q", "i", "qref", "ql", "v", "temp", "xyz"], Factor | list[Factor]] = Field(default={})
 
     @model_validator(mode="after")
     def _understood(self) -> Mapping:
         if self.separator == self.decimal:
             raise ValueError("separator and decimal are both ','")
-        for signal, unit in self.units.items():
-            if unit not in UNITS[signal]:
-                raise ValueError(f"units.{signal}: {unit!r} is unknown; must be one of {', '.join(UNITS[signal])}")
+        for signal, given in self.units.items():
+            if isinstance(given, list) and signal == "t":
+                raise ValueError("units.t: must be one unit")
+            for unit in given if isinstance(given, list) else [given]:
+                if unit not in UNITS[signal]:
+                    raise ValueError(f"units.{signal}: {unit!r} is unknown; must be one of {', '.join(UNITS[signal])}")
+        effort = self.units.get("i", "")
+        if isinstance(effort, list) and 0 < effort.count("N m") < len(effort):
+            raise ValueError("units.i: must be torques (N m) of all joints, or currents of all")
         return self
 
     @property
     def time_unit(self) -> TimeUnit | None:
         """Of t, where it is given."""
-        return TimeUnit(self.units["t"]) if "t" in self.units else None
+        return TimeUnit(str(self.units["t"])) if "t" in self.units else None
 
     @property
     def torques(self) -> bool:
         """Whether ``i`` holds torques at the joints, N m (N)."""
-        return self.units.get("i") == "N m"
+        return "N m" in self.units_of("i", 1)
+
+    def units_of(self, signal: str, count: int) -> list[str]:
+        """The unit of each of ``count`` columns of a signal, or as many as the mapping lists; empty if not stated."""
+        unit = self.units.get(signal, [])  # type: ignore[call-overload]
+        return unit if isinstance(unit, list) else [unit] * count
 
     def pick(self, table: Named, *, keep_extra: bool = False) -> list[Picked]:
         """The columns of a table that are mapped; with ``keep_extra`` the others under their own names.
@@ -145,7 +157,11 @@ class Mapping(Table):
         if isinstance(scale, list) and len(scale) != count:
             raise InputError(table.path, f"scale.{signal} of the mapping has {len(scale)} entries for {count} columns")
         one = scale[place] if isinstance(scale, list) else scale
-        return one * UNITS[signal][self.units[signal]] if signal in self.units else one
+        if not (units := self.units_of(signal, count)):
+            return one
+        if len(units) != count:
+            raise InputError(table.path, f"units.{signal} of the mapping has {len(units)} entries for {count} columns")
+        return one * UNITS[signal][units[place]]
 
     def text(self) -> str:
         """The mapping as a file has it."""
@@ -157,7 +173,7 @@ class Mapping(Table):
         """One line: which column is which, and the units that are not ours."""
         columns = self.columns.model_dump(exclude_none=True)
         pairs = [f"{ours} = {_listed(theirs)}" for ours, theirs in columns.items()]
-        units = [f"{signal} in {unit}" for signal, unit in self.units.items()]
+        units = [f"{signal} in {', '.join(self.units_of(signal, 1))}" for signal in self.units]
         names = {" ": "blanks", "\t": "tabs", ";": "semicolons", "|": "bars"}
         text = [f"columns separated by {names[self.separator]}"] if self.separator in names else []
         return "; ".join([*pairs, *units, *text, *(["decimal commas"] if self.decimal == "," else [])])
