@@ -28,11 +28,25 @@ def main(arguments: Sequence[str] | None = None) -> None:
     try:
         status = run(sys.argv[1:] if arguments is None else list(arguments))
         sys.stdout.flush()
-    except BrokenPipeError:
-        # the reader of the output (head, less) has exited; without this Python would raise again at exit
+    except OSError as error:
+        # the reader of the output (head, less) has exited, or the file that it goes to cannot grow
+        if not (isinstance(error, BrokenPipeError) or _output_fails()):
+            raise
+        # without this Python would raise again at exit
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         status = NOBODY_READS
+        if not isinstance(error, BrokenPipeError):
+            status = _refuse(f"standard output: cannot be written: {error.strerror}")
     sys.exit(status)
+
+
+def _output_fails() -> bool:
+    """Whether standard output cannot be written. A failed write leaves nothing to flush, so that a line is tried."""
+    try:
+        os.write(sys.stdout.fileno(), b"\n")
+    except OSError:
+        return True
+    return False
 
 
 def run(arguments: list[str]) -> int:

@@ -121,3 +121,13 @@ def test_a_reader_that_has_gone_is_no_error(arguments: list[str], root: Path) ->
     ended = subprocess.run(command, cwd=root, stdout=ours, stderr=subprocess.PIPE, text=True)
     os.close(ours)
     assert (ended.returncode, ended.stderr) == (1, "")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="only Linux has a device that is always full")
+@pytest.mark.parametrize("arguments", [["--version"], ["model", "--effects", "--json"]])
+def test_output_to_a_full_disk_ends_in_one_line(arguments: list[str], root: Path) -> None:
+    command = [sys.executable, "-m", "armscope", *arguments]
+    with open("/dev/full", "w") as full:
+        ended = subprocess.run(command, cwd=root, stdout=full, stderr=subprocess.PIPE, text=True)
+    line = "error: standard output: cannot be written: No space left on device\n"
+    assert (ended.returncode, ended.stderr) == (2, line)
