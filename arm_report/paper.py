@@ -83,7 +83,8 @@ def _draw(axis: Axes, panel: Panel) -> None:
         line(level.value, color=level.colour, lw=0.8, ls=style, label=level.label or None, zorder=1.5)
         if level.words and level.axis == "x":
             top = axis.get_xaxis_transform()
-            axis.text(level.value, 1.0, f" {level.words}", transform=top, fontsize="small", va="bottom")
+            # inside the panel, as its title stands above
+            axis.text(level.value, 0.98, f" {level.words}", transform=top, fontsize="small", va="top")
     _ticks(axis, panel)
 
 

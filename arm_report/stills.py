@@ -89,7 +89,7 @@ def _places(chart: Chart, head: float) -> Iterator[Place]:
             alike = [one for one, _ in scales[column :: chart.columns]]
             x = replace(x, low=min(one.low for one in alike), high=max(one.high for one in alike))
         left = max([LEFT, *(LETTER * len(name) + 8.0 for name in panel.names)])
-        top = TITLE if panel.title or any(level.words for level in panel.levels) else TOP
+        top = TITLE if panel.title else TOP
         bottom = BOTTOM if _labelled(chart, k) else NO_LABEL
         width, height = float(edges[column + 1] - edges[column]) - left - RIGHT, INCH * chart.height - top - bottom
         place = Place(float(edges[column]) + left, head + INCH * chart.height * row + top, width, height, x, y)
@@ -256,7 +256,8 @@ def _words(panel: Panel, place: Place, labelled: bool) -> Iterator[str]:
     yield _text(left, top - 4.0, panel.title, "start")
     for level in panel.levels:
         if level.words and level.axis == "x":
-            yield _text(left + place.width * float(place.x.place(level.value)) + 2.0, top - 4.0, level.words, "start")
+            # inside the panel, as its title stands above
+            yield _text(left + place.width * float(place.x.place(level.value)) + 2.0, top + FONT, level.words, "start")
 
 
 def _text(x: float, y: float, text: str, anchor: str) -> str:

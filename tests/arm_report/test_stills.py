@@ -139,3 +139,12 @@ def test_a_date_reads_as_a_date() -> None:
 def test_a_report_is_drawn_without_matplotlib() -> None:
     code = "import sys, arm_report.page, arm_report.write; sys.exit('matplotlib' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_the_words_at_an_instant_do_not_cover_the_title() -> None:
+    level = Level(value=0.0, axis="x", words="a.mcap")
+    root = drawn(Panel(title="joint 1", series=(Series(x=X, y=X, colour=AFTER),), x="t", y="y", levels=(level,)))
+    (title,) = (one for one in root.iter("text") if one.text == "joint 1")
+    (words,) = (one for one in root.iter("text") if one.text == "a.mcap")
+    axes = next(one for one in root.iter("svg") if one.get("x"))
+    assert float(title.get("y", 0)) < float(axes.get("y", 0)) < float(words.get("y", 0))
