@@ -12,7 +12,7 @@ import { Resolution } from "./resolution.js";
 const matrix = (rows) => new Matrix4().set(...rows.flat());
 const UP = new Vector3(0, 1, 0);
 const SIDE = new Vector3(0.58, -0.76, 0.29).normalize();
-const POSES = 150;
+const POSES = 150, SWEEPS = 2, PLACES = 16;
 
 /** One drawing of the arm; `pose(q)` puts it where the joints are. Frames and coupling as arm_clearance.Chain has them. */
 class Figure {
@@ -226,12 +226,12 @@ export class ArmView {
 
   /** From the side, so near that every place that the arm can reach is in the picture. */
   _look() {
-    const { points, centre } = this.reach;
-    const forward = SIDE.clone().negate(), right = forward.clone().cross(this.camera.up).normalize(), up = right.clone().cross(forward);
+    const { points, centre, thick } = this.reach;
+    const [forward, right, up] = seenFrom(SIDE);
     const high = Math.tan((this.camera.fov * Math.PI) / 360), wide = high * this.camera.aspect;
     const distances = points.map((point) => {
       const from = point.clone().sub(centre);
-      return Math.max(Math.abs(from.dot(right)) / wide, Math.abs(from.dot(up)) / high) - from.dot(forward);
+      return Math.max((Math.abs(from.dot(right)) + thick) / wide, (Math.abs(from.dot(up)) + thick) / high) - from.dot(forward);
     });
     this.controls.target.copy(centre);
     this.camera.position.copy(centre).addScaledVector(SIDE, 1.04 * Math.max(...distances));
@@ -266,22 +266,47 @@ export class ArmView {
   }
 }
 
-/** Where a figure can be: points of its links over poses within the limits, above the floor; their middle and extent, m. */
+/** Unit vectors forward, to the right and up, of somebody who looks from a side. */
+function seenFrom(side) {
+  const forward = side.clone().negate(), right = forward.clone().cross(new Vector3(0, 0, 1)).normalize();
+  return [forward, right, right.clone().cross(forward)];
+}
+
+/**
+ * Where a figure can be: points of its links over poses within the limits, above the floor; their middle, extent and
+ * half of the thickest link, m. Random poses seldom stretch an arm: the farthest of them in each direction of the
+ * picture is stretched joint by joint.
+ */
 function reach(figure, { arm, joints, space }) {
-  const points = [], box = new Box3();
+  const points = [], tried = [], box = new Box3();
+  const ranges = joints.map((joint, n) => joint.position ?? (arm.sliding[n] ? [-0.5, 0.5] : [-Math.PI, Math.PI]));
   let state = 1;
   const random = () => (state = (state * 48271) % 0x7fffffff) / 0x7fffffff;
-  for (let k = 0; k < POSES; k++) {
-    figure.pose(joints.map((joint, n) => {
-      const [low, high] = joint.position ?? (arm.sliding[n] ? [-0.5, 0.5] : [-Math.PI, Math.PI]);
-      return low + (high - low) * random();
-    }));
+  const at = (q) => {
+    figure.pose(q);
     figure.root.updateWorldMatrix(true, true);
     const ends = arm.bodies.flatMap((body) => [body.start, body.end].map((end) => figure.links[body.link].localToWorld(new Vector3(...end))));
     const there = [...ends, figure.point(arm.tool)];
-    if (there.every((point) => point.z >= (space?.floor ?? -Infinity) - 0.05)) points.push(...there);
+    return there.every((point) => point.z >= (space?.floor ?? -Infinity) - 0.05) ? there : [];
+  };
+  for (let k = 0; k < POSES; k++) {
+    const q = ranges.map(([low, high]) => low + (high - low) * random()), there = at(q);
+    points.push(...there);
+    if (there.length) tried.push([q, there]);
+  }
+  const [, right, up] = seenFrom(SIDE);
+  for (const way of tried.length ? [right, up, right.clone().negate(), up.clone().negate()] : []) {
+    const far = (there) => Math.max(...there.map((point) => point.dot(way)));
+    let [q, best] = tried.reduce((one, other) => (far(other[1]) > far(one[1]) ? other : one));
+    for (let step = 0; step < SWEEPS * ranges.length * (PLACES + 1); step++) {
+      const n = Math.floor(step / (PLACES + 1)) % ranges.length, [low, high] = ranges[n];
+      const other = q.with(n, low + ((high - low) * (step % (PLACES + 1))) / PLACES), there = at(other);
+      if (there.length && far(there) > far(best)) [q, best] = [other, there];
+    }
+    points.push(...best);
   }
   points.push(new Vector3().setFromMatrixPosition(matrix(arm.base)));
   box.setFromPoints(points);
-  return { points, centre: box.getCenter(new Vector3()), size: Math.max(box.getSize(new Vector3()).length() / 2, 0.3) };
+  const size = Math.max(box.getSize(new Vector3()).length() / 2, 0.3), thick = Math.max(0, ...arm.bodies.map((body) => body.radius));
+  return { points, centre: box.getCenter(new Vector3()), size, thick };
 }
