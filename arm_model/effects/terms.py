@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from difflib import get_close_matches
 from pathlib import Path
 
 from pydantic import ValidationError
@@ -27,7 +28,9 @@ def check_terms(arm: Arm, where: str | Path | None = None) -> None:
         here = f"effect[{number}]"
         effect = CATALOGUE.get(term.name)
         if effect is None:
-            raise InputError(where, f"{here}.name: no effect {term.name!r}; expected one of {', '.join(CATALOGUE)}")
+            near = get_close_matches(term.name, CATALOGUE, 1)
+            known = f"is it {near[0]}?" if near else f"expected one of {', '.join(CATALOGUE)}"
+            raise InputError(where, f"{here}.name: no effect {term.name!r}; {known}")
         if not effect.per_joint and term.joint is not None:
             raise InputError(where, f"{here}.joint: {term.name} belongs to the whole arm; leave 'joint' out")
         if effect.per_joint and not (term.joint and term.joint <= len(arm)):
@@ -55,6 +58,20 @@ def _check_parameters(effect: Effect, term: EffectTerm, where: str | Path, here:
             raise InputError(where, f"{place}: is missing ({parameter.unit}; {parameter.meaning})")
         if _must_be_positive(parameter) and value is not None and value <= 0:
             raise InputError(where, f"{place}: must be positive (is {value:g} {parameter.unit})")
+
+
+def negative_size(arm: Arm) -> str:
+    """The first value below 0 that no arm has, such as a gap, in words; "" where there is none.
+
+    Friction is left to ``dissipation``: a hump may be negative if the total opposes the motion.
+    """
+    for number, term in enumerate(arm.effects, 1):
+        effect = CATALOGUE[term.name]
+        of_arm = not effect.friction and any(seen.of_arm for seen in effect.observed_by.values())
+        for name, value in term.parameters.items():
+            if of_arm and value < 0.0 and not effect[name].signed:
+                return f"effect[{number}].parameters.{name}: must not be negative (is {value:g} {effect[name].unit})"
+    return ""
 
 
 def _must_be_positive(parameter: Parameter) -> bool:

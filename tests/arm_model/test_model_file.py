@@ -86,7 +86,12 @@ def _effect(**entries: Any) -> Callable[[dict[str, Any]], object]:
             lambda t: t["joint"][1].update(cylinder={"start": [0, 0, 0], "end": [1, 0, 0], "radius": 0}),
             "joint[2].cylinder.radius: input should be greater than 0",
         ),
-        (_effect(name="blacklash", joint=2, parameters={}), "effect[1].name: no effect 'blacklash'"),
+        (_effect(name="blacklash", joint=2, parameters={}), "effect[1].name: no effect 'blacklash'; is it backlash?"),
+        (_effect(name="wear", joint=2, parameters={}), "effect[1].name: no effect 'wear'; expected one of viscous_"),
+        (
+            _effect(name="backlash", joint=2, parameters={"half_gap": -1e-3}),
+            "effect[1].parameters.half_gap: must not be negative (is -0.001 rad)",
+        ),
         (
             _effect(name="backlash", joint=9, parameters={"half_gap": 1e-3}),
             "effect[1].joint: backlash needs a joint in 1..6",
