@@ -24,7 +24,7 @@ from sim_backend.electronics.adc import Converter
 from sim_backend.rig.faults import StuckChannel
 from sim_backend.rig.latch import TICK_RATE, Latch
 from sim_backend.rig.trigger_line import Seen, TriggerLine
-from sim_backend.rig.world import World, world_of
+from sim_backend.rig.world import World, check_wired, world_of
 
 START = "start"
 
@@ -173,5 +173,7 @@ def _no_values(seen: Seen) -> Block:
 
 
 def make(name: str, config: Config, context: RigContext) -> Card:
-    """A closed card."""
-    return Card(name, config, world_of(context))
+    """A closed card. InputError where it is wired to a joint that the arm has not."""
+    world = world_of(context)
+    check_wired(name, config.joints, world)
+    return Card(name, config, world)

@@ -21,7 +21,7 @@ from sim_backend.electronics.counter_register import Register
 from sim_backend.rig.faults import DeviceReset, EmiCounts, StuckChannel
 from sim_backend.rig.latch import TICK_RATE, Latch
 from sim_backend.rig.trigger_line import Seen
-from sim_backend.rig.world import World, world_of
+from sim_backend.rig.world import World, check_wired, world_of
 
 NEVER = np.iinfo(np.int64).max
 
@@ -203,5 +203,7 @@ def _from(at: NDArray[np.int64], since: int, begin: float) -> NDArray[np.bool_]:
 
 
 def make(name: str, config: Config, context: RigContext) -> Card:
-    """A closed card."""
-    return Card(name, config, world_of(context))
+    """A closed card. InputError where it is wired to a joint that the arm has not."""
+    world = world_of(context)
+    check_wired(name, config.joints, world)
+    return Card(name, config, world)

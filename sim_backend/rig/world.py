@@ -7,7 +7,7 @@ host's monotonic clock, of the present or the past few seconds. Every method may
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Protocol
 
@@ -239,6 +239,13 @@ class World:
         for fault in self.faults_of(device):
             if isinstance(fault, Unplugged) and fault.at <= now and (fault.back is None or now < fault.back):
                 raise DeviceFault(device, "stopped answering; check its plug and its power")
+
+
+def check_wired(name: str, joints: Sequence[int], world: World) -> None:
+    """InputError where a channel of a card is wired to a joint (from 1; 0: open) that the arm has not."""
+    there = len(world.plant.encoder_lines)
+    if (last := max(joints)) > there:
+        raise InputError(name, f"joints: the arm has no joint {last}; must be 1 to {there}, or 0 for an open channel")
 
 
 def world_of(context: RigContext) -> World:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from types import ModuleType
+
 import numpy as np
 import pytest
 
-from arm_io import DeviceFault
-from drivers import protocols
+from arm_io import DeviceFault, InputError
+from drivers import RigContext, protocols
 from drivers.counting import extend
 from drivers.protocols import CounterMode, EdgeSource, Plan, Quality
 from experiment import Experiment, demand_of
-from sim_backend import mit_c12
+from sim_backend import lab_pc, mit_c12
 from sim_backend.electronics import quadrature
 from sim_backend.rig.clock import FastClock
 from sim_backend.rig.faults import (
@@ -324,6 +326,16 @@ def test_refusals() -> None:
     rig.analog.write_volts(0, 3.0)
     rig.analog.safe()
     assert rig.analog.output == [0.0, 0.0]
+
+
+@pytest.mark.parametrize("card", [mit_c12, lab_pc])
+def test_a_card_wired_to_a_joint_that_is_not_there_is_refused(card: ModuleType) -> None:
+    """The rig passed every check, and the first run ended in an IndexError."""
+    context = RigContext()
+    context.shared("sim_backend", lambda: make_rig().world)
+    with pytest.raises(InputError, match="card1: joints: the arm has no joint 9; must be 1 to 6, or 0"):
+        card.make("card1", card.Config(joints=[1, 2, 9, 0]), context)
+    assert card.make("card1", card.Config(joints=[1, 2, 6, 0]), context).name == "card1"
 
 
 def test_a_long_sleep_between_runs_costs_nothing_and_changes_no_count() -> None:
