@@ -127,3 +127,17 @@ def test_other_commands_say_what_a_bag_is(name: str, tmp_path: Path, capsys: pyt
         shutil.copy(tmp_path / "bag/bag.mcap", tmp_path / name)
     assert run(["info", str(tmp_path / name)]) == 2
     assert re.fullmatch(r"error: .*bag.*'armscope import\b.*\n", capsys.readouterr().err)
+
+
+def test_names_that_the_bag_has_not_are_said(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """A driver's own names, in the order of the alphabet: they were taken for the arm's without a word."""
+    t, q, torque = motion(40)
+    write_bag(tmp_path / "bag", {"/joint_states": (t, {"position": q, "effort": torque}, NAMES)})
+    others = [f"{name}_x" for name in NAMES]
+    (tmp_path / "rig.toml").write_text("name = 'bench'\n" + "".join(f"[[joint]]\nname = '{name}'\n" for name in others))
+    imported(tmp_path / "bag", "--rig", str(tmp_path / "rig.toml"))
+    said = f"/joint_states has none of the arm's joints {', '.join(others)}: joints 1 to {len(NAMES)} are"
+    assert f"{said} {', '.join(NAMES)}, in this order" in capsys.readouterr().err
+    (tmp_path / "rig.toml").write_text(f"name = 'bench'\n[[joint]]\nname = '{others[0]}'\n")
+    assert run(["import", str(tmp_path / "bag"), "--rig", str(tmp_path / "rig.toml"), "--out", "x.mcap"]) == 2
+    assert f"the arm has {others[0]} instead" in capsys.readouterr().err

@@ -72,6 +72,7 @@ class BagSource:
         self.topic = self._choose(states, topic)
         self.rows: int | None = counts[self._of_message(self.topic)]
         self.joints = self._in_order(joints, list(states[self.topic].name))
+        self._said = self._own_order(joints)
         self._stamped = self._stamps[self.topic] and not recorded
         self.names = list(self._columns)
         with self._reader() as reader:
@@ -97,8 +98,8 @@ class BagSource:
             yield _chunk(stamps, columns, needed, time, places)
 
     def notes(self) -> list[str]:
-        """What the chunks read until now have left out, and why."""
-        return [] if self._bag_rows is None else self._bag_rows.notes()
+        """Whose joints these are, if that is uncertain; what the chunks read until now have left out, and why."""
+        return [*self._said, *([] if self._bag_rows is None else self._bag_rows.notes())]
 
     def last_time(self, time: str) -> str:
         """The last instant of the bag, ns."""
@@ -175,7 +176,22 @@ class BagSource:
         missing = [name for name in wanted if name not in there]
         if missing and len(missing) < len(wanted):
             raise InputError(self.path, f"{self.topic} has no joint {missing[0]!r}; it has {', '.join(there)}")
+        if missing and len(most) != len(wanted):
+            raise InputError(
+                self.path,
+                f"{self.topic} has the joints {', '.join(most)}; the arm has {', '.join(wanted)} instead",
+            )
         return most if missing or not wanted else list(wanted)
+
+    def _own_order(self, wanted: Sequence[str]) -> list[str]:
+        """A note where the arm's joints have names, and the bag has others in an order of its own."""
+        unnamed = [f"joint{number}" for number in range(1, len(wanted) + 1)]
+        if list(wanted) in (self.joints, unnamed) or not wanted:
+            return []
+        return [
+            f"{self.topic} has none of the arm's joints {', '.join(wanted)}: joints 1 to {len(wanted)} are "
+            f"{', '.join(self.joints)}, in this order; is it that of the arm?"
+        ]
 
     def _choose(self, states: dict[str, Any], topic: str | None) -> str:
         measured = [name for name in states if name.endswith("/measured_joint_state")]
