@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 def report(result: Comparison) -> Report:
     """The whole page."""
+    says = verdict(result)
     points = [change for change in result.changes if change.quantity.kind == "curve" and change.comparable]
     name = "" if result.arm is None else f"{result.arm.name}: "
     return Report(
@@ -27,11 +28,11 @@ def report(result: Comparison) -> Report:
         joints=[] if result.arm is None else [joint.name for joint in result.arm.joints],
         content={
             "what": _what(result),
-            "says": verdict(result),
+            "says": typeset(says),
             "changed": bool(result.significant),
-            "causes": result.causes,
-            "changed_sentences": changed_sentences(result),
-            "overruled": overruled_sentences(result),
+            "causes": [typeset(one) for one in result.causes],
+            "changed_sentences": [typeset(one) for one in changed_sentences(result) if one not in says],
+            "overruled": [typeset(one) for one in overruled_sentences(result)],
             "circumstances": [circumstance.sentence for circumstance in result.circumstances],
             "assumptions": result.assumptions,
             "overview": plots.overview(result),
@@ -47,6 +48,11 @@ def report(result: Comparison) -> Report:
             "warnings": result.warnings,
         },
     )
+
+
+def typeset(sentence: str) -> str:
+    """A sentence of the terminal with the signs of a page."""
+    return sentence.replace("->", "\N{RIGHTWARDS ARROW}").replace("+-", "\N{PLUS-MINUS SIGN}")
 
 
 def _what(result: Comparison) -> str:
@@ -66,7 +72,7 @@ def _changes(changes: list[Change]) -> Markup:
             size(one.after),
             size(one.change),
             "" if one.std is None else f"{2 * one.std:.2g}",
-            percent(one).replace("+-", "±"),
+            typeset(percent(one)),
             "" if one.z is None else f"{one.z:+.1f}",
             "" if one.corrected is None else probability(one.corrected),
             Markup('<span class="u">{}</span>').format(one.quantity.unit),
