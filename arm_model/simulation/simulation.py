@@ -33,8 +33,8 @@ from arm_model.system.step_size import fastest, joint_without_inertia
 BASE = len(POSE) + len(VELOCITY)
 """States of a floating base: position (3), attitude (4), velocity (6)."""
 
-BEYOND = 1e100
-"""No state of an arm that is stable."""
+BEYOND = 1e9
+"""rad (m), their rates per second, or A: no arm gets there, and files hold the torques that belong to it."""
 PART = 200_000
 """Ticks that are run between two reports of how far a simulation is."""
 

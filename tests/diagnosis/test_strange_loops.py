@@ -17,6 +17,7 @@ from armscope.model_text.summary import summary, summary_text
 from daq.recording import Recording
 from diagnosis.closed_loop import resonance
 from diagnosis.closed_loop.comparison import with_smoothing_velocities
+from diagnosis.closed_loop.loop_errors import left_over_in_loop, loop_of
 from diagnosis.verification.not_simulated import not_simulated
 
 
@@ -70,6 +71,22 @@ def test_a_loop_that_leaves_all_bounds_leaves_the_friction_as_it_is(arm: Arm, re
     late = lost.with_effect("time_skew", delay=0.002)
     for one in (lost, late):
         assert with_smoothing_velocities(one, [recording]) == one
+
+
+def test_a_loop_that_grows_without_end_is_not_stable_though_its_numbers_are_finite(
+    arm: Arm, recording: Recording
+) -> None:
+    """Sliding joints without friction, driven away from their demands: exp(45 t)."""
+    sliding = [
+        replace(one, type="prismatic", viscous=0.0, coulomb=(0.0, 0.0), torque_limit=None) for one in arm.joints
+    ]
+    held = fixed_gains(replace(arm, joints=tuple(sliding)))
+    assert held.controller is not None and held.controller.position_gain is not None
+    gains = tuple(-3.0 * gain for gain in held.controller.position_gain)
+    driven = replace(held, controller=replace(held.controller, position_gain=gains))
+    assert np.isnan(loop_of(driven, recording)[1]).any()
+    # a file of the model could not hold it
+    assert not left_over_in_loop(driven, [recording]).any()
 
 
 def test_where_no_spring_leaves_the_loop_stable_none_is_named(
