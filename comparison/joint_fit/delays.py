@@ -94,8 +94,7 @@ def _likeliest(recorded: Recorded) -> float:
     fit = joint_regression(recorded.structure, rows, recorded.fits, recorded.is_before, recorded.drift)
     last = len(fit.total) - fit.scales
     first = last - 2 * len(tried)
-    squares, after, moment = fit.total, fit.total_after, fit.x.T @ fit.y
-    moment_after = fit.x[fit.rows_after].T @ fit.y[fit.rows_after]
+    squares, after, moment, moment_after = fit.total, fit.total_after, fit.moment, fit.moment_after
     left = []
     for place in range(first, last, 2):
         columns = np.append(np.arange(first), place)

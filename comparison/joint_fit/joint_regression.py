@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,11 +59,22 @@ class JointRegression:
     def recordings(self) -> int:
         return int(self.recording.max()) + 1
 
-    @property
+    @cached_property
     def rows_after(self) -> NDArray[np.bool_]:
         """(n,) rows of the side after."""
         return np.asarray(self.after[self.block])
 
+    @cached_property
+    def moment(self) -> Array:
+        """(c,) columns times torques of all rows."""
+        return np.asarray(self.x.T @ self.y)
+
+    @cached_property
+    def moment_after(self) -> Array:
+        """(c,) the same of the side after."""
+        return np.asarray(self.x.T @ np.where(self.rows_after, self.y, 0.0))
+
+    @cached_property
     def information(self) -> tuple[Array, Array, Array]:
         """(c, c) each: pseudo-inverse of both sides' matrix, share of the shared fit that is of the side after, M."""
         common = len(self.total) - self.scales

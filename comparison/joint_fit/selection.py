@@ -12,7 +12,7 @@ import numpy as np
 
 from comparison.joint_fit.hypotheses import Hypothesis, chance
 from comparison.joint_fit.joint_regression import JointRegression
-from comparison.joint_fit.tested import Tested, residuals_of, shared_values, tested
+from comparison.joint_fit.tested import Tested, residuals_of, shared_values, tested, tested_alone
 
 SIGNIFICANT = 1e-3
 """Probability by chance, times the number of hypotheses, of a certain change; of one that explains more, its own."""
@@ -151,8 +151,7 @@ def _certain_beside(
     fit: JointRegression, every: Sequence[Hypothesis], given: Sequence[Hypothesis], one: Hypothesis
 ) -> bool:
     """Whether a hypothesis is significant conditional on those ``given``."""
-    again = tested(fit, [each for each in every if all(each is not other for other in given)], given)
-    return any(_is_significant(each, every) for each in again if each.hypothesis is one)
+    return any(_is_significant(each, every) for each in tested_alone(fit, one, every, given))
 
 
 def _akaike_gain(one: Tested) -> float:
@@ -183,9 +182,7 @@ def _conditional(fit: JointRegression, every: Sequence[Hypothesis], chosen: Sequ
     again = []
     for one in chosen:
         others = [other for other in chosen if other is not one]
-        # with all that did not enter, as their scatter between recordings is part of what it is judged by
-        given = tested(fit, [each for each in every if all(each is not other for other in others)], others)
-        again += [each for each in given if each.hypothesis is one]
+        again += tested_alone(fit, one, every, others)
     return again
 
 

@@ -121,7 +121,7 @@ def residuals_of(fit: JointRegression, found: Sequence[Tested]) -> list[Array]:
 def _shared(fit: JointRegression, found: Sequence[Tested]) -> tuple[Array, Array]:
     """(c,) scaled: the values of the side before, less the model's, and the changes ``found``."""
     changes = sum((one.changes for one in found), np.zeros(len(fit.scale))) / fit.scale
-    return fit.information()[0] @ (fit.x.T @ fit.y - fit.total_after @ changes), changes
+    return fit.information[0] @ (fit.moment - fit.total_after @ changes), changes
 
 
 def shared_values(fit: JointRegression, model: Array, found: Sequence[Tested]) -> tuple[Array, Array]:
@@ -130,7 +130,7 @@ def shared_values(fit: JointRegression, model: Array, found: Sequence[Tested]) -
     model: (c,) values of the model.
     """
     values, _ = _shared(fit, found)
-    return model + fit.scale * values, fit.information()[0] * fit.scale[:, None] * fit.scale
+    return model + fit.scale * values, fit.information[0] * fit.scale[:, None] * fit.scale
 
 
 def tested(fit: JointRegression, every: Sequence[Hypothesis], chosen: Sequence[Hypothesis]) -> list[Tested]:
@@ -141,8 +141,28 @@ def tested(fit: JointRegression, every: Sequence[Hypothesis], chosen: Sequence[H
     return _with_scatter(fit, every, _estimates(given, shapes, drift))
 
 
+def tested_alone(
+    fit: JointRegression, one: Hypothesis, every: Sequence[Hypothesis], chosen: Sequence[Hypothesis]
+) -> list[Tested]:
+    """What ``tested`` says of ``one``; nothing where the sides do not show it.
+
+    Of the others of ``every`` only those of its kind matter: how they scatter between recordings is pooled.
+    """
+    pooled = [
+        each
+        for each in every
+        if each is one or (_scatters(fit) and each.what == one.what and all(each is not other for other in chosen))
+    ]
+    return [each for each in tested(fit, pooled, chosen) if each.hypothesis is one]
+
+
+def _scatters(fit: JointRegression) -> bool:
+    """Whether recordings show how far the next would differ: one on each side does not."""
+    return fit.recordings > 2
+
+
 def _conditional(fit: JointRegression, chosen: Sequence[Hypothesis]) -> _Conditional:
-    inverse, share, m = fit.information()
+    inverse, share, m = fit.information
     added = np.concatenate([np.empty((len(m), 0)), *(one.directions for one in chosen)], axis=1) / fit.scale[:, None]
     apart = (
         np.linalg.pinv(added.T @ m @ added, hermitian=True, rcond=RANK_TOLERANCE) @ added.T
@@ -150,11 +170,11 @@ def _conditional(fit: JointRegression, chosen: Sequence[Hypothesis]) -> _Conditi
         else added.T
     )
     after = fit.rows_after
-    scores = fit.x[after].T @ fit.y[after]
-    fitted = added @ (apart @ (scores - share @ (fit.x.T @ fit.y)))
+    fitted = added @ (apart @ (fit.moment_after - share @ fit.moment))
     residual = fit.y - np.where(after, fit.x @ fitted, 0.0)
     residual = residual - fit.x @ (inverse @ (fit.x.T @ residual))
-    return _Conditional(fit, residual, fit.x[after].T @ residual[after], inverse, share, m, added, apart)
+    scores = fit.x.T @ np.where(after, residual, 0.0)
+    return _Conditional(fit, residual, scores, inverse, share, m, added, apart)
 
 
 def _drift(given: _Conditional) -> Array:
@@ -163,7 +183,7 @@ def _drift(given: _Conditional) -> Array:
     nothing = np.zeros((len(m), len(m)))
     columns = [_shape(given, one[:, None], nothing) for one in fit.drift.T]
     noise = [
-        float(one.shape.size[0] * one.covariance[0, 0] * max(one.scatter if fit.recordings > 2 else 1.0, 1.0))
+        float(one.shape.size[0] * one.covariance[0, 0] * max(one.scatter if _scatters(fit) else 1.0, 1.0))
         for one in _estimates(given, columns, nothing)
         if one is not None
     ]
@@ -241,14 +261,13 @@ def _effective(shown: Array, after: NDArray[np.bool_], gains: Array) -> float:
 
 def _with_scatter(fit: JointRegression, every: Sequence[Hypothesis], raw: Sequence[_Estimate | None]) -> list[Tested]:
     pairs = [(one, of) for one, of in zip(every, raw) if of is not None]
-    # of one recording on each side, nothing says how far the next would differ
-    scatter = np.array([of.scatter if fit.recordings > 2 else 0.0 for _, of in pairs])
+    scatter = np.array([of.scatter if _scatters(fit) else 0.0 for _, of in pairs])
     freedom = np.full(len(pairs), float(max(fit.recordings - 2, 1)))
     for subject in {one.what for one, _ in pairs}:
         alike = np.array([one.what == subject for one, _ in pairs])
         scatter[alike], freedom[alike] = moderate(scatter[alike], freedom[alike])
-    result = []
-    for (one, of), more, degrees in zip(pairs, scatter, freedom):
+    covariances, squares, counts, denominators = [], [], [], []
+    for (_, of), more, degrees in zip(pairs, scatter, freedom):
         estimated, count = of.covariance * max(more, 1.0), len(of.shape.coefficients)
         covariance = estimated + of.drift @ of.drift.T
         along = np.linalg.pinv(covariance, hermitian=True) @ of.shape.coefficients
@@ -256,8 +275,12 @@ def _with_scatter(fit: JointRegression, every: Sequence[Hypothesis], raw: Sequen
         # of Satterthwaite: the variance that drift adds is known
         known = square / max(float(along @ estimated @ along), 1e-300)
         denominator = (min(of.freedom, degrees) if more > 1.0 else of.freedom) * known**2
-        denominator = max(denominator - count + 1, 1.0)
-        log_p = float(stats.f.logsf(square / count, count, denominator))
-        directions = of.shape.directions * fit.scale[:, None]
-        result.append(Tested(one, directions, of.shape.coefficients, covariance, of.gain, log_p))
-    return result
+        covariances.append(covariance)
+        squares.append(square)
+        counts.append(count)
+        denominators.append(max(denominator - count + 1, 1.0))
+    log_p = np.asarray(stats.f.logsf(np.divide(squares, counts), counts, denominators))
+    return [
+        Tested(one, of.shape.directions * fit.scale[:, None], of.shape.coefficients, covariance, of.gain, float(p))
+        for (one, of), covariance, p in zip(pairs, covariances, log_p)
+    ]

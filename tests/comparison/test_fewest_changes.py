@@ -114,6 +114,18 @@ def test_a_variance_that_is_known_leaves_no_doubt_of_few_recordings() -> None:
     assert 4.0 < z < 6.0 and known.log_p == pytest.approx(np.log(2.0 * stats.norm.sf(z)), abs=0.5)
 
 
+@pytest.mark.parametrize("of_each_side", [1, RECORDINGS // 2])
+def test_a_hypothesis_is_judged_alone_as_beside_all_others(of_each_side: int) -> None:
+    """Only the scatter of its kind between recordings is shared, and one recording of each side shows none."""
+    fit, every = both_of(np.random.default_rng(3), (1.0, 0.5, 0.3), 0.1)
+    fit = replace(fit, recording=fit.recording * 2 * of_each_side // RECORDINGS)
+    given = every[:1]
+    for one, expected in zip(every[1:], tested.tested(fit, every[1:], given), strict=True):
+        (alone,) = tested.tested_alone(fit, one, every, given)
+        assert alone.hypothesis is one and alone.log_p == pytest.approx(expected.log_p, rel=1e-9)
+        assert alone.covariance == pytest.approx(expected.covariance, rel=1e-9)
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_a_cause_of_many_coefficients_is_none_where_one_leaves_chance_of_it(seed: int) -> None:
     """Coefficients of their own explain noise that is larger in slow motions than that of all rows."""
