@@ -78,7 +78,7 @@ def test_a_loop_that_grows_without_end_is_not_stable_though_its_numbers_are_fini
 ) -> None:
     """Sliding joints without friction, driven away from their demands: exp(45 t)."""
     sliding = [
-        replace(one, type="prismatic", viscous=0.0, coulomb=(0.0, 0.0), torque_limit=None) for one in arm.joints
+        replace(one, type="prismatic", viscous=(0.0, 0.0), coulomb=(0.0, 0.0), torque_limit=None) for one in arm.joints
     ]
     held = fixed_gains(replace(arm, joints=tuple(sliding)))
     assert held.controller is not None and held.controller.position_gain is not None
