@@ -185,7 +185,7 @@ GEAR_RIPPLE = Effect(
     equation="q_motor - q = -A sin(n q_motor + phi), or tau = T sin(n q_motor + phi)",
     shows="a fixed order of the angle of the motor or of a gear wheel, at any speed",
     confused_with={
-        "cogging": "motion at two speeds",
+        "cogging": "a run of the motor without its gear: the torque of uneven teeth vanishes, cogging remains",
         "mains_hum": "motion at two speeds: the frequency of hum does not change",
         "encoder_ripple": "tracker or link encoder",
     },

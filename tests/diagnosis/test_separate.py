@@ -15,7 +15,7 @@ import pytest
 from arm_model.description import Arm, EffectTerm
 from arm_model.model_file import read_model
 from arm_model.simulation.simulation import simulate
-from diagnosis.experiments.discriminating import Separation, separation
+from diagnosis.experiments.discriminating import Separation, separated_by, separation
 from diagnosis.experiments.motions import Kind, Stage, room, trials
 from diagnosis.experiments.t_optimality import Question, predicted_run, rival_of
 from diagnosis.measurements.currents.columns import candidates, columns
@@ -153,3 +153,9 @@ def test_where_only_a_shunt_would_do_it_says_so(puma: Arm, root: Path) -> None:
     found = _chosen(group_of(("torque_constant", 2), ("current_gain", 2), felt_at=2), data)
     assert found.experiment is None
     assert "shunt" in found.words
+
+
+def test_no_motion_is_proposed_where_none_discriminates() -> None:
+    """Cogging and a torque ripple of the gear have the same law: "motion at two speeds" stood beside "no motion"."""
+    for group in ([("cogging", 1), ("gear_ripple", 1)], [("gear_ripple", 1), ("cogging", 1)]):
+        assert separated_by(group).startswith("a run of the motor without its gear") and ";" not in separated_by(group)
