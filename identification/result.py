@@ -311,6 +311,15 @@ def _number(value: float | None) -> float | None:
     return float(value) if value is not None and math.isfinite(value) else None
 
 
+UNITS = {
+    "rotor": ("kg m2", "kg"),
+    "inertia": ("kg m2", "kg"),
+    "viscous": ("N m s/rad", "N s/m"),
+    "drag": ("N m s2/rad2", "N s2/m2"),
+}
+"""First word of a joint's parameter -> its unit where the joint turns and where it slides (all others: N m, N)."""
+
+
 def unit_of(name: str, arm: Arm) -> str:
     """'link2.mx' -> 'kg m', by the joint's type for what the drive does."""
     if is_effect(name):
@@ -319,14 +328,8 @@ def unit_of(name: str, arm: Arm) -> str:
     if head.startswith("link") and quantity in COEFFICIENTS:
         return "1"
     if head.startswith("link"):
-        return "kg" if quantity == "mass" else "kg m" if quantity in ("mx", "my", "mz") else "kg m2"
+        return {"mass": "kg", "mx": "kg m", "my": "kg m", "mz": "kg m"}.get(quantity, "kg m2")
     number = head.removeprefix("joint")
     revolute = not number.isdigit() or arm.joints[int(number) - 1].revolute
     kind = quantity.removeprefix("link_").partition("_")[0]
-    if kind in ("rotor", "inertia"):
-        return "kg m2" if revolute else "kg"
-    if kind == "viscous":
-        return "N m s/rad" if revolute else "N s/m"
-    if kind == "drag":
-        return "N m s2/rad2" if revolute else "N s2/m2"
-    return "N m" if revolute else "N"
+    return UNITS.get(kind, ("N m", "N"))[0 if revolute else 1]

@@ -34,39 +34,50 @@ def spurious(state: State, unexplained: Unexplained, bases: Bases) -> list[Candi
 
 
 def _superfluous(state: State, unexplained: Unexplained, kept: Container[Candidate]) -> list[Candidate]:
-    """The cause that is most superfluous conditional on unexplained structure, if one is.
-
-    None of the ``kept`` where that structure depends on the variable of its own law.
-    Where the residual is above the noise and depends on no known variable, a cause that explains less than is left is
-    part of it. Where it most likely depends on one, a cause must explain beside a function of that variable what it
-    explains without. That says so of causes of that joint alone: what one joint leaves does not judge a load of the
-    arm. A function of the variable of a law follows any law of it, also a right one: laws of that variable stay if they
-    are nearly all of the excess together (``family_dominates``), or the law is another one.
-    """
-    model, held_out, shares = state.model, state.data.held_out, dict[Candidate, float]()
-    unknown = {structure.joint for structure in unexplained.structures if not structure.share}
-    for c in state.chosen:
-        against = [one.against for one in unexplained.structures if one.joint == c.joint]
-        if c in kept and of_own_variable(c, against):
-            continue
-        others, own = model.without(c, state), model.columns(c)
-        touching = [pair for pair in unexplained.pairs if _overlap(pair.fit, own.fit)]
-        alone = score(c, own, others.fitted, held_out).gain
-        if touching:
-            shares[c] = score(c, own, with_columns(others.fitted, touching), held_out).gain / alone
-        if touching or c.joint is None:
-            continue
-        if (likely := unexplained.likely.get(c.joint)) is not None:
-            if not of_own_variable(c, [likely.variable]):
-                others_columns = [*others.free, *(model.columns(one) for one in others.chosen)]
-                shares[c] = share_kept(likely, own, others_columns, state.data)
-            elif not family_dominates(c, likely.variable, state):
-                shares[c] = model.limits.superfluous * explained_alone([c], state)
-        elif c.joint in unknown:
-            energy = float(np.sum(state.fitted.held_out[held_out.of(c.joint)] ** 2))
-            shares[c] = model.limits.superfluous * alone / energy
+    """The cause that is most superfluous conditional on unexplained structure, if one is."""
+    least_share = state.model.limits.superfluous
+    shares = {c: share for c in state.chosen if (share := _share_beside(c, state, unexplained, kept)) is not None}
     least = min(shares, key=lambda c: shares[c], default=None)
-    return [least] if least is not None and shares[least] < model.limits.superfluous else []
+    return [least] if least is not None and shares[least] < least_share else []
+
+
+def _share_beside(
+    candidate: Candidate, state: State, unexplained: Unexplained, kept: Container[Candidate]
+) -> float | None:
+    """Share of its gain that a cause keeps conditional on unexplained structure; None where no structure judges it.
+
+    * Structure of a known variable that acts in the same rows: the gain beside it. None for one of the ``kept`` if the
+      structure depends on the variable of its own law.
+    * A residual above the noise that most likely depends on a variable: the gain beside a function of it. A function of
+      the variable of a law follows the right law of it as well; laws of that variable keep all if together they are
+      nearly all of the excess (``family_dominates``), and else what they explain alone.
+    * A residual above the noise that depends on no known variable: the gain over that residual, as a cause that
+      explains less than is left is part of it.
+
+    The last two judge causes of that joint only: what one joint leaves does not judge a load of the arm. What is no
+    share of the gain is scaled by ``limits.superfluous``: it is below that limit where the cause is superfluous.
+    """
+    model, held_out, joint = state.model, state.data.held_out, candidate.joint
+    against = [one.against for one in unexplained.structures if one.joint == joint]
+    if candidate in kept and of_own_variable(candidate, against):
+        return None
+    others, own = model.without(candidate, state), model.columns(candidate)
+    touching = [pair for pair in unexplained.pairs if _overlap(pair.fit, own.fit)]
+    alone = score(candidate, own, others.fitted, held_out).gain
+    if touching:
+        return score(candidate, own, with_columns(others.fitted, touching), held_out).gain / alone
+    if joint is None:
+        return None
+    if (likely := unexplained.likely.get(joint)) is not None:
+        if not of_own_variable(candidate, [likely.variable]):
+            others_columns = [*others.free, *(model.columns(one) for one in others.chosen)]
+            return share_kept(likely, own, others_columns, state.data)
+        if family_dominates(candidate, likely.variable, state):
+            return None
+        return model.limits.superfluous * explained_alone([candidate], state)
+    if any(structure.joint == joint and not structure.share for structure in unexplained.structures):
+        return model.limits.superfluous * alone / float(np.sum(state.fitted.held_out[held_out.of(joint)] ** 2))
+    return None
 
 
 def _outdone(state: State, kept: Container[Candidate], bases: Bases) -> list[Candidate]:
