@@ -182,3 +182,26 @@ def test_teeth_that_meet_behind_a_gap_are_no_missed_counts(root: Path, half_gap:
         found = [jumps_of(q[:, 0] + np.where(t > at, 1e-3, 0.0), 0.004) for at in np.linspace(1.0, 9.0, 17)]
         right = [len(some) == 1 and some[0].size == pytest.approx(1e-3, rel=0.2) for some in found]
         assert sum(right) >= 12  # counts that the encoder did lose, between the meetings
+
+
+@pytest.mark.parametrize("kicked", [0.0, 40.0])
+def test_a_joint_at_rest_that_is_struck_misses_no_counts(tmp_path: Path, kicked: float) -> None:
+    """Joint 2 turns; its teeth meet and make it faster for some rows, and joint 1 slips by six counts."""
+    t = np.arange(0.0, 8.0, 4e-3)
+    since = np.maximum(t - 5.0, 0.0)
+    true = np.column_stack(
+        [
+            0.4 * np.sin(0.9 * np.minimum(t, 3.0)) + 6.0 * COUNT * (since > 0.0),
+            0.4 * np.sin(0.5 * t),
+            *np.zeros((4, len(t))),
+        ]
+    )
+    true[:, 1] += kicked * COUNT * (1.0 - np.exp(-since / 0.01))
+    write_table(
+        tmp_path / "a.mcap",
+        t,
+        {"q": np.round(true / COUNT) * COUNT, "i": np.cos(t[:, None] + np.arange(6))},
+        Attachments(),
+    )
+    found = jumps([open_recording(tmp_path / "a.mcap")], ARM)
+    assert [event.joint for event in found] == ([] if kicked else [1])
