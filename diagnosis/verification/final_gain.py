@@ -17,10 +17,11 @@ from diagnosis.cause import Cause
 from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.measurements.currents.model_errors import Significance
 from diagnosis.measurements.currents.state import State
-from diagnosis.residual.comparable_rows import comparable_rows
+from diagnosis.measurements.currents.structure.unseen_friction import unseen_friction
 from diagnosis.residual.other_effects import residual_under
 from diagnosis.residual.run import Run
 from diagnosis.selection.beyond_model import in_deviations
+from diagnosis.selection.unseen_inertia import explained
 
 
 def negligible(state: State, causes: Sequence[Cause]) -> int | None:
@@ -47,16 +48,20 @@ def disproved(state: State, causes: Sequence[Cause]) -> int | None:
 
 
 def _gains(state: State, causes: Sequence[Cause]) -> Iterator[tuple[bool, float, float]]:
-    """Of each chosen candidate: whether its columns matter beside the others, what they gain, and its exact law."""
+    """Of each chosen candidate: whether its columns matter beside the others, what they gain, and its exact law.
+
+    Of a joint that creeps, what the law explains of one std of friction near rest does not count (``unseen_friction``).
+    """
     model, runs = state.model, state.data.held_out.runs
     arms = [run.arm.effects for run in runs]
     terms = [term for cause in causes for term in cause.terms]
-    full = _energy(runs, [(*of_run, *terms) for of_run in arms])
+    full, unseen = _energy(runs, [(*of_run, *terms) for of_run in arms]), unseen_friction(runs)
     for c, cause in zip(state.chosen, causes, strict=True):
         alone = model.conditional(c, model.without(c, state), state)
         others = [term for term in terms if term not in cause.terms]
         exact_gain = float((_energy(runs, [(*of_run, *others) for of_run in arms]) - full).sum())
-        yield model.needed(alone, state), alone.gain, exact_gain
+        of_unseen = float(explained(unseen, model.columns(c).held_out, state.data.held_out).sum())
+        yield model.needed(alone, state), alone.gain, exact_gain - of_unseen
 
 
 def _least(state: State) -> float:
@@ -90,9 +95,9 @@ def with_significance(state: State, causes: Sequence[Cause]) -> list[Cause]:
 
 
 def _energy(runs: Sequence[Run], effects: Sequence[Sequence[EffectTerm]]) -> Array:
-    """(n,) squared whitened residuals of the rows that are compared, under the arms of ``runs`` with these effects."""
+    """(n,) squared whitened residuals under the arms of ``runs`` with these effects."""
     total = np.zeros(len(runs[0].arm))
     for run, of_run in zip(runs, effects):
         white = run.whiten(residual_under(run, of_run))
-        total += np.sum(white**2 * comparable_rows(run), axis=0)
+        total += np.sum(white**2, axis=0)
     return total

@@ -19,6 +19,7 @@ from diagnosis.measurements.currents.design_matrix import Library, dataset_of
 from diagnosis.measurements.currents.model import Currents
 from diagnosis.measurements.currents.possible import is_physical
 from diagnosis.measurements.currents.structure.noise_ratio import noise_ratio
+from diagnosis.residual.comparable_rows import comparable_rows
 from diagnosis.residual.generation import residual_run
 from diagnosis.selection.candidate import Candidate
 from diagnosis.verification.final_gain import negligible
@@ -53,6 +54,23 @@ def test_a_cause_of_which_no_arm_is_left_is_refused_before_its_gain_is_judged(ar
     assert model.refitted([link], {link.key: []}).terms[0].parameters["mass"] < -arm.joints[1].mass
     found, causes = tenable_causes(model, Split([], []), data.held_out.runs, lambda sentence: None)
     assert causes == [] and found.state.chosen == ()
+
+
+@pytest.mark.parametrize(("coulomb", "refused"), [(2.0, None), (0.2, 0)])
+def test_a_joint_that_creeps_in_all_held_out_rows_is_judged_by_them(
+    arm: Arm, coulomb: float, refused: int | None
+) -> None:
+    """No cause of the joint gained anything there; what friction may do near rest is no gain."""
+    runs = []
+    for seed, share in ((1, 1.0), (2, np.array([0.04, 1.0]))):
+        t, q, v, a = two_link.motion(seed, 12.0)
+        q, v, a = q[0] + share * (q - q[0]), share * v, share * a
+        current = torque(q, v, a, Day(coulomb=(coulomb, 0.0))) / DRIVE
+        runs.append(residual_run("a", arm, t, q, current + 0.005 * np.random.default_rng(seed).normal(size=q.shape)))
+    assert not comparable_rows(runs[1])[:, 0].any()
+    data, friction = Split(*(dataset_of([run]) for run in runs)), Candidate("coulomb_friction", 1)
+    state = Currents(arm, data, Library((friction,), data), []).refitted([friction], {friction.key: []})
+    assert negligible(state, _causes(state)) == refused
 
 
 @pytest.mark.parametrize("scale", [0.5, 0.9, 1.0])
