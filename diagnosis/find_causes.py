@@ -277,7 +277,8 @@ def _by_recording(search: Search, currents: CurrentDiagnosis) -> CurrentDiagnosi
 
     def again(runs: Sequence[Run], taken: Set[EffectKey]) -> CurrentDiagnosis:
         search.progress("comparing the recordings with each other")
-        return _searched(search.knowing((), taken), replace(currents.residuals, runs=list(runs)))
+        refused = taken | set(currents.selection.refuted)
+        return _searched(search.knowing((), refused), replace(currents.residuals, runs=list(runs)))
 
     if (result := per_recording(currents, currents.residuals.runs, again)) is None:
         return None

@@ -51,21 +51,23 @@ def tenable_causes(
         progress("judging in closed loop")
         removed = _needless(selection.state, causes)
         if removed is not None:
-            selection = without_spurious(without(selection.state, selection.state.chosen[removed]), bases)
+            selection = without_spurious(
+                without(selection.state, selection.state.chosen[removed]), bases, selection.refuted
+            )
             continue
         removed = _untenable(selection.state, causes, recordings, runs)
         if removed is None:
             return selection, with_significance(selection.state, causes)
         candidate = selection.state.chosen[removed]
         if is_further_order(candidate, [c for c in selection.state.chosen if c is not candidate]):
-            selection = without_spurious(without(selection.state, candidate), bases)
+            selection = without_spurious(without(selection.state, candidate), bases, selection.refuted)
             continue
         refused.append(candidate.key)
         if len(refused) <= LIMITS.searched_again:
             # another effect may explain the same
             selection = _selected(_searched(model, refused, progress), bases, progress)
         else:
-            selection = without_spurious(without(selection.state, candidate), bases)
+            selection = without_spurious(without(selection.state, candidate), bases, selection.refuted)
 
 
 def _significant_together(state: State, index: int) -> bool:

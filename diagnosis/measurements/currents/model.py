@@ -87,7 +87,7 @@ class Currents(MeasurementModel[Candidate, State]):
             score(c, of_last_term(self.columns(c)), state.fitted, state.data.held_out)
             for k, (chosen, own) in enumerate(zip(state.chosen, state.coefficients))
             if not is_further_order(chosen, state.chosen[:k])
-            for c in next_orders(chosen, own, self._seconds)
+            for c in next_orders(chosen, own, self.seconds)
         ]
         scores += [
             score(c, self.library[c], state.fitted, state.data.held_out)
@@ -123,7 +123,7 @@ class Currents(MeasurementModel[Candidate, State]):
         against its effect.
         """
         if score.candidate.terms:
-            return self.needed(score, state) and self._next_order(score, state)
+            return self.needed(score, state) and self.is_next_order(score, state)
         physical = score.candidate.body or is_physical(score.candidate, score.coefficients)
         if not (physical and self.needed(score, state)):
             return False
@@ -226,7 +226,7 @@ class Currents(MeasurementModel[Candidate, State]):
         others = self.without(chosen, state).fitted
         sharp, place = refined(rival, others, self.data.fit), state.chosen.index(chosen)
         trial = _replaced(state, chosen, sharp)
-        for with_term in next_orders(sharp, trial.coefficients[place], self._seconds):
+        for with_term in next_orders(sharp, trial.coefficients[place], self.seconds):
             own = of_last_term(self.columns(with_term))
             if self.admissible(score(with_term, own, trial.fitted, trial.data.held_out), trial):
                 return _replaced(trial, sharp, refined(with_term, others, self.data.fit))
@@ -252,7 +252,7 @@ class Currents(MeasurementModel[Candidate, State]):
                     best, least = exact, sum(exact.energy)
         return best
 
-    def _next_order(self, score: Score[Candidate], state: State) -> bool:
+    def is_next_order(self, score: Score[Candidate], state: State) -> bool:
         """Whether a term is smaller than its effect, and explains no more than a next order of what the two explain."""
         chosen = next(c for c in state.chosen if c.key == score.candidate.key)
         others = self.without(chosen, state)
@@ -270,7 +270,7 @@ class Currents(MeasurementModel[Candidate, State]):
         return unseen_inertia(self.data.held_out.runs)
 
     @property
-    def _seconds(self) -> float:
+    def seconds(self) -> float:
         """s of the longest recording."""
         return max(float(run.t[-1]) for part in self.data for run in part.runs)
 

@@ -5,16 +5,17 @@ Stepwise selection, refinement by the exact model, simplification, and compariso
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
+from diagnosis.cause import EffectKey, Structure
 from diagnosis.measurements.currents.estimates import estimates_of
 from diagnosis.measurements.currents.model import Currents
 from diagnosis.measurements.currents.refinement import gauss_newton_refined
 from diagnosis.measurements.currents.simplification import simplified
 from diagnosis.measurements.currents.state import State, corrected
 from diagnosis.measurements.currents.structure.shared_bases import Bases
-from diagnosis.measurements.currents.structure.spurious import spurious
+from diagnosis.measurements.currents.structure.spurious import of_another_order, spurious
 from diagnosis.measurements.currents.structure.unexplained import Unexplained, unexplained_structure
 from diagnosis.selection.bodies import bodies_of_link, is_body, link_of
 from diagnosis.selection.candidate import Candidate
@@ -23,10 +24,14 @@ from identification.selection import Score, eliminate, select
 
 @dataclass(frozen=True)
 class Selection:
-    """The chosen candidates, and the unexplained structure conditional on them."""
+    """The chosen candidates, and the unexplained structure conditional on them.
+
+    refuted: what is unexplained in the place of causes whose law is not the leading order (``of_another_order``).
+    """
 
     state: State
     unexplained: Unexplained
+    refuted: Mapping[EffectKey, Structure] = field(default_factory=dict)
 
 
 def search(model: Currents, progress: Callable[[str], None]) -> State:
@@ -66,16 +71,29 @@ def without(state: State, removed: Candidate) -> State:
     return state.model.refitted([c for c in state.chosen if c is not removed], state.rivals)
 
 
-def without_spurious(state: State, bases: Bases) -> Selection:
+def without_spurious(state: State, bases: Bases, refuted: Mapping[EffectKey, Structure] | None = None) -> Selection:
     """The causes of a state that are no names for parts of unexplained structure, and that structure.
 
-    bases: of the recordings of the state.
+    bases: of the recordings of the state; refuted: of a state with more causes.
     """
-    selection = _with_unexplained(state, bases)
-    while withdrawn := spurious(selection.state, selection.unexplained, bases):
+    selection, refuted = _with_unexplained(state, bases), dict(refuted or {})
+    while True:
+        withdrawn = spurious(selection.state, selection.unexplained, bases)
+        if not withdrawn and (other := of_another_order(selection.state)) is not None:
+            withdrawn, refuted[other[0].key] = [other[0]], other[1]
+        if not withdrawn:
+            return _with_refuted(selection, refuted)
         state = corrected(replace(state, chosen=tuple(c for c in state.chosen if c not in withdrawn)))
         selection = _with_unexplained(state, bases)
-    return selection
+
+
+def _with_refuted(selection: Selection, refuted: Mapping[EffectKey, Structure]) -> Selection:
+    """The selection with the structure of refuted causes, in the place of any that explains less of their joints."""
+    shares = {structure.joint: structure.share for structure in refuted.values()}
+    larger = [one for one in selection.unexplained.structures if one.share >= shares.get(one.joint, 0.0)]
+    named = {(one.joint, one.against) for one in larger}
+    own = [one for one in refuted.values() if (one.joint, one.against) not in named]
+    return replace(selection, unexplained=replace(selection.unexplained, structures=[*larger, *own]), refuted=refuted)
 
 
 def _with_unexplained(state: State, bases: Bases) -> Selection:

@@ -11,6 +11,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from arm_model.effects import Instrument
+from diagnosis.cause import Signal, Structure
 from diagnosis.measurements.currents.state import State
 from diagnosis.measurements.currents.structure.dominant import (
     dominant,
@@ -24,6 +26,7 @@ from diagnosis.measurements.currents.structure.shared_bases import Bases
 from diagnosis.measurements.currents.structure.unexplained import Unexplained, better_than_causes
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Columns
+from diagnosis.selection.next_order import next_orders, of_last_term
 from diagnosis.selection.regression import score, with_columns
 
 
@@ -31,6 +34,27 @@ def spurious(state: State, unexplained: Unexplained, bases: Bases) -> list[Candi
     """Chosen candidates that only name a part of the structure that remains unexplained; empty if none does."""
     dominating = dominant(state)
     return _superfluous(state, unexplained, dominating) or _outdone(state, dominating, bases) or _compensating(state)
+
+
+def of_another_order(state: State) -> tuple[Candidate, Structure] | None:
+    """The cause of which a next-order term explains too much to be one, and what is against its variable then.
+
+    Its law is not the leading order. A line follows the cube of an angle to some extent in any range, the better with a
+    line for every recording; what it leaves may be within the noise of the whole joint. That the cube follows held-out
+    rows is the proof that the line is no spring.
+    """
+    model, held_out, limits = state.model, state.data.held_out, state.model.limits
+    for c, own in zip(state.chosen, state.coefficients):
+        for term in next_orders(c, own, model.seconds) if c.joint is not None else ():
+            of_term = score(term, of_last_term(model.columns(term)), state.fitted, held_out)
+            significant = of_term.p < limits.structure_p and of_term.gain > limits.structure_gain * held_out.rows
+            if significant and not model.is_next_order(of_term, state):
+                without = model.without(c, state)
+                gain = of_term.gain + model.conditional(c, without, state).gain
+                share = gain / float(np.sum(without.fitted.held_out[held_out.of(c.joint or 1)] ** 2))
+                against = str(c.definition.observed_by[Instrument.CURRENT].against)
+                return c, Structure(Signal.CURRENT, c.joint, against, share)
+    return None
 
 
 def _superfluous(state: State, unexplained: Unexplained, kept: Container[Candidate]) -> list[Candidate]:

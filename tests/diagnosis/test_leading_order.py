@@ -1,0 +1,40 @@
+"""A law whose next-order term explains more than it does is not the law: a line through the cube of an angle."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from diagnosis.measurements.currents.design_matrix import Library, dataset_of
+from diagnosis.measurements.currents.model import Currents
+from diagnosis.measurements.currents.search import without_spurious
+from diagnosis.measurements.currents.structure.shared_bases import Bases
+from diagnosis.measurements.currents.structure.spurious import of_another_order
+from diagnosis.residual.generation import residual_run
+from diagnosis.selection.candidate import Candidate
+from identification.selection import Split
+from tests.diagnosis import two_link
+from tests.diagnosis.two_link import DRIVE, Day
+
+SPRING = Candidate("gravity_spring", 1)
+
+
+@pytest.mark.parametrize(("stiffness", "hardening", "named"), [(0.0, 1.0, False), (1.0, 0.0, True), (2.0, 0.2, True)])
+def test_a_line_through_a_cube_is_no_spring(root: Path, stiffness: float, hardening: float, named: bool) -> None:
+    """Beside the line the cube was no next order, and the line kept its name within 2.5 times the noise."""
+    arm, runs = two_link.model(root), []
+    for seed in (1, 2):
+        t, q, v, a = two_link.motion(seed, 12.0)
+        torque = two_link.torque(q, v, a, Day())
+        torque[:, 0] += stiffness * (q[:, 0] - 0.2) + hardening * (q[:, 0] - 0.2) ** 3
+        noise = 0.005 * np.random.default_rng(seed).normal(size=q.shape)
+        runs.append(residual_run(f"{seed}", arm, t, q, torque / DRIVE + noise))
+    data = Split(*(dataset_of([run]) for run in runs))
+    state = Currents(arm, data, Library((SPRING,), data), []).refitted([SPRING], {SPRING.key: []})
+    assert (of_another_order(state) is None) is named
+    selection = without_spurious(state, Bases(*data))
+    against = [(one.joint, one.against) for one in selection.unexplained.structures]
+    if not named:
+        assert selection.state.chosen == () and against == [(1, "position")]
