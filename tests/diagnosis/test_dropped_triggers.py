@@ -247,3 +247,19 @@ def test_a_joint_whose_current_never_changes_has_no_say() -> None:
     weight[0, 2] = 1e-3
     change = _change(lag, weight, np.arange(40) * 0.25, 17)
     assert change is not None and change.step == pytest.approx(0.002, rel=1e-2)
+
+
+def test_a_change_is_as_certain_as_the_few_pieces_that_tell_it_agree() -> None:
+    """Eight pieces with nearly all of the weight, each off by 1 ms, had a std of 0.2 ms beside many light ones."""
+    rng, weight = np.random.default_rng(4), np.full((80, 1), 1e5)
+    moving = [3, 10, 20, 33, 45, 55, 65, 75]
+    weight[moving] = 3e7
+    steps, stds = [], []
+    for _ in range(200):
+        lag = rng.normal(size=weight.shape) / np.sqrt(weight)
+        lag[moving] += 1e-3 * rng.normal(size=(len(moving), 1))
+        change = _change(lag, weight, np.arange(80) * 0.25, 40, agree=False)
+        assert change is not None
+        steps.append(change.step)
+        stds.append(change.std)
+    assert np.sqrt(np.mean(np.square(stds))) == pytest.approx(np.std(steps), rel=0.3)

@@ -95,7 +95,8 @@ def _change(lag: Array, weight: Array, pieces: Array, at: int, *, agree: bool = 
     scatter = np.sum(weight * residual**2, axis=0) / max(len(lag) - 2, 1)
     per_joint = _steps_by_joint(lag, weight, at)
     shows, inverse_variance = _on_both_sides(weight, at), np.zeros(len(scatter))
-    inverse_variance[shows] = 1.0 / np.maximum(scatter[shows] * _leverage(weight[:, shows], at), 1e-300)
+    variance = np.maximum(scatter * _leverage(weight, at), _of_pieces(residual, weight, at))
+    inverse_variance[shows] = 1.0 / np.maximum(variance[shows], 1e-300)
     if not np.any(inverse_variance > 0.0) or (agree and not _agreed(per_joint, inverse_variance)):
         return None
     step = float(np.sum(inverse_variance * per_joint) / np.sum(inverse_variance))
@@ -160,6 +161,19 @@ def _leverage(weight: Array, at: int) -> Array:
         weight[:at].sum(axis=0), 1e-300
     )
     return leverage
+
+
+def _of_pieces(residual: Array, weight: Array, at: int) -> Array:
+    """(n,) variance of each joint's step by what its own pieces miss (HC2: MacKinnon & White, J. Econom. 29, 1985).
+
+    A joint that moves for a second of a recording tells its lag by a few pieces; that many pieces at rest agree says
+    nothing of what these miss.
+    """
+    variance = np.zeros(weight.shape[1])
+    for side in (slice(None, at), slice(at, None)):
+        share = weight[side] / np.maximum(weight[side].sum(axis=0), 1e-300)
+        variance += np.sum((share * residual[side]) ** 2 / np.maximum(1.0 - share, 1e-6), axis=0)
+    return variance
 
 
 def _step(lag: Array, weight: Array, at: int) -> tuple[float, float]:
