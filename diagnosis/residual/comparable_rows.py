@@ -32,8 +32,11 @@ def comparable_rows(run: Run) -> NDArray[np.bool_]:
 
 
 def rest_friction(arm: Arm) -> Array:
-    """(n,) A: friction of every joint at rest, of its larger direction."""
-    levels = np.array([max(joint.rest_friction) for joint in arm.joints])
+    """(n,) A: friction of every joint at rest, of its larger direction.
+
+    At least its Coulomb friction: the first value of a curve is extrapolated where few rows are so slow.
+    """
+    levels = np.array([max(*joint.rest_friction, *(joint.ratio * c for c in joint.coulomb)) for joint in arm.joints])
     friction: Array = levels / described(arm).joint_array("drive_constant")
     return friction
 

@@ -17,11 +17,12 @@ from diagnosis.residual.expected_current import predicted_current
 from diagnosis.residual.generation import residual_run
 from diagnosis.residual.noise.channels import KnownNoise
 from diagnosis.residual.run import Run
-from diagnosis.screening.lost_rows.lag_change import _change, change_of_lag
+from diagnosis.screening.lost_rows.lag_change import Change, _change, change_of_lag
 from diagnosis.screening.lost_rows.lag_path import Step, _changes, in_order
 from diagnosis.screening.lost_rows.lost_triggers import (
     SIGNIFICANT_STDS,
     DroppedTriggers,
+    _short,
     dropped_triggers,
     event_of,
     realigned_rows,
@@ -87,6 +88,15 @@ def test_gaps_of_any_length_are_found(root: Path, count: int) -> None:
     assert abs(loss.count - count) <= max(1.0, 3 * loss.count_std)
     assert abs(loss.row - 4200) < 3 * loss.row_std + 20
     assert loss.row_std < 1000
+
+
+def test_a_long_change_is_lost_edges_though_a_fraction_of_a_row_is_not_known(root: Path) -> None:
+    """As refined where another error hides it from the path of lags: at a high rate its std may be half a row."""
+    run = _seen(root, Hidden("dropped_trigger", None, {"row": 4200, "count": 27}))
+    (loss,) = _short(0, run, Change(4.2, -26.6e-3, 0.5e-3), PERIOD)
+    assert loss.count == 27 and loss.count_std >= 0.5
+    assert abs(loss.row - 4200) < 3 * loss.row_std + 20 and loss.row_std < 1000
+    assert _short(0, run, Change(4.2, -5e-3, 0.5e-3), PERIOD) == []
 
 
 def test_several_gaps_of_one_recording_are_found(root: Path) -> None:

@@ -14,10 +14,11 @@ import numpy as np
 import pytest
 
 import armscope
-from arm_model import Arm, parameter, with_parameters, write_model
+from arm_model import Arm, FrictionCurve, parameter, with_parameters, write_model
 from arm_model.tables import uncertainty_of
 from daq.recording import Recording
 from diagnosis.measurements.currents.model_errors import ModelUncertainty, Significance
+from diagnosis.residual.comparable_rows import rest_friction
 from diagnosis.selection.design import Columns, Dataset
 from identification.selection import Split
 from tests.diagnosis import two_link
@@ -119,3 +120,12 @@ def test_what_is_beyond_it_is_named_with_what_remains_of_its_significance(
     write_model(tmp_path / "model.toml", known.extended)
     extended = armscope.read_model(tmp_path / "model.toml")
     assert extended.effects and extended.uncertainty == known.extended.uncertainty
+
+
+def test_friction_near_rest_is_uncertain_by_the_coulomb_friction_at_least(arm: Arm) -> None:
+    """A curve may fall to nothing at its lowest speed, which few rows show: a row near standstill is not exact then."""
+    straight = rest_friction(arm)
+    level = arm.joints[0].ratio * arm.joints[0].coulomb[0]
+    falling = FrictionCurve((0.01, 0.1, 1.0), (-level, 0.0, 0.0), (-level, 0.0, 0.0))
+    curved = replace(arm, joints=(replace(arm.joints[0], friction_curve=falling), *arm.joints[1:]))
+    np.testing.assert_allclose(rest_friction(curved), straight)

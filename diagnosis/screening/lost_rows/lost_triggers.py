@@ -31,8 +31,10 @@ CANDIDATE_STDS = 3.0
 part, by how abruptly its current changes, and the joints agree only once they are put back."""
 REFINEMENTS, SETTLED = 8, 0.1
 """Times that a change is estimated again at most, and the share of its std by which the last one may move it."""
+FIRST_ORDER = 0.02
+"""s of a change up to which the first-order effect of a lag shows its instant."""
 MOST_ROWS = 12
-"""Rows of a change that the first-order effect shows."""
+"""Rows of a change that is judged by several recordings together, by its first-order effect."""
 NEAR = 0.25
 """s before and after a long loss in which no short one is looked for."""
 
@@ -107,15 +109,24 @@ def _refined(run: Run, change: Change) -> Change:
 
 
 def _short(index: int, run: Run, change: Change, period: float) -> list[DroppedTriggers]:
-    """A change of a few rows; nothing where it is not a whole number of them."""
-    if abs(change.step) < SIGNIFICANT_STDS * change.std or change.std > WHOLE * period:
+    """A change of a few rows; nothing where it is not a whole number of them.
+
+    Of a long one at a high rate, a fraction of a row is not known; what changes a lag by that much at an instant are
+    lost rows in any case. Its instant is that of whole lags: of these the first-order effect shows none.
+    """
+    long = abs(change.step) > FIRST_ORDER
+    if abs(change.step) < SIGNIFICANT_STDS * change.std or (change.std > WHOLE * period and not long):
         return []
     rows = -change.step / period
     count = round(rows)
     misfit = abs(rows - count)
-    if count == 0 or misfit > WHOLE or abs(count) > MOST_ROWS:
+    if count == 0 or misfit > max(WHOLE, change.std / period):
         return []
-    time, time_std = instant_of(run, replace(change, step=-count * period))
+    if long:
+        skew = -mean_lag(part_of(run, -np.inf, change.time))
+        time, time_std = instant(run, (skew, skew + count * period), (run.t[0], run.t[-1] - abs(count) * period))
+    else:
+        time, time_std = instant_of(run, replace(change, step=-count * period))
     if time_std > PLACED:
         return []
     row, count_std = round(time / period), max(change.std / period, misfit, 0.05)
