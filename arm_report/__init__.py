@@ -9,8 +9,7 @@ from arm_io import lazy
 
 if TYPE_CHECKING:
     from arm_report.chart import Chart, Level, Panel, Series, Zone
-    from arm_report.data_image import image
-    from arm_report.notebook_frame import inline
+    from arm_report.notebook import image, inline
     from arm_report.page import Report, table, warning
     from arm_report.paper import figure
     from arm_report.terminal_table import cut, line_width, text_table

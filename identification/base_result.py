@@ -128,12 +128,13 @@ class BaseIdentification:
 
     def __str__(self) -> str:
         from arm_report import text_table
+        from arm_report.numbers import value_and_two_std
 
         rows = [
             (
                 value.name,
-                f"{value.value:.4g}",
-                "not excited" if value.std is None else f"{value.std:.2g}",
+                (printed := value_and_two_std(value.value, value.std))[0],
+                printed[1] or "not excited",
                 f"{value.nominal:.4g}",
                 value.unit,
                 "" if value.identifiable else "not identifiable",
@@ -152,7 +153,7 @@ class BaseIdentification:
             (f"joint {j}", f"{torque:.3g}", f"{before:.3g}", f"{after:.3g}")
             for j, (torque, before, after) in enumerate(of_joints, 1)
         ]
-        head = ("parameter", "value", "std", "model", "unit", "")
+        head = ("parameter", "value", "2 std", "model", "unit", "")
         error_head = ("rms, N or N m", "drives", "error before", "after")
         return "\n".join(
             [

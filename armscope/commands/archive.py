@@ -176,6 +176,7 @@ def _parameters(archive: Archive, as_json: bool) -> None:
 def _plot(archive: Archive, filters: Filters, name: str, out: Path | None, as_json: bool) -> None:
     from arm_archive import history_figure
     from arm_report import text_table, wrapped
+    from arm_report.numbers import value_and_two_std
 
     if out is not None:
         check_picture(out)
@@ -188,8 +189,7 @@ def _plot(archive: Archive, filters: Filters, name: str, out: Path | None, as_js
     cells = [
         (
             row["date"][:16].replace("T", " "),
-            f"{row['value']:.6g}",
-            "" if row["std"] is None else f"{2 * row['std']:.2g}",
+            *value_and_two_std(row["value"], row["std"]),
             row["unit"],
             row["path"],
         )

@@ -11,6 +11,7 @@ from markupsafe import Markup
 
 from arm_model.tables import DEGREES
 from arm_report import Report, table
+from arm_report.numbers import value_and_two_std
 from identification.floating_base import charts
 
 if TYPE_CHECKING:
@@ -82,15 +83,17 @@ def _joint_errors(result: BaseIdentification) -> Markup:
 
 
 def _values(values: Sequence[BaseValue]) -> Markup:
-    rows = [
-        [
-            value.name,
-            f"{value.value:.4g}",
-            "not excited" if value.std is None else f"± {2 * value.std:.2g}",
-            f"{value.nominal:.4g}",
-            Markup('<span class="u">{}</span>').format(value.unit),
-        ]
-        for value in values
-    ]
+    rows = []
+    for value in values:
+        number, two_std = value_and_two_std(value.value, value.std)
+        rows.append(
+            [
+                value.name,
+                number,
+                f"± {two_std}" if two_std else "not excited",
+                f"{value.nominal:.4g}",
+                Markup('<span class="u">{}</span>').format(value.unit),
+            ]
+        )
     weak = [k for k, value in enumerate(values) if not value.identifiable]
     return table(rows, ("parameter", "value", "± 2 std", "model", "unit"), (1, 2, 3), weak)

@@ -11,6 +11,7 @@ from arm_model import Arm
 from arm_model.collision import chain_of
 from arm_report import Report, table
 from arm_report.motion import Motion
+from arm_report.numbers import value_and_two_std
 from identification.report import friction, plots, ripples
 
 if TYPE_CHECKING:
@@ -214,11 +215,12 @@ def _values(values: list[Value], what: str) -> Markup:
     rows = []
     for value in values:
         spreads = [value.std_bootstrap, value.std_formula]
+        number, two_std = value_and_two_std(value.value, value.std)
         rows.append(
             [
                 value.name,
-                f"{value.value:.5g}",
-                "" if value.std is None else f"± {2 * value.std:.2g}",
+                number,
+                two_std and f"± {two_std}",
                 *("" if std is None or std != std else f"{2 * std:.2g}" for std in spreads),
                 Markup('<span class="u">{}</span>').format(value.unit),
                 Markup("<small>{}</small>").format(value.why),

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from arm_report import text_table
+from arm_report.numbers import value_and_two_std
 from identification.report import friction, ripples
 from identification.report.html import verdict
 
@@ -58,8 +59,7 @@ def _first_of(terms: Sequence[str], kept: int) -> str:
 def _row(value: Value) -> tuple[str, ...]:
     return (
         shortened(value.name),
-        f"{value.value:.5g}",
-        "" if value.std is None else f"{2 * value.std:.2g}",
+        *value_and_two_std(value.value, value.std),
         value.unit,
         "" if value.identifiable else "not identifiable here",
     )

@@ -51,7 +51,7 @@ def test_json_is_what_the_function_returns(lab: Path, capsys: pytest.CaptureFixt
 def test_a_parameter_over_months(lab: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = lab / "history.png"
     shown = call(capsys, lab, "plot", "joint1.coulomb", "--out", out)
-    assert [line.split()[2:4] for line in shown.splitlines()[1:3]] == [["6", "0.2"], ["7", "0.2"]]
+    assert [line.split()[2:4] for line in shown.splitlines()[1:3]] == [["6.00", "0.20"], ["7.00", "0.20"]]
     assert out.read_bytes()[:4] == b"\x89PNG"
     later = json.loads(call(capsys, lab, "plot", "joint1.coulomb", "--since", "2026-02", "--json"))
     assert [row["value"] for row in later] == [7.0]

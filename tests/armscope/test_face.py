@@ -98,7 +98,7 @@ def test_objects_show_themselves_in_one_line(root: Path) -> None:
         (lambda arm: armscope.read_model({"name": "x"}), "a model: must be the path of one.*is dict"),
         (lambda arm: armscope.simulate(arm, 3), "an experiment: must be the path of one.*is int"),
         (lambda arm: armscope.compare(3, 4), "compare: takes recordings and results.*is int"),
-        (lambda arm: armscope.read_model(arm.with_effect("backlsh", joint=1)), "no effect 'backlsh'; expected one of"),
+        (lambda arm: armscope.read_model(arm.with_effect("backlsh", joint=1)), "no effect 'backlsh'; is it backlash?"),
         (lambda arm: armscope.predict("a.mcap", arm.with_effect("backlash", joint=9, half_gap=0.1)), "joint in 1..6"),
     ],
 )

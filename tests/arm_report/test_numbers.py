@@ -1,0 +1,27 @@
+"""Estimates as text: no more digits than two standard deviations have."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from arm_report.numbers import value_and_two_std
+
+
+@pytest.mark.parametrize(
+    ("value", "std", "printed"),
+    [
+        (2.94051, 0.0017, ("2.9405", "0.0034")),
+        (-7.9475e-05, 0.0001, ("-0.00008", "0.00020")),
+        (-1e-6, 0.0007, ("0.0000", "0.0014")),
+        (202.26, 8.4, ("202", "17")),
+        (20.52, 0.498, ("20.5", "1.0")),
+        (0.4, 0.0, ("0.4", "0")),
+        (1.23456789, 1e-12, ("1.2346", "2e-12")),
+        (95.0384, None, ("95.038", "")),
+        (95.0384, math.nan, ("95.038", "")),
+    ],
+)
+def test_a_value_ends_where_its_two_std_ends(value: float, std: float | None, printed: tuple[str, str]) -> None:
+    assert value_and_two_std(value, std) == printed
