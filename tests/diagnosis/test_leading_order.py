@@ -38,3 +38,17 @@ def test_a_line_through_a_cube_is_no_spring(root: Path, stiffness: float, harden
     against = [(one.joint, one.against) for one in selection.unexplained.structures]
     if not named:
         assert selection.state.chosen == () and against == [(1, "position")]
+
+
+def test_friction_that_grows_through_that_of_the_model_is_still_friction(root: Path) -> None:
+    """First less than that of the model, more in the end: a term of time explains more than the law."""
+    arm, runs = two_link.model(root), []
+    for seed in (1, 2):
+        t, q, v, a = two_link.motion(seed, 12.0)
+        torque = two_link.torque(q, v, a, Day())
+        torque[:, 0] += 4.0 * (t / 6.0 - 0.9) * v[:, 0] / np.hypot(v[:, 0], two_link.WIDTH)
+        noise = 0.005 * np.random.default_rng(seed).normal(size=q.shape)
+        runs.append(residual_run(f"{seed}", arm, t, q, torque / DRIVE + noise))
+    data, friction = Split(*(dataset_of([run]) for run in runs)), Candidate("coulomb_friction", 1)
+    state = Currents(arm, data, Library((friction,), data), []).refitted([friction], {friction.key: []})
+    assert of_another_order(state) is None

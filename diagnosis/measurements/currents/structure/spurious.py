@@ -41,11 +41,14 @@ def of_another_order(state: State) -> tuple[Candidate, Structure] | None:
 
     Its law is not the leading order. A line follows the cube of an angle to some extent in any range, the better with a
     line for every recording; what it leaves may be within the noise of the whole joint. That the cube follows held-out
-    rows is the proof that the line is no spring.
+    rows is the proof that the line is no spring. Terms of time prove nothing: time has no natural origin, and friction
+    may begin where it is that of the model.
     """
     model, held_out, limits = state.model, state.data.held_out, state.model.limits
     for c, own in zip(state.chosen, state.coefficients):
         for term in next_orders(c, own, model.seconds) if c.joint is not None else ():
+            if c.definition.lasting(term.terms[-1]) is not None:
+                continue
             of_term = score(term, of_last_term(model.columns(term)), state.fitted, held_out)
             significant = of_term.p < limits.structure_p and of_term.gain > limits.structure_gain * held_out.rows
             if significant and not model.is_next_order(of_term, state):
