@@ -35,6 +35,7 @@ def test_a_german_table_in_degrees(tmp_path: Path) -> None:
         ("Zeit [ms];Achse1 Winkel [deg];Achse1 Strom [A]", 1e-3),
         ("elapsed time [s];angle1;torque1", 1.0),
         ("Zeit [ms];Gelenk1 Winkel [Grad];Strom Achse 1 [A]", 1e-3),
+        ("Zeitstempel [ms];Ist A1 [Grad];Motorstrom A1 [A]", 1e-3),
     ],
 )
 def test_other_words_for_time_position_and_current(header: str, factor: float, tmp_path: Path) -> None:
@@ -54,6 +55,16 @@ def test_columns_of_matlab_matrices_whose_names_end_in_their_unit(tmp_path: Path
     np.testing.assert_allclose(recording.t, 0.01 * t[:, 0], atol=1e-12)
     np.testing.assert_allclose(np.rad2deg(recording.q), log["JointAngles_deg"])
     np.testing.assert_allclose(recording.i, 1e-3 * log["MotorCurrent_mA"])
+
+
+def test_a_misspelt_joint_is_named(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    joints = ["waist", "elbow", "wrist"]
+    header = ["Time (ms)", *(f"{joint} pos [deg]" for joint in joints), *(f"{joint} current [A]" for joint in joints)]
+    header[2] = "elbw pos [deg]"
+    (tmp_path / "log.csv").write_text("\n".join([",".join(header), *(f"{k},1,2,3,4,5,6" for k in range(30))]))
+    assert run(["import", str(tmp_path / "log.csv"), "--out", str(tmp_path / "a.mcap")]) == 2
+    error = capsys.readouterr().err
+    assert "'elbw pos [deg]' has no current beside it, 'elbow current [A]' has no position beside it" in error
 
 
 def test_columns_that_say_nothing_are_listed(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:

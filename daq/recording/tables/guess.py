@@ -42,7 +42,7 @@ KNOWN: dict[str, dict[str, dict[str, str]]] = {
 }
 """Program -> the mapping of what it writes; t, q and i must be there, the others may be."""
 _TIME = re.compile(
-    r"(time|timestamp|t|sec|seconds|stamp|clock|elapsed([ _]*time)?|zeit|temps|tiempo|tempo)"
+    r"(time|timestamp|t|sec|seconds|stamp|clock|elapsed([ _]*time)?|zeit(stempel)?|temps|tiempo|tempo)"
     r"(?:[ _]*[\[(]?(?P<unit>s|sec|ms|us|ns)[\])]?)?",
     re.IGNORECASE,
 )
@@ -60,7 +60,7 @@ _WORDS = {
     "v": r"(v|volt|voltage|motor[ _.]*voltage)",
     "temp": r"(temp|temperature|motor[ _.]*temperature)",
     "q": r"(q|pos|positions?|angles?|winkel|theta|joint|axis|actual[ _.]*(q|pos|position)"
-    r"|joint[ _.]*(pos|positions?|angles?)|ist[ _.-]*(wert|position|winkel))",
+    r"|joint[ _.]*(pos|positions?|angles?)|ist[ _.-]*(wert|position|winkel)?)",
 }
 _UNIT = r"(?P<unit>[ _]*[\[(]?(rad|deg|degrees|grad|°|mA|A|Nm|N m|N\*m|V|C|degC)[\])]?|[ _]*[ _\[(](mm|cm|m)[\])]?)?"
 _SPELLED = {"degrees": "deg", "Grad": "deg", "grad": "deg", "°": "deg", "Nm": "N m", "N*m": "N m", "C": "degC"}
@@ -87,7 +87,7 @@ def guess(names: Sequence[str], columns: dict[str, Array] | None = None, joints:
 def guess_csv(path: str | Path, joints: Sequence[str] = ()) -> Mapping | None:
     """The mapping that a text suggests, with its separator and decimal sign; None where it says too little.
 
-    InputError where the first line is no header.
+    InputError where the first line is no header, or some of its joints have a position without a current.
     """
     head = read_head(path, SAMPLE)
     # lines end as Python's files have it: \n, \r\n, or \r
@@ -100,11 +100,16 @@ def guess_csv(path: str | Path, joints: Sequence[str] = ()) -> Mapping | None:
         lines = [header, *lines[before:]]
     if not lines or len(lines[0]) > LONGEST_HEADER:
         raise InputError(path, f"line 1: must name the columns, in at most {LONGEST_HEADER} characters")
-    for separator in ";\t|, ":
+    for separator in ";\t|,":
         found = _guess_separated(lines, separator, joints)
         if found is not None:
             return found
-    return None
+    for separator in ";\t|,":
+        if odd := _unpaired([name.strip().strip('"') for name in lines[0].split(separator)]):
+            raise InputError(
+                path, f"line 1: every joint needs a position and a current; {odd}; --map says which is which"
+            )
+    return _guess_separated(lines, " ", joints)
 
 
 def _guess_separated(lines: Sequence[str], separator: str, joints: Sequence[str]) -> Mapping | None:
@@ -214,7 +219,7 @@ def _units(signal: str, written: Sequence[str]) -> _Units:
 def _of_joints(names: Sequence[str], signal: str, word: str) -> tuple[list[str], _Units, int] | None:
     """The columns whose names are a word with a number, in the order of their numbers; their unit and first number."""
     patterns = (
-        rf"{word}[ _.\[#]*(({_JOINT})[ _.]*)?(?P<number>\d+)\]?{_UNIT}",
+        rf"{word}[ _.\[#]*(({_JOINT}|(?<=[ _.])[ja])[ _.]*)?(?P<number>\d+)\]?{_UNIT}",
         rf"({_JOINT}|j|a)[ _.]*(?P<number>\d+)[ _.]*{word}{_UNIT}",
         rf"{word}{_UNIT}(?P<number>\d+)",  # columns of a matrix whose name ends in its unit
     )
@@ -237,14 +242,7 @@ def _of_named_joints(names: Sequence[str], joints: Sequence[str]) -> dict[str, _
 
     joints  names of the arm's joints: these in their order, if the columns have them all; else the order of the table
     """
-    found: dict[str, dict[str, tuple[str, str]]] = {}
-    taken: set[str] = set()
-    for signal, word in _WORDS.items():
-        for name in names:
-            of = None if name in taken else _joint_of(name, word)
-            if of is not None and of[0] not in found.get(signal, {}):
-                found.setdefault(signal, {})[of[0]] = name, of[1]
-                taken.add(name)
+    found = _by_joint(names)
     if not {"q", "i"} <= set(found):
         return {}
     there = list(found["q"])
@@ -257,6 +255,37 @@ def _of_named_joints(names: Sequence[str], joints: Sequence[str]) -> dict[str, _
         signal: ([columns[joint][0] for joint in order], _units(signal, [columns[joint][1] for joint in order]))
         for signal, columns in complete.items()
     }
+
+
+def _by_joint(names: Sequence[str]) -> dict[str, dict[str, tuple[str, str]]]:
+    """Signal -> joint that a column's name has beside a word for the signal -> that column, and its unit."""
+    found: dict[str, dict[str, tuple[str, str]]] = {}
+    taken: set[str] = set()
+    for signal, word in _WORDS.items():
+        for name in names:
+            of = None if name in taken else _joint_of(name, word)
+            if of is not None and of[0] not in found.get(signal, {}):
+                found.setdefault(signal, {})[of[0]] = name, of[1]
+                taken.add(name)
+    return found
+
+
+def _unpaired(names: Sequence[str]) -> str:
+    """Of columns named by joints: which position has no current, and which current no position.
+
+    Empty where every column has its other, or fewer do than do not: then the names mean something else.
+    """
+    found = _by_joint(names)
+    positions, currents = found.get("q", {}), found.get("i", {})
+    alone = [
+        (columns[joint][0], missing)
+        for columns, other, missing in ((positions, currents, "current"), (currents, positions, "position"))
+        for joint in columns
+        if joint and joint not in other
+    ]
+    if len(positions.keys() & currents.keys() - {""}) < len(alone):
+        return ""
+    return ", ".join(f"{name!r} has no {missing} beside it" for name, missing in alone)
 
 
 def _joint_of(name: str, word: str) -> tuple[str, str] | None:
