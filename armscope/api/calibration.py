@@ -209,6 +209,7 @@ def calibrate(
             gravity=gravity_of(arm),
             extend=not geometry_only,
             point_std=tracker.point_std or 0.0,
+            last_link=last_link,
         ),
         progress=progress,
     )

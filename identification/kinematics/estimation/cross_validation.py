@@ -10,7 +10,7 @@ import numpy as np
 from arm_io.types import Array
 from identification.kinematics.data.points import Points
 from identification.kinematics.estimation.extensions import Extension, prior_scales
-from identification.kinematics.estimation.map_estimation import Fit, fit
+from identification.kinematics.estimation.map_estimation import LEAST_NOISE, Fit, fit
 from identification.kinematics.estimation.observed import linear_in
 from identification.kinematics.models.chain import Index
 from identification.kinematics.models.parameters import Parameters
@@ -102,7 +102,11 @@ def choose(
         )
         if best.cost >= (1.0 - _EQUAL) * found.cost:
             break
-        found = _selected(replace(model, begin=best.chosen, trials=[trial for trial in best.trials if trial.accepted]))
+        again = _selected(replace(model, begin=best.chosen, trials=[trial for trial in best.trials if trial.accepted]))
+        # an extension that was left out may enter again, where points have no noise for ever
+        if again.cost >= found.cost:
+            break
+        found = again
     return list(found.chosen), found.trials
 
 
@@ -314,7 +318,8 @@ def _judged(
     error = float(np.sqrt(np.sum((gains - gains.mean()) ** 2) * len(gains) / max(len(gains) - 1, 1)))
     z = gain / max(error, 1e-300)
     rms_before, rms_after = (float(np.sqrt(np.mean(s) / 3.0)) for s in (before, after))
-    accepted = bool(z > limits.standard_errors and rms_after < (1.0 - limits.min_gain) * rms_before)
+    matters = rms_after < (1.0 - limits.min_gain) * rms_before and rms_before**2 - rms_after**2 > LEAST_NOISE**2
+    accepted = bool(z > limits.standard_errors and matters)
     score = Score(
         candidate=extension,
         gain=gain,

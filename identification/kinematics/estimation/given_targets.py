@@ -9,7 +9,7 @@ import numpy as np
 
 from identification.kinematics.data.points import Points
 from identification.kinematics.estimation.map_estimation import Fit, fit, residuals
-from identification.kinematics.estimation.work import OUTLIERS, Work
+from identification.kinematics.estimation.work import OUTLIERS, Settings, Work
 from identification.kinematics.models.chain import Mask
 from identification.kinematics.models.parameters import UNKNOWN_TARGET, Parameters, parameters_of, target_of
 
@@ -44,8 +44,9 @@ def free_targets(work: Work) -> None:
     for k in wrong:
         one = work.targets[k]
         work.warnings.append(
-            f"the target{one.name and ' ' + one.name} was given as ({_place(one.place)}) m with "
-            f"a standard deviation of {1e3 * one.std:g} mm, but the points place it at ({_place(found_at[k])}) m, "
+            f"the target{one.name and ' ' + one.name} was given as ({_told(settings, one.place)}) m with "
+            f"a standard deviation of {1e3 * one.std:g} mm, but the points place it at "
+            f"({_told(settings, found_at[k])}) m, "
             f"{1e3 * np.linalg.norm(off[k]):.1f} mm away (chi-square {gain:.0f} with 3 degrees of freedom per target); "
             "it was estimated instead. Give --target in the frame of the last link, or a larger --target-std"
         )
@@ -55,8 +56,10 @@ def free_targets(work: Work) -> None:
         work.estimate = fit(work.parameters, points, start=found.values)
 
 
-def _place(place: Iterable[float]) -> str:
-    return ", ".join(f"{v:.4f}" for v in place)
+def _told(settings: Settings, place: Iterable[float]) -> str:
+    """A place (3,) m in the frame of the arm's last link, told in that of the user's model."""
+    there = np.linalg.solve(settings.last_link, [*place, 1.0])
+    return ", ".join(f"{v:.4f}" for v in there[:3])
 
 
 def _misfit(parameters: Parameters, found: Fit, points: Points, rows: Mask, noise: float) -> float:

@@ -41,7 +41,8 @@ _PLENTY = 50.0
 _COARSE = 1500  # points with which the estimate is brought near; all of them then settle it
 _LEAST_SHARE = 0.02
 """Least share of the noise's variance in a residual: a point that determines a parameter alone has none at all."""
-_FLOOR = 1e-6  # m; better than any tracker: noise-free simulated data still needs a scale
+LEAST_NOISE = 1e-6
+"""m, less than that of any tracker: simulated points without noise need a scale, too, and no error below it counts."""
 
 
 @dataclass(frozen=True)
@@ -166,7 +167,7 @@ class _Problem:
         self.parameters, self.points, self.prior, self.scale = parameters, points, prior, scale
         self.joint_steps = parameters.chain.joint_steps()
         self.n_free = len(parameters.free)
-        self.least = max(points.std, _FLOOR)
+        self.least = max(points.std, LEAST_NOISE)
         root = parameters.prior_root(len(scale) - self.n_free)
         self.root, self._inverse = scale[:, None] * root, np.linalg.pinv(root) / scale
 

@@ -62,6 +62,7 @@ class Settings:
     extend       whether couplings, sag, encoder errors and delay are tried
     point_std    m, stated standard deviation of a coordinate of a point: of the tracker, and of an arm that does not
                  return to a pose exactly; 0: estimated
+    last_link    (4, 4) pose of the last link as the user's model has it in that of the arm: of places that are told
     """
 
     frame_known: bool
@@ -69,6 +70,7 @@ class Settings:
     gravity: Gravity | None = None
     extend: bool = True
     point_std: float = 0.0
+    last_link: Array = field(default_factory=lambda: np.eye(4))
 
     @property
     def most_noise(self) -> float:

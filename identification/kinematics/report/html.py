@@ -75,7 +75,7 @@ def headline(table: dict[str, Any]) -> tuple[str, bool]:
     )
     stated = ", as stated" if table["noise"] == table["point_std"] else ""
     return (
-        f"On all points of {where} the position error {fall} rms per coordinate ({change(better)})."
+        f"On all points of {where} the position error {fall} rms per coordinate ({change(better, max(rms.values()))})."
         f"{_without_outliers(table)} The noise of the points is {_mm(table['noise'])}{stated}.{_orientation(table)}",
         better <= -NO_CHANGE and not table["position_error"]["held_out"]["after"]["outliers"],
     )

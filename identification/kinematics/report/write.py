@@ -11,6 +11,7 @@ from arm_model import Arm, EffectTerm, Joint
 from identification.kinematics.circle_points.circle_point import Circle
 from identification.kinematics.estimation.calibration import Calibration
 from identification.kinematics.estimation.cross_validation import LIMITS, Trial
+from identification.kinematics.estimation.map_estimation import LEAST_NOISE
 from identification.kinematics.estimation.position_error import LeftOut, PositionError
 from identification.kinematics.models.parameters import calibrated_arm, target_groups, target_of, tracker_pose
 
@@ -137,7 +138,7 @@ def summary(table: dict[str, Any]) -> str:
         rms, better = table["position_rms"][part], table["improvement"][part]
         lines.append(
             f"{words}  {1e3 * rms['before']:8.3f} mm -> {1e3 * rms['after']:7.3f} mm rms per coordinate "
-            f"({change(better)})"
+            f"({change(better, max(rms.values()))})"
         )
         out = table["position_error"][part]["after"]["outliers"]
         if out:
@@ -187,8 +188,13 @@ NO_CHANGE = 0.005
 """Relative change of an error that is called none: the third digit of the errors that are printed."""
 
 
-def change(improvement: float) -> str:
-    """A relative improvement as "99.2 % better" or "25 % worse"; 100 % only where nothing is left."""
+def change(improvement: float, largest: float) -> str:
+    """A relative improvement as "99.2 % better" or "25 % worse"; 100 % only where nothing is left.
+
+    largest: m, the larger of the two errors; below ``LEAST_NOISE`` no tracker would see their difference.
+    """
+    if largest < LEAST_NOISE:
+        return f"both below {1e3 * LEAST_NOISE:g} mm"
     if abs(improvement) < NO_CHANGE:
         return "unchanged"
     size = f"{100 * abs(improvement):.3g}"

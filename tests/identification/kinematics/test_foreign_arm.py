@@ -123,13 +123,14 @@ def test_a_coupling_and_an_improvement_are_said_as_they_are() -> None:
         "link angle 4 = - q4",
         "link angle 6 = q6 + (0.25 +- 0.0001) q5",
     ]
-    assert [change(x) for x in (0.99958, 0.9, -0.25, 1.0, -0.0002)] == [
+    assert [change(x, 1e-3) for x in (0.99958, 0.9, -0.25, 1.0, -0.0002)] == [
         "99.96 % better",
         "90 % better",
         "25 % worse",
         "100 % better",
         "unchanged",
     ]
+    assert change(-2e6, 1.7e-7) == "both below 0.001 mm"
 
 
 def test_no_sweep_is_thrown_out_for_a_coupling(tmp_path: Path) -> None:
