@@ -14,11 +14,12 @@ from numpy.typing import NDArray
 
 from arm_io.types import Array
 from arm_model import Arm
+from arm_model.tables.friction_of_days import UNRECORDED
 from daq.recording import Recording
 from diagnosis.residual.run_setup import setup_of
 from identification.preprocessing.signals import Motion
 
-WARMER = 3.0
+WARMER = 2 * UNRECORDED
 """K between the mean temperatures of a motor: friction of a greased gear falls by some per cent per kelvin."""
 FASTER = 1.15
 """Ratio of rms speeds of a joint from which two motions differ."""

@@ -10,17 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 from arm_io.types import Array
-from comparison.circumstances import WARMER
+from arm_model.tables.friction_of_days import COULOMB, NEAR_REST, UNRECORDED, VISCOUS
 from comparison.regression import Structure
-
-UNRECORDED = WARMER / 2
-"""K, standard deviation of a difference of temperature that was not recorded: ``WARMER`` is two of it."""
-COULOMB = 0.005
-"""Share by which Coulomb friction differs per K, as in ``arm_fleet.simulation.weather``; by the published law none."""
-VISCOUS = 0.03
-"""Share by which viscous friction differs per K: of the law's 1.29e-4 + 1.31e-3 exp(-T / 20.7), at T = 40 degC."""
-NEAR_REST = 0.056
-"""Friction near rest differs by this share of the Coulomb friction per K: 1.69e-3 of 3.04e-2 of the published law."""
 
 
 def friction_shapes(structure: Structure, joint: int) -> Array:

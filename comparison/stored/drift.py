@@ -19,13 +19,12 @@ from arm_io.dates import utc_date_of
 from arm_io.types import Array
 from arm_model import Arm
 from arm_model.rigid_body import total_at
+from arm_model.tables.friction_of_days import COULOMB, HUMP, NEAR_REST, SHARPNESS, UNRECORDED, VISCOUS, near_rest
 from comparison.change import Estimate, Quantity
-from comparison.friction_drift import COULOMB, NEAR_REST, UNRECORDED, VISCOUS, friction_size
+from comparison.friction_drift import friction_size
 
 DAYS = 3
 """Days on which the results of a side were recorded, from which on their scatter says how much friction differs."""
-HUMP, SHARPNESS = 15.0 / 280.0, 1.3
-"""Width of what friction does near rest, over the fastest speed, and its exponent, by the published law at 40 degC."""
 CAUSES = {
     "coulomb_friction.coulomb": "level",
     "viscous_friction.viscous": "slope",
@@ -87,7 +86,7 @@ def _drift(quantity: Quantity, value: float, tables: Sequence[Mapping[str, Any]]
     hump = UNRECORDED * NEAR_REST * abs(friction.level)
     if quantity.speed is not None:
         speed = abs(quantity.speed)
-        return float(np.linalg.norm([level, slope * speed, hump * _near_rest(speed / friction.fastest)]))
+        return float(np.linalg.norm([level, slope * speed, hump * float(near_rest(speed / friction.fastest))]))
     by_hump = _line()
     if which == "level":
         return float(np.hypot(level, by_hump[0] * hump))
@@ -102,11 +101,6 @@ def _which(quantity: Quantity) -> str:
     if quantity.kind == "cause":
         return CAUSES.get(first, "")
     return {"coulomb": "level", "viscous": "slope"}.get(first.partition("_")[0], "")
-
-
-def _near_rest(speed: float) -> float:
-    """What friction does near rest, of its size there, at a speed over the fastest."""
-    return float(np.exp(-((speed / HUMP) ** SHARPNESS)))
 
 
 def _line() -> tuple[float, float]:

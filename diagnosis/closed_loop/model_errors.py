@@ -15,6 +15,7 @@ from arm_io import InputError
 from arm_io.types import Array
 from arm_model import Arm, parameter, with_parameters
 from daq.recording import Recording
+from diagnosis.another_day import known_on_another_day
 from diagnosis.closed_loop.comparison import Compared, compare
 from diagnosis.residual.run import Run
 
@@ -26,7 +27,7 @@ SEED = 0
 
 def sampled_arms(arm: Arm, count: int = DRAWS) -> list[Arm]:
     """Arms drawn at random from the stated uncertainty of ``arm``; empty if it states none."""
-    uncertainty = arm.uncertainty
+    uncertainty = known_on_another_day(arm)
     if uncertainty is None or not uncertainty.parameters:
         return []
     root, random = uncertainty.directions, np.random.default_rng(SEED)

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from arm_model.description import Arm
+from arm_model.tables.friction_of_days import UNRECORDED
 from comparison import friction_drift
 from comparison.friction_curves import Curve
-from comparison.friction_drift import UNRECORDED
 from comparison.from_recordings import compare_recordings
 from comparison.joint_fit import tested
 from comparison.joint_fit.hypotheses import Hypothesis

@@ -12,8 +12,8 @@ import pytest
 import armscope
 from arm_model import Arm, Joint
 from arm_model.model_file import write_model
+from arm_model.tables.friction_of_days import UNRECORDED
 from comparison import Comparison
-from comparison.friction_drift import UNRECORDED
 from tests.comparison.test_friction_drift import published
 from tests.comparison.test_results import FIRST, diagnosis, identification
 

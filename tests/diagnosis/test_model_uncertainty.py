@@ -122,6 +122,24 @@ def test_what_is_beyond_it_is_named_with_what_remains_of_its_significance(
     assert extended.effects and extended.uncertainty == known.extended.uncertainty
 
 
+def test_a_day_that_is_a_little_warmer_changes_nothing(arm: Arm, tmp_path: Path) -> None:
+    """Viscous friction 4 % and Coulomb friction 1 % less, of a model that states a small uncertainty; half is named."""
+    names = tuple(f"joint{joint}.{kind}" for joint in (1, 2) for kind in ("coulomb", "viscous"))
+    covariance = np.diag([(0.001 * parameter(arm, name)) ** 2 for name in names])
+    known = replace(arm, uncertainty=uncertainty_of("model_uncertainty.json", names, covariance))
+
+    def diagnosed(model: Arm, day: Day) -> armscope.Diagnosis:
+        first, second = (recorded(tmp_path / f"{seed}.mcap", seed, day) for seed in (11, 12))
+        return armscope.diagnose(first, model, held_out=second)
+
+    warmer = Day(coulomb=tuple(-0.01 * two_link.COULOMB), viscous=tuple(-0.04 * two_link.VISCOUS))
+    assert {cause.effect for cause in diagnosed(arm, warmer).causes} <= {"coulomb_friction", "viscous_friction"}
+    assert diagnosed(arm, warmer).causes
+    assert diagnosed(known, warmer).verdict == "consistent"
+    less = diagnosed(known, replace(warmer, viscous=(-5.0, 0.0)))
+    assert [(cause.effect, cause.joint) for cause in less.causes] == [("viscous_friction", 1)]
+
+
 def test_friction_near_rest_is_uncertain_by_the_coulomb_friction_at_least(arm: Arm) -> None:
     """A curve may fall to nothing at its lowest speed, which few rows show: a row near standstill is not exact then."""
     straight = rest_friction(arm)

@@ -48,6 +48,7 @@ PUBLIC = {
     ),
     "arm_model.effects": ("definition", "description_errors", "sensing", "tracking", "wrist"),
     "arm_model.rigid_body": ("inertia", "regressor"),
+    "arm_model.tables": ("friction_of_days",),
     "drivers": ("can_bus", "linux_counter", "protocols"),
     "experiment": ("segments",),
     "daq.recording": ("losses", "provenance", "recover", "summary"),

@@ -79,7 +79,7 @@ def covariance_of(state: State) -> tuple[Array, list[slice]]:
         unknown=np.concatenate([*unknown, np.zeros(len(model.free))]),
         variance=_slow_variance(state.fitted.fit, fit),
     )
-    directions = [] if model.uncertain is None else [model.uncertain.directions.fit]
+    directions = [] if model.uncertain is None else [model.uncertain.stated]
     if (folded := _folded(fit)).size:
         directions.append(folded)
     for direction in directions:

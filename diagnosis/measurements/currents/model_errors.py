@@ -20,6 +20,8 @@ from arm_model import Arm, parameter, with_parameters
 from arm_model.effects import described
 from arm_model.rigid_body.regressor import regressor
 from arm_model.system import inverse_dynamics
+from arm_model.tables import Uncertainty
+from diagnosis.another_day import friction_near_rest, known_on_another_day
 from diagnosis.residual.run import Run
 from diagnosis.selection.beyond_model import Evidence
 from diagnosis.selection.design import Dataset, Pair
@@ -33,12 +35,20 @@ ALIASED_SHARE = 0.1
 class ModelUncertainty:
     """Of an identified model, in the whitened residuals of some recordings.
 
-    directions  (N, r), (M, r): change of the residual for one standard deviation of each independent error
+    directions  (N, r), (M, r): change of the residual for one standard deviation of each independent error, on another
+                day than that of the identification
     left_over   (n,) squared residual per row, in units of the noise, that the model left when it was identified
+    of_day      (N, r) of the fitted recordings, by the stated covariance alone; None: as ``directions``
     """
 
     directions: Split[Array]
     left_over: Array
+    of_day: Array | None = None
+
+    @property
+    def stated(self) -> Array:
+        """(N, r) of the fitted recordings, of the day of the identification: without what varies from day to day."""
+        return self.directions.fit if self.of_day is None else self.of_day
 
     def shares(self, data: Split[Dataset]) -> Split[Array]:
         """(n,) squared residual per row that the uncertainty of the parameters makes, of either side."""
@@ -48,24 +58,37 @@ class ModelUncertainty:
 
 def model_uncertainty(arm: Arm, data: Split[Dataset]) -> ModelUncertainty | None:
     """The stated uncertainty of an arm in the residuals of these recordings; None if it states none."""
-    uncertainty = arm.uncertainty
-    if uncertainty is None or not (uncertainty.parameters or any(uncertainty.left_over)):
+    stated, uncertainty = arm.uncertainty, known_on_another_day(arm)
+    if stated is None or uncertainty is None or not (stated.parameters or any(stated.left_over)):
         return None
-    root = uncertainty.directions
 
     def felt(side: Dataset) -> Array:
-        runs = [run.whiten(_columns(run, uncertainty.parameters) @ root) for run in side.runs]
-        return np.concatenate(runs).transpose(1, 0, 2).reshape(-1, root.shape[1])
+        return _stacked([run.whiten(_directions(run, uncertainty)) for run in side.runs])
 
-    return ModelUncertainty(data.map(felt), _left_over(uncertainty.left_over, data))
+    root = stated.directions
+    known = _stacked([run.whiten(_columns(run, stated.parameters) @ root) for run in data.fit.runs])
+    return ModelUncertainty(data.map(felt), _left_over(uncertainty.left_over, data), known)
 
 
 def parameter_std(run: Run) -> Array:
     """(m, n) A: std of the predicted currents due to the uncertainty of the arm's parameters; 0 for an exact model."""
-    uncertainty = run.arm.uncertainty
+    uncertainty = known_on_another_day(run.arm)
     if uncertainty is None or not uncertainty.parameters:
         return np.zeros_like(run.q)
-    return np.asarray(np.linalg.norm(_columns(run, uncertainty.parameters) @ uncertainty.directions, axis=-1))
+    return np.asarray(np.linalg.norm(_directions(run, uncertainty), axis=-1))
+
+
+def _stacked(runs: Sequence[Array]) -> Array:
+    """(n m, r), joint by joint as ``Dataset.y``: of all runs (m, n, r)."""
+    every = np.concatenate(runs)
+    return every.transpose(1, 0, 2).reshape(-1, every.shape[2])
+
+
+def _directions(run: Run, uncertainty: Uncertainty) -> Array:
+    """(m, n, r) A: change of the expected currents for one standard deviation of each independent error."""
+    columns = _columns(run, uncertainty.parameters)
+    hump = friction_near_rest(run.arm, uncertainty.parameters, columns, run.brisk_v)
+    return np.concatenate([columns @ uncertainty.directions, hump], axis=-1)
 
 
 def _left_over(left_over: Sequence[float], data: Split[Dataset]) -> Array:

@@ -14,6 +14,7 @@ import numpy as np
 
 from arm_io.types import Array
 from arm_model import Arm, parameter, with_parameters
+from diagnosis.another_day import known_on_another_day
 from diagnosis.measurements.single_axis.columns import COMPARE_BAND, ROWS_PER_SECOND, AxisSamples, Rows, rows_of
 from diagnosis.residual.noise.channels import scatter
 from diagnosis.selection.beyond_model import Evidence
@@ -58,7 +59,7 @@ class ModelErrors:
 
 def model_errors(arm: Arm, samples: Split[Samples], rows: Split[Rows], block_seconds: float) -> ModelErrors | None:
     """Of an arm of one joint whose ``rows`` these samples are; None where nothing is stated."""
-    uncertainty = arm.uncertainty
+    uncertainty = known_on_another_day(arm)
     if uncertainty is None or not uncertainty.parameters:
         return None
     values = np.array([parameter(arm, name) for name in uncertainty.parameters])

@@ -1,0 +1,52 @@
+"""What is known of an identified model on another day than that of its identification: friction varies from day to day.
+
+Recordings of one day do not show by how much; it is assumed as by ``compare`` (``arm_model.tables.friction_of_days``).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from arm_io.types import Array
+from arm_model import Arm, parameter
+from arm_model.tables import Uncertainty
+from arm_model.tables.friction_of_days import COULOMB, NEAR_REST, UNRECORDED, VISCOUS, near_rest
+
+
+def known_on_another_day(arm: Arm) -> Uncertainty | None:
+    """The uncertainty that an arm states, with that of level and slope of its friction on another day.
+
+    Both are independent of each other and of other joints. None if the arm states no uncertainty.
+    """
+    uncertainty = arm.uncertainty
+    if uncertainty is None:
+        return None
+    covariance = uncertainty.matrix
+    for joint in range(1, len(arm) + 1):
+        for kind, share in (("coulomb", COULOMB), ("viscous", VISCOUS)):
+            step = UNRECORDED * share * _sizes(arm, uncertainty.parameters, f"joint{joint}.{kind}")
+            covariance += np.outer(step, step)
+    return replace(uncertainty, covariance=tuple(tuple(row[: k + 1].tolist()) for k, row in enumerate(covariance)))
+
+
+def friction_near_rest(arm: Arm, parameters: tuple[str, ...], columns: Array, speed: Array) -> Array:
+    """(m, n, j) A: change of the currents by one standard deviation of each joint's friction near rest on another day.
+
+    columns (m, n, p) A: change of the currents for a unit of each of the ``parameters``; speed (m, n) rad/s (m/s). Of
+    joints whose Coulomb friction is among the parameters.
+    """
+    found = []
+    for joint in range(1, len(arm) + 1):
+        sizes = _sizes(arm, parameters, f"joint{joint}.coulomb")
+        fastest = float(np.abs(speed[:, joint - 1]).max(initial=0.0))
+        if sizes.any() and fastest > 0.0:
+            shape = near_rest(np.abs(speed[:, joint - 1]) / fastest)
+            found.append(UNRECORDED * NEAR_REST * shape[:, None] * (columns @ sizes))
+    return np.stack(found, axis=-1) if found else np.zeros((*speed.shape, 0))
+
+
+def _sizes(arm: Arm, parameters: tuple[str, ...], begin: str) -> Array:
+    """(p,) of the parameters whose names begin so, the others 0."""
+    return np.array([parameter(arm, name) if name.startswith(begin) else 0.0 for name in parameters])
