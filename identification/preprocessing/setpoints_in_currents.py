@@ -3,13 +3,14 @@
 A model from a URDF file says nothing of its controller. But transients at setpoints are lines of the current at whole
 multiples of the setpoints' rate, and follow the acceleration (``setpoint_ripple``): with n rows per setpoint the
 product of current and acceleration has a line at 1/n of the sampling rate, and beside it none. It is held against the
-same product some Hz beside it.
+same product some Hz beside it, and none nearby is larger: a line of another rate is at another frequency.
 """
 
 from __future__ import annotations
 
 import numpy as np
 from scipy import stats
+from scipy.fft import next_fast_len
 
 from arm_io.types import Array
 
@@ -19,10 +20,10 @@ SECONDS = 5.0
 """s of a stretch, over which the clocks of rows and setpoints stay in phase."""
 NEIGHBOURHOOD = (4.0, 14.0)
 """Hz from a line: where the product has no line of the setpoints; the modulation by the acceleration is narrower."""
+PEAK = 1.0
+"""Widths of a line, of a stretch of ``SECONDS``, within which it is the line itself."""
 CHANCE = 1e-8
 """Probability, per joint and number of rows, that noise has such a line."""
-EXACT = 2520
-"""Least common multiple of 1 to ``MOST``: a transform of a multiple of it has each of the lines in one bin."""
 
 
 def rows_between_setpoints(ripple: Array, acceleration: Array, rate: float) -> int:
@@ -33,22 +34,30 @@ def rows_between_setpoints(ripple: Array, acceleration: Array, rate: float) -> i
     """
     parts = np.array_split(np.arange(len(ripple)), max(1, int(len(ripple) / rate / SECONDS)))
     stretches = [np.nan_to_num(ripple[part] * _changing(acceleration[part])) for part in parts]
-    length = EXACT * -(-max(map(len, stretches)) // EXACT)
+    length = next_fast_len(max(map(len, stretches)), real=True)
     power = np.sum([np.abs(np.fft.rfft(stretch, length, axis=0)) ** 2 for stretch in stretches], axis=0)
-    near, far = (round(hertz * length / rate) for hertz in NEIGHBOURHOOD)
+    hertz = np.arange(len(power)) * rate / length
     for rows in range(MOST, 1, -1):
-        line = length // rows
-        beside = np.concatenate([power[max(line - far, 1) : max(line - near, 1)], power[line + near : line + far]])
+        line = np.sum([_at_line(stretch, rows) for stretch in stretches], axis=0)
+        away = np.abs(hertz - rate / rows)
+        beside = power[(away > NEIGHBOURHOOD[0]) & (away < NEIGHBOURHOOD[1]) & (hertz > 0.0)]
         if not len(beside):
             continue
-        level, there = beside.mean(axis=0), np.any(beside > 0.0, axis=0)
+        skirts = power[(away > PEAK / SECONDS) & (away <= NEIGHBOURHOOD[0])].max(axis=0, initial=0.0)
+        level, there = beside.mean(axis=0), np.any(beside > 0.0, axis=0) & (line > skirts)
         # bins closer than a stretch is long repeat one another
         freedom_beside = 2 * len(stretches) * max(1, int(len(beside) * rate / length * SECONDS))
         # at the Nyquist frequency the transform is real: one degree of freedom in place of two
         freedom = (1 if rows == 2 else 2) * len(stretches)
-        if np.any(stats.f.sf(power[line, there] / level[there], freedom, freedom_beside) < CHANCE):
+        if np.any(stats.f.sf(line[there] / level[there], freedom, freedom_beside) < CHANCE):
             return rows
     return 0
+
+
+def _at_line(stretch: Array, rows: int) -> Array:
+    """(J,) power of a stretch (m, J) at 1/``rows`` of the sampling rate exactly."""
+    wave = np.exp(-2j * np.pi * np.arange(len(stretch)) / rows)
+    return np.asarray(np.abs(wave @ stretch) ** 2)
 
 
 def _changing(acceleration: Array) -> Array:

@@ -31,6 +31,14 @@ def test_rows_per_setpoint_are_those_of_the_transients(rows: int) -> None:
     assert rows_between_setpoints(ripple, a, RATE) == rows
 
 
+@pytest.mark.parametrize("rows", [9.8, 19.6, 20.3, 7.96, 5.95])
+def test_a_line_beside_that_of_a_whole_number_is_none_of_it(rows: float) -> None:
+    """Of 50 Hz at 980 Hz the second harmonic is 2 Hz beside that of ten rows."""
+    row, a, rng = moved(16.0, 2)
+    ripple = sawtooth(row, rows, rng.uniform()) * a + 0.5 * rng.standard_normal(a.shape)
+    assert rows_between_setpoints(ripple, a, RATE) == 0
+
+
 @pytest.mark.parametrize("rows", [2.3, 3.7, 7.5])
 def test_setpoints_whose_rate_is_no_part_of_the_sampling_rate_are_none(rows: float) -> None:
     row, a, rng = moved(16.0, 1)
