@@ -14,7 +14,8 @@ from identification.regression.equations import Equations, joined
 from identification.selection import p_value
 
 STRETCH, FOLDS = 5.0, 4
-"""s of a recording that are predicted as a whole, many times what filters correlate; every so many-th together."""
+"""s of a recording that are predicted as a whole, at most, many times what filters correlate; every so many-th of these
+stretches together."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,9 +80,14 @@ def _by_folds(one: Solution) -> tuple[Equations, Array, NDArray[np.bool_]]:
     if (held := problem.held) is not None:
         judged = joined([judged, held])
         fitted = joined([fitted, _sliding(held)])
-    residual, inside, fold = np.zeros(len(judged)), np.zeros(len(judged), bool), _fold(judged)
+    ends = np.zeros(int(judged.run.max(initial=0)) + 1)
+    np.maximum.at(ends, judged.run, judged.t)
+    stretch = min(STRETCH, float(ends.sum()) / FOLDS)
+    residual, inside, fold = np.zeros(len(judged)), np.zeros(len(judged), bool), _fold(judged, stretch)
     for k in range(FOLDS):
-        others, own = fitted.of(_fold(fitted) != k), judged.of(fold == k)
+        others, own = fitted.of(_fold(fitted, stretch) != k), judged.of(fold == k)
+        if not len(others):  # every row that is free of reversals lies in this fold
+            continue
         residual[fold == k] = one.residual(own, one.solve(others))
         shown, slowest, fastest = _sliding(others), np.full(len(problem.arm), np.inf), np.zeros(len(problem.arm))
         np.minimum.at(slowest, shown.joint, shown.speed())
@@ -90,9 +96,9 @@ def _by_folds(one: Solution) -> tuple[Equations, Array, NDArray[np.bool_]]:
     return judged, residual, inside
 
 
-def _fold(rows: Equations) -> NDArray[np.intp]:
-    """(rows,) 0 to FOLDS - 1."""
-    return np.asarray((rows.t // STRETCH + rows.run) % FOLDS, np.intp)
+def _fold(rows: Equations, stretch: float) -> NDArray[np.intp]:
+    """(rows,) 0 to FOLDS - 1, of stretches of so many s."""
+    return np.asarray((rows.t // max(stretch, 1e-9) + rows.run) % FOLDS, np.intp)
 
 
 def _sliding(rows: Equations) -> Equations:
