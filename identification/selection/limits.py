@@ -26,8 +26,8 @@ class Limits(Thresholds):
     """What a cause must satisfy; None: not applied by this measurement model.
 
     max_causes    causes, and rounds of the search, at most
-    fdr           false-discovery rate at which a candidate may enter, over all candidates of its round (Benjamini &
-                  Hochberg)
+    fdr           false-discovery rate at which a candidate may enter, over all candidates of its round that
+                  extend a chosen one, or over all others (Benjamini & Hochberg)
     final_fdr     ... at which it may stay, conditional on all others, once nothing more enters
     min_gain      least gain that matters, as a share of the model's reference energy (see the model)
     kept_gain     the same for a cause that is chosen already: below it, it is eliminated; None: no backward elimination

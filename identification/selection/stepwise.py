@@ -95,6 +95,10 @@ class MeasurementModel(Protocol[C, S]):
         """False-discovery rate at which a candidate may enter."""
         return self.limits.fdr
 
+    def extends(self, score: Score[C]) -> bool:
+        """Whether a candidate extends one that is chosen: these are a family of tests of their own."""
+        return False
+
     def tolerance(self, score: Score[C], best: Score[C]) -> float:
         """By how much less than the best a candidate may gain and be its equal."""
         return 0.0
@@ -127,7 +131,7 @@ def select(model: MeasurementModel[C, S], progress: Progress = lambda sentence: 
 def forward(model: MeasurementModel[C, S], state: S) -> S | None:
     """The state with the best admissible candidate; None where none enters."""
     scores = model.scores(state)
-    q = stats.false_discovery_control(np.array([score.p for score in scores]))
+    q = _by_family([score.p for score in scores], [model.extends(score) for score in scores])
     admissible = [
         score
         for score, q_score in zip(scores, q)
@@ -158,6 +162,19 @@ def eliminate(model: MeasurementModel[C, S], state: S, *, fdr: float | None = No
             break
         state = removed[least]
     return state
+
+
+def _by_family(p: Sequence[float], extends: Sequence[bool]) -> Array:
+    """(k,) false-discovery rates of probabilities (k,), over those that extend a chosen candidate, and over the others.
+
+    Of what is chosen already, a few extensions are asked for; the number of all other effects says nothing of them
+    (hierarchical testing: Yekutieli, JASA 103, 2008).
+    """
+    q, of_extension = np.array(p, float), np.array(extends, bool)
+    for family in (of_extension, ~of_extension):
+        if family.any():
+            q[family] = stats.false_discovery_control(q[family])
+    return q
 
 
 def _significant(q: float, fdr: float | None) -> bool:

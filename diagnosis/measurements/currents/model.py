@@ -107,6 +107,10 @@ class Currents(MeasurementModel[Candidate, State]):
         large = score.gain >= self.limits.large_gain * self.data.held_out.rows
         return self.limits.relaxed_fdr if large else self.limits.fdr
 
+    def extends(self, score: Score[Candidate]) -> bool:
+        """Whether a candidate is a chosen effect with a next-order term of its law."""
+        return bool(score.candidate.terms)
+
     def tolerance(self, score: Score[Candidate], best: Score[Candidate]) -> float:
         """Gain by which a score may fall short of the best and still count as equal to it.
 

@@ -12,7 +12,7 @@ from identification.selection.least_squares import scaled_lstsq
 from identification.selection.limits import Limits
 from identification.selection.significance import block_sums, p_value
 from identification.selection.split import Split
-from identification.selection.stepwise import MeasurementModel, Score, eliminate, select
+from identification.selection.stepwise import MeasurementModel, Score, eliminate, forward, select
 
 ROWS, BLOCK = 2000, 50
 LIMITS = Limits(max_causes=6, min_gain=0.02, kept_gain=0.02)
@@ -28,6 +28,7 @@ class Regression(MeasurementModel[str, Names]):
     together: Names = ()
     limits: Limits = LIMITS
     seen: int = 0
+    extensions: Names = ()
 
     def start(self) -> Names:
         return ()
@@ -51,6 +52,9 @@ class Regression(MeasurementModel[str, Names]):
 
     def admissible(self, score: Score[str], state: Names) -> bool:
         return score.gain > self.limits.min_gain * ROWS
+
+    def extends(self, score: Score[str]) -> bool:
+        return score.candidate in self.extensions
 
     def tolerance(self, score: Score[str], best: Score[str]) -> float:
         return self.limits.tie * best.gain
@@ -104,6 +108,22 @@ def test_of_equals_the_one_with_the_fewest_coefficients_enters() -> None:
     model.columns = Split(*({"wide": part["wide"], "a": part["a"]} for part in model.columns))
     model.limits = replace(LIMITS, tie=0.05)
     assert select(model) == ("a",)
+
+
+@pytest.mark.parametrize(("extensions", "entered"), [((), False), (("a",), True)])
+def test_an_extension_of_what_is_chosen_is_not_one_test_of_all(extensions: Names, entered: bool) -> None:
+    """A law that changes for a few seconds of the recording was one of many effects, and its imitators came in."""
+    model = _regression(0, {"a": 1.0})
+    rng, shown = np.random.default_rng(1), (np.arange(ROWS) < 7 * BLOCK)[:, None]
+    for part in model.columns:
+        part["a"] *= shown
+        part |= {f"n{k}": rng.normal(size=(ROWS, 1)) for k in range(60)}
+        del part["mix"], part["wide"]
+    model.y = model.y.map(lambda y: rng.normal(size=ROWS))
+    model.y = Split(*(y + part["a"][:, 0] for y, part in zip(model.y, model.columns)))
+    model.extensions = extensions
+    state = forward(model, ())
+    assert (state == ("a",)) is entered
 
 
 def test_those_that_hide_each_other_enter_together_where_the_search_stalls() -> None:
