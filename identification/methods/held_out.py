@@ -68,7 +68,11 @@ def cross_validated(without: Solution, with_it: Solution) -> HeldOutResiduals:
 
     Held-out recordings are a part of all: where they are short, the few blocks of them decide little. Rows on which a
     joint slides faster or slower than on all rows of the other folds are left out: friction there is extrapolated.
+    Without held-out recordings, as ``held_out_residuals``: stretches of one motion that repeats itself would confirm
+    what is true of this motion alone.
     """
+    if without.problem.held is None:
+        return held_out_residuals(without, with_it)
     (rows, one, inside), (_, other, _) = _by_folds(without), _by_folds(with_it)
     return HeldOutResiduals(rows.of(inside), one[inside], other[inside])
 
