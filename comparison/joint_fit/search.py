@@ -11,10 +11,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
+from arm_io.parallel import in_parallel
 from arm_io.types import Array
 from comparison.joint_fit.effects import SKEW, Added, added_rows, always, with_columns
 from comparison.joint_fit.hypotheses import Hypothesis, hypotheses, point_masses
@@ -95,9 +97,15 @@ def _with_finer_stiffnesses(recorded: Recorded, joint: JointFit, rows: list[Rows
         data = _with_only(recorded, joint, rows, others)
         tries = len(FINER) + sum(one.tries for one in joint.added) - sum(one.tries for one in others)
         tried = [replace(soft.stiffer(by), tries=tries) for by in FINER]
-        fits = [with_added(recorded, data, others, [one]) for one in tried]
-        joint, rows = min(fits, key=lambda of: akaike(of[0].fit, of[0].found))
+        left = in_parallel(partial(_left, recorded, data, others), tried)
+        joint, rows = with_added(recorded, data, others, [tried[int(np.argmin(left))]])
     return joint, rows
+
+
+def _left(recorded: Recorded, rows: Sequence[Rows], added: Sequence[Added], one: Added) -> float:
+    """Akaike's criterion of the joint fit with one more effect."""
+    joint, _ = with_added(recorded, rows, added, [one])
+    return akaike(joint.fit, joint.found)
 
 
 def _with_only(recorded: Recorded, joint: JointFit, rows: Sequence[Rows], kept: Sequence[Added]) -> list[Rows]:
