@@ -3,8 +3,9 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 
-# Two test processes on two cores: with three, tests of instruments in real time miss their instants.
-TESTING := -m 'not slow' -n 2 --dist loadgroup
+# Three test processes on two cores: one waits for instruments most of the time, two compute at a lower priority
+# (tests/conftest.py).
+TESTING := -m 'not slow' -n 3 --dist loadgroup
 
 # More threads for linear algebra would slow them down.
 export OPENBLAS_NUM_THREADS ?= 1

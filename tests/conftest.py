@@ -21,6 +21,12 @@ ROOT = Path(__file__).resolve().parent.parent
 IN_REAL_TIME = ("arm_page", "armscope", "daq", "drivers", "sim_backend")
 """Folders whose tests run instruments, daemons and clients against the clock."""
 
+INSTRUMENTS = ("daq", "drivers")
+"""Folders whose tests mostly wait for instruments: one process of ``-n`` runs them all, before those that compute."""
+
+LOWER = 10
+"""Priority (nice value) of the processes that compute: a tenth of a core where an instrument wants it (sched(7))."""
+
 pauses = Pauses()
 
 # Before the modules of tests are imported, which make a million objects that stay.
@@ -51,20 +57,31 @@ def pytest_configure(config: pytest.Config) -> None:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """The tests of a file run in one process of ``--dist loadgroup``, unless a group of files is stated.
 
-    Fixtures of a module and kept results are then made once, not once in every process.
+    Fixtures of a module and kept results are then made once, not once in every process. The tests of instruments are
+    one group; as the largest it starts first, in a process of its own.
 
     A test in real time that fails while tasks waited for a core is run again, twice at most; the summary counts it as a
     rerun. On a machine that kept nobody waiting its first result stands.
     """
     for item in items:
-        if item.path.relative_to(ROOT / "tests").parts[0] in IN_REAL_TIME:
+        folder = _folder(item)
+        if folder in IN_REAL_TIME:
             item.add_marker(pytest.mark.flaky(reruns=2, condition=pauses.long))
         if item.get_closest_marker("xdist_group") is None:
-            item.add_marker(pytest.mark.xdist_group(item.path.relative_to(ROOT).as_posix()))
+            group = "instruments" if folder in INSTRUMENTS else item.path.relative_to(ROOT).as_posix()
+            item.add_marker(pytest.mark.xdist_group(group))
+
+
+def _folder(item: pytest.Item) -> str:
+    """The folder of ``tests`` that a test lies in, or its file if it lies in none."""
+    return item.path.relative_to(ROOT / "tests").parts[0]
 
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_setup(item: pytest.Item) -> None:
+    """A process of ``-n`` that computes gives way to the one that runs instruments, for good: see ``INSTRUMENTS``."""
+    if hasattr(item.config, "workerinput") and _folder(item) not in INSTRUMENTS:
+        os.setpriority(os.PRIO_PROCESS, 0, max(LOWER, os.getpriority(os.PRIO_PROCESS, 0)))
     pauses.start()
 
 
