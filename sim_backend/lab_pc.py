@@ -173,7 +173,7 @@ def _no_values(seen: Seen) -> Block:
 
 
 def make(name: str, config: Config, context: RigContext) -> Card:
-    """A closed card. InputError where it is wired to a joint that the arm has not."""
+    """A closed card. InputError where it is wired to a joint that the arm does not have."""
     world = world_of(context)
     check_wired(name, config.joints, world)
     return Card(name, config, world)

@@ -34,7 +34,7 @@ BASE = len(POSE) + len(VELOCITY)
 """States of a floating base: position (3), attitude (4), velocity (6)."""
 
 BEYOND = 1e9
-"""rad (m), their rates per second, or A: no arm gets there, and files hold the torques that belong to it."""
+"""rad (m), their rates, or A: a simulation with larger values has diverged. Torques up to there fit a model file."""
 PART = 200_000
 """Ticks that are run between two reports of how far a simulation is."""
 

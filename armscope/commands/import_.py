@@ -19,7 +19,7 @@ from armscope.commands.options import Json, RecordingOut
 from armscope.progress import shown
 from daq.recording import Attachments, Table, TimeUnit, write_blocks
 from daq.recording.provenance import file_identity, provenance
-from daq.recording.tables import Mapping, guessed, open_source, read_blocks, read_mapping, some
+from daq.recording.tables import Mapping, first_names, guessed, open_source, read_blocks, read_mapping
 from daq.rig import LONGEST_RIG_NAME, read_rig
 
 if TYPE_CHECKING:
@@ -79,7 +79,7 @@ def command(
             print(f"note: {table}: {chosen.in_words()}", file=sys.stderr)
         if others:
             print(
-                f"note: {table}: {len(others)} column{'s' * (len(others) > 1)} left out: {some(others)}",
+                f"note: {table}: {len(others)} column{'s' * (len(others) > 1)} left out: {first_names(others)}",
                 file=sys.stderr,
             )
         joints = None if checked is None else checked.joints

@@ -2,8 +2,8 @@
 
 A model from a URDF file says nothing of its controller. But transients at setpoints are lines of the current at whole
 multiples of the setpoints' rate, and follow the acceleration (``setpoint_ripple``): with n rows per setpoint the
-product of current and acceleration has a line at 1/n of the sampling rate, and beside it none. It is held against the
-same product some Hz beside it, and none nearby is larger: a line of another rate is at another frequency.
+product of current and acceleration has a line at 1/n of the sampling rate, and beside it none. It is compared with
+the product some Hz beside it. Nothing nearby may be larger: setpoints of another rate have their line there.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ SECONDS = 5.0
 NEIGHBOURHOOD = (4.0, 14.0)
 """Hz from a line: where the product has no line of the setpoints; the modulation by the acceleration is narrower."""
 PEAK = 1.0
-"""Widths of a line, of a stretch of ``SECONDS``, within which it is the line itself."""
+"""Distance from a line, over the resolution 1/``SECONDS`` Hz, up to which a frequency counts as the line itself."""
 CHANCE = 1e-8
 """Probability, per joint and number of rows, that noise has such a line."""
 

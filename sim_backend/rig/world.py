@@ -242,7 +242,7 @@ class World:
 
 
 def check_wired(name: str, joints: Sequence[int], world: World) -> None:
-    """InputError where a channel of a card is wired to a joint (from 1; 0: open) that the arm has not."""
+    """InputError where a channel of a card is wired to a joint (from 1; 0: open) that the arm does not have."""
     there = len(world.plant.encoder_lines)
     if (last := max(joints)) > there:
         raise InputError(name, f"joints: the arm has no joint {last}; must be 1 to {there}, or 0 for an open channel")

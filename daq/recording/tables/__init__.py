@@ -6,7 +6,7 @@ from arm_io import lazy
 
 if TYPE_CHECKING:
     from daq.recording.tables.columns import Table, read_blocks
-    from daq.recording.tables.csv_header import some
+    from daq.recording.tables.csv_header import first_names
     from daq.recording.tables.mapping import Mapping, read_mapping
     from daq.recording.tables.matlab_writer import write_matlab
     from daq.recording.tables.parquet_writer import write_parquet
@@ -18,11 +18,11 @@ else:
 __all__ = [
     "Mapping",
     "Table",
+    "first_names",
     "guessed",
     "open_source",
     "read_blocks",
     "read_mapping",
-    "some",
     "write_bag",
     "write_matlab",
     "write_parquet",

@@ -113,7 +113,7 @@ def read_header(path: str | Path, file: TextIO, separator: str = ",") -> tuple[l
             path,
             f"columns are separated by {found[0]!r}, and their names do not say which are time, position and current; "
             "use --map MAPPING.toml (docs/recordings.md), or commas, decimal points and the names t, q1, i1, ..; there "
-            f"are {some(there)}",
+            f"are {first_names(there)}",
         )
     if len(names) > 1 and not names[-1]:
         names.pop()
@@ -122,7 +122,7 @@ def read_header(path: str | Path, file: TextIO, separator: str = ",") -> tuple[l
     return names, before
 
 
-def some(names: Sequence[str]) -> str:
+def first_names(names: Sequence[str]) -> str:
     """The names of columns for a message: the first ``MOST_NAMED`` of them."""
     return ", ".join(names[:MOST_NAMED]) + (f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else "")
 

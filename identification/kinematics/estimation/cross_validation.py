@@ -103,7 +103,7 @@ def choose(
         if best.cost >= (1.0 - _EQUAL) * found.cost:
             break
         again = _selected(replace(model, begin=best.chosen, trials=[trial for trial in best.trials if trial.accepted]))
-        # an extension that was left out may enter again, where points have no noise for ever
+        # what was left out may enter again: on points without noise the search would not end
         if again.cost >= found.cost:
             break
         found = again

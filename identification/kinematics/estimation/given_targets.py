@@ -57,7 +57,7 @@ def free_targets(work: Work) -> None:
 
 
 def _told(settings: Settings, place: Iterable[float]) -> str:
-    """A place (3,) m in the frame of the arm's last link, told in that of the user's model."""
+    """A place (3,) m in the arm's last link, as text in the last link of the user's model."""
     there = np.linalg.solve(settings.last_link, [*place, 1.0])
     return ", ".join(f"{v:.4f}" for v in there[:3])
 

@@ -42,7 +42,7 @@ _COARSE = 1500  # points with which the estimate is brought near; all of them th
 _LEAST_SHARE = 0.02
 """Least share of the noise's variance in a residual: a point that determines a parameter alone has none at all."""
 LEAST_NOISE = 1e-6
-"""m, less than that of any tracker: simulated points without noise need a scale, too, and no error below it counts."""
+"""m, less than the noise of any tracker: the scale of simulated points without noise. No smaller error counts."""
 
 
 @dataclass(frozen=True)

@@ -62,7 +62,7 @@ class Settings:
     extend       whether couplings, sag, encoder errors and delay are tried
     point_std    m, stated standard deviation of a coordinate of a point: of the tracker, and of an arm that does not
                  return to a pose exactly; 0: estimated
-    last_link    (4, 4) pose of the last link as the user's model has it in that of the arm: of places that are told
+    last_link    (4, 4) pose of the last link of the user's model in the last link of the arm, for messages
     """
 
     frame_known: bool
