@@ -8,15 +8,15 @@ SMALLEST, LARGEST = 1e-7, 1e6
 """Of two standard deviations that are written without an exponent."""
 
 
-def value_and_two_std(value: float, std: float | None) -> tuple[str, str]:
+def value_and_two_std(value: float, std: float | None, *, sign: str = "") -> tuple[str, str]:
     """``("2.9405", "0.0034")``: a value, and two standard deviations to two digits, both to the same decimal place.
 
     Five significant digits of a value of which no standard deviation is known (None, or not finite); of an exact one,
-    or one whose deviation is far below 1 or far above, as well.
+    or one whose deviation is far below 1 or far above, as well. ``sign``: ``"+"`` writes that of a positive value too.
     """
     if std is None or not isfinite(std):
-        return f"{value:.5g}", ""
+        return f"{value:{sign}.5g}", ""
     if not SMALLEST < 2 * std < LARGEST:
-        return f"{value:.5g}", f"{2 * std:.2g}"
+        return f"{value:{sign}.5g}", f"{2 * std:.2g}"
     decimals = max(0, 1 - floor(log10(float(f"{2 * std:.1e}"))))
-    return f"{value:z.{decimals}f}", f"{2 * std:.{decimals}f}"
+    return f"{value:{sign}z.{decimals}f}", f"{2 * std:.{decimals}f}"

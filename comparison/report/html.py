@@ -10,7 +10,7 @@ from markupsafe import Markup
 from arm_report import Report, table
 from comparison.change import Change
 from comparison.report import plots
-from comparison.report.wording import changed_sentences, overruled_sentences, percent, size, verdict
+from comparison.report.wording import changed_sentences, overruled_sentences, percent, size, two_std, verdict
 from comparison.wording import probability
 
 if TYPE_CHECKING:
@@ -68,15 +68,14 @@ def _changes(changes: list[Change]) -> Markup:
     for one in changes:
         row: list[str] = [
             Markup("{}<br><small>{}</small>").format(one.quantity.words, one.quantity.name),
-            size(one.before),
-            size(one.after),
-            size(one.change),
-            "" if one.std is None else f"{2 * one.std:.2g}",
+            *(size(value, one.std) for value in (one.before, one.after)),
+            size(one.change, one.std, sign="+"),
+            two_std(one),
             typeset(percent(one)),
             "" if one.z is None else f"{one.z:+.1f}",
             "" if one.corrected is None else probability(one.corrected),
             Markup('<span class="u">{}</span>').format(one.quantity.unit),
         ]
-        rows.append(row + ([size(one.scatter)] if scattered else []))
+        rows.append(row + (["" if one.scatter is None else f"{one.scatter:.2g}"] if scattered else []))
     weak = [k for k, one in enumerate(changes) if not one.significant]
     return table(rows, head, [*range(1, 8), 9], weak)

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from math import floor, log10
 from typing import TYPE_CHECKING
 
 from arm_report import cut, line_width, text_table
 from comparison.change import Change
-from comparison.report.wording import changed_sentences, overruled_sentences, percent, size, verdict
+from comparison.report.wording import changed_sentences, overruled_sentences, percent, size, two_std, verdict
 from comparison.wording import probability
 
 if TYPE_CHECKING:
@@ -63,8 +62,9 @@ def _row(change: Change) -> tuple[str, ...]:
     mark = "*" if change.significant else "\N{DEGREE SIGN}" if change.overruled else ""
     return (
         _in_width(change.quantity.words, min(WIDEST, line_width() - 30)),
-        *(_to_its_std(value, change.std) for value in (change.before, change.after, change.change)),
-        "" if change.std is None else f"{2 * change.std:.2g}",
+        *(size(value, change.std) for value in (change.before, change.after)),
+        size(change.change, change.std, sign="+"),
+        two_std(change),
         percent(change),
         "" if change.z is None else f"{change.z:+.1f}{mark}",
         "" if change.corrected is None else probability(change.corrected),
@@ -79,10 +79,3 @@ def _in_width(words: str, width: int) -> str:
         return cut(words, width)
     count = f" ({others.split()[0]} more)"
     return cut(first, width - len(count)) + count
-
-
-def _to_its_std(value: float | None, std: float | None) -> str:
-    """A value to one digit beyond the two that are stated of two std of the change: more say nothing."""
-    if value is None or not std or not 1e-6 < std < 1e3:
-        return size(value)
-    return f"{value:.{max(0, 2 - floor(log10(2 * std)))}f}"

@@ -7,15 +7,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from arm_report.numbers import value_and_two_std
 from comparison.change import SIGNIFICANT, Change
 
 if TYPE_CHECKING:
     from comparison.outcome import Comparison
 
 
-def size(value: float | None) -> str:
-    """Four significant digits; nothing for None."""
-    return "" if value is None else f"{value:.4g}"
+def size(value: float | None, std: float | None, *, sign: str = "") -> str:
+    """A value to the second digit of two standard deviations, those of the change; nothing for None."""
+    return "" if value is None else value_and_two_std(value, std, sign=sign)[0]
+
+
+def two_std(change: Change) -> str:
+    """Two standard deviations of the change; nothing where none are known."""
+    return value_and_two_std(0.0, change.std)[1]
 
 
 def percent(change: Change) -> str:
@@ -33,7 +39,8 @@ def sentence(change: Change) -> str:
     unit = f" {change.quantity.unit}" if change.quantity.unit not in ("", "1") else ""
     share = f", {percent(change)}" if change.relative is not None else ""
     z = "" if change.z is None else f" (z = {change.z:+.1f})"
-    return f"{words}: {size(change.before)} -> {size(change.after)}{unit}{share}{z}"
+    before, after = (size(value, change.std) for value in (change.before, change.after))
+    return f"{words}: {before} -> {after}{unit}{share}{z}"
 
 
 def curve_sentence(joint: int, points: list[Change]) -> str:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from markupsafe import Markup
 
 from arm_report import Report, table
+from arm_report.numbers import value_and_two_std
 from comparison.trend.movement import MONTH, Movement
 from comparison.trend.plots import histories_chart
 from comparison.trend.text import limit_sentence, sentence, verdict
@@ -66,12 +67,10 @@ def _table(trend: Trend) -> Markup:
             [
                 Markup("{}<br><small>{}</small>").format(history.quantity.words, history.quantity.name),
                 str(len(history.days)),
-                f"{one.first[0]:.4g}",
-                f"{one.last[0]:.4g}",
-                f"{one.change[0]:+.3g}" if one.significant else "",
-                f"{2 * one.change[1]:.2g}" if one.significant else "",
-                "" if one.drift is None else f"{MONTH * one.drift[0]:+.3g}",
-                "" if one.drift is None else f"{2 * MONTH * one.drift[1]:.2g}",
+                value_and_two_std(*one.first)[0],
+                value_and_two_std(*one.last)[0],
+                *(value_and_two_std(*one.change, sign="+") if one.significant else ("", "")),
+                *(("", "") if one.drift is None else value_and_two_std(*(MONTH * x for x in one.drift), sign="+")),
                 probability(one.moved.corrected),
                 Markup('<span class="u">{}</span>').format(history.quantity.unit),
             ]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from arm_report import text_table
+from arm_report.numbers import value_and_two_std
 from comparison.change import SIGNIFICANT
 from comparison.trend.forecast import Reach, State
 from comparison.trend.history import Histories
@@ -36,10 +37,9 @@ def _row(one: Movement, histories: Histories) -> tuple[str, ...]:
     quantity = one.moved.history.quantity
     return (
         quantity.name,
-        f"{one.first[0]:.4g}",
-        f"{one.last[0]:.4g}",
-        f"{one.change[0]:+.3g}",
-        f"{2 * one.change[1]:.2g}",
+        value_and_two_std(*one.first)[0],
+        value_and_two_std(*one.last)[0],
+        *value_and_two_std(*one.change, sign="+"),
         histories.date(one.onsets[0].by) or "",
         probability(one.moved.corrected),
         quantity.unit,
@@ -75,8 +75,8 @@ def sentence(one: Movement, histories: Histories) -> str:
 
 
 def level(value: float, std: float) -> str:
-    """Four significant digits; 0 for what is a thousandth of its std and less: a rounding error."""
-    return "0" if abs(value) <= 1e-3 * std else f"{value:.4g}"
+    """To the second digit of its two std."""
+    return value_and_two_std(value, std)[0]
 
 
 def _onset(onset: Onset, unit: str, histories: Histories) -> str:
@@ -96,7 +96,7 @@ def limit_sentence(one: Movement, reach: Reach, histories: Histories) -> str:
     first, now = level(*one.first), level(*one.last)
     if reach.limit is None:
         share = f"limit {reach.asked.value:+.0%} of the first value"
-        zero = f"{first} +- {2 * one.first[1]:.2g}{unit}"
+        zero = f"{' +- '.join(value_and_two_std(*one.first))}{unit}"
         return f"{words}: {share}, which does not differ from zero ({zero}); give an absolute limit"
     value = f"{reach.limit:.4g}"
     if reach.state is State.UNCLEAR:
@@ -124,4 +124,4 @@ def _unit(one: Movement) -> str:
 
 
 def _size(value: float, std: float) -> str:
-    return f"{value:+.3g} +- {2 * std:.2g}"
+    return " +- ".join(value_and_two_std(value, std, sign="+"))

@@ -61,7 +61,7 @@ def test_a_changed_parameter_of_an_identification(tmp_path: Path) -> None:
     daily = DAILY * (15 + 22.35) / 2
     assert one.z == pytest.approx(7.35 / (2 * 0.1**2 + daily**2) ** 0.5)
     assert one.relative == pytest.approx((0.49, (0.1**2 + (1.49 * 0.1) ** 2 + daily**2) ** 0.5 / 15), rel=1e-6)
-    assert "Coulomb friction of joint 3: 15 -> 22.35 N m, +49.0 % +- 4.9 % (z = +20.8)" in str(result)
+    assert "Coulomb friction of joint 3: 15.00 -> 22.35 N m, +49.0 % +- 4.9 % (z = +20.8)" in str(result)
     other = next(c for c in result.changes if c.quantity.name == "joint1.coulomb")
     assert other.z == pytest.approx(0.2 / (2 * 0.1**2 + (5.1 * DAILY) ** 2) ** 0.5) and not other.significant
 
