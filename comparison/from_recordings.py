@@ -17,7 +17,7 @@ from comparison.current_limits import limit_changes
 from comparison.friction_drift import assumed, friction_drift
 from comparison.joint_fit.delays import delay_between, put_back
 from comparison.joint_fit.fewest_changes import AcceptedChange, fewest_changes
-from comparison.joint_fit.search import Recorded
+from comparison.joint_fit.search import Recorded, first_fit
 from comparison.outcome import Comparison
 from comparison.quantities import friction_maps, values_quantities
 from comparison.regression import Fitted, Structure
@@ -48,14 +48,16 @@ def compare_recordings(
     drift = friction_drift(separate.structure, separate.mean_values(), warmer(recordings, is_before, len(arm)))
     joint = _in_joint_band(separate, recordings, motions, drift, progress)
     progress("delay of the currents")
-    if delay := delay_between(joint):
+    first = first_fit(joint)
+    if delay := delay_between(joint, first):
         motions = put_back(motions, is_before, delay)
         separate = separate_regressions(arm, recordings, motions, is_before, progress)
         joint = replace(_in_joint_band(separate, recordings, motions, drift, progress), delay=delay)
+        first = first_fit(joint)
     progress("changes")
     alone = _separate_changes(separate, drift)
     progress("the fewest changes")
-    decided, added, accepted = fewest_changes(joint, alone)
+    decided, added, accepted = fewest_changes(joint, first, alone)
     return Comparison(
         what="recordings",
         arm=arm,

@@ -15,7 +15,7 @@ from scipy import fft
 
 from arm_io.types import Array
 from comparison.joint_fit.effects import SKEW, added_rows, always, with_columns
-from comparison.joint_fit.joint_regression import NONE, joint_regression
+from comparison.joint_fit.joint_regression import joint_regression
 from comparison.joint_fit.search import JointFit, Recorded, first_fit
 from comparison.joint_fit.selection import akaike
 from comparison.regression import Rows
@@ -45,14 +45,16 @@ def put_back(motions: Sequence[Motion], is_before: NDArray[np.bool_], delay: flo
     return [motion if before else undelayed(motion, delay) for motion, before in zip(motions, is_before)]
 
 
-def delay_between(recorded: Recorded) -> float:
-    """s by which currents are read later than before, where that explains more than other changes do; else 0."""
-    fitted = first_fit(recorded)[0]
+def delay_between(recorded: Recorded, fitted: JointFit) -> float:
+    """s by which currents are read later than before, where that explains more than other changes do; else 0.
+
+    fitted: of ``recorded``, without a delay and without ripples.
+    """
     best = 0.0, akaike(fitted.fit, fitted.found)
     for start in {_found(fitted), _likeliest(recorded)} - {0.0}:
         delay = start
         for _ in range(STEPS):
-            fitted = first_fit(_put_back(recorded, delay))[0]
+            fitted = first_fit(_put_back(recorded, delay))
             found = _found(fitted)
             if not found or abs(found - delay) <= EXACT * abs(delay):
                 break
@@ -94,21 +96,14 @@ def _likeliest(recorded: Recorded) -> float:
     fit = joint_regression(recorded.structure, rows, recorded.fits, recorded.is_before, recorded.drift)
     last = len(fit.total) - fit.scales
     first = last - 2 * len(tried)
-    squares, after, moment, moment_after = fit.total, fit.total_after, fit.moment, fit.moment_after
     left = []
     for place in range(first, last, 2):
-        columns = np.append(np.arange(first), place)
-        gram = np.zeros((len(columns) + 1, len(columns) + 1))
-        gram[:-1, :-1] = squares[np.ix_(columns, columns)]
-        gram[-1, :-1] = gram[:-1, -1] = after[place, columns]
-        gram[-1, -1] = after[place, place]
-        # the torques with the nonlinear part of the delay, whose column is that over its scale
+        # the torques with the nonlinear part of the delay, whose column is that over its scale, of the side after alone
         more = 1.0 / fit.scale[place + 1]
-        right = np.append(
-            moment[columns] + more * squares[columns, place + 1], moment_after[place] + more * after[place, place + 1]
-        )
-        size = 2.0 * more * moment[place + 1] + more**2 * squares[place + 1, place + 1]
-        left.append(size - right @ np.linalg.solve(gram + NONE * np.eye(len(gram)), right))
+        beyond = more * fit.total[place + 1]
+        size = more * (2.0 * fit.moment[place + 1] + beyond[place + 1])
+        columns, change = np.append(np.arange(first), place), np.eye(len(fit.scale))[:, place : place + 1]
+        left.append(size - fit.explained(columns, change, fit.moment + beyond, fit.moment_after + beyond))
     return tried[int(np.argmin(left))]
 
 

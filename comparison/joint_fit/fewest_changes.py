@@ -42,13 +42,14 @@ class AcceptedChange:
 
 
 def fewest_changes(
-    recorded: Recorded, changes: Sequence[Change]
+    recorded: Recorded, first: JointFit, changes: Sequence[Change]
 ) -> tuple[list[Change], list[Change], list[AcceptedChange]]:
     """The changes of all quantities, decided by the shared regression; those of effects beyond the model; what entered.
 
-    changes: by regressions of single recordings; the last of them are those of the values.
+    first    the joint fit without ripples
+    changes  by regressions of single recordings; the last of them are those of the values
     """
-    joint = searched(recorded)
+    joint = searched(recorded, first)
     structure, found = recorded.structure, joint.found
     chances = _chances(structure, joint, found)
     values, covariance = shared_values(joint.fit, _model(structure, joint.added), found)

@@ -20,6 +20,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import sparse
 
 from arm_io.types import Array
 from comparison.regression import Fitted, Rows, Structure
@@ -73,6 +74,39 @@ class JointRegression:
     def moment_after(self) -> Array:
         """(c,) the same of the side after."""
         return np.asarray(self.x.T @ np.where(self.rows_after, self.y, 0.0))
+
+    @cached_property
+    def residual(self) -> Array:
+        """(n,) of the shared fit."""
+        return np.asarray(self.y - self.x @ (self.information[0] @ self.moment))
+
+    @cached_property
+    def scores(self) -> Array:
+        """(c,) s: the residual of the shared fit times the columns, summed over the rows of the side after."""
+        return np.asarray(self.moment_after - self.information[1] @ self.moment)
+
+    @cached_property
+    def shown(self) -> Array:
+        """(n, c) columns of the side after, less what the shared fit has of them: what changes add to it."""
+        return np.asarray(np.where(self.rows_after[:, None], self.x, 0.0) - self.x @ self.information[1].T)
+
+    def explained(self, common: NDArray[np.intp], changes: Array, moment: Array, moment_after: Array) -> float:
+        """Squares of torques explained by some columns, alike on both sides, and changes (c, k) of the side after.
+
+        moment, moment_after: (c,) of these torques
+        """
+        across = self.total_after[common] @ changes
+        gram = np.block(
+            [[self.total[np.ix_(common, common)], across], [across.T, changes.T @ self.total_after @ changes]]
+        )
+        right = np.concatenate([moment[common], changes.T @ moment_after])
+        return float(right @ np.linalg.solve(gram + NONE * np.eye(len(gram)), right))
+
+    @cached_property
+    def into_blocks(self) -> sparse.csr_array:
+        """(b, n) sums over the rows of each block."""
+        rows = np.arange(len(self.block))
+        return sparse.csr_array((np.ones(len(rows)), (self.block, rows)), (len(self.recording), len(rows)))
 
     @cached_property
     def information(self) -> tuple[Array, Array, Array]:

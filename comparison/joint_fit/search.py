@@ -11,18 +11,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from arm_io.parallel import in_parallel
 from arm_io.types import Array
 from comparison.joint_fit.effects import SKEW, Added, added_rows, always, with_columns
 from comparison.joint_fit.hypotheses import Hypothesis, hypotheses, point_masses
 from comparison.joint_fit.joint_regression import JointRegression, joint_regression
 from comparison.joint_fit.ripples import ripples
-from comparison.joint_fit.selection import akaike, selected, with_one_mass
+from comparison.joint_fit.selection import selected, with_one_mass
 from comparison.joint_fit.tested import Tested, residuals_of
 from comparison.regression import Fitted, Rows, Structure
 from identification.preprocessing.signals import Motion
@@ -52,72 +50,89 @@ class Recorded:
 
 @dataclass(frozen=True)
 class JointFit:
-    """The joint fit with the columns of some effects beyond the model, its hypotheses, and those that entered."""
+    """The joint fit with the columns of some effects beyond the model, its hypotheses, and those that entered.
+
+    rows: of each recording, with these columns.
+    """
 
     fit: JointRegression
+    rows: Sequence[Rows]
     added: Sequence[Added]
     every: Sequence[Hypothesis]
     found: Sequence[Tested]
 
 
-def searched(recorded: Recorded) -> JointFit:
-    """The joint fit with the ripples that stand out of the residual without them.
+def searched(recorded: Recorded, joint: JointFit) -> JointFit:
+    """The joint fit with the ripples that stand out of the residual without them, ``joint``.
 
     First those that all recordings have alike, then those that differ, without any change and with those found.
     """
     arm, motions, after = recorded.structure.arm, recorded.motions, ~recorded.is_before
-    joint, rows = first_fit(recorded)
     for common in (True, False):
         alternatives = [[], joint.found] if joint.found else [[]]
         residuals = [residuals_of(joint.fit, found) for found in alternatives]
         proposed = [one for e in residuals for one in ripples(arm, motions, e, after, common=common)]
         if proposed:
-            joint, rows = with_added(recorded, rows, joint.added, proposed)
-    return _without_rivals(recorded, joint, rows)
+            joint = with_added(recorded, joint.rows, joint.added, proposed)
+    return _without_rivals(recorded, joint)
 
 
-def first_fit(recorded: Recorded) -> tuple[JointFit, list[Rows]]:
-    """Without ripples; and the rows with the columns of all effects in it."""
+def first_fit(recorded: Recorded) -> JointFit:
+    """Without ripples."""
     first = always(recorded.structure.arm, recorded.motions)
-    if recorded.delay == 0.0:
-        return _with_finer_stiffnesses(recorded, *with_added(recorded, recorded.rows, [], first))
     late = list(recorded.rows)
-    for k in map(int, np.flatnonzero(~recorded.is_before)):
+    for k in map(int, np.flatnonzero(~recorded.is_before & (recorded.delay != 0.0))):
         rate = added_rows([SKEW], recorded.structure.arm, recorded.motions[k])[:, 0]
         late[k] = replace(late[k], y=late[k].y + recorded.delay * rate)
-    return _with_finer_stiffnesses(recorded, *with_added(recorded, late, [], first))
+    return _with_finer_stiffnesses(recorded, with_added(recorded, late, [], first))
 
 
-def _with_finer_stiffnesses(recorded: Recorded, joint: JointFit, rows: list[Rows]) -> tuple[JointFit, list[Rows]]:
+def _with_finer_stiffnesses(recorded: Recorded, joint: JointFit) -> JointFit:
     """Of each elastic gear that entered, the stiffness alone beside which the joint fit leaves least."""
     for soft in [one.hypothesis.added for one in joint.found]:
         if soft is None or not soft.elastic:
             continue
         others = [one for one in joint.added if not (one.elastic and one.joint == soft.joint)]
-        data = _with_only(recorded, joint, rows, others)
+        kept = _columns_of(recorded, joint, others)
+        rows = [replace(part, columns=part.columns[:, kept]) for part in joint.rows]
         tries = len(FINER) + sum(one.tries for one in joint.added) - sum(one.tries for one in others)
         tried = [replace(soft.stiffer(by), tries=tries) for by in FINER]
-        left = in_parallel(partial(_left, recorded, data, others), tried)
-        joint, rows = with_added(recorded, data, others, [tried[int(np.argmin(left))]])
-    return joint, rows
+        best = tried[_likeliest(recorded, joint, rows, kept, tried)]
+        joint = with_added(recorded, rows, others, [best])
+    return joint
 
 
-def _left(recorded: Recorded, rows: Sequence[Rows], added: Sequence[Added], one: Added) -> float:
-    """Akaike's criterion of the joint fit with one more effect."""
-    joint, _ = with_added(recorded, rows, added, [one])
-    return akaike(joint.fit, joint.found)
+def _likeliest(
+    recorded: Recorded, joint: JointFit, rows: Sequence[Rows], kept: Sequence[int], tried: Sequence[Added]
+) -> int:
+    """Which of some effects explains most, with its change, beside the changes that entered.
+
+    rows: with the columns ``kept`` of those of ``joint``.
+    """
+    fit = _regression(recorded, _with_effects(recorded, rows, tried))
+    # the columns of all recordings, those tried, and the joints' scales
+    held = np.column_stack([np.empty((len(joint.fit.scale), 0)), *(one.hypothesis.directions for one in joint.found)])
+    held = np.concatenate([held[kept], np.zeros((len(tried), held.shape[1])), held[-fit.scales :]]) / fit.scale[:, None]
+    size = np.linalg.norm(held, axis=0)
+    held = held[:, size > 0.0] / size[size > 0.0]
+    explained = []
+    for place in range(len(kept), len(kept) + len(tried)):
+        columns = np.append(np.arange(len(kept)), place)
+        changes = np.column_stack([held, np.eye(len(held))[place]])
+        explained.append(fit.explained(columns, changes, fit.moment, fit.moment_after))
+    return int(np.argmax(explained))
 
 
-def _with_only(recorded: Recorded, joint: JointFit, rows: Sequence[Rows], kept: Sequence[Added]) -> list[Rows]:
-    """The rows of a joint fit with the columns of some of its effects beyond the model alone."""
+def _columns_of(recorded: Recorded, joint: JointFit, kept: Sequence[Added]) -> list[int]:
+    """Columns of the rows of a joint fit without those of its effects beyond the model that are not ``kept``."""
     columns, first = list(range(recorded.structure.size)), recorded.structure.size
     for one in joint.added:
         places = range(first, first := first + len(one.units))
         columns += places if any(one is other for other in kept) else []
-    return [replace(part, columns=part.columns[:, columns]) for part in rows]
+    return columns
 
 
-def _without_rivals(recorded: Recorded, joint: JointFit, rows: Sequence[Rows]) -> JointFit:
+def _without_rivals(recorded: Recorded, joint: JointFit) -> JointFit:
     """Without the ripples that are nearly those found, beside which nothing says how large these were before."""
     waves = [one.hypothesis.added for one in joint.found if one.hypothesis.added and one.hypothesis.added.wave]
     rivals = {k for k, one in enumerate(joint.added) if one not in waves and any(one.near(other) for other in waves)}
@@ -129,17 +144,25 @@ def _without_rivals(recorded: Recorded, joint: JointFit, rows: Sequence[Rows]) -
         # it was chosen among theirs, too
         more = sum(joint.added[k].tries for k in rivals if one in waves and joint.added[k].near(one))
         added.append(replace(one, tries=one.tries + more))
-    return with_added(recorded, _with_only(recorded, joint, rows, kept), added, [])[0]
+    columns = _columns_of(recorded, joint, kept)
+    return with_added(recorded, [replace(part, columns=part.columns[:, columns]) for part in joint.rows], added, [])
 
 
-def with_added(
-    recorded: Recorded, rows: Sequence[Rows], added: Sequence[Added], proposed: Sequence[Added]
-) -> tuple[JointFit, list[Rows]]:
+def with_added(recorded: Recorded, rows: Sequence[Rows], added: Sequence[Added], proposed: Sequence[Added]) -> JointFit:
     """The joint fit of ``rows``, which have the columns of those ``added``, with those of the others ``proposed``."""
-    structure, fits, is_before = recorded.structure, recorded.fits, recorded.is_before
     new = [one for k, one in enumerate(proposed) if all(not one.same(other) for other in [*added, *proposed[:k]])]
-    data = [with_columns(part, added_rows(new, structure.arm, motion)) for part, motion in zip(rows, recorded.motions)]
-    all_added = [*added, *new]
-    tried, points = hypotheses(structure, all_added), point_masses(structure, all_added)
-    fit = joint_regression(structure, data, fits, is_before, recorded.drift)
-    return JointFit(fit, all_added, [*tried, *points], with_one_mass(fit, tried, points, selected(fit, tried))), data
+    data, all_added = _with_effects(recorded, rows, new), [*added, *new]
+    tried, points = hypotheses(recorded.structure, all_added), point_masses(recorded.structure, all_added)
+    fit = _regression(recorded, data)
+    found = with_one_mass(fit, tried, points, selected(fit, tried))
+    return JointFit(fit, data, all_added, [*tried, *points], found)
+
+
+def _with_effects(recorded: Recorded, rows: Sequence[Rows], more: Sequence[Added]) -> list[Rows]:
+    """Rows with the columns of more effects."""
+    arm = recorded.structure.arm
+    return [with_columns(part, added_rows(more, arm, motion)) for part, motion in zip(rows, recorded.motions)]
+
+
+def _regression(recorded: Recorded, rows: Sequence[Rows]) -> JointRegression:
+    return joint_regression(recorded.structure, rows, recorded.fits, recorded.is_before, recorded.drift)

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse, stats
+from scipy import stats
 
 from arm_io.types import Array
 from comparison.joint_fit.hypotheses import Hypothesis
@@ -62,15 +62,13 @@ class _Conditional:
 
     residual  (n,) of the rows
     scores    (c,) of the side after
-    inverse, share, m  (c, c) as of ``JointRegression.information``
+    m         (c, c) M
     known, apart  (c, k) their directions, and (k, c) the coefficients that they have in what M makes of a direction
     """
 
     fit: JointRegression
     residual: Array
     scores: Array
-    inverse: Array
-    share: Array
     m: Array
     known: Array
     apart: Array
@@ -113,15 +111,13 @@ class _Estimate:
 
 def residuals_of(fit: JointRegression, found: Sequence[Tested]) -> list[Array]:
     """(k,) per recording: what the shared fit with the changes ``found`` leaves of its rows, over their noise."""
-    values, changes = _shared(fit, found)
-    residual = fit.y - fit.x @ values - np.where(fit.rows_after, fit.x @ changes, 0.0)
+    residual = fit.residual - fit.shown @ _changes(fit, found)
     return [residual[fit.recording[fit.block] == k] for k in range(fit.recordings)]
 
 
-def _shared(fit: JointRegression, found: Sequence[Tested]) -> tuple[Array, Array]:
-    """(c,) scaled: the values of the side before, less the model's, and the changes ``found``."""
-    changes = sum((one.changes for one in found), np.zeros(len(fit.scale))) / fit.scale
-    return fit.information[0] @ (fit.moment - fit.total_after @ changes), changes
+def _changes(fit: JointRegression, found: Sequence[Tested]) -> Array:
+    """(c,) scaled: the changes ``found``."""
+    return np.asarray(sum((one.changes for one in found), np.zeros(len(fit.scale))) / fit.scale)
 
 
 def shared_values(fit: JointRegression, model: Array, found: Sequence[Tested]) -> tuple[Array, Array]:
@@ -129,7 +125,7 @@ def shared_values(fit: JointRegression, model: Array, found: Sequence[Tested]) -
 
     model: (c,) values of the model.
     """
-    values, _ = _shared(fit, found)
+    values = fit.information[0] @ (fit.moment - fit.total_after @ _changes(fit, found))
     return model + fit.scale * values, fit.information[0] * fit.scale[:, None] * fit.scale
 
 
@@ -162,19 +158,15 @@ def _scatters(fit: JointRegression) -> bool:
 
 
 def _conditional(fit: JointRegression, chosen: Sequence[Hypothesis]) -> _Conditional:
-    inverse, share, m = fit.information
+    m = fit.information[2]
     added = np.concatenate([np.empty((len(m), 0)), *(one.directions for one in chosen)], axis=1) / fit.scale[:, None]
     apart = (
         np.linalg.pinv(added.T @ m @ added, hermitian=True, rcond=RANK_TOLERANCE) @ added.T
         if added.shape[1]
         else added.T
     )
-    after = fit.rows_after
-    fitted = added @ (apart @ (fit.moment_after - share @ fit.moment))
-    residual = fit.y - np.where(after, fit.x @ fitted, 0.0)
-    residual = residual - fit.x @ (inverse @ (fit.x.T @ residual))
-    scores = fit.x.T @ np.where(after, residual, 0.0)
-    return _Conditional(fit, residual, scores, inverse, share, m, added, apart)
+    fitted = added @ (apart @ fit.scores)
+    return _Conditional(fit, fit.residual - fit.shown @ fitted, fit.scores - m @ fitted, m, added, apart)
 
 
 def _drift(given: _Conditional) -> Array:
@@ -206,27 +198,24 @@ def _shape(given: _Conditional, directions: Array, drift: Array) -> _Shape:
 
 def _estimates(given: _Conditional, shapes: Sequence[_Shape], drift: Array) -> list[_Estimate | None]:
     """Of each shape, by what the shared fit leaves; None where the sides do not show it. ``drift`` as of ``_drift``."""
-    fit = given.fit
-    after, blocks = fit.rows_after, len(fit.recording)
-    along = np.concatenate([one.along for one in shapes], axis=1) if shapes else np.empty((len(fit.scale), 0))
+    fit, sizes = given.fit, [len(one.size) for one in shapes]
+    along = np.concatenate([np.empty((len(fit.scale), 0)), *(one.along for one in shapes)], axis=1)
     changed = np.stack([one.changed @ one.coefficients for one in shapes], axis=1) if shapes else along
     # with the drift that is seen beside the change, which is no noise of the rows
     changed = changed + drift @ (given.scores[:, None] - given.m @ changed)
-    shown, shared = fit.x @ along, fit.x @ (given.share.T @ along)
     # the residual of the fit in which it has changed
-    remaining = given.residual[:, None] - np.where(after[:, None], fit.x @ changed, 0.0)
-    remaining += fit.x @ (given.inverse @ (fit.total_after @ changed))
-    into = sparse.csr_array((np.ones(len(after)), (fit.block, np.arange(len(after)))), (blocks, len(after)))
+    remaining = given.residual[:, None] - fit.shown @ changed
+    sums = fit.into_blocks @ (np.repeat(remaining, sizes, axis=1) * (fit.shown @ along))
+    informed = fit.into_blocks @ (fit.x @ along) ** 2
     drifting = given.m @ fit.drift
     estimates: list[_Estimate | None] = []
     end = 0
-    for k, one in enumerate(shapes):
-        columns = slice(end, end := end + len(one.size))
-        moves = np.where(after[:, None], shown[:, columns], 0.0) - shared[:, columns]
-        parts = np.asarray(into @ (remaining[:, k, None] * moves)), np.asarray(into @ (shown[:, columns] ** 2))
+    for one, count in zip(shapes, sizes):
+        columns = slice(end, end := end + count)
         white = np.sum(one.along * (given.m @ one.along), axis=0) / one.size**2
         moved = one.along.T @ drifting / one.size[:, None]
-        estimates.append(_estimate(fit, one, *parts, white, moved) if len(one.size) else None)
+        parts = sums[:, columns], informed[:, columns]
+        estimates.append(_estimate(fit, one, *parts, white, moved) if count else None)
     return estimates
 
 

@@ -70,6 +70,7 @@ def record(
     zeros: Sequence[float] = (),
     reach: float = 1.0,
     late: float = 0.0,
+    soft: float = 0.0,
 ) -> Recording:
     """Encoders of 1e-5 rad; currents with white noise of 10 mA and as much that is correlated over 20 rows.
 
@@ -81,6 +82,7 @@ def record(
     zeros        (J,) rad that the encoders read where the links are at 0
     reach        factor of the motion of joint 1
     late         s by which the currents are read later than the encoders
+    soft         rad/(N m) of the gear of joint 1, by which its motor leads its link, without delay
     """
     t = np.arange(int(rate * seconds)) / rate
     q, qd, qdd = motion(t - late, len(arm), seed, speed)
@@ -96,6 +98,10 @@ def record(
     arm = replace(arm, gravity=tuple((pitch * roll).inv().apply(level).tolist()))
     torque = rigid_torque(arm, q, qd, qdd)
     torque[:, 1] += by_load * np.abs(torque[:, 1]) * np.sign(qd[:, 1])
+    lead = soft * torque[:, 0]
+    seen[:, 0] += lead
+    qd[:, 0] += np.gradient(lead, t)
+    qdd[:, 0] += np.gradient(np.gradient(lead, t), t)
     for j, joint in enumerate(arm.joints):
         torque[:, j] += joint.ratio**2 * joint.rotor_inertia * qdd[:, j] + friction(qd[:, j], levels[j])
     torque[:, 0] += ripple[0] * np.sin(ripple[1] * q[:, 0] + ripple[2])

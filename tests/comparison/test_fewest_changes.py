@@ -126,6 +126,24 @@ def test_a_hypothesis_is_judged_alone_as_beside_all_others(of_each_side: int) ->
         assert alone.covariance == pytest.approx(expected.covariance, rel=1e-9)
 
 
+def test_a_change_explains_what_least_squares_of_all_rows_explain() -> None:
+    fit, every = both_of(np.random.default_rng(5), (1.0, 0.5, 0.3), 0.0)
+    change = every[0].directions
+    rows = np.column_stack([fit.x, np.where(fit.rows_after[:, None], fit.x @ change, 0.0)])
+    left = fit.y - rows @ np.linalg.lstsq(rows, fit.y, rcond=None)[0]
+    (found,) = tested.tested(fit, every[:1], [])
+    assert np.concatenate(tested.residuals_of(fit, [found])) == pytest.approx(left, abs=1e-6)
+    every_column = np.arange(len(fit.scale))
+    explained = fit.explained(every_column, change, fit.moment, fit.moment_after)
+    assert explained == pytest.approx(fit.y @ fit.y - left @ left, rel=1e-9)
+    # of fewer columns, less
+    rows = rows[:, 1:]
+    left = fit.y - rows @ np.linalg.lstsq(rows, fit.y, rcond=None)[0]
+    assert fit.explained(every_column[1:], change, fit.moment, fit.moment_after) == pytest.approx(
+        fit.y @ fit.y - left @ left, rel=1e-9
+    )
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_a_cause_of_many_coefficients_is_none_where_one_leaves_chance_of_it(seed: int) -> None:
     """Coefficients of their own explain noise that is larger in slow motions than that of all rows."""

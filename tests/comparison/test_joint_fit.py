@@ -80,6 +80,21 @@ def tilted(root: Path, folder: Path, reach: float) -> Comparison:
     return compare_recordings(pair[:1], pair[1:], puma(root))
 
 
+@pytest.mark.parametrize(("stiffness", "speed"), [(1500.0, 5.0), (2800.0, 6.0)])
+def test_a_gear_that_got_soft_is_named_with_its_compliance(
+    root: Path, tmp_path: Path, stiffness: float, speed: float
+) -> None:
+    """Between two of the stiffnesses that are tried of every gear, beside friction of a motor that it moves."""
+    arm = puma(root, 2)
+    fast: dict[str, Any] = {"seconds": 12.0, "rate": 250.0, "speed": speed}
+    before = record(tmp_path / "before.mcap", arm, 1, **fast)
+    after = record(tmp_path / "after.mcap", arm, 2, **fast, soft=1.0 / stiffness)
+    found = {one.quantity.name: one for one in compare_recordings([before], [after], arm).significant}
+    soft = found.pop("joint1.joint_compliance.compliance")
+    assert soft.change == pytest.approx(1.0 / stiffness, rel=0.1)
+    assert {one.quantity.joint for one in found.values()} <= {1}
+
+
 def test_a_base_that_was_tilted_is_named(root: Path, tmp_path: Path) -> None:
     result = tilted(root, tmp_path, 4.0)
     found = significant(result)
