@@ -1,13 +1,18 @@
-"""What a notebook shows: a figure as an image, a whole report in a frame."""
+"""What a notebook shows: a figure as an image, a whole report in a frame, a result as a table of pandas."""
 
 from __future__ import annotations
 
 import base64
 import io
+from collections.abc import Mapping, Sequence
 from html import escape
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+from arm_io import InputError
+from arm_io.types import Array
 
 if TYPE_CHECKING:
+    import pandas
     from matplotlib.figure import Figure
 
 DPI = 100
@@ -33,3 +38,43 @@ def inline(page: str) -> str:
     """
     style = f"width:100%;height:{HEIGHT}px;border:1px solid #d8dee6"
     return f'<iframe sandbox="allow-scripts" style="{style}" srcdoc="{escape(page)}"></iframe>'
+
+
+def with_pandas() -> Any:
+    """The package pandas. InputError where it is not installed."""
+    try:
+        import pandas
+    except ImportError:
+        raise InputError("to_pandas", "needs pandas: pip install 'armscope[notebook]'") from None
+    return pandas
+
+
+def frame_over_time(t: Array, columns: Mapping[str, Array], attributes: Mapping[str, Any]) -> pandas.DataFrame:
+    """A table of columns (n,) indexed by t (n,), s. InputError where pandas is not installed."""
+    package = with_pandas()
+    frame: pandas.DataFrame = package.DataFrame(dict(columns), index=package.Index(t, name="t"))
+    frame.attrs = dict(attributes)
+    return frame
+
+
+def frame_of(
+    rows: Sequence[Mapping[str, Any]], columns: Sequence[str], index: str, attributes: Mapping[str, Any]
+) -> pandas.DataFrame:
+    """(rows, columns) a table indexed by the column ``index``; it has its columns without rows, too.
+
+    None becomes NaN in columns of numbers; ``attributes`` become ``attrs`` of the table.
+    InputError where pandas is not installed.
+    """
+    package = with_pandas()
+    frame: pandas.DataFrame = package.DataFrame.from_records(
+        [[row.get(name) for name in (index, *columns)] for row in rows]
+    )
+    frame = frame.reindex(columns=range(1 + len(columns))).set_axis([index, *columns], axis="columns").set_index(index)
+    for name in columns:
+        numbers = [row.get(name) for row in rows]
+        known = [one for one in numbers if one is not None]
+        if known and all(isinstance(one, int | float) and not isinstance(one, bool) for one in known):
+            whole = all(isinstance(one, int) for one in known)
+            frame[name] = frame[name].astype("Int64" if whole else "float64")
+    frame.attrs = dict(attributes)
+    return frame

@@ -20,7 +20,7 @@ COMMANDS: dict[str, str] = {
     "import": "convert measured data (CSV, Parquet, .mat, HDF5, ROS 2 bag) to a recording",
     "export": "convert a recording to CSV, Parquet, .mat or a ROS 2 bag",
     "plot": "plot or animate one recording, or several overlaid, or an experiment before it runs",
-    "model": "summarise a model file, print its equations (text, LaTeX, Python, C), convert from and to URDF and MJCF",
+    "model": "summarise a model file, print its equations (text, LaTeX, Python, C, MATLAB), convert URDF and MJCF",
     "simulate": "simulate a model on an experiment, or on the demands of a recording",
     "excite": "design an exciting motion for identification, as an experiment to record",
     "identify": "estimate the parameters of an arm from recordings, with uncertainty and held-out error",

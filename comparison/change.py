@@ -15,6 +15,11 @@ Kind = Literal["friction", "curve", "inertia", "effect", "cause"]
 of the model, one of a cause that a diagnosis named."""
 SIGNIFICANT = 0.05
 """Expected share of false discoveries among all changes that are called significant."""
+COLUMNS = (
+    *("description", "kind", "joint", "speed", "before", "std_before", "after", "std_after", "change", "std", "unit"),
+    *("relative", "std_relative", "z", "p", "p_corrected", "significant", "overruled", "not_comparable"),
+)
+"""Columns of ``to_row``, beside the name."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,6 +127,16 @@ class Change:
         after = max(self.std_after**2, change - before)
         variance = change + ratio**2 * before - sign * ratio * (after - before - change)
         return ratio, math.sqrt(max(variance, 0.0)) / abs(self.before)
+
+    def to_row(self) -> dict[str, Any]:
+        """As the table of ``Comparison.to_pandas`` has it: no entry contains others; None where a side says nothing."""
+        quantity, relative = self.quantity, self.relative or (None, None)
+        values = (
+            *(quantity.words, quantity.kind, quantity.joint, quantity.speed, self.before, self.std_before),
+            *(self.after, self.std_after, self.change, self.std, quantity.unit, *relative, self.z, self.p),
+            *(self.corrected, self.significant, self.overruled, quantity.why),
+        )
+        return {"name": quantity.name, **dict(zip(COLUMNS, values, strict=True))}
 
     def to_json(self) -> dict[str, Any]:
         """As compare.json has it."""

@@ -8,10 +8,11 @@ from os import PathLike
 from typing import TYPE_CHECKING, Any, Literal
 
 from arm_io import InputError
-from comparison.change import SIGNIFICANT, Change
+from comparison.change import COLUMNS, SIGNIFICANT, Change
 from comparison.circumstances import Circumstance
 
 if TYPE_CHECKING:
+    import pandas
     from matplotlib.figure import Figure
 
     from arm_model import Arm
@@ -118,6 +119,17 @@ class Comparison:
         from comparison.report.plots import overview
 
         return figure(overview(self))
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """A row per quantity, by name: both values and the change with their std, z, p, and whether it is significant.
+
+        ``relative`` is the change over the value before. InputError where pandas is not installed.
+        """
+        from arm_report.notebook import frame_of
+
+        rows = [change.to_row() for change in self.changes]
+        attributes = {"what": self.what, "before": list(self.before), "after": list(self.after)}
+        return frame_of(rows, COLUMNS, "name", attributes)
 
     def write(self, folder: str | PathLike[str], *, pictures: Collection[str] = ()) -> dict[str, Any]:
         """Writes compare.html, its charts as ``pictures`` ("png", "pdf") and compare.json; returns the latter."""

@@ -19,10 +19,12 @@ from identification.preprocessing.spectrum import Band
 from identification.regression.effect_columns import definition, is_effect
 
 if TYPE_CHECKING:
+    import pandas
     from matplotlib.figure import Figure
 
     from arm_report.motion import Clip
     from identification.regression.friction_band import FrictionBand
+    from identification.report.data_frames import What
 
 # Times the expected rms: at constant speed the steps of an encoder make tones, which are no noise.
 EXCESSIVE = 3.0
@@ -84,6 +86,15 @@ class Prediction:
         """(k,) the rows of a joint (from 0), or its sliding ones."""
         of_joint = self.joint == joint
         return of_joint & self.sliding if sliding and self.sliding is not None else of_joint
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """By t (s): columns ``measured1``, ``predicted1``, ``residual1``, .. per joint, N m or N.
+
+        Through the filter of the regression; NaN in rows that it leaves out. InputError where pandas is not installed.
+        """
+        from identification.report.data_frames import prediction_frame
+
+        return prediction_frame(self)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -174,14 +185,27 @@ class Identification:
 
         return figure(next(predictions(self)))
 
-    def write(self, folder: str | PathLike[str], *, pictures: Collection[str] = ()) -> dict[str, Any]:
+    def to_pandas(self, what: What = "parameters") -> pandas.DataFrame:
+        """``parameters`` or ``base_parameters``: value, std, unit, identifiable, why not; by name or expression.
+
+        ``joints``: rms and relative error of each joint (from 1), fitted and held out, and error over noise floor.
+        InputError where pandas is not installed.
+        """
+        from identification.report.data_frames import identification_frame
+
+        return identification_frame(self, what)
+
+    def write(
+        self, folder: str | PathLike[str], *, pictures: Collection[str] = (), mat: bool = False
+    ) -> dict[str, Any]:
         """Writes identification.json, report.html, model.toml and its charts as ``pictures`` ("png", "pdf").
 
+        mat  identification.mat, too: parameters, covariance, measured and predicted torques for MATLAB
         Returns what identification.json says.
         """
         from identification.report.write import write_identification
 
-        return write_identification(folder, self, pictures)
+        return write_identification(folder, self, pictures, mat=mat)
 
     def rows(self, held_out: bool) -> list[Prediction]:
         return [p for p in self.predictions if p.held_out == held_out]

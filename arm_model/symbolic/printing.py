@@ -39,10 +39,14 @@ def shown(name: str) -> str:
 
 @dataclass(frozen=True)
 class Language:
-    """Names of the functions of a tape, and how an assignment reads. rsqrt is written as 1 / sqrt."""
+    """Names of the functions of a tape, and how an assignment reads. rsqrt is written as 1 / sqrt.
+
+    elementwise: mark before the signs of products and quotients of arrays
+    """
 
     functions: Mapping[str, str]
     assign: str = "{name} = {value}"
+    elementwise: str = ""
 
 
 PYTHON = Language(
@@ -53,6 +57,10 @@ PYTHON_FUNCTIONS = ("sin", "cos", "sqrt", "exp", "log", "abs", "minimum", "maxim
 C = Language(
     {name: name for name in ("sin", "cos", "sqrt", "exp", "log")} | {"abs": "fabs", "min": "fmin", "max": "fmax"},
     "const double {name} = {value};",
+)
+
+MATLAB = Language(
+    {name: name for name in ("sin", "cos", "sqrt", "exp", "log", "abs", "min", "max")}, "{name} = {value};", "."
 )
 
 
@@ -102,11 +110,11 @@ def _value(node: Node, values: list[Term], language: Language, names: Mapping[st
         sign, binds = _INFIX[node.operation]
         left = _bound(values[0], binds)
         right = _bound(values[1], binds + (node.operation in ("sub", "div")))
-        return f"{left} {sign} {right}", binds
+        return f"{left} {language.elementwise if binds == PRODUCT else ''}{sign} {right}", binds
     if node.operation == "neg":
         return f"-{_bound(values[0], PRODUCT)}", SUM
     if node.operation == "rsqrt":
-        return f"1.0 / {language.functions['sqrt']}({values[0][0]})", PRODUCT
+        return f"1.0 {language.elementwise}/ {language.functions['sqrt']}({values[0][0]})", PRODUCT
     return f"{language.functions[node.operation]}({', '.join(value for value, _ in values)})", ATOM
 
 
@@ -137,6 +145,14 @@ def c_function(
     body = [*lines, *(f"out[{k}] = {value};" for k, value in values.items())]
     head = f"void {name}({', '.join([*arguments, 'double *out'])})\n{{\n"
     return head + "".join(f"    {line}\n" for line in body) + "}\n"
+
+
+def matlab_body(rows_of: str, tape: Tape, outputs: Sequence[Expr], names: Mapping[str, str] | None = None) -> str:
+    """Lines of a MATLAB function that assign ``out``, a column per output, a row per row of the matrix ``rows_of``."""
+    lines, values = assignments(tape, {str(k): expr for k, expr in enumerate(outputs)}, MATLAB, names)
+    size = f"out = zeros(size({rows_of}, 1), {len(outputs)});"
+    body = [*lines, size, *(f"out(:, {int(k) + 1}) = {value};" for k, value in values.items())]
+    return "".join(f"{line}\n" for line in body) + "end\n"
 
 
 def equations(tape: Tape, outputs: Mapping[str, Expr], names: Mapping[str, str] | None = None) -> str:

@@ -15,6 +15,7 @@ from arm_io.whole_folder import whole_folder
 from armscope.api.reading import File, Source, fixed_model, open_recording
 
 if TYPE_CHECKING:
+    import pandas
     from matplotlib.figure import Figure
 
     from arm_io.types import Array
@@ -89,6 +90,19 @@ class Calibration:
         ]
         table["warnings"] += self.again
         return table
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """A row per joint, from 1: theta, alpha, a, d, beta in rad and m, then std_theta, .. of each.
+
+        A std of 0 means that the parameter is kept. InputError where pandas is not installed.
+        """
+        from arm_report.notebook import frame_of
+
+        joints = self.to_json()["parameters"]
+        names = list(joints[0]["std"])
+        rows = [{**one, **{f"std_{name}": one["std"][name] for name in names}} for one in joints]
+        columns = [*names, *(f"std_{name}" for name in names)]
+        return frame_of(rows, columns, "joint", {"arm": self.nominal.name, "position_rms": self.position_rms})
 
     def plot(self) -> Figure:
         """Distance of every tracked point from the nominal and from the calibrated arm, run by run."""

@@ -12,6 +12,7 @@ from arm_io.progress import silent
 from armscope.api.reading import File, Source, check_distinct, fixed_model, for_analysis
 
 if TYPE_CHECKING:
+    import pandas
     from matplotlib.figure import Figure
 
     from arm_model import Arm
@@ -105,6 +106,17 @@ class Diagnosis:
         from diagnosis.report import table_of
 
         return table_of(self.details, list(self.fit), list(self.held_out))
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """A row per parameter of each cause, by effect: joint (from 1), parameter, value, std, unit, confidence, gain.
+
+        error_before, error_after  rms of the held-out residual without and with the cause, in error_unit
+        alternatives               effects that these recordings cannot distinguish from the cause
+        InputError where pandas is not installed.
+        """
+        from diagnosis.report import causes_frame
+
+        return causes_frame(self.details)
 
     def plot(self) -> Figure:
         """Held-out residual current of every joint over time, in units of the noise, before and after."""

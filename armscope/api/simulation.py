@@ -30,6 +30,7 @@ from experiment import Experiment, demand_of, write_experiment
 from identification.preprocessing import check_joints, demand_of_run
 
 if TYPE_CHECKING:
+    import pandas
     from matplotlib.figure import Figure
 
 RATE = 1000.0
@@ -137,6 +138,23 @@ class Simulation:
             axis.set_xlabel("t [s]")
         return figure
 
+    def to_pandas(self) -> pandas.DataFrame:
+        """By t (s): the columns of ``armscope export``, units in ``attrs["units"]``.
+
+        InputError where pandas is not installed.
+        """
+        from arm_report.notebook import frame_over_time
+
+        columns, units, joints = {}, {"x": "m", "y": "m", "z": "m"}, self.arm.joints
+        for signal, values in (("q", self.q), ("i", self.i), ("qref", self.qref)):
+            for number, joint in enumerate(joints, 1):
+                columns[f"{signal}{number}"] = values[:, number - 1]
+                position = "rad" if joint.revolute else "m"
+                units[f"{signal}{number}"] = joint.command_unit if signal == "i" else position
+        if self.xyz is not None:
+            columns |= dict(zip("xyz", self.xyz.T))
+        return frame_over_time(self.t, columns, {"units": {name: units[name] for name in columns}})
+
     def write(self, path: File) -> Recording:
         """Writes a recording (.mcap), replacing one that is there, and opens it."""
         signals = {"q": self.q, "i": self.i, "qref": self.qref}
@@ -197,10 +215,17 @@ def simulate(
         attachments=Attachments(
             model=_text(model, write_model),
             experiment=task.experiment,
-            provenance=provenance("simulated", source=source),
+            provenance=provenance("simulated", source=source, **_units(task.arm)),
             chain=chain_of(task.arm),
         ),
     )
+
+
+def _units(arm: Arm) -> dict[str, Any]:
+    """What a recording without a rig says of the units of q and i."""
+    units = {joint.command_unit for joint in arm.joints}
+    torques = {"current_unit": "N m"} if units <= {"N m", "N"} else {}
+    return {"joint_types": [joint.type for joint in arm.joints], **torques}
 
 
 def _task(model: File | Arm, experiment: File | Experiment | None, like: Source | None, rate: float | None) -> _Task:

@@ -59,6 +59,12 @@ def command(
     ] = False,
     png: Png = False,
     pdf: Pdf = False,
+    mat: Annotated[
+        bool,
+        typer.Option(
+            "--mat", help="also write DIR/identification.mat: parameters, covariance, measured and predicted torques"
+        ),
+    ] = False,
     as_json: Json = False,
 ) -> None:
     """Identifies an arm."""
@@ -76,6 +82,7 @@ def command(
             "--friction": friction is not None,
             "--shape": shape != "auto",
             "--check": only_check,
+            "--mat": mat,
         }
         _identify_base(run, model, held_out or [], out, pictures(png, pdf), as_json, options)
         return
@@ -84,7 +91,7 @@ def command(
     if out is None or only_check:
         _check(run, model, chosen, as_json)
     else:
-        _identify(run, model, chosen | {"shape": shape}, out, pictures(png, pdf), as_json)
+        _identify(run, model, chosen | {"shape": shape}, out, {"pictures": pictures(png, pdf), "mat": mat}, as_json)
 
 
 def _check(run: list[Path], model: Path, chosen: dict[str, Any], as_json: bool) -> None:
@@ -98,7 +105,7 @@ def _check(run: list[Path], model: Path, chosen: dict[str, Any], as_json: bool) 
 
 
 def _identify(
-    run: list[Path], model: Path, chosen: dict[str, Any], out: Path, kinds: Sequence[str], as_json: bool
+    run: list[Path], model: Path, chosen: dict[str, Any], out: Path, files: dict[str, Any], as_json: bool
 ) -> None:
     """An arm on a fixed base: the parameters, and the report with its files in ``out``."""
     from arm_report import wrapped
@@ -107,7 +114,7 @@ def _identify(
     with shown(as_json) as progress:
         result = identify(run, model, **chosen, progress=progress)
         progress("report")
-        table = result.write(out, pictures=kinds)
+        table = result.write(out, **files)
     print(json_text(table) if as_json else wrapped(f"{result}\n{out / 'report.html'}, identification.json, model.toml"))
 
 

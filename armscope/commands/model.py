@@ -38,7 +38,9 @@ def command(
     out: Annotated[
         Path | None, typer.Option(help="file to write (.toml or .urdf); with --into: the copy of that file")
     ] = None,
-    equations: Annotated[Form | None, typer.Option(help="print the accelerations: text, latex, python or c")] = None,
+    equations: Annotated[
+        Form | None, typer.Option(help="print the accelerations: text, latex, python, c or matlab")
+    ] = None,
     by: Annotated[
         Formulation | None, typer.Option(help="with --equations: the torques of the rigid links, by this formulation")
     ] = None,
@@ -75,8 +77,8 @@ def command(
         raise InputError("model", "needs a model file, as config/models/puma560.toml")
     arm = _read(model, tip if into is None else None)
     if gear is not None or torque_constant is not None:
-        if model.suffix == ".toml":
-            raise InputError(model, "has drives of its own; --gear and --torque-constant are for URDF and MuJoCo files")
+        if model.suffix == ".toml" and any((joint.gear, joint.torque_constant) != (1.0, 1.0) for joint in arm.joints):
+            raise InputError(model, "has drives of its own; --gear and --torque-constant are for files without drives")
         arm = _with_drives(arm, gear, torque_constant)
     note_gaps(model, "dynamics", "collisions", tip=tip)
     for what, asked in (
@@ -91,10 +93,10 @@ def command(
         _update(into, arm, out, tip)
     elif out is not None:
         _write(out, arm)
-        if model.suffix in (".urdf", *SUFFIXES) and out.suffix == ".toml":
+        if (model.suffix in (".urdf", *SUFFIXES) or gear is not None) and out.suffix == ".toml":
             _note_motors(arm, torque_constant is not None)
     if by is not None and equations is None:
-        raise InputError("--by", "needs --equations text, latex, python or c")
+        raise InputError("--by", "needs --equations text, latex, python, c or matlab")
     if equations is not None:
         print(equations_text(arm, equations, by), end="")
         return

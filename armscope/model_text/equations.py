@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from enum import StrEnum
 
@@ -18,6 +19,7 @@ class Form(StrEnum):
     LATEX = "latex"
     PYTHON = "python"
     C = "c"
+    MATLAB = "matlab"
 
 
 class Formulation(StrEnum):
@@ -42,6 +44,8 @@ def equations_text(arm: Arm, form: Form, by: Formulation | None) -> str:
         equations = printing.equations(tape, {_left(name): value for name, value in outputs.items()}, read)
         return equations + "\n\nwith the values of the model, regrouped:\n" + _listed(arm, read, "{} = {}\n")
     legal = {name: text.replace(".", "_") for name, text in read.items()}
+    if form is Form.MATLAB:
+        return _matlab(arm, what, tape, outputs, legal)
     python = form is Form.PYTHON
     write: Callable[..., str] = printing.python_function if python else printing.c_function
     arguments = [name if python else f"double {name}" for name in legal.values()]
@@ -54,6 +58,24 @@ def equations_text(arm: Arm, form: Form, by: Formulation | None) -> str:
         values = _listed(arm, legal, "   {} = {}\n")
         head = f"/* {order}\n   with the values of the model, regrouped:\n{values}*/\n#include <math.h>\n\n"
     return head + write(what, arguments, tape, list(outputs.values()), legal)
+
+
+def _matlab(arm: Arm, what: str, tape: Tape, outputs: Mapping[str, Expr], legal: Mapping[str, str]) -> str:
+    """A function file of matrices with a row per sample; without arguments it returns the values of the model."""
+    given = numbers(arm)
+    signals = dict.fromkeys(text.rstrip("0123456789") for name, text in legal.items() if name not in given)
+    names = {
+        name: f"p.{text}" if name in given else re.sub(r"(\d+)$", r"(:, \1)", text) for name, text in legal.items()
+    }
+    values = ", ...\n".join(_listed(arm, legal, "        '{}', {}\n").splitlines())
+    return (
+        f"function out = {what}({', '.join(['p', *signals])})\n"
+        f"% out, in columns: {', '.join(_left(name) for name in outputs)}\n"
+        f"% {', '.join(signals)}: a row per sample, a column per joint\n"
+        f"% p = {what}(): the values of the model, regrouped\n"
+        f"if nargin == 0\n    out = struct( ...\n{values});\n    return\nend\n"
+        + printing.matlab_body([*signals][-1], tape, list(outputs.values()), names)
+    )
 
 
 def _listed(arm: Arm, names: Mapping[str, str], line: str) -> str:

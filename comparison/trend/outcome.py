@@ -12,6 +12,7 @@ from comparison.trend.history import Histories
 from comparison.trend.movement import Movement
 
 if TYPE_CHECKING:
+    import pandas
     from matplotlib.figure import Figure
 
     from arm_model import Arm
@@ -65,6 +66,23 @@ class Trend:
 
         shown = list({id(one): one for one in (*self.moved, *self.limited)}.values())
         return figure(histories_chart(self.histories, shown or self.movements[:6], "moved", "histories"))
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """A row per quantity and result, by date (UTC): name, description, joint, value, std, unit, moved, source.
+
+        The values that were fitted; InputError where pandas is not installed.
+        """
+        from arm_report.notebook import frame_of, with_pandas
+
+        rows = [
+            {**one, **{name: quantity[name] for name in ("name", "description", "joint", "unit", "moved")}}
+            for quantity in self.to_json()["quantities"]
+            for one in quantity["history"]
+        ]
+        columns = ("name", "description", "joint", "value", "std", "unit", "moved", "source")
+        frame = frame_of(rows, columns, "date", {"what": self.histories.what})
+        frame.index = with_pandas().to_datetime(frame.index, utc=True)
+        return frame
 
     def write(self, folder: str | PathLike[str], *, pictures: Collection[str] = ()) -> dict[str, Any]:
         """Writes trend.html, its charts as ``pictures`` ("png", "pdf") and trend.json; returns what trend.json says."""

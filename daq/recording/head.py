@@ -93,7 +93,7 @@ class RecordingHead:
         return utc_date_of(self.provenance.get("made"))
 
     def position_unit(self, joint: int) -> str:
-        """rad, or m of a joint (from 1) that slides, as the rig says, or the model with which a table was imported."""
+        """rad, or m of a joint (from 1) that slides, as the rig says, or the model of an import or simulation."""
         types = self.provenance.get("joint_types", [])
         kind = types[joint - 1] if joint <= len(types) else self._joint_table(joint).get("type")
         return "m" if kind == "prismatic" else "rad"

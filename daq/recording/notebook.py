@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from arm_io import InputError
 from arm_report import image, table, warning
+from arm_report.notebook import frame_over_time
 from daq.recording.losses import Account, sentences
 from daq.recording.messages.row_format import JOINT_TOPICS
 from daq.recording.tables.exported import columns_of, units_of
@@ -69,16 +70,10 @@ def to_pandas(recording: Recording) -> pandas.DataFrame:
 
     InputError where pandas is not installed.
     """
-    try:
-        import pandas
-    except ImportError:
-        raise InputError("to_pandas", "needs pandas: pip install 'armscope[notebook]'") from None
-    columns = columns_of(recording)
+    columns, units = columns_of(recording), units_of(recording)
     t = columns.pop("t")
-    frame = pandas.DataFrame(columns, index=pandas.Index(t, name="t"))
-    units = units_of(recording)
-    frame.attrs = {"units": {name: units[name] for name in frame.columns if name in units}, **_attributes(recording)}
-    return frame
+    named = {name: units[name] for name in columns if name in units}
+    return frame_over_time(t, columns, {"units": named, **_attributes(recording)})
 
 
 def to_xarray(recording: Recording) -> xarray.Dataset:

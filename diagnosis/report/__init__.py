@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from arm_io import lazy
 
 if TYPE_CHECKING:
+    from diagnosis.report.data_frame import causes_frame
     from diagnosis.report.floating_base import base_report, write_base_diagnosis
     from diagnosis.report.html import report
     from diagnosis.report.plots.overview import overview
@@ -17,6 +18,7 @@ else:
 __all__ = [
     "Experiments",
     "base_report",
+    "causes_frame",
     "diagnosis_text",
     "overview",
     "report",

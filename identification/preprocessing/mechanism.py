@@ -98,8 +98,9 @@ def _check_units(recording: Recording, arm: Arm) -> None:
             raise InputError(
                 recording.path,
                 f"has the {'torque' if unit == 'N m' else 'force'} of joint {number} ({unit}); '{arm.name}' takes "
-                f"currents, {joint.drive_constant:.4g} {_per_ampere(joint)}: use a model without torque constants, or "
-                "import the table with the --rig of this one",
+                f"currents, {joint.drive_constant:.4g} {_per_ampere(joint)}: in a model that takes this "
+                f"{'torque' if unit == 'N m' else 'force'}, torque_constant is 1 over the gear, "
+                f"{1 / joint.ratio:.4g}; or import the table with the --rig of this model",
             )
 
 

@@ -8,6 +8,7 @@ of it: a wrist coupling of -0.03 +- 11 in front of a link of 0.1 kg.
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -119,11 +120,19 @@ def _reason(problem: Problem, column: int, silent: int | None) -> tuple[str, boo
             True,
         )
     if silent is not None:
-        return "not excited by these runs; value of the model", False
+        return f"not excited by these runs; {_origin(problem, name)}", False
     if np.any(problem.base.grouping[:, column] != 0):
         return (
             "only in combination with others (base_parameters); this value is that of the physically consistent arm "
             "nearest to the model",
             False,
         )
-    return "changes no torque of this arm, whatever its other parameters; value of the model", False
+    return f"changes no torque of this arm, whatever its other parameters; {_origin(problem, name)}", False
+
+
+def _origin(problem: Problem, name: str) -> str:
+    """Where a value that the data do not determine comes from."""
+    link = re.fullmatch(r"link(\d+)\.(mass|m[xyz]|i[xyz]{2})", name)
+    if link is not None and problem.arm.joints[int(link[1]) - 1].mass <= 0.0:
+        return "value of a small body, which a link without mass in the model gets here"
+    return "value of the model"

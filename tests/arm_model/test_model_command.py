@@ -6,6 +6,7 @@ import inspect
 import json
 import re
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -59,6 +60,43 @@ def test_python_equations_run_as_printed(root: Path, capsys: pytest.CaptureFixtu
     assert run(["model", str(root / MODEL), "--equations", "python"]) == 0
     exec(compile(capsys.readouterr().out, "rates", "exec"), space)
     assert space["VALUES"]["rotor1"] > 0.0
+
+
+def _as_python(matlab: str) -> str:
+    """A MATLAB function of assignments as Python: what stands for elements of matrices, and one index from 1."""
+    body = matlab.partition("\nend\n")[2].removesuffix("end\n")
+    body = re.sub(r"\(:, (\d+)\)", lambda column: f"[:, {int(column[1]) - 1}]", body)
+    assert not re.search(r"[^.]\*|[^.]/|\^|\[\d", body)  # matrix products, powers
+    body = re.sub(r"zeros\(size\((\w+), 1\), (\d+)\)", r"zeros((len(\1), \2))", body)
+    head = re.match(r"function out = (\w+\(.*\))\n", matlab)
+    assert head is not None
+    lines = "".join(f"    {line}\n" for line in body.replace(".*", "*").replace("./", "/").splitlines())
+    return f"def {head[1]}:\n{lines}    return out\n"
+
+
+@pytest.mark.parametrize("by", [[], ["--by", "newton-euler"]])
+def test_matlab_equations_take_a_row_per_sample(root: Path, by: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    """Of a worn arm, with every operation of friction: as the Python form, sample by sample."""
+    model, what = str(root / "config/models/puma560_worn.toml"), "torques" if by else "rates"
+    space: dict[str, Any] = {name: getattr(np, name) for name in ("sin", "cos", "sqrt", "exp", "log", "abs", "zeros")}
+    space |= {"min": np.minimum, "max": np.maximum}
+    assert run(["model", model, "--equations", "matlab", *by]) == 0
+    printed = capsys.readouterr().out
+    exec(compile(_as_python(printed), what, "exec"), space)
+    matlab = space[what]
+    assert run(["model", model, "--equations", "python", *by]) == 0
+    exec(compile(capsys.readouterr().out, what, "exec"), space)
+    values = {name: float(value) for name, value in re.findall(r"^ {8}'(\w+)', (\S+?)(?:, \.\.\.|\);)$", printed, re.M)}
+    assert values == space["VALUES"]
+    signals = [*inspect.signature(matlab).parameters][1:]
+    data = dict(zip(signals, np.random.default_rng(1).uniform(-1.0, 1.0, (len(signals), 3, 6))))
+    found = matlab(SimpleNamespace(**values), **data)
+    taken = inspect.signature(space[what]).parameters
+    each = {f"{name}{j + 1}": data[name][:, j] for name in signals for j in range(6)}
+    expected = space[what](**values, **{name: column for name, column in each.items() if name in taken})
+    np.testing.assert_allclose(found, np.array(expected).T, rtol=1e-12)
+    names = re.findall(r"(?:d )?\w+(?:/dt)?", printed.partition("columns: ")[2].partition("\n")[0])
+    assert len(names) == found.shape[1] and names[-1] == ("tau6" if by else "d speed6/dt")
 
 
 @pytest.mark.parametrize("form", ["text", "latex", "c"])
@@ -138,6 +176,18 @@ def test_gears_convert_what_urdf_says_of_the_joint(
     assert run(["model", str(urdf), *drives, "--out", str(model)]) == 0
     assert "torque_constant" not in capsys.readouterr().err
     assert [(joint.gear, joint.torque_constant) for joint in read_model(model).joints] == [(100.0, 0.12), (-80.0, 0.08)]
+
+
+def test_gears_are_added_to_a_table_without_drives(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The table of models.md: a logged torque stays that of the joint."""
+    page = (Path(__file__).parents[2] / "docs/models.md").read_text(encoding="utf-8")
+    table = page.partition("```toml\n")[2].partition("```")[0]
+    (tmp_path / "table.toml").write_text(table)
+    assert len(read_model(tmp_path / "table.toml")) == 2 and "modified" in table
+    assert run(["model", str(tmp_path / "table.toml"), "--gear", "100", "--out", str(tmp_path / "arm.toml")]) == 0
+    assert "counts as the torque of the joint" in capsys.readouterr().err
+    joints = read_model(tmp_path / "arm.toml").joints
+    assert [(joint.gear, joint.drive_constant) for joint in joints] == [(100.0, pytest.approx(1.0))] * 2
 
 
 @pytest.mark.parametrize(

@@ -80,5 +80,7 @@ def test_a_recording_made_with_other_drives(arm: Arm, tmp_path: Path) -> None:
         assert len(told) == bool(said) and all(one in told[0] for one in said)
     with pytest.raises(InputError, match=rf"{2 * constant:.4g} N m/A at joint 3.*has {constant:.4g}"):
         check_recordings(arm, [recorded(2.0)])
-    with pytest.raises(InputError, match=r"has the torque of joint 1 \(N m\).*takes currents"):
+    needed = 1 / abs(arm.joints[0].gear)
+    said = rf"has the torque of joint 1 \(N m\).*takes currents.*torque_constant is 1 over the gear, {needed:.4g};"
+    with pytest.raises(InputError, match=said):
         check_recordings(arm, [recorded(1.0, current_unit="N m")])

@@ -144,6 +144,12 @@ def _model(folder: Path) -> None:
     write_model(folder / "identified/model.toml", replace(arm, joints=worn))
 
 
+def _models(folder: Path) -> None:
+    """The table that the document shows."""
+    page = (ROOT / "docs/models.md").read_text(encoding="utf-8")
+    (folder / "table.toml").write_text(page.partition("```toml\n")[2].partition("```")[0])
+
+
 def _panda(path: Path) -> None:
     """A MuJoCo model whose last link is called hand."""
     turns = ["0 0 0", "90 0 0", "0 0 0", "-90 0 0", "90 0 0", "-90 0 0"]
@@ -210,6 +216,7 @@ OF_THEIR_OWN: dict[str, Callable[[Path], None]] = {
     "docs/hardware.md": _to_be_recorded,
     "docs/identification.md": _identification,
     "docs/model.md": _model,
+    "docs/models.md": _models,
     "docs/recordings.md": _recordings,
     "docs/terminal.md": _terminal,
 }

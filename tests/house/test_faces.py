@@ -35,7 +35,7 @@ PUBLIC = {
         "types",
         "whole_folder",
     ),
-    "arm_report": ("chart", "motion", "numbers", "palette", "picture_file", "vendor"),
+    "arm_report": ("chart", "motion", "notebook", "numbers", "palette", "picture_file", "vendor"),
     "arm_model": (
         "collision",
         "friction_split",
