@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import csv
 import io
 import os
@@ -22,7 +23,7 @@ SEPARATORS = ";\t|"
 """Besides the comma; with them a number may have a decimal comma, as of a spreadsheet in Germany or France."""
 _ANGLE = re.compile(r"(q[1-9]|r[xyz]|roll|pitch|yaw)[0-9]*")
 _LENGTH = re.compile(r"(q[1-9]|[xyz]|target_[xyz])[0-9]*")
-_STATED = re.compile(r"(\w+) ?\[([^\]]*)\]")
+_STATED = re.compile(r"(\w+) ?(?:\[([^\]]*)\]|\(([^)]*)\))")
 
 
 @dataclass(frozen=True)
@@ -68,19 +69,37 @@ class Cells:
 
 
 def read_cells(path: Path) -> Cells:
-    """The table in a file. InputError: cannot be read, or a column is there twice or in an unknown unit."""
+    """The table in a file.
+
+    InputError: cannot be read, a column is there twice or in an unknown unit, or a row has more cells than names.
+    """
     try:
-        with os.fdopen(open_regular(path), newline="", encoding="utf-8-sig") as file:
-            text = file.read()
+        with os.fdopen(open_regular(path), "rb") as file:
+            text = _decoded(path, file.read())
         separator = _separator(text)
         rows = list(csv.reader(io.StringIO(text, newline=""), delimiter=separator))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise InputError(path, f"cannot be read as a CSV table: {getattr(error, 'strerror', None) or error}") from None
     columns = [_name_and_factor(path, cell.strip()) for cell in (rows[0] if rows else [])]
     names = [name for name, _ in columns]
-    if repeated := [name for name in names if names.count(name) > 1]:
+    if repeated := [name for name in names if name and names.count(name) > 1]:
         raise InputError(path, f"line 1: column {repeated[0]!r} is there twice")
+    for number, row in enumerate(rows[1:], 2):
+        if any(cell.strip() for cell in row[len(names) :]):
+            raise InputError(path, f"line {number}: has {len(row)} cells; line 1 has {len(names)} names")
     return Cells(path, names, rows[1:], {name: factor for name, factor in columns if factor != 1.0}, separator)
+
+
+def _decoded(path: Path, content: bytes) -> str:
+    """Text in UTF-8, in UTF-16 with a byte order mark, or in Windows-1252, as spreadsheets write it."""
+    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return content.decode("utf-16")
+    if b"\0" in content:
+        raise InputError(path, "is no text; save the table as CSV")
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return content.decode("cp1252")
 
 
 def _separator(text: str) -> str:
@@ -96,11 +115,11 @@ def _with_point(text: str) -> str:
 
 
 def _name_and_factor(path: Path, cell: str) -> tuple[str, float]:
-    """Name of a column, and what its numbers are multiplied by: of "x [mm]" x and 0.001."""
+    """Name of a column, and what its numbers are multiplied by: of "x [mm]" or "x (mm)" x and 0.001."""
     stated = _STATED.fullmatch(cell)
     if stated is None:
         return cell, 1.0
-    name, unit = stated[1], stated[2].strip()
+    name, unit = stated[1], (stated[2] or stated[3] or "").strip()
     units = (ANGLES if _ANGLE.fullmatch(name) else {}) | (LENGTHS if _LENGTH.fullmatch(name) else {})
     if not units:
         return cell, 1.0

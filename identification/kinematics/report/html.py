@@ -19,6 +19,11 @@ from identification.kinematics.report.plots import circle_chart, clips_of, error
 from identification.kinematics.report.write import NO_CHANGE, change, coupling_equations
 from identification.kinematics.use.iso_cube import CubeReport
 
+_SHOWN = (
+    *((name, 180 / np.pi, "°") for name in ("theta", "alpha", "beta")),
+    *((name, 1e3, " mm") for name in ("a", "d")),
+)
+"""Parameters of a joint with the factor and unit in which they are shown."""
 _LISTED = 50
 """Outliers of a run that the page lists; kinematics.json has all."""
 
@@ -42,6 +47,7 @@ def page(
             "error_table": _error_table(table),
             "left_out": _left_out(table),
             "parameters": _parameter_table(table),
+            "corrections": _corrections(table),
             "frame_known": table["tracker_frame"]["known"],
             "coupling": coupling_equations(table),
             "base": ", ".join(f"{1e3 * v:.3f}" for v in np.array(table["base"])[:3, 3]),
@@ -137,12 +143,20 @@ def _parameter_table(table: dict[str, Any]) -> Markup:
     rows = []
     for row in table["parameters"]:
         cells: list[Any] = [f"joint {row['joint']}"]
-        for name in ("theta", "alpha", "beta"):
-            cells.append(_with_std(np.degrees(row[name]), np.degrees(row["std"][name]), "°"))
-        for name in ("a", "d"):
-            cells.append(_with_std(1e3 * row[name], 1e3 * row["std"][name], " mm"))
+        for name, factor, unit in _SHOWN:
+            cells.append(_with_std(factor * row[name], factor * row["std"][name], unit))
         rows.append(cells)
-    return _table(["", "theta", "alpha", "beta", "a", "d"], rows)
+    return _table(["", *(name for name, *_ in _SHOWN)], rows)
+
+
+def _corrections(table: dict[str, Any]) -> Markup | None:
+    """What is added to the parameters of the model, those that are kept left empty; None: nothing is."""
+    rows = []
+    for row in table["parameters"]:
+        several = [(factor * row["change"][name], factor * row["std"][name], unit) for name, factor, unit in _SHOWN]
+        cells = [_with_std(change, std, unit) if change or std else "" for change, std, unit in several]
+        rows.append([f"joint {row['joint']}", *cells])
+    return _table(["", *(name for name, *_ in _SHOWN)], rows) if any(any(cells[1:]) for cells in rows) else None
 
 
 def _target(target: dict[str, Any]) -> Markup:

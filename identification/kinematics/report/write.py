@@ -33,7 +33,10 @@ def table_of(arm: Arm, calibration: Calibration) -> dict[str, Any]:
     judged_on = calibration.judged_by
     return {
         "schema": "armscope.kinematics/1",
-        "parameters": [_joint(calibration, number, joint) for number, joint in enumerate(calibrated.joints, 1)],
+        "parameters": [
+            _joint(calibration, number, joint, given)
+            for number, (joint, given) in enumerate(zip(calibrated.joints, arm.joints), 1)
+        ],
         "base": np.array(calibrated.base).tolist(),
         "tool": targets[0]["pose"],
         "targets": targets,
@@ -68,10 +71,11 @@ def table_of(arm: Arm, calibration: Calibration) -> dict[str, Any]:
     }
 
 
-def _joint(calibration: Calibration, number: int, joint: Joint) -> dict[str, Any]:
-    """Parameters of a joint (from 1) with their std."""
+def _joint(calibration: Calibration, number: int, joint: Joint, given: Joint) -> dict[str, Any]:
+    """Parameters of a joint (from 1) with their std, and their change from those of the ``given`` model."""
     std = {name: calibration.std.get(f"joint{number}.{name}", 0.0) for name in NAMES}
-    return {"joint": number} | {name: getattr(joint, name) for name in NAMES} | {"std": std}
+    change = {name: getattr(joint, name) - getattr(given, name) for name in NAMES}
+    return {"joint": number} | {name: getattr(joint, name) for name in NAMES} | {"std": std, "change": change}
 
 
 def _tried(trial: Trial) -> dict[str, Any]:

@@ -55,6 +55,12 @@ def test_a_table_of_sixty_poses_is_calibrated_and_cross_validated(tmp_path: Path
     assert found["identifiable"] == 27
     assert not any("of 27" in warning for warning in found["warnings"])
     assert not found["tracker_frame"]["known"]
+    given, calibrated = read_model(tmp_path / "foreign.toml"), read_model(tmp_path / "out/model.toml")
+    for entry, before, after in zip(found["parameters"], given.joints, calibrated.joints):
+        for name, change in entry["change"].items():
+            assert change == pytest.approx(getattr(after, name) - getattr(before, name), abs=1e-12)
+    page = (tmp_path / "out/report.html").read_text()
+    assert "Corrections" in page and f"{np.degrees(found['parameters'][2]['change']['theta']):.4f}°" in page
     # the promise of cross-validation is kept by the model on other poses
     unseen = arm.reported(200, generator)
     model, pose = read_model(tmp_path / "out/model.toml"), np.array(found["tracker_frame"]["base_from_tracker"])
@@ -97,6 +103,8 @@ def test_an_empty_cell_is_a_missing_value_and_extra_columns_are_ignored(tmp_path
         (HEAD.replace(",", ";") + "\n0;0;0;0;0;0;1.000,5;0;1\n", "x: '1.000,5' is no number"),
         (f"{HEAD}\n" + "0,0,0,0,0,0,1,0,1\n" * 5, "5 rows have all joint angles and a tracked point; at least 10"),
         ("", "column q1 is missing"),
+        (f"{HEAD}\n" + "0,0,0,0,0,0,1,0,1\n0,,0,0,0,0,0,1,0,1\n", "line 3: has 10 cells; line 1 has 9 names"),
+        ("PK\x03\x04\x00" + HEAD, "is no text; save the table as CSV"),
     ],
 )
 def test_another_table_is_refused_in_one_line(tmp_path: Path, capsys, text: str, reason: str) -> None:
@@ -117,10 +125,17 @@ def test_a_table_of_a_spreadsheet_in_degrees_and_mm(tmp_path: Path) -> None:
     rows = np.column_stack((np.degrees(q), 1e3 * xyz))
     head = ";".join(f"{name} [{'deg' if name[0] == 'q' else 'mm'}]" for name in HEAD.split(","))
     lines = [head, *(";".join(f"{value:.5f}".replace(".", ",") for value in row) for row in rows)]
-    (tmp_path / "sheet.csv").write_bytes("\r\n".join(lines).encode("utf-8-sig"))
-    sheet = read_poses(tmp_path / "sheet.csv", 6)
-    np.testing.assert_allclose(sheet.run.q, plain.run.q, atol=2e-7)
-    np.testing.assert_allclose(sheet.run.xyz, plain.run.xyz, atol=2e-7)
+    text = "\r\n".join(lines)
+    for content in (
+        text.encode("utf-8-sig"),
+        text.encode("utf-16"),
+        text.replace("[deg]", "[°]").encode("cp1252"),
+        text.replace("[deg]", "(deg)").replace("\r\n", ";;\r\n").encode(),  # two empty columns at the right
+    ):
+        (tmp_path / "sheet.csv").write_bytes(content)
+        sheet = read_poses(tmp_path / "sheet.csv", 6)
+        np.testing.assert_allclose(sheet.run.q, plain.run.q, atol=2e-7)
+        np.testing.assert_allclose(sheet.run.xyz, plain.run.xyz, atol=2e-7)
 
 
 @pytest.mark.parametrize("head", [HEAD, HEAD.replace("x,y,z", "x1,y1,z1")])
