@@ -8,5 +8,5 @@ DEVICE_FAILED = 3
 SAMPLES_LOST = 4
 """Done, but samples or results are missing, also in a recording that the command read."""
 CHANGED = 5
-"""Done, and ``compare`` found a change beyond ``--fail-above``."""
+"""Done, and ``compare`` found a change beyond ``--fail-above``, or ``trend`` a limit as near as ``--fail-within``."""
 INTERRUPTED = 130

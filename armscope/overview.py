@@ -20,7 +20,7 @@ OPTIONS = {
 PURPOSE = "Measures a robot arm, and finds what its model gets wrong."
 MORE = (
     "Details and examples: armscope COMMAND --help. Exit status: 0 done, 2 invalid input, 3 a device failed, "
-    "4 done but samples were lost, 5 changed (compare --fail-above)."
+    "4 done but samples were lost, 5 changed (compare --fail-above, trend --fail-within)."
 )
 NARROWEST, WIDEST = 45, 80
 """Columns of the text."""

@@ -14,6 +14,7 @@ import numpy as np
 import typer
 
 from arm_io import InputError, read_text, write_text
+from arm_io.dates import utc_date_of
 from arm_io.types import Array
 from armscope.commands.options import Json, RecordingOut
 from armscope.progress import shown
@@ -66,8 +67,16 @@ def command(
             "--recorded-times", help="of a ROS 2 bag: use the times of recording, not the stamps in the headers"
         ),
     ] = False,
+    date: Annotated[
+        str | None,
+        typer.Option(
+            metavar="DATE",
+            help="when a table without dates was recorded, UTC: 2026-03-01, 2026-03-01T10:00; default: now",
+        ),
+    ] = None,
     as_json: Json = False,
 ) -> None:
+    when = _date(date)
     checked = _joints_of(rig, model)
     names = [] if checked is None else [joint.name or f"joint{number}" for number, joint in enumerate(checked.joint, 1)]
     chosen = read_mapping(mapping) if mapping is not None else _guessed(table, guess, names)
@@ -91,7 +100,10 @@ def command(
         first = next(blocks)
         if save_map is not None:
             write_text(save_map, _text(table, chosen))
+        if when and first.epoch is not None:
+            raise InputError("--date", f"is for a table without dates; {table} has the dates of its rows")
         attachments = _attachments(table, rig, checked, first, chosen, per_current)
+        attachments.provenance.update(when)
         effort = (per_current or [1.0] * first.joints) if torques else ()
         named: Sequence[str] = names or getattr(source, "joints", ())
         write_blocks(out, first, blocks, attachments, joints=named, effort=effort)
@@ -105,6 +117,16 @@ def command(
         print(f"{out}: {rows} rows of {first.joints} joint{'s' * (first.joints > 1)}, {seconds:.2f} s{gaps}")
     if chosen is None or "q" not in chosen.units:
         _doubt_radians(out, blocks.farthest, checked)
+
+
+def _date(text: str | None) -> dict[str, str]:
+    """What a recording says of when its table was recorded; {} where that is not stated."""
+    if text is None:
+        return {}
+    moment = utc_date_of(text)
+    if moment is None:
+        raise InputError("--date", f"must be a day or a moment, as 2026-03-01 or 2026-03-01T10:00 (is {text!r})")
+    return {"recorded": moment}
 
 
 def _joints_of(rig: Path | None, model: Path | None) -> Rig | None:

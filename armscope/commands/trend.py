@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from arm_io import check_folder
+from arm_io import InputError, check_folder
 from arm_io.json_text import json_text
 from armscope.commands.options import Json, Pdf, Png, pictures
+from armscope.exit_status import CHANGED, DONE
 from armscope.progress import shown
 
+if TYPE_CHECKING:
+    from comparison.trend import Trend
+
+FARTHEST = 36_500.0
+"""days within which a limit may be asked for."""
 MANY = ("--limit",)
 """Options that take several values."""
 
@@ -31,6 +38,13 @@ def command(
             help="say when a limit is reached: joint3.coulomb=..12 (at most), =12.. (at least), =12, or =+50%",
         ),
     ] = None,
+    fail_within: Annotated[
+        float | None,
+        typer.Option(
+            metavar="DAYS",
+            help="end with exit status 5 if a limit is passed, or reached within DAYS after the last result; 0: passed",
+        ),
+    ] = None,
     kind: Annotated[str | None, typer.Option(metavar="KIND", help="of a folder: identification or diagnosis")] = None,
     arm: Annotated[str | None, typer.Option(metavar="ARM", help="of a folder: part of the arm's name")] = None,
     path: Annotated[str | None, typer.Option(metavar="PATH", help="of a folder: part of the results' paths")] = None,
@@ -47,12 +61,15 @@ def command(
     png: Png = False,
     pdf: Pdf = False,
     as_json: Json = False,
-) -> None:
+) -> int:
     from arm_archive import Filters
     from arm_report import wrapped
     from armscope.api.trend import trend
     from comparison.trend import limits_from
 
+    if fail_within is not None and not (limit and 0 <= fail_within <= FARTHEST):
+        what = f"must be between 0 and {FARTHEST:g} days (is {fail_within:g})" if limit else "needs a --limit"
+        raise InputError("--fail-within", what)
     limits = [its for one in limit or [] for its in limits_from(one)]
     filters = Filters(kind=kind, arm=arm, path=path, since=since, until=until)
     if out is not None:
@@ -64,3 +81,14 @@ def command(
         print(json_text(table))
     else:
         print(wrapped(str(result) if out is None else f"{result}\n{out / 'trend.html'}"))
+    return DONE if fail_within is None else _status(result, fail_within)
+
+
+def _status(result: Trend, days: float) -> int:
+    """CHANGED, and a line on standard error, where a limit is passed or will be within so many days."""
+    near = [one for one in result.limited if one.reached_within(days)]
+    if not near:
+        return DONE
+    names = ", ".join(one.moved.history.quantity.name for one in near)
+    print(f"limit passed, or reached within --fail-within {days:g} days: {names}", file=sys.stderr)
+    return CHANGED

@@ -73,6 +73,7 @@ def histories_of(results: Sequence[Stored]) -> Histories:
     results, dates = [results[k] for k in order], [dates[k] for k in order]
     quantities, estimates = estimates_of(results)
     days = np.array([(date - dates[0]).total_seconds() / 86_400 for date in dates])
+    warnings += _too_close(dates)
     histories = []
     for k, quantity in enumerate(quantities):
         values, std, raw = (
@@ -111,3 +112,15 @@ def _dates(results: Sequence[Stored]) -> tuple[list[datetime], list[str]]:
         return dates, []
     shown = ", ".join(guessed[:3]) + (" ..." if len(guessed) > 3 else "")
     return dates, [f"{len(guessed)} results do not say when they were recorded; their files' dates count: {shown}"]
+
+
+def _too_close(dates: Sequence[datetime]) -> list[str]:
+    """A sentence where all results, in order of their dates, are of one day: hardly the dates of the recordings."""
+    span = dates[-1] - dates[0]
+    if span >= timedelta(days=1):
+        return []
+    return [
+        f"all results are dated within {span.total_seconds() / 3600:.2g} h ({dates[0]:%Y-%m-%d}): tables without dates "
+        "count as recorded when they are imported, simulations when they are computed; 'armscope import --date' states "
+        "the date"
+    ]

@@ -50,6 +50,11 @@ class Movement:
         """Whether the quantity moved."""
         return bool(self.moved.fit.terms)
 
+    def reached_within(self, days: float) -> bool:
+        """Whether a limit is passed, or will be at the present drift within so many days after the last result."""
+        last = float(self.moved.history.days[-1])
+        return any(reach.passed or (reach.day is not None and reach.day <= last + days) for reach in self.reaches)
+
     def to_json(self, histories: Histories) -> dict[str, Any]:
         history, quantity = self.moved.history, self.moved.history.quantity
         return {

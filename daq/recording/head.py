@@ -87,10 +87,13 @@ class RecordingHead:
         return f"the run was ended by a fault: {ending.get('sentence')}" if ending.get("fault") else None
 
     def date_at(self, wall_ns: NDArray[np.int64]) -> str | None:
-        """'2026-11-22T09:30:00Z' of the first of some rows; when the recording was made, where rows have no date."""
+        """'2026-11-22T09:30:00Z' of the first of some rows.
+
+        Where rows have no date: the one that was stated on import, else when the recording was made.
+        """
         if len(wall_ns) and wall_ns[0] > CALENDAR:
             return utc_date(int(wall_ns[0]))
-        return utc_date_of(self.provenance.get("made"))
+        return utc_date_of(self.provenance.get("recorded") or self.provenance.get("made"))
 
     def position_unit(self, joint: int) -> str:
         """rad, or m of a joint (from 1) that slides, as the rig says, or the model of an import or simulation."""

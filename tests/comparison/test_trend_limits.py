@@ -104,3 +104,39 @@ def test_how_limits_are_written() -> None:
             limits_from(wrong)
     with pytest.raises(InputError, match="the lower limit must be below the upper one"):
         limits_from("x=3..2")
+
+
+@pytest.mark.parametrize(
+    ("limit", "days", "status"),
+    [
+        ("joint3.coulomb=17", "0", 5),
+        ("joint3.coulomb=30", "0", 0),
+        ("joint3.coulomb=30", "10", 0),
+        ("joint3.coulomb=30", "900", 5),
+        ("joint4.coulomb=13", "36500", 0),
+    ],
+)
+def test_a_nightly_job_ends_with_a_status(
+    worn: Path, limit: str, days: str, status: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Friction of 19.4 N m that rises by 0.4 a month reaches 30 after some 800 days."""
+    assert run(["trend", str(worn), "--limit", limit, "--fail-within", days]) == status
+    line = f"limit passed, or reached within --fail-within {days} days: {limit.partition('=')[0]}\n"
+    assert capsys.readouterr().err.endswith(line if status else "")
+
+
+@pytest.mark.parametrize("more", [[], ["--limit", "joint3.coulomb=30", "--limit", "joint3.coulomb=31"]])
+def test_days_that_are_none_are_refused(worn: Path, more: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["trend", str(worn), *more, "--fail-within", "-1" if more else "3"]) == 2
+    said = "must be between 0 and 36500 days (is -1)" if more else "needs a --limit"
+    assert capsys.readouterr().err == f"error: --fail-within: {said}\n"
+
+
+def test_results_of_one_day_are_told(tmp_path: Path) -> None:
+    """Half a year of tables that were all imported on one day."""
+    for hour in range(4):
+        date = (START + timedelta(hours=hour)).isoformat()
+        path = identification(tmp_path / f"m{hour}", {"joint1.coulomb": (5.0 + hour, 0.1)}, recorded=date)
+        (path.parent / "model.toml").unlink()
+    (warning,) = armscope.trend(tmp_path).histories.warnings
+    assert warning.startswith("all results are dated within 3 h (2026-01-01)") and "import --date" in warning

@@ -53,6 +53,24 @@ def test_there_and_back(table: Path, tmp_path: Path, capsys: pytest.CaptureFixtu
     assert sorted(path.name for path in tmp_path.iterdir()) == ["back.csv", "rig.toml", "run.mcap", "table.csv"]
 
 
+def test_a_date_that_is_stated_is_that_of_the_recording(
+    table: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "run.mcap"
+    for text, date in (("2026-03-01", "2026-03-01T00:00:00Z"), ("2026-03-01T10:00:00+01:00", "2026-03-01T09:00:00Z")):
+        assert run(["import", str(table), "--date", text, "--out", str(out)]) == 0
+        assert open_recording(out).date == date
+    assert run(["export", str(out), "--out", str(tmp_path / "back.csv")]) == 0
+    assert (tmp_path / "back.csv").read_text() == table.read_text()
+    assert run(["import", str(table), "--date", "March", "--out", str(out)]) == 2
+    assert "--date: must be a day or a moment, as 2026-03-01" in capsys.readouterr().err
+    dated = tmp_path / "dated.csv"
+    dated.write_text("t,q1,i1\n" + "".join(f"{1.77e9 + 0.01 * k:.3f},{k / 50},1\n" for k in range(50)))
+    assert run(["import", str(dated), "--date", "2026-03-01", "--out", str(tmp_path / "dated.mcap")]) == 2
+    assert "has the dates of its rows" in capsys.readouterr().err
+    assert not (tmp_path / "dated.mcap").exists()
+
+
 def test_import_says_what_is_wrong_and_leaves_nothing(
     table: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
