@@ -112,10 +112,16 @@ def _nearest(problem: _Problem, prior: Array) -> Array:
     # An interior-point path: from inside the cone of possible bodies towards its boundary.
     for factor in 10.0 ** np.arange(6, -1, -1):
         delta = _newton(problem, delta, REGULARISATION * factor, BARRIER * factor)
-    # A parameter that is in none of these sums keeps the prior's value exactly.
+    # A parameter that is in none of these sums keeps the prior's value exactly, unless friction would drive a joint.
     untold = np.setdiff1d(np.flatnonzero(~np.any(problem.grouping != 0, axis=0)), problem.inertial)
-    delta[untold] = prior[untold]
-    return delta
+    while True:
+        kept = delta.copy()
+        kept[untold] = prior[untold]
+        impossible = problem.rows[problem.rows @ kept < 0.0]
+        needed = np.any(impossible[:, untold] != 0.0, axis=0)
+        if not needed.any():
+            return kept
+        untold = untold[~needed]
 
 
 class _Problem:

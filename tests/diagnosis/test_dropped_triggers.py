@@ -171,6 +171,18 @@ def test_rows_that_lose_their_weight_are_no_gain(root: Path, monkeypatch: pytest
     assert realigned(residuals, []) is residuals
 
 
+def test_a_joint_whose_current_changes_on_one_side_alone_does_not_count() -> None:
+    rng, pieces, after = np.random.default_rng(3), 20, np.arange(20) >= 10
+    lag = np.where(after[:, None], 2e-3, 0.0) + rng.normal(0.0, 1e-6, (pieces, 3))
+    weight = np.full((pieces, 3), 1e10)
+    # without any change the lag of a piece is a quotient of two roundings
+    lag[after, 2], weight[~after, 2] = rng.normal(0.0, 1e6, 10), 0.0
+    with np.errstate(over="raise"):
+        found = _change(lag, weight, np.arange(20.0), 10)
+    assert found is not None
+    assert found.step == pytest.approx(2e-3, abs=2e-6)
+
+
 def test_steps_of_lost_rows_follow_one_another() -> None:
     assert in_order([Step(2.5, 0.03), Step(5.0, 0.06), Step(8.2, -0.01)])
     # what friction that the model had too much of chose in a recording of 125 Hz

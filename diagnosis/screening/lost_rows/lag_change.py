@@ -95,8 +95,9 @@ def _change(lag: Array, weight: Array, pieces: Array, at: int, *, agree: bool = 
     scatter = np.sum(weight * residual**2, axis=0) / max(len(lag) - 2, 1)
     per_joint = _steps_by_joint(lag, weight, at)
     shows, inverse_variance = _on_both_sides(weight, at), np.zeros(len(scatter))
-    variance = np.maximum(scatter * _leverage(weight, at), _of_pieces(residual, weight, at))
-    inverse_variance[shows] = 1.0 / np.maximum(variance[shows], 1e-300)
+    residual, weight = residual[:, shows], weight[:, shows]
+    variance = np.maximum(scatter[shows] * _leverage(weight, at), _of_pieces(residual, weight, at))
+    inverse_variance[shows] = 1.0 / np.maximum(variance, 1e-300)
     if not np.any(inverse_variance > 0.0) or (agree and not _agreed(per_joint, inverse_variance)):
         return None
     step = float(np.sum(inverse_variance * per_joint) / np.sum(inverse_variance))

@@ -1,0 +1,33 @@
+"""Friction that the data do not determine stays as in the model, unless the total friction would drive the joint."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from identification.regression.physical_consistency import consistent_parameters
+
+NAMES = ("joint1.coulomb", "joint1.viscous")
+AT_REST_AND_AT_1_RAD_PER_S = np.array([[1.0, 0.0], [1.0, 1.0]])
+COULOMB_ALONE = np.array([[1.0, 0.0]])
+
+
+def _estimated(coulomb: float, prior: tuple[float, float]) -> np.ndarray:
+    return consistent_parameters(
+        COULOMB_ALONE,
+        np.array([coulomb]),
+        np.array([[1e8]]),
+        np.array(prior),
+        NAMES,
+        friction=AT_REST_AND_AT_1_RAD_PER_S,
+    )
+
+
+def test_what_the_data_do_not_determine_is_the_priors() -> None:
+    assert _estimated(2.0, (3.0, -1.0)) == pytest.approx([2.0, -1.0], abs=1e-3)
+
+
+def test_less_coulomb_friction_does_not_leave_a_viscous_friction_that_drives() -> None:
+    found = _estimated(1.0, (3.0, -2.0))
+    assert found[0] == pytest.approx(1.0, abs=1e-3)
+    assert (AT_REST_AND_AT_1_RAD_PER_S @ found).min() >= 0.0
