@@ -6,7 +6,8 @@
      "left_over": [0.03, ...],                          per joint, N m (N) rms: what the model left beyond the noise
      "left_over_in_loop": [0.02, ...],                  ... in closed loop, from 10 to 100 Hz
      "left_over_against": ["position", "", ...],        the variable on which most of it depends; "": not known
-     "left_over_near_rest": [0.05, null, ...]}          ... where the joint turns or creeps; null: it never did
+     "left_over_near_rest": [0.05, null, ...],          ... where the joint turns or creeps; null: it never did
+     "left_over_ripple": [0.03, ...]}                   share of the squares of left_over of the strongest ripple in it
 
 A covariance says how far the numbers of the model may move. ``left_over`` says how far the arm is from any model of
 this kind: what was left on the recordings of the identification itself, after the noise of their instruments.
@@ -39,7 +40,8 @@ class Uncertainty:
     file        its name, beside the model file
     parameters  (p,) names; covariance (p, p): rows of its lower triangle
     left_over   (n,) N m (N) rms per joint; in_loop: in closed loop, from 10 to 100 Hz; against: variables, "" where
-                none is known; near_rest: where a joint turns or creeps, None where no row shows that; empty: not known
+                none is known; near_rest: where a joint turns or creeps, None where no row shows that; ripple: share of
+                the squares of left_over that the strongest ripple of the joint explains; empty: not known
 
     Without parameters nothing is known: the file that the model names was not there.
     """
@@ -51,6 +53,7 @@ class Uncertainty:
     in_loop: tuple[float, ...] = ()
     against: tuple[str, ...] = ()
     near_rest: tuple[float | None, ...] = ()
+    ripple: tuple[float, ...] = ()
 
     @property
     def by_joint(self) -> dict[str, tuple[float, ...] | tuple[str, ...] | tuple[float | None, ...]]:
@@ -60,6 +63,7 @@ class Uncertainty:
             "left_over_in_loop": self.in_loop,
             "left_over_against": self.against,
             "left_over_near_rest": self.near_rest,
+            "left_over_ripple": self.ripple,
         }
 
     @property
@@ -102,6 +106,7 @@ class _UncertaintyFile(Table):
     left_over_in_loop: list[Annotated[float, Field(ge=0)]] = Field(default=[])
     left_over_against: list[str] = Field(default=[])
     left_over_near_rest: list[Annotated[float, Field(ge=0)] | None] = Field(default=[])
+    left_over_ripple: list[Annotated[float, Field(ge=0, le=1)]] = Field(default=[])
 
 
 def read_uncertainty(path: str | Path) -> Uncertainty:
@@ -126,6 +131,7 @@ def read_uncertainty(path: str | Path) -> Uncertainty:
         tuple(layout.left_over_in_loop),
         tuple(layout.left_over_against),
         tuple(layout.left_over_near_rest),
+        tuple(layout.left_over_ripple),
     )
     _, values, _ = _correlation(stated.matrix)
     if any(row[-1] <= 0.0 for row in stated.covariance) or values.min(initial=0.0) < -NEGATIVE * values.max(

@@ -90,7 +90,12 @@ def _against_noise(
     arm, known = result.arm, result.arm.uncertainty
     if known is not None:
         known = replace(
-            known, left_over=more.along, in_loop=more.in_loop, against=more.against, near_rest=more.near_rest
+            known,
+            left_over=more.along,
+            in_loop=more.in_loop,
+            against=more.against,
+            near_rest=more.near_rest,
+            ripple=more.ripple,
         )
         arm = replace(arm, uncertainty=known)
     return replace(result, arm=arm, noise=noise)

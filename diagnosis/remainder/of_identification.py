@@ -15,6 +15,7 @@ from arm_model import Arm
 from daq.recording import Recording
 from diagnosis.cause import NO_VARIABLE, Structure
 from diagnosis.closed_loop.loop_errors import left_over_in_loop
+from diagnosis.measurements.currents.columns import candidates
 from diagnosis.measurements.currents.design_matrix import dataset_of
 from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.measurements.currents.model_errors import Significance
@@ -26,6 +27,7 @@ from diagnosis.measurements.near_rest.friction import left_over_near_rest
 from diagnosis.remainder.against_noise import runs_of
 from diagnosis.selection.design import Dataset
 from diagnosis.selection.regression import fit_together
+from diagnosis.selection.ripple_orders import joint_of_ripple, of_shafts, strongest_gain
 from identification.selection import Split
 
 
@@ -34,13 +36,15 @@ class LeftOver:
     """Per joint: rms N m (N) along the measured motion, in closed loop from 10 to 100 Hz, and near rest.
 
     against: the variable of the first; "" where it is noise, depends on no single variable, or no other recording could
-    show on which. near_rest: None where no recording shows the joint turning or creeping.
+    show on which. near_rest: None where no recording shows the joint turning or creeping. ripple: share of the squares
+    of the first that the strongest ripple of the joint explains, in these recordings or in the others; at most 1.
     """
 
     along: tuple[float, ...]
     in_loop: tuple[float, ...]
     against: tuple[str, ...]
     near_rest: tuple[float | None, ...]
+    ripple: tuple[float, ...]
 
 
 def left_over(arm: Arm, recordings: Sequence[Recording], others: Sequence[Recording] = ()) -> LeftOver:
@@ -58,6 +62,7 @@ def left_over(arm: Arm, recordings: Sequence[Recording], others: Sequence[Record
         in_loop=tuple(left_over_in_loop(arm, recordings).tolist()),
         against=tuple("" if learned is None else _against(arm, learned, data, j + 1) for j in range(len(arm))),
         near_rest=tuple(left_over_near_rest(exact, j + 1) for j in range(len(arm))),
+        ripple=tuple(max(_of_ripple(arm, part, j + 1) for part in (data, learned) if part) for j in range(len(arm))),
     )
 
 
@@ -70,6 +75,14 @@ def _along(arm: Arm, data: Dataset) -> tuple[float, ...]:
         beyond = float(np.sum((data.y[data.of(j + 1)][sure] ** 2 - 1.0) * noise**2)) / max(int(sure.sum()), 1)
         found.append(constant * float(np.sqrt(max(beyond, 0.0))))
     return tuple(found)
+
+
+def _of_ripple(arm: Arm, data: Dataset, joint: int) -> float:
+    """Share of the squares beyond the noise at a joint (from 1) that the strongest ripple explains; 1 of no squares."""
+    own = [c for c in (*candidates(arm), *of_shafts(arm)) if joint_of_ripple(c) == joint]
+    beyond = float(np.sum(data.y[data.of(joint)][data.comparable(joint)] ** 2 - 1.0))
+    explained = strongest_gain(data, data.y, arm, joint, own)
+    return explained / beyond if explained < beyond else 1.0
 
 
 def _against(arm: Arm, learned: Dataset, data: Dataset, joint: int) -> str:

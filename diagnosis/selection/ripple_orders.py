@@ -50,6 +50,11 @@ def order_of(candidate: Candidate) -> float | None:
     return None
 
 
+def joint_of_ripple(candidate: Candidate) -> int | None:
+    """The joint (from 1) of a ripple of many possible orders; None of all other candidates."""
+    return None if order_of(candidate) is None else candidate.joint
+
+
 def of_shafts(arm: Arm) -> Iterator[Candidate]:
     """Ripples per turn of a joint and of the shafts of its gear, of all waves that a wheel or encoder there can make.
 
@@ -152,7 +157,24 @@ def shaft_in_words(turns: float, joint: Joint) -> str:
 
 
 def detectable(side: Dataset, residual: Array, arm: Arm, joint: int, ripples: Sequence[Candidate]) -> list[Candidate]:
-    """Those of the ripples at a joint with the strongest orders in ``residual`` (n * rows,), whitened.
+    """Those of the ripples at a joint with the strongest orders in ``residual`` (n * rows,), whitened."""
+    orders, power = _gains(side, residual, arm, joint, ripples)
+    of_motor = _whole(orders)
+    strongest: set[float] = set()
+    families = (of_motor, STRONGEST, 0.0), (~of_motor, STRONGEST_OF_SHAFTS, LEAST_GAIN * side.rows)
+    for family, count, least in families:
+        for column in np.where(family[:, None], power, 0.0).T:
+            strongest |= {float(orders[row]) for row in np.argsort(column)[-count:] if column[row] > least}
+    return [c for c in ripples if order_of(c) in strongest]
+
+
+def strongest_gain(side: Dataset, residual: Array, arm: Arm, joint: int, ripples: Sequence[Candidate]) -> float:
+    """Squares of ``residual`` (n * rows,), whitened, that the strongest of the ripples at a joint explains."""
+    return float(_gains(side, residual, arm, joint, ripples)[1].max(initial=0.0))
+
+
+def _gains(side: Dataset, residual: Array, arm: Arm, joint: int, ripples: Sequence[Candidate]) -> tuple[Array, Array]:
+    """Orders (o,), and the gain of each (o, 3) as a torque, by the acceleration, and by the load.
 
     The gain of a column w sin(k motor + phase) is ((sum r w cos k motor)^2 + (sum r w sin k motor)^2) / (sum w^2 / 2),
     with w the factor of the sine in the effect's law, attenuated by the filters.
@@ -170,12 +192,7 @@ def detectable(side: Dataset, residual: Array, arm: Arm, joint: int, ripples: Se
             through = residual_gain(orders[row] * ratio * np.abs(v) / (2 * np.pi))
             cosine_and_sine = (wave * through).view(float).reshape(-1, 2).T @ weighted
             power[row] = np.sum(cosine_and_sine**2, axis=0) / np.maximum(through**2 @ squared, 1e-300)
-    strongest: set[float] = set()
-    families = (of_motor, STRONGEST, 0.0), (~of_motor, STRONGEST_OF_SHAFTS, LEAST_GAIN * side.rows / 2)
-    for family, count, least in families:
-        for column in np.where(family[:, None], power, 0.0).T:
-            strongest |= {float(orders[row]) for row in np.argsort(column)[-count:] if column[row] > least}
-    return [c for c in ripples if order_of(c) in strongest]
+    return orders, 2.0 * power
 
 
 def _waves(orders: Array, motor: Array) -> Iterator[NDArray[np.complex128]]:

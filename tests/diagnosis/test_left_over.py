@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import armscope
-from arm_model import Arm, parameter
+from arm_model import Arm, EffectTerm, parameter
 from arm_model.tables import uncertainty_of
 from daq.recording import Recording
 from diagnosis import left_over
@@ -39,6 +39,15 @@ def known(arm: Arm, tmp_path_factory: pytest.TempPathFactory) -> Arm:
     assert np.all(np.array(left.along) > 0.5 * RIPPLE * np.array([5.0, 3.0]))
     nothing = uncertainty_of("model_uncertainty.json", ("joint1.coulomb",), np.array([[1e-6]]))
     return replace(arm, uncertainty=replace(nothing, left_over=left.along, against=left.against))
+
+
+def test_what_ripples_explain_of_it_is_stated(arm: Arm, tmp_path: Path) -> None:
+    """Of a model with a ripple that the arm has not, all; of friction that waves, little."""
+    fit, held_out = (recorded(tmp_path / f"{k}.mcap", k, Day(ripple=RIPPLE)) for k in (10, 11))
+    rippled = replace(arm, effects=(EffectTerm("cogging", 2, {"amplitude": 3.0, "pole_pairs": 4.0, "phase": 0.4}),))
+    of_arm, of_rippled = (left_over(one, [held_out], [fit]).ripple for one in (arm, rippled))
+    assert of_rippled[0] == pytest.approx(of_arm[0]) and max(of_arm) < 0.3
+    assert of_rippled[1] > 0.9
 
 
 def _day(folder: Path, day: Day) -> list[Recording]:

@@ -63,6 +63,25 @@ def test_what_the_model_left_over_hides_as_much() -> None:
     assert np.median(_chances(6.0, 3.0, 3)) > 10.0 * np.median(_chances(6.0, 0.0, 3))
 
 
+def test_what_the_model_left_over_hides_of_a_ripple_what_ripples_explained_of_it() -> None:
+    rng = np.random.default_rng(4)
+    length = JOINTS * ROWS
+    x = Split(*(np.concatenate([rng.normal(size=(ROWS, 1)), np.zeros((ROWS, 1))]) for _ in range(2)))
+    pair, nothing = x.map(lambda own: Columns(own, slice(0, length))), np.zeros((length, 0))
+    fit, held_out = (_side(own[:, 0] + 2.0 * rng.normal(size=length)) for own in x)
+    left = ModelUncertainty(Split(nothing, nothing), np.full(JOINTS, 3.0))
+    any_effect = Significance(Split(fit, held_out), [], left).chance(pair)
+    for shares, ripple_of, hides in [
+        ((0.02, 0.5), 1, False),
+        ((0.02, 0.5), None, True),
+        ((0.5, 0.02), 1, True),
+        ((0.5, 0.02), 2, True),
+    ]:
+        known = replace(left, rippled=np.array(shares))
+        chance = Significance(Split(fit, held_out), [], known).chance(pair, ripple_of)
+        assert chance == pytest.approx(any_effect) if hides else chance < 0.01 * any_effect
+
+
 def test_either_side_is_allowed_what_the_model_is_known_to_there() -> None:
     """Both sides have as many rows: the error of the model is felt at joint 1 in one, at joint 2 in the other."""
     felt = np.zeros((2, JOINTS * ROWS, 1))

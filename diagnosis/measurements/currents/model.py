@@ -33,7 +33,7 @@ from diagnosis.selection.next_order import (
     term_share,
 )
 from diagnosis.selection.regression import best_of_each, score
-from diagnosis.selection.ripple_orders import detectable
+from diagnosis.selection.ripple_orders import detectable, joint_of_ripple
 from diagnosis.selection.unseen_inertia import explained, unseen_inertia
 from identification.selection import MeasurementModel, Score, Split, p_value
 
@@ -132,7 +132,7 @@ class Currents(MeasurementModel[Candidate, State]):
         if not (physical and self.needed(score, state)):
             return False
         return score.candidate.body or state.significance.beyond_model(
-            self.columns(score.candidate), self.limits.beyond_model
+            self.columns(score.candidate), self.limits.beyond_model, joint_of_ripple(score.candidate)
         )
 
     def needed(self, score: Score[Candidate], state: State) -> bool:

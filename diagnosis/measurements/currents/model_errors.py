@@ -4,7 +4,7 @@ A model that was identified is known to a covariance (``arm_model.tables.uncerta
 with a Gaussian prior (``diagnosis.selection.beyond_model``): one direction per independent error, (currents per unit of
 the parameters) (root of their covariance). The covariance of an effect's coefficients has three parts: the noise,
 clustered by block (Liang & Zeger, 1986); the prior; and what the model left over on the recordings that it was
-identified from, of which any one effect may explain ``ALIASED_SHARE``.
+identified from, of which any one effect may explain ``ALIASED_SHARE``; a ripple no more than the strongest one did.
 """
 
 from __future__ import annotations
@@ -38,12 +38,14 @@ class ModelUncertainty:
     directions  (N, r), (M, r): change of the residual for one standard deviation of each independent error, on another
                 day than that of the identification
     left_over   (n,) squared residual per row, in units of the noise, that the model left when it was identified
+    rippled     (n,) share of it that any ripple of that joint may explain; None: as any effect
     of_day      (N, r) of the fitted recordings, by the stated covariance alone; None: as ``directions``
     """
 
     directions: Split[Array]
     left_over: Array
     of_day: Array | None = None
+    rippled: Array | None = None
 
     @property
     def stated(self) -> Array:
@@ -67,7 +69,8 @@ def model_uncertainty(arm: Arm, data: Split[Dataset]) -> ModelUncertainty | None
 
     root = stated.directions
     known = _stacked([run.whiten(_columns(run, stated.parameters) @ root) for run in data.fit.runs])
-    return ModelUncertainty(data.map(felt), _left_over(uncertainty.left_over, data), known)
+    rippled = np.array(stated.ripple) if stated.ripple else None
+    return ModelUncertainty(data.map(felt), _left_over(uncertainty.left_over, data), known, rippled)
 
 
 def parameter_std(run: Run) -> Array:
@@ -158,9 +161,9 @@ class Significance:
         alike = float(np.mean([run.alike for side in self._data for run in side.runs]))
         return Evidence(y, free, directions, block, alike)
 
-    def beyond_model(self, pair: Pair, level: float) -> bool:
+    def beyond_model(self, pair: Pair, level: float, ripple_of: int | None = None) -> bool:
         """Whether columns are significant at a level with the parameters of the model free; always with it exact."""
-        return self._known is None or self.chance(pair) < level
+        return self._known is None or self.chance(pair, ripple_of) < level
 
     @cached_property
     def allowed(self) -> Split[Array]:
@@ -171,11 +174,14 @@ class Significance:
         left_over = self._known.left_over
         return self._known.shares(self._data).map(lambda share: np.sqrt(1.0 + left_over + share))
 
-    def chance(self, pair: Pair) -> float:
-        """Probability that columns (k of them) look as they do without the effect that they are of."""
-        return self._evidence.chance(self._stack(pair), self._of_left_over)
+    def chance(self, pair: Pair, ripple_of: int | None = None) -> float:
+        """Probability that columns (k of them) look as they do without the effect that they are of.
 
-    def _of_left_over(self, own: Array) -> Array:
+        ripple_of: the joint (from 1) of which they are a ripple.
+        """
+        return self._evidence.chance(self._stack(pair), lambda own: self._of_left_over(own, ripple_of))
+
+    def _of_left_over(self, own: Array, ripple_of: int | None) -> Array:
         """(k, k) covariance of the coefficients of columns ``own`` by what the model left over."""
         total = np.zeros((own.shape[1], own.shape[1]))
         if self._known is None:
@@ -184,5 +190,8 @@ class Significance:
         parts, rows = np.split(own, [len(fit.y)]), fit.rows + held_out.rows
         for joint, left_over in enumerate(self._known.left_over.tolist(), 1):
             at = [part[side.of(joint)] for part, side in zip(parts, self._data)]
-            total += ALIASED_SHARE * rows * left_over / (1.0 + left_over) * sum(one.T @ one for one in at)
+            share, rippled = ALIASED_SHARE, self._known.rippled
+            if rippled is not None and joint == ripple_of:
+                share = min(share, float(rippled[joint - 1]))
+            total += share * rows * left_over / (1.0 + left_over) * sum(one.T @ one for one in at)
         return total
