@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
+from arm_report.notebook import drawing
 from arm_report.palette import AFTER, GRID
 
 if TYPE_CHECKING:
@@ -18,9 +19,8 @@ def history_figure(rows: Sequence[dict[str, Any]]) -> Figure:
     Hollow: a value without a standard deviation.
     """
     from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
-    from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(10, 3.6), layout="constrained")
+    figure = drawing(10, 3.6)
     axis = figure.subplots()
     for known in (True, False):
         shown = [row for row in rows if (row["std"] is not None) == known]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import io
 from collections.abc import Mapping, Sequence
+from functools import cache
 from html import escape
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +19,26 @@ if TYPE_CHECKING:
 DPI = 100
 HEIGHT = 640
 """Pixels of the frame; a longer report scrolls in it."""
+
+
+def drawing(width: float, height: float) -> Figure:
+    """An empty figure, width and height in inches; the last one of a cell is shown, also without the inline backend."""
+    from matplotlib.figure import Figure
+
+    return _shown(Figure)(figsize=(width, height), layout="constrained")
+
+
+@cache
+def _shown(figure: type[Figure]) -> type[Figure]:
+    class Drawing(figure):  # type: ignore[misc, valid-type]
+        """A figure that a notebook asks for its image: matplotlib's own are shown only once pyplot is loaded."""
+
+        def _repr_png_(self) -> bytes:
+            buffer = io.BytesIO()
+            self.savefig(buffer, format="png", dpi=DPI)
+            return buffer.getvalue()
+
+    return Drawing
 
 
 def image(figure: Figure, alt: str) -> str:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from arm_report.chart import Chart, Panel, Series
+from arm_report.notebook import drawing
 from arm_report.palette import GRID
 from arm_report.scales import Scale, written
 
@@ -24,10 +25,8 @@ TICKS = 12
 
 def figure(chart: Chart) -> Figure:
     """The whole chart, all points of it."""
-    from matplotlib.figure import Figure
-
     rows = -(-len(chart.panels) // chart.columns)
-    drawn = Figure(figsize=(WIDTH, 0.5 + chart.height * rows), layout="constrained")
+    drawn = drawing(WIDTH, 0.5 + chart.height * rows)
     widths = chart.widths or (1.0,) * chart.columns
     shared: Literal["col", "none"] = "col" if chart.shared else "none"
     grid = drawn.subplots(rows, chart.columns, squeeze=False, sharex=shared, width_ratios=widths)

@@ -121,10 +121,10 @@ class Simulation:
 
     def plot(self) -> Figure:
         """Position over the demanded one, and current, joint by joint."""
-        from matplotlib.figure import Figure
+        from arm_report.notebook import drawing
 
         joints = len(self.arm)
-        figure = Figure(figsize=(10, 1.2 + 2.0 * joints), layout="constrained")
+        figure = drawing(10, 1.2 + 2.0 * joints)
         axes = figure.subplots(joints, 2, sharex=True, squeeze=False)
         for j, (position, current) in enumerate(axes):
             unit = "rad" if self.arm.joints[j].revolute else "m"

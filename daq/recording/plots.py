@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from arm_report.notebook import drawing
 from daq.recording.head import RecordingHead
 
 if TYPE_CHECKING:
@@ -31,12 +32,10 @@ def plot(
 
     joints  numbered from 1; default: all;  names  for the legend; default: file names
     """
-    from matplotlib.figure import Figure
-
     shown = list(joints) or list(range(1, max(recording.joints for recording in recordings) + 1))
     names = list(names) or [recording.path.name for recording in recordings]
     demanded = any("qref" in recording.layout.signals for recording in recordings)
-    figure = Figure(figsize=(10 + 6 * demanded, 1.2 + 2.2 * len(shown)), layout="constrained")
+    figure = drawing(10 + 6 * demanded, 1.2 + 2.2 * len(shown))
     axes = figure.subplots(len(shown), 2 + demanded, sharex=True, squeeze=False)
     lines = [_lines(recording, shown) for recording in recordings]
     for row, joint in zip(axes, shown):
