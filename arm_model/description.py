@@ -27,9 +27,11 @@ from math import prod
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationError, model_validator
 from pydantic.dataclasses import dataclass
 
+from arm_io import InputError
+from arm_io.toml import one_line
 from arm_io.types import Array
 from arm_model.tables.controller import Controller
 from arm_model.tables.drive import SLIDING, STAGES_AND_GEAR, FrictionCurve, GearStage
@@ -279,8 +281,15 @@ class Arm:
         return np.stack(columns, axis=-1)
 
     def with_effect(self, name: str, joint: int | None = None, **parameters: float) -> Arm:
-        """The arm with one more effect of the catalogue; ``joint`` from 1, None for an effect of the whole arm."""
-        return replace(self, effects=(*self.effects, EffectTerm(name, joint, parameters)))
+        """The arm with one more effect of the catalogue; ``joint`` from 1, None for an effect of the whole arm.
+
+        InputError where a parameter is no finite number. What takes an arm checks that the effect fits it.
+        """
+        try:
+            term = EffectTerm(name=name, joint=joint, parameters=parameters)
+        except ValidationError as error:
+            raise InputError(name, one_line(error)) from None
+        return replace(self, effects=(*self.effects, term))
 
     def joint_array(self, name: str) -> Array:
         """(n,) an attribute of every joint, in order."""

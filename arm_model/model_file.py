@@ -14,8 +14,7 @@ from arm_io.entries import other_kind
 from arm_io.table import Table
 from arm_io.toml import one_line
 from arm_model.description import Arm, Coupling, EffectTerm, Joint
-from arm_model.effects import check_terms, dissipation
-from arm_model.effects.terms import negative_size
+from arm_model.effects import check_terms
 from arm_model.mjcf import SUFFIXES, mjcf_of, read_mjcf
 from arm_model.parameters import parameter
 from arm_model.rigid_body.inertia import unphysical
@@ -143,9 +142,7 @@ def arm_of(table: dict[str, Any], where: str | Path) -> Arm:
         )
     except ValidationError as error:
         raise InputError(where, one_line(error)) from None
-    check_terms(arm, where)
-    if not arm.unphysical and (problem := negative_size(arm) or dissipation.problem(arm)):
-        raise InputError(where, problem)
+    check_terms(arm, where, sizes=True)
     return arm
 
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from arm_archive import Archive, open_archive
     from arm_fleet import Fleet
     from arm_io import DeviceFault, InputError
-    from arm_model import Arm, write_model
+    from arm_model import Arm
     from arm_model.effects import CATALOGUE
     from armscope.api.calibration import Calibration, Tracker, calibrate
     from armscope.api.comparison import compare
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from armscope.api.fleet import fleet
     from armscope.api.identification import identify, predict
     from armscope.api.reading import open_recording as open
-    from armscope.api.reading import read_experiment, read_model, read_rig
+    from armscope.api.reading import read_experiment, read_model, read_rig, write_model
     from armscope.api.recording import Recorded, record
     from armscope.api.simulation import Simulation, simulate
     from armscope.api.trend import trend
@@ -76,7 +76,7 @@ _HOMES = {
     "record": "armscope.api.recording:record",
     "simulate": "armscope.api.simulation:simulate",
     "trend": "armscope.api.trend:trend",
-    "write_model": "arm_model:write_model",
+    "write_model": "armscope.api.reading:write_model",
 }
 """Name -> module and name there."""
 

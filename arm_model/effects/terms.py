@@ -11,6 +11,7 @@ from pydantic import ValidationError
 from arm_io import InputError
 from arm_io.toml import one_line
 from arm_model.description import Arm, Coupling, EffectTerm
+from arm_model.effects import dissipation
 from arm_model.effects.catalogue import CATALOGUE, values_of
 from arm_model.effects.definition import Effect, Parameter
 
@@ -18,10 +19,11 @@ DERIVED = frozenset({"contact_stiffness", "contact_damping"})
 """Parameters that follow from the joint where they are not given (``arm_model.system.step_size``)."""
 
 
-def check_terms(arm: Arm, where: str | Path | None = None) -> None:
+def check_terms(arm: Arm, where: str | Path | None = None, *, sizes: bool = False) -> None:
     """InputError (one line) where an effect term of the arm names no effect, or its joint or parameters do not fit.
 
-    ``where`` is named in it, by default the arm.
+    ``where`` is named in it, by default the arm. ``sizes``: also where a size is negative that no arm has so, or
+    friction drives a joint; an arm that says why (``unphysical``) may have both.
     """
     where = arm.name if where is None else where
     for number, term in enumerate(arm.effects, 1):
@@ -41,6 +43,8 @@ def check_terms(arm: Arm, where: str | Path | None = None) -> None:
                 f"{here}: {term.name} needs joint[{term.joint}].cylinder (start, end, radius), the body in the water",
             )
         _check_parameters(effect, term, where, here)
+    if sizes and not arm.unphysical and (problem := negative_size(arm) or dissipation.problem(arm)):
+        raise InputError(where, problem)
 
 
 def _check_parameters(effect: Effect, term: EffectTerm, where: str | Path, here: str) -> None:

@@ -126,8 +126,15 @@ def read_model(model: File | Arm) -> Arm:
 
     if not isinstance(model, Arm):
         return read_model(found(_path(model, "a model")))
-    check_terms(model)
+    check_terms(model, sizes=True)
     return model
+
+
+def write_model(path: File, model: Arm) -> None:
+    """Writes a model file, whole or not at all. InputError where it cannot be written, or ``read_model`` refused it."""
+    from arm_model import write_model
+
+    write_model(_path(path, "the name of a model file"), read_model(model))
 
 
 def fixed_model(model: File | Arm, purpose: str) -> Arm:

@@ -34,6 +34,28 @@ def test_nothing_heavy_is_imported_before_it_is_used() -> None:
     assert foreign == {"armscope"}
 
 
+@pytest.mark.parametrize(
+    ("name", "values", "said"),
+    [
+        ("load_fricton", {"mu": 0.1}, "no effect 'load_fricton'; is it load_friction?"),
+        ("backlash", {"half_gap": -1e-3}, "half_gap: must not be negative (is -0.001 rad)"),
+        ("load_friction", {"mu": float("nan")}, "mu: input should be a finite number"),
+        ("coulomb_friction", {"coulomb": -1e6}, "friction"),
+    ],
+)
+def test_no_model_is_written_or_used_that_could_not_be_read(
+    root: Path, tmp_path: Path, name: str, values: dict[str, float], said: str
+) -> None:
+    arm = armscope.read_model(root / "config/models/two_link.toml")
+    for use in (
+        lambda wrong: armscope.write_model(tmp_path / "arm.toml", wrong),
+        lambda wrong: armscope.simulate(wrong, root / "config/experiments/arms/rov_fit.toml"),
+    ):
+        with pytest.raises(InputError) as told:
+            use(arm.with_effect(name, joint=1, **values))
+        assert said in str(told.value) and not list(tmp_path.iterdir())
+
+
 def test_every_name_that_is_offered_is_there() -> None:
     for name in armscope.__all__:
         assert getattr(armscope, name) is not None
