@@ -64,5 +64,6 @@ def _expanded(one: Comparable, filters: Filters | None) -> list[Comparable]:
     if len(arms) > 1:
         raise InputError(folder, f"holds results of {len(arms)} arms; choose one with --arm ({', '.join(arms[:5])})")
     if not rows:
-        raise InputError(folder, "holds no such identification.json or diagnosis.json, nor do its folders")
+        such = "" if filters in (None, Filters()) else " that the options select"
+        raise InputError(folder, f"holds no identification.json or diagnosis.json{such}, nor do its folders")
     return [folder / row["path"] for row in rows]

@@ -65,7 +65,13 @@ def _by_ending(out: Path) -> Format:
     ending = out.suffix.lower()
     if ending in (".mcap", ".db3"):
         raise InputError(out, "a bag is a folder: --to ros2-mcap or ros2, and --out FOLDER")
-    return Format(ending[1:]) if ending in (".parquet", ".mat") else Format.CSV
+    if ending in _OF_OTHERS:
+        raise InputError(out, "is no name of a format that is written; it must end in .csv, .parquet or .mat")
+    return {".parquet": Format.PARQUET, ".pq": Format.PARQUET, ".mat": Format.MAT}.get(ending, Format.CSV)
+
+
+_OF_OTHERS = (".h5", ".hdf5", ".xls", ".xlsx", ".ods", ".json", ".feather", ".npy", ".npz", ".bag", ".png", ".toml")
+"""Endings of files that are no tables as text."""
 
 
 def _write(form: Format, out: Path, data: LongRecording) -> list[str]:

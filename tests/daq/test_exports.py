@@ -181,6 +181,15 @@ def test_what_cannot_be_written_leaves_nothing(file: Path, tmp_path: Path, capsy
     assert [path.name for path in tmp_path.rglob("*")] == ["bag"]
 
 
+@pytest.mark.parametrize("ending", [".xlsx", ".h5", ".JSON"])
+def test_no_text_is_written_under_the_name_of_another_format(
+    ending: str, file: Path, tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    assert run(["export", str(file), "--out", str(tmp_path / f"run{ending}")]) == 2
+    assert "must end in .csv, .parquet or .mat" in capsys.readouterr().err
+    assert not list(tmp_path.glob("run.*"))
+
+
 def test_a_bag_for_which_the_disk_is_too_small(
     file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
