@@ -14,6 +14,10 @@ from arm_model import Arm, parameter
 from arm_model.tables import Uncertainty
 from arm_model.tables.friction_of_days import COULOMB, NEAR_REST, UNRECORDED, VISCOUS, near_rest
 
+FASTER = 0.5
+"""Standard deviation, as a share, of the slope of friction at speeds above those of the identification: the slope of
+|v|^0.6 is 0.6 of that of the straight line through it, that of |v|^1.5 is 1.5 of it."""
+
 
 def known_on_another_day(arm: Arm) -> Uncertainty | None:
     """The uncertainty that an arm states, with that of level and slope of its friction on another day.
@@ -44,6 +48,20 @@ def friction_near_rest(arm: Arm, parameters: tuple[str, ...], columns: Array, sp
         if sizes.any() and fastest > 0.0:
             shape = near_rest(np.abs(speed[:, joint - 1]) / fastest)
             found.append(UNRECORDED * NEAR_REST * shape[:, None] * (columns @ sizes))
+    return np.stack(found, axis=-1) if found else np.zeros((*speed.shape, 0))
+
+
+def friction_beyond(arm: Arm, parameters: tuple[str, ...], columns: Array, speed: Array) -> Array:
+    """(m, n, j) A: as ``friction_near_rest``, of each joint's friction at speeds above those of the identification.
+
+    Of joints with a friction curve, which ends there: beyond, only the slope of a straight line is known.
+    """
+    found = []
+    for joint, curve in enumerate((joint.friction_curve for joint in arm.joints), 1):
+        fast = np.abs(speed[:, joint - 1])
+        if curve is not None:
+            shape = FASTER * np.maximum(1.0 - curve.speed[-1] / np.maximum(fast, curve.speed[-1]), 0.0)
+            found.append(shape[:, None] * (columns @ _sizes(arm, parameters, f"joint{joint}.viscous")))
     return np.stack(found, axis=-1) if found else np.zeros((*speed.shape, 0))
 
 

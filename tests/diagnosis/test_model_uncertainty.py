@@ -159,6 +159,23 @@ def test_a_day_that_is_a_little_warmer_changes_nothing(arm: Arm, tmp_path: Path)
     assert [(cause.effect, cause.joint) for cause in less.causes] == [("viscous_friction", 1)]
 
 
+def test_friction_beyond_the_speeds_of_the_identification_is_known_roughly(arm: Arm, runs: list[Recording]) -> None:
+    """A model that is right up to 0.3 rad/s, the end of its curve, and a fifth too steep beyond."""
+    names = ("joint1.coulomb", "joint1.viscous")
+    covariance = np.diag([(0.001 * parameter(arm, name)) ** 2 for name in names])
+    slope = parameter(arm, "joint1.viscous")
+    steeper = with_parameters(arm, {"joint1.viscous": 1.2 * slope})
+
+    right = (0.0, *(-0.2 * slope * speed for speed in (0.3, 0.3)))
+    curve = FrictionCurve((0.0, 0.3, 0.31), right, right)
+    joints = (replace(steeper.joints[0], friction_curve=curve), *steeper.joints[1:])
+    known = replace(steeper, joints=joints, uncertainty=uncertainty_of("u.json", names, covariance))
+    result = armscope.diagnose(runs[0], known, held_out=runs[1])
+    assert result.verdict == "consistent"
+    (first, _) = result.to_json()["joints"]
+    assert 2.0 < first["noise_ratio"]["held_out"] < first["known_to"]
+
+
 def test_friction_near_rest_is_uncertain_by_the_coulomb_friction_at_least(arm: Arm) -> None:
     """A curve may fall to nothing at its lowest speed, which few rows show: a row near standstill is not exact then."""
     straight = rest_friction(arm)

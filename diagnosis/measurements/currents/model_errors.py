@@ -21,7 +21,7 @@ from arm_model.effects import described
 from arm_model.rigid_body.regressor import regressor
 from arm_model.system import inverse_dynamics
 from arm_model.tables import Uncertainty
-from diagnosis.another_day import friction_near_rest, known_on_another_day
+from diagnosis.another_day import friction_beyond, friction_near_rest, known_on_another_day
 from diagnosis.residual.run import Run
 from diagnosis.selection.beyond_model import Evidence
 from diagnosis.selection.design import Dataset, Pair
@@ -91,7 +91,8 @@ def _directions(run: Run, uncertainty: Uncertainty) -> Array:
     """(m, n, r) A: change of the expected currents for one standard deviation of each independent error."""
     columns = _columns(run, uncertainty.parameters)
     hump = friction_near_rest(run.arm, uncertainty.parameters, columns, run.brisk_v)
-    return np.concatenate([columns @ uncertainty.directions, hump], axis=-1)
+    beyond = friction_beyond(run.arm, uncertainty.parameters, columns, run.brisk_v)
+    return np.concatenate([columns @ uncertainty.directions, hump, beyond], axis=-1)
 
 
 def _left_over(left_over: Sequence[float], data: Split[Dataset]) -> Array:
