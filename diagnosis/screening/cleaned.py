@@ -92,7 +92,9 @@ def screened(arm: Arm, recordings: Sequence[Recording], progress: Progress = lam
     return Screened(
         recordings=tuple(recordings),
         events=events,
-        samples=[(r.t, without_jumps(r, index, events), without_hum(r, events)) for index, r in enumerate(recordings)],
+        samples=[
+            (r.t, without_jumps(r, arm, index, events), without_hum(r, events)) for index, r in enumerate(recordings)
+        ],
         known_noise=known,
         counter_gaps=tuple((*own, *single) for own, single in zip(by_all, gaps)),
         holes=holes,

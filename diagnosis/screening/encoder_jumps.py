@@ -22,6 +22,7 @@ from diagnosis.cause import EncoderJump, Estimate
 from diagnosis.residual.noise.channels import resolution
 from diagnosis.residual.noise.encoder_step import encoder_step, found_once
 from diagnosis.screening.event import Event, Gain
+from diagnosis.screening.reversal_kicks import turned_by_reversals
 
 Rows = NDArray[np.intp]
 JUMP_IN_STEPS = 2.4
@@ -47,7 +48,7 @@ def jumps(recordings: Sequence[Recording], arm: Arm) -> list[Event]:
     """
 
     def of_joint(j: int) -> list[tuple[int, Jump]]:
-        return [(index, jump) for index, r in enumerate(recordings) for jump in _all_jumps(r, j)]
+        return [(index, jump) for index, r in enumerate(recordings) for jump in _all_jumps(r, arm, j)]
 
     by_joint = in_parallel(of_joint, range(recordings[0].joints))
     return [_event(recordings, arm.joints[j], j + 1, found) for j, found in enumerate(by_joint) if found]
@@ -108,8 +109,8 @@ def _count(q: Array, joint: Joint) -> float:
     return of_model if step < PRINTED * of_model else step or of_model or resolution(q)
 
 
-def _all_jumps(recording: Recording, j: int) -> list[Jump]:
-    """The jumps of an angle that stay, in time.
+def _all_jumps(recording: Recording, arm: Arm, j: int) -> list[Jump]:
+    """The jumps of an angle that stay, in time, without those that motion may be.
 
     Searched for again where the known ones are taken out: one that is close to a larger jump shows only then.
     """
@@ -121,7 +122,12 @@ def _all_jumps(recording: Recording, j: int) -> list[Jump]:
             break
         found += further
         q = _without(q, further)
-    return sorted((jump for jump in found if not _struck(recording, j, jump)), key=lambda jump: jump.row)
+    motion = [
+        jump
+        for jump in found
+        if _struck(recording, j, jump) or abs(jump.size) <= turned_by_reversals(recording, arm, j, jump.row)
+    ]
+    return sorted((jump for jump in found if jump not in motion), key=lambda jump: jump.row)
 
 
 def _struck(recording: Recording, j: int, jump: Jump) -> bool:
@@ -252,11 +258,11 @@ def rows_near(dt: float) -> int:
     return max(3, round(0.01 / dt))
 
 
-def without_jumps(recording: Recording, index: int, events: list[Event]) -> Array:
+def without_jumps(recording: Recording, arm: Arm, index: int, events: list[Event]) -> Array:
     """(n, J) rad: the angles of recording ``index`` without its jumps."""
     q = recording.q.copy()
     for event in events:
         if event.effect == MISSED_COUNTS.name and event.joint is not None and index in event.recordings:
             j = event.joint - 1
-            q[:, j] = _without(q[:, j], _all_jumps(recording, j))
+            q[:, j] = _without(q[:, j], _all_jumps(recording, arm, j))
     return q

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from arm_model import EffectTerm
+from arm_model import EffectTerm, with_parameters
 from arm_model.model_file import read_model
 from daq.recording import Recording, open_recording
 from daq.recording.parts import Attachments
@@ -22,6 +22,9 @@ from tests.diagnosis.test_setpoint_ripple import _sampled as sampled
 
 ARM = read_model(Path(__file__).resolve().parents[2] / "config" / "models" / "puma560.toml")
 COUNT = 2 * np.pi / (4 * (ARM.joints[0].encoder_lines or 0) * abs(ARM.joints[0].ratio))
+
+
+ARM6 = np.arange(6)
 
 
 def _recorded(path: Path, *, counts: float, noise: float, digits: int | None = None) -> Recording:
@@ -182,6 +185,23 @@ def test_teeth_that_meet_behind_a_gap_are_no_missed_counts(root: Path, half_gap:
         found = [jumps_of(q[:, 0] + np.where(t > at, 1e-3, 0.0), 0.004) for at in np.linspace(1.0, 9.0, 17)]
         right = [len(some) == 1 and some[0].size == pytest.approx(1e-3, rel=0.2) for some in found]
         assert sum(right) >= 12  # counts that the encoder did lose, between the meetings
+
+
+@pytest.mark.parametrize(("rate", "counts"), [(100.0, 7.0), (100.0, 300.0), (1000.0, 13.0)])
+def test_counts_that_the_reversal_of_a_joint_explains_are_not_missed(
+    tmp_path: Path, rate: float, counts: float
+) -> None:
+    """Joint 2 reverses at 4 s: its friction turns joint 3 by up to 12 counts within 10 ms, by 0.1 within 1 ms."""
+    t, arm = np.arange(0.0, 8.0, 1 / rate), with_parameters(ARM, {"joint2.coulomb": 40.0})
+    steady = {"q": 0.4 * np.sin(0.9 * t[:, None] + [0.1, np.nan, 0.7, 0.2, 0.3, 0.4]), "i": np.cos(t[:, None] + ARM6)}
+    found = {}
+    for name, phase in (("at a reversal", np.pi / 2), ("between", 0.0)):
+        q = steady["q"].copy()
+        q[:, 1] = 0.4 * np.sin(3.0 * (t - 4.0 + 0.5 / rate) + phase)
+        q[:, 2] += counts * COUNT * (t > 4.0 - 1e-9)
+        write_table(tmp_path / "a.mcap", t, {"q": np.round(q / COUNT) * COUNT, "i": steady["i"]}, Attachments())
+        found[name] = [event.joint for event in jumps([open_recording(tmp_path / "a.mcap")], arm)]
+    assert found == {"at a reversal": [] if counts == 7.0 else [3], "between": [3]}
 
 
 @pytest.mark.parametrize("kicked", [0.0, 40.0])
