@@ -6,7 +6,7 @@ import numpy as np
 
 from arm_io.types import Array
 from arm_model import Arm
-from arm_model.rigid_body import numeric
+from arm_model.rigid_body import drive_mass_matrix
 from daq.recording import Recording
 from diagnosis.residual.noise.encoder_step import encoder_step
 
@@ -28,8 +28,8 @@ def turned_by_reversals(recording: Recording, arm: Arm, joint: int, row: int) ->
     torque = np.array([2.0 * own if _reverses(q, row) else 0.0 for own, q in zip(friction, recording.q.T)])
     if not torque.any():
         return 0.0
-    turned: Array = np.abs(np.linalg.pinv(_inertia(arm, recording.q[row])))[joint] @ torque * recording.dt**2
-    return float(turned)
+    acceleration: Array = np.abs(np.linalg.pinv(drive_mass_matrix(arm, recording.q[row : row + 1])[0]))[joint] @ torque
+    return float(acceleration) * recording.dt**2
 
 
 def _reverses(q: Array, row: int) -> bool:
@@ -39,11 +39,3 @@ def _reverses(q: Array, row: int) -> bool:
     before, after = q[row - 1] - q[row - 1 - ROWS], q[row + ROWS] - q[row]
     least = MOVES_BY * encoder_step(q) or SLOW * float(np.quantile(np.abs(q[ROWS:] - q[:-ROWS]), 0.99))
     return bool(before * after < 0.0 and min(abs(before), abs(after)) >= least > 0.0)
-
-
-def _inertia(arm: Arm, q: Array) -> Array:
-    """(n, n) mass matrix of the angles that the controller reports, with rotors."""
-    links = numeric.mass_matrix(arm, arm.link_angles(q[None]), rotors=False)[0]
-    coupling = arm.coupling_matrix
-    rotors = np.diag(arm.joint_array("ratio") ** 2 * arm.joint_array("rotor_inertia"))
-    return np.asarray(coupling.T @ links @ coupling + rotors)
