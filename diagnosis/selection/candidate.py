@@ -20,7 +20,8 @@ class Candidate:
 
     joint: from 1; None: of the whole arm. body: with an inertia of its own (a payload), not a mass point. amplitude:
     the name of the one linear parameter that it has, the others being 0; "": all, of a wave the first. terms: the
-    next-order terms of the law that it has; these refer to the phase or the rest position in ``shape``.
+    next-order terms of the law that it has; these refer to the phase or the rest position in ``shape``. about: s, the
+    delay up to which the column of a delay is its mean change; 0: its first-order change.
     """
 
     effect: str
@@ -29,6 +30,7 @@ class Candidate:
     body: bool = False
     amplitude: str = ""
     terms: tuple[str, ...] = ()
+    about: float = 0.0
 
     @property
     def definition(self) -> Effect:

@@ -10,8 +10,10 @@ import pytest
 
 from arm_model import read_model
 from diagnosis.measurements.currents.columns import candidates, columns
-from diagnosis.measurements.currents.design_matrix import columns_at_joint, dataset_of
+from diagnosis.measurements.currents.design_matrix import Library, columns_at_joint, dataset_of
+from diagnosis.measurements.currents.model import Currents
 from diagnosis.measurements.currents.refinement import refined
+from diagnosis.residual.expected_current import delayed
 from diagnosis.residual.generation import residual_run
 from diagnosis.residual.run import Run
 from diagnosis.selection.candidate import Candidate
@@ -50,3 +52,15 @@ def test_the_grid_leads_to_a_spring_that_rings(run: Run, joint: int, stiffness: 
     found = dict(refined(best, alone, data).shape)
     assert found["stiffness"] == pytest.approx(stiffness, rel=0.02)
     assert found["damping"] == pytest.approx(damping, rel=0.05)
+
+
+@pytest.mark.parametrize("delay", [5e-4, -0.006, 0.014, -0.02])
+def test_a_delay_is_found_however_long(run: Run, delay: float) -> None:
+    """Of currents that change at up to 8 Hz a first-order change does not serve for the longer three."""
+    late = delayed(run.t, run.expected, np.full(len(run.t), delay))
+    shown = replace(run, current=late, current_rate=np.gradient(late, run.t, axis=0))
+    data = Split(dataset_of([shown]), dataset_of([shown]))
+    model = Currents(run.arm, data, Library([Candidate("time_skew", None)], data), [])
+    (score,) = model.scores(model.start())
+    assert score.gain > 0.98 * float(np.sum(data.fit.y**2))
+    assert score.coefficients[0] == pytest.approx(delay, rel=0.03)

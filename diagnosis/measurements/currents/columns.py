@@ -19,6 +19,7 @@ from arm_model import Arm, Joint
 from arm_model.effects import CATALOGUE, Effect, Instrument, Signals, Values
 from arm_model.effects.definition import Law
 from arm_model.system import inverse_dynamics
+from diagnosis.residual.expected_current import delayed
 from diagnosis.residual.filters import COMPARE_BAND, kept_rows, low_pass
 from diagnosis.residual.gap import AS_FOUND, Teeth, gap_of, through_gap
 from diagnosis.residual.integration import integrated, spring_of, spring_twist
@@ -64,11 +65,19 @@ def _columns(candidate: Candidate, run: Run, at: slice) -> Array:
     if effect.coupling:
         return np.stack([_coupled(run, arm, unit)[:, at] for unit in candidate.units()], axis=-1)
     if effect.delay is not None:
-        return -run.current_rate[:, at, None]
+        return _by_delay(run, candidate.about)[:, at, None]
     assert joint is not None
     s = signals_of(run, arm, joint, link_side=effect.link_side)
     laws = [_law(run, candidate, unit, s, at) for unit in candidate.units()]
     return np.stack(laws, axis=-1) if len(laws) > 1 else laws[0][..., None]
+
+
+def _by_delay(run: Run, about: float) -> Array:
+    """(m, n) A/s: change of the recorded currents per s of delay, the mean of delays up to ``about`` s."""
+    if not about:
+        return -run.current_rate
+    earlier = [delayed(run.t[part], run.current[part], np.full(part.stop - part.start, -about)) for part in run.parts]
+    return (run.current - np.concatenate(earlier)) / about
 
 
 def _torque(effect: Effect, p: Values, s: Signals, run: Run) -> Array:

@@ -32,10 +32,15 @@ from diagnosis.selection.next_order import (
     small_term,
     term_share,
 )
-from diagnosis.selection.regression import best_of_each, score
+from diagnosis.selection.regression import best_of_each, fit_gain, score
 from diagnosis.selection.ripple_orders import detectable, joint_of_ripple
 from diagnosis.selection.unseen_inertia import explained, unseen_inertia
 from identification.selection import MeasurementModel, Score, Split, p_value
+
+FIRST_ORDER = 2e-3
+"""s: a delay whose change of a current at COMPARE_BAND is of the first order, 2 pi 20 Hz times it a quarter."""
+DELAYS = 6
+"""Values at most by which the value of a long delay is approached."""
 
 
 @dataclass(frozen=True)
@@ -69,6 +74,7 @@ class Currents(MeasurementModel[Candidate, State]):
     def scores(self, state: State) -> list[Score[Candidate]]:
         """Every effect at every joint, at the nonlinear parameters that fit best; the largest gain first."""
         self._add_ripples(state.fitted.fit)
+        self._add_delays(state)
         self.library.compute_grids()
         best = best_of_each(self.library, self.library.where_shown, state.fitted, self.taken(state))
         self.library.compute(best)
@@ -310,6 +316,18 @@ class Currents(MeasurementModel[Candidate, State]):
         for strongest in in_parallel(of_joint, sorted({c.joint for c in self.ripples if c.joint})):
             for c in strongest:
                 self.library.add(c)
+
+    def _add_delays(self, state: State) -> None:
+        """Adds delays too long for a first-order change, each about the value that the one before leads to."""
+        taken = self.taken(state)
+        first = [c for c in self.library if c.definition.delay is not None and not c.about and c.key not in taken]
+        for candidate in first:
+            for _ in range(DELAYS):
+                (delay,) = fit_gain(self.library.where_shown(candidate), state.fitted)[1]
+                if abs(delay - candidate.about) < FIRST_ORDER:
+                    break
+                candidate = replace(candidate, about=float(delay))
+                self.library.add(candidate)
 
 
 def _replaced(state: State, old: Candidate, new: Candidate) -> State:
