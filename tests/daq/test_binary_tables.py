@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from armscope.cli import run
 from daq.recording.tables import open_source, read_blocks
 from tests.daq.foreign_tables import imported, motion
 
@@ -62,6 +63,31 @@ def test_matlab(version: str, tmp_path: Path) -> None:
     np.testing.assert_array_equal(recording.q, q)
     np.testing.assert_array_equal(recording.i, torque)
     np.testing.assert_array_equal(recording.t, seconds)
+
+
+@pytest.mark.parametrize(
+    ("signals", "said"),
+    [
+        ({"q": (500, 3), "tau": (500, 3), "Ts": (1, 1)}, "beside q (500 x 3): the times t (s) are missing"),
+        (
+            {"t": (497, 1), "q": (500, 3), "tau": (500, 3)},
+            "t has 497 x 1 numbers, q 500 x 3; signals must",
+        ),
+        ({"t": (500, 1), "q": (3, 499), "i": (3, 500)}, "t has 500 x 1 numbers, q 3 x 499; signals must"),
+        ({"t": (500, 1), "q": (500, 3), "i": (500, 3), "dq": (499, 3)}, ""),
+    ],
+)
+def test_signals_of_other_lengths(
+    signals: dict[str, tuple[int, int]], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from scipy.io import savemat
+
+    savemat(
+        tmp_path / "log.mat", {name: np.arange(np.prod(size)).reshape(size) / 1e3 for name, size in signals.items()}
+    )
+    arguments = ["import", str(tmp_path / "log.mat"), "--guess", "--time-unit", "s", "--out", str(tmp_path / "a.mcap")]
+    assert run(arguments) == (2 if said else 0)
+    assert said in capsys.readouterr().err
 
 
 def test_row_groups_of_parquet_are_read_one_by_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -22,6 +22,10 @@ from daq.recording.tables.matlab_writer import EXTRA, EXTRA_NAMES
 ROWS = 1 << 14
 
 
+ALMOST = 0.1
+"""Relative difference of two numbers of samples below which both signals are meant to be of the same samples."""
+
+
 class MatlabSource:
     """A .mat file as a source of columns (``daq.recording.tables.columns.Source``).
 
@@ -51,8 +55,28 @@ class MatlabSource:
                     if name in ("q", "i") or not np.isnan(one[column, :] if flat else one[:, column]).all():
                         self._places[f"{name}{column + 1}"] = name, column, flat
         self.names: list[str] = list(self._places)
+        self._check_lengths({name: tuple(one.shape) for name, one in variables.items()})
+
+    def _check_lengths(self, shapes: dict[str, tuple[int, ...]]) -> None:
+        """InputError where there is no vector, or a needed signal has nearly as many samples as the longest vector.
+
+        Others, such as velocities by differences, may have fewer, and are left out.
+        """
+        matrices = {name: shape for name, shape in shapes.items() if len(shape) == 2 and min(shape) > 1}
         if self.rows < 2 or not self.names:
-            raise InputError(path, "has no vector of numbers; it must have one row of numbers per sample")
+            long = next((name for name, shape in matrices.items() if max(shape) > MOST_JOINTS), None)
+            lacks = "" if long is None else f" beside {long} ({_size(matrices[long])}): the times t (s) are missing"
+            raise InputError(self.path, f"has no vector of numbers{lacks}; it must have one row of numbers per sample")
+        longest = next(name for name, shape in shapes.items() if max(shape, default=0) == self.rows)
+        alone = all(column is None for _, column, _ in self._places.values())
+        for name, shape in matrices.items() if alone else shapes.items():
+            samples = max(shape, default=0) if alone or name in ("t", *JOINT_TOPICS) else 0
+            if samples > MOST_JOINTS and 0 < abs(samples - self.rows) <= ALMOST * self.rows:
+                raise InputError(
+                    self.path,
+                    f"{longest} has {_size(shapes[longest])} numbers, {name} {_size(shape)}; signals must have one row "
+                    "per sample, all at the same times",
+                )
 
     def chunks(self, needed: Sequence[str], time: str) -> Iterator[Chunk]:
         """All rows in their order."""
@@ -100,6 +124,10 @@ class MatlabSource:
         return InputError(
             self.path, f"cannot be read as a {self.path.suffix.lower() or '.mat'} file: {error or type(error).__name__}"
         )
+
+
+def _size(shape: Sequence[int]) -> str:
+    return " x ".join(map(str, shape))
 
 
 def _of_v5(path: Path) -> dict[str, Any]:
