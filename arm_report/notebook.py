@@ -79,23 +79,29 @@ def frame_over_time(t: Array, columns: Mapping[str, Array], attributes: Mapping[
 
 
 def frame_of(
-    rows: Sequence[Mapping[str, Any]], columns: Sequence[str], index: str, attributes: Mapping[str, Any]
+    rows: Sequence[Mapping[str, Any]],
+    columns: Sequence[str],
+    index: str,
+    attributes: Mapping[str, Any],
+    *,
+    whole: Sequence[str] = (),
+    texts: Sequence[str] = (),
 ) -> pandas.DataFrame:
     """(rows, columns) a table indexed by the column ``index``; it has its columns without rows, too.
 
-    None becomes NaN in columns of numbers; ``attributes`` become ``attrs`` of the table.
+    A value that is not known (None) is NaN, in columns of ``whole`` numbers <NA>; ``texts``: columns of texts, in which
+    it stays None. Other columns without any value are numbers. ``attributes`` become ``attrs`` of the table.
     InputError where pandas is not installed.
     """
     package = with_pandas()
-    frame: pandas.DataFrame = package.DataFrame.from_records(
-        [[row.get(name) for name in (index, *columns)] for row in rows]
-    )
+    values = [[row.get(name) for name in (index, *columns)] for row in rows]
+    frame: pandas.DataFrame = package.DataFrame.from_records(values)
     frame = frame.reindex(columns=range(1 + len(columns))).set_axis([index, *columns], axis="columns").set_index(index)
     for name in columns:
-        numbers = [row.get(name) for row in rows]
-        known = [one for one in numbers if one is not None]
-        if known and all(isinstance(one, int | float) and not isinstance(one, bool) for one in known):
-            whole = all(isinstance(one, int) for one in known)
-            frame[name] = frame[name].astype("Int64" if whole else "float64")
+        known = [row[name] for row in rows if row.get(name) is not None]
+        if name in whole:
+            frame[name] = frame[name].astype("Int64")
+        elif name not in texts and all(isinstance(one, int | float) and not isinstance(one, bool) for one in known):
+            frame[name] = frame[name].astype("float64")
     frame.attrs = dict(attributes)
     return frame

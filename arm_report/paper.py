@@ -99,8 +99,10 @@ def _scales(axis: Axes, panel: Panel) -> None:
 
 def _ticks(axis: Axes, panel: Panel) -> None:
     """Plain numbers on those axes, as on the page, where matplotlib writes powers of ten."""
-    from matplotlib.ticker import FuncFormatter, NullFormatter, NullLocator
+    from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter, NullLocator
 
+    if panel.x == "row":
+        axis.xaxis.set_major_locator(MaxNLocator(integer=True))
     if panel.linear is not None:
         low, high = axis.get_xlim()
         ticks = Scale(low=low, high=high, linear=panel.linear).ticks(TICKS)

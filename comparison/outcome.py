@@ -129,7 +129,8 @@ class Comparison:
 
         rows = [change.to_row() for change in self.changes]
         attributes = {"what": self.what, "before": list(self.before), "after": list(self.after)}
-        return frame_of(rows, COLUMNS, "name", attributes)
+        texts = ("description", "kind", "unit", "overruled", "not_comparable", "significant")
+        return frame_of(rows, COLUMNS, "name", attributes, whole=("joint",), texts=texts)
 
     def write(self, folder: str | PathLike[str], *, pictures: Collection[str] = ()) -> dict[str, Any]:
         """Writes compare.html, its charts as ``pictures`` ("png", "pdf") and compare.json; returns the latter."""

@@ -80,7 +80,7 @@ class Trend:
             for one in quantity["history"]
         ]
         columns = ("name", "description", "joint", "value", "std", "unit", "moved", "source")
-        frame = frame_of(rows, columns, "date", {"what": self.histories.what})
+        frame = frame_of(rows, columns, "date", {"what": self.histories.what}, whole=("joint",))
         frame.index = with_pandas().to_datetime(frame.index, utc=True)
         return frame
 

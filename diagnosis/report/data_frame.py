@@ -17,6 +17,8 @@ COLUMNS = (
     *("recording", "alternatives", "separate_by"),
 )
 
+TEXTS = ("parameter", "unit", "error_unit", "recording", "alternatives", "separate_by")
+
 
 def causes_frame(result: Diagnosis) -> pandas.DataFrame:
     """By effect: a row per parameter of each cause, strongest cause first; without causes no rows.
@@ -24,7 +26,8 @@ def causes_frame(result: Diagnosis) -> pandas.DataFrame:
     A cause whose parameters differ between recordings or joints has the rows of each.
     """
     rows = [row for cause in result.causes for row in _rows(cause)]
-    return frame_of(rows, COLUMNS, "effect", {"arm": result.arm.name, "verdict": str(result.verdict)})
+    attributes = {"arm": result.arm.name, "verdict": str(result.verdict)}
+    return frame_of(rows, COLUMNS, "effect", attributes, whole=("joint",), texts=TEXTS)
 
 
 def _rows(cause: Cause) -> Iterator[dict[str, Any]]:

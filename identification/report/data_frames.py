@@ -46,7 +46,7 @@ def identification_frame(result: Identification, what: What) -> pandas.DataFrame
 def values_frame(values: Sequence[Value], index: str, attributes: dict[str, Any]) -> pandas.DataFrame:
     """A row per value: value, std (NaN where the data do not determine it), unit, identifiable, and why not."""
     rows = [{index: one.name, **{name: getattr(one, name) for name in VALUE}} for one in values]
-    return frame_of(rows, VALUE, index, attributes)
+    return frame_of(rows, VALUE, index, attributes, texts=("unit", "identifiable", "why"))
 
 
 def by_row(run: Prediction) -> tuple[Array, dict[str, Array]]:

@@ -5,7 +5,11 @@ from __future__ import annotations
 import subprocess
 import sys
 
+import numpy as np
 import pytest
+
+from arm_report.chart import Chart, Panel, Series
+from arm_report.paper import figure
 
 SCRIPT = """
 from IPython.core.interactiveshell import InteractiveShell
@@ -20,6 +24,13 @@ shown, _ = shell.display_formatter.format(drawn)
 import sys
 assert shown["image/png"][:4] == b"\\x89PNG" and "matplotlib.pyplot" not in sys.modules
 """
+
+
+def test_rows_have_whole_numbers() -> None:
+    rows = np.arange(1.0, 21.0)
+    panel = Panel(series=(Series(x=rows, y=rows, colour="black", label=""),), title="", x="row", y="")
+    (axis,) = figure(Chart(name="a", title="a", panels=(panel,), columns=1, height=2.0)).axes
+    assert all(tick == round(tick) for tick in axis.get_xticks())
 
 
 def test_a_figure_is_an_image_in_a_notebook() -> None:

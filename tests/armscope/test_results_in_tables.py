@@ -102,6 +102,7 @@ def test_changes_and_histories(tmp_path: Path) -> None:
     row = table.loc["joint3.coulomb"]
     assert (row.before, row.after, row.change, row.unit, row.joint) == (15.0, 25.0, 10.0, "N m", 3)
     assert list(table.index[table.significant]) == ["joint3.coulomb"] and row.z == changed.significant[0].z
+    assert table["speed"].dtype == float and table["joint"].dtype == "Int64" and table["significant"].dtype == bool
     history = armscope.trend(places).to_pandas()
     one = history[history.name == "joint3.coulomb"]
     assert list(one.value) == [15.0, 17.0, 19.0, 21.0, 23.0, 25.0] and one.moved.all()
@@ -119,6 +120,11 @@ def test_causes_have_a_row_per_parameter() -> None:
     assert "of joint 2" in table.alternatives.iloc[0]
     none = causes_frame(cast(Any, SimpleNamespace(causes=[], arm=details.arm, verdict="consistent")))
     assert none.empty and "confidence" in none.columns
+    cause = group_of(("time_skew", None))
+    object.__setattr__(cause, "parameters", gap)
+    whole = causes_frame(cast(Any, SimpleNamespace(causes=[cause], arm=details.arm, verdict="explained")))
+    assert whole["joint"].dtype == table["joint"].dtype == "Int64" and whole["joint"].isna().all()
+    assert whole["recording"].dtype == table["recording"].dtype == object
 
 
 def test_without_pandas_one_sentence_says_what_to_install(
