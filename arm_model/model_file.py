@@ -25,6 +25,9 @@ from arm_model.tables.link_shapes import Capsule
 from arm_model.tables.uncertainty import Uncertainty, read_uncertainty, write_uncertainty
 from arm_model.urdf.reading import read_urdf, urdf_of
 
+LARGEST_ANGLE, LARGEST_LENGTH = 6.5, 100.0
+"""rad and m of a D-H table: more is degrees, or mm."""
+
 
 class _ModelFile(Table):
     """The layout: what an Arm has, with arrays of tables in the singular, as TOML reads best."""
@@ -119,6 +122,8 @@ def arm_of(table: dict[str, Any], where: str | Path) -> Arm:
     floating, mount = _base_of(table.get("base"), where)
     layout = check_table(where, table if floating is None else {**table, "base": mount}, _ModelFile)
     for number, joint in enumerate(layout.joint, 1):
+        if other_unit := _in_other_units(joint):
+            raise InputError(where, f"joint[{number}].{other_unit}")
         if not layout.unphysical and (problem := unphysical(joint.mass, joint.inertia)):
             raise InputError(where, f"joint[{number}]: {problem}")
     if floating is not None and not layout.unphysical and (problem := unphysical(floating.mass, floating.inertia)):
@@ -144,6 +149,17 @@ def arm_of(table: dict[str, Any], where: str | Path) -> Arm:
         raise InputError(where, one_line(error)) from None
     check_terms(arm, where, sizes=True)
     return arm
+
+
+def _in_other_units(joint: Joint) -> str:
+    """An angle or a length of a D-H table that no arm has, with the unit that it seems to be in; "" without one."""
+    for name in ("theta", "alpha", "beta"):
+        if abs(value := getattr(joint, name)) > LARGEST_ANGLE:
+            return f"{name}: {value:g} is more than a turn; must be in rad, not in degrees"
+    for name in ("a", "d"):
+        if abs(value := getattr(joint, name)) > LARGEST_LENGTH:
+            return f"{name}: {value:g} m is longer than any arm; must be in m, not in mm"
+    return ""
 
 
 def on_fixed_base(arm: Arm, where: str | Path, purpose: str) -> Arm:

@@ -89,6 +89,14 @@ def _effect(**entries: Any) -> Callable[[dict[str, Any]], object]:
         (_effect(name="blacklash", joint=2, parameters={}), "effect[1].name: no effect 'blacklash'; is it backlash?"),
         (_effect(name="wear", joint=2, parameters={}), "effect[1].name: no effect 'wear'; expected one of viscous_"),
         (
+            lambda t: t["joint"][1].update(alpha=-90.0),
+            "joint[2].alpha: -90 is more than a turn; must be in rad, not in degrees",
+        ),
+        (
+            lambda t: t["joint"][1].update(a=431.8),
+            "joint[2].a: 431.8 m is longer than any arm; must be in m, not in mm",
+        ),
+        (
             _effect(name="backlash", joint=2, parameters={"half_gap": -1e-3}),
             "effect[1].parameters.half_gap: must not be negative (is -0.001 rad)",
         ),
