@@ -20,3 +20,12 @@ def value_and_two_std(value: float, std: float | None, *, sign: str = "") -> tup
         return f"{value:{sign}.5g}", f"{2 * std:.2g}"
     decimals = max(0, 1 - floor(log10(float(f"{2 * std:.1e}"))))
     return f"{value:{sign}z.{decimals}f}", f"{2 * std:.{decimals}f}"
+
+
+def with_two_std(value: float, std: float | None, *, sign: str = "", mark: str = "+-") -> str:
+    """``"2.9405 +- 0.0034"``: both of ``value_and_two_std``, or the value alone if no standard deviation is known.
+
+    ``mark``: what stands between them, ``"±"`` on a page.
+    """
+    number, two_std = value_and_two_std(value, std, sign=sign)
+    return f"{number} {mark} {two_std}" if two_std else number

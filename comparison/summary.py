@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from scipy import linalg, stats
 
 from arm_io.types import Array
+from arm_report.numbers import with_two_std
 from comparison.change import Change
 from comparison.joint_fit.fewest_changes import AcceptedChange
 from comparison.joint_fit.tested import Tested
@@ -207,7 +208,7 @@ def _payload(structure: Structure, seen: _Changes, significant: Sequence[Change]
         parameters=parameters,
         explains=explains,
         sentence=(
-            f"A body of {abs(c[0]):.3g} +- {2 * std:.2g} kg {verb}{where} (payload, or that link's own mass) explains "
+            f"A body of {with_two_std(abs(c[0]), std)} kg {verb}{where} (payload, or that link's own mass) explains "
             f"{_all(len(explains), len(significant))}"
         ),
     )
@@ -274,7 +275,7 @@ def _tilt(tested: Tested, explains: Sequence[str], of: int) -> Summary:
     roll, pitch = ((float(value), float(std), "rad") for value, std in zip(values, stds))
     size = float(np.hypot(*values))
     std = float(np.hypot(*(values * stds))) / max(size, 1e-300)
-    shown = f"{1e3 * size:.3g} +- {2e3 * std:.2g} mrad (roll {1e3 * values[0]:.3g}, pitch {1e3 * values[1]:.3g})"
+    shown = f"{with_two_std(1e3 * size, 1e3 * std)} mrad (roll {1e3 * values[0]:.3g}, pitch {1e3 * values[1]:.3g})"
     sentence = f"Base tilted by {shown}: explains {_all(len(explains), of)}"
     return Summary(
         effect="base_tilt",
@@ -295,7 +296,7 @@ def _skew(tested: Tested, explains: Sequence[str], of: int) -> Summary:
         parameters={"delay": (float(delay), float(std), "s")},
         explains=tuple(explains),
         sentence=(
-            f"Currents are read {1e3 * abs(delay):.3g} +- {2e3 * std:.2g} ms {when} than before, relative to the "
+            f"Currents are read {with_two_std(1e3 * abs(delay), 1e3 * std)} ms {when} than before, relative to the "
             "angles: "
             f"explains {_all(len(explains), of)}"
         ),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from arm_report import text_table
-from arm_report.numbers import value_and_two_std
+from arm_report.numbers import value_and_two_std, with_two_std
 from comparison.change import SIGNIFICANT
 from comparison.trend.forecast import Reach, State
 from comparison.trend.history import Histories
@@ -96,7 +96,7 @@ def limit_sentence(one: Movement, reach: Reach, histories: Histories) -> str:
     first, now = level(*one.first), level(*one.last)
     if reach.limit is None:
         share = f"limit {reach.asked.value:+.0%} of the first value"
-        zero = f"{' +- '.join(value_and_two_std(*one.first))}{unit}"
+        zero = f"{with_two_std(*one.first)}{unit}"
         return f"{words}: {share}, which does not differ from zero ({zero}); give an absolute limit"
     value = f"{reach.limit:.4g}"
     if reach.state is State.UNCLEAR:
@@ -124,4 +124,4 @@ def _unit(one: Movement) -> str:
 
 
 def _size(value: float, std: float) -> str:
-    return " +- ".join(value_and_two_std(value, std, sign="+"))
+    return with_two_std(value, std, sign="+")

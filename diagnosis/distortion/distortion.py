@@ -21,6 +21,7 @@ from arm_io import InputError
 from arm_io.types import Array
 from arm_model import Arm, Joint, parameter, with_parameters
 from arm_model.system import inverse_dynamics
+from arm_report.numbers import with_two_std
 from daq.recording import Recording
 from diagnosis.distortion.dependence import Path, Share, shares_of
 from diagnosis.distortion.random_walk import GAP, STEP, gains_of, likelihood, memory, predicted, smoothed, strength
@@ -277,7 +278,7 @@ def sentence(result: Distortion) -> str:
     unit = f" {result.unit}" if result.unit else ""
     if not result.varies:
         return (
-            f"{result.parameter} does not vary: {value:.4g} ± {2 * std:.2g}{unit} throughout (the model has "
+            f"{result.parameter} does not vary: {with_two_std(value, std, mark='±')}{unit} throughout (the model has "
             f"{result.model:.4g}); no variation predicts more of the residual."
         )
     low, high = np.quantile(np.concatenate([p.value[p.seen] for p in result.paths]), [0.05, 0.95])

@@ -11,6 +11,7 @@ from arm_io.types import Array
 from arm_model import Arm
 from arm_model.moving_base import PAYLOAD, REACTION
 from arm_model.tables import DEGREES
+from arm_report.numbers import with_two_std
 from identification.floating_base import Wrenches
 
 EXPLAINED = 1.5
@@ -111,7 +112,7 @@ class ThrusterTest:
     @property
     def row(self) -> list[str]:
         """Its cells, under ``THRUSTER_HEAD``."""
-        gains = ["" if gain is None else f"{gain[0]:.3g} ± {2 * gain[1]:.2g}" for gain in (self.forward, self.reverse)]
+        gains = ["" if gain is None else with_two_std(*gain, mark="±") for gain in (self.forward, self.reverse)]
         p = "" if self.p is None else f"{self.p:.2g}" if self.p > 1e-6 else "< 1e-6"
         return [str(self.thruster), *gains, f"{self.dead_zone:.3g} N", p, self.verdict]
 
@@ -201,8 +202,9 @@ class BaseDiagnosis:
 
         lines = [f"verdict: {self.verdict}"]
         for number, cause in enumerate(self.causes, 1):
+            unit = "" if cause.unit == "1" else f" {cause.unit}"
             lines += [
-                f"{number}. {cause.name} {cause.value:.4g} +- {cause.std:.2g} {cause.unit}",
+                f"{number}. {cause.name} {with_two_std(cause.value, cause.std)}{unit}",
                 f"   {cause.evidence}",
             ]
             if len(cause.group) > 1:

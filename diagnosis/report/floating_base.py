@@ -13,6 +13,7 @@ from arm_io.whole_folder import whole_folder
 from arm_model import write_model
 from arm_model.tables import DEGREES
 from arm_report import Report, table, write_report
+from arm_report.numbers import with_two_std
 from diagnosis.floating_base import THRUSTER_HEAD, BaseDiagnosis
 from identification.floating_base.charts import (
     motion_charts,
@@ -85,7 +86,7 @@ def _summary(result: BaseDiagnosis) -> Markup:
         [
             str(number),
             cause.title,
-            f"{cause.value:.4g} ± {2 * cause.std:.2g}",
+            with_two_std(cause.value, cause.std, mark="±"),
             f"{cause.nominal:.4g}",
             cause.unit if cause.unit != "1" else "",
             f"{cause.before:.3g} to {cause.after:.3g}",

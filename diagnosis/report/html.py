@@ -25,14 +25,12 @@ from diagnosis.report.plots.residuals import against_all, left_against, side_by_
 from diagnosis.report.plots.single_axis import wave_chart
 from diagnosis.report.tables import errors, rough, summary, undetectable_table, unexplained_structures
 from diagnosis.report.wording import (
+    figures,
     remainder,
     remains,
     rise_at_rest,
     sentence,
     title,
-    two_std,
-    uncertain,
-    value,
     values_of,
 )
 from diagnosis.result import Diagnosis
@@ -151,8 +149,8 @@ def _section(result: Diagnosis, cause: Cause, row: dict[str, Any], number: int) 
         "parameters": [
             (
                 p.name.replace("_", " "),
-                value(p),
-                f"± {two_std(p)}" if uncertain(p) else "",
+                figures(p)[0],
+                figures(p)[1] and f"± {figures(p)[1]}",
                 "" if p.unit == "1" else p.unit,
                 meaning.get(p.name, "") + ("" if p.of_own is None else f"; {100 * p.of_own:+.0f} % of the model's own"),
             )

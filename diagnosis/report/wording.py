@@ -7,10 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-import numpy as np
-
 from arm_model import Arm
 from arm_model.effects import CATALOGUE
+from arm_report.numbers import value_and_two_std
 from diagnosis.cause import NO_VARIABLE, Cause, EncoderJump, Estimate, LostRows, Signal, in_words
 from diagnosis.report.joint_verdicts import Remaining, remaining
 from diagnosis.result import Diagnosis
@@ -35,7 +34,7 @@ def either(cause: Cause) -> str:
 def differing(cause: Cause) -> str:
     """``mass 3.0 kg in A.mcap, 2.8 kg in B.mcap: mounted differently``, of its first parameter."""
     firsts = [(name, own[0]) for name, own in cause.of_recordings.items()]
-    sizes = [f"{value(one)}{'' if one.unit == '1' else f' {one.unit}'} in {name}" for name, one in firsts]
+    sizes = [f"{figures(one)[0]}{'' if one.unit == '1' else f' {one.unit}'} in {name}" for name, one in firsts]
     why = CATALOGUE[cause.effect].settable or "not the same in all recordings"
     return f"{firsts[0][1].name.replace('_', ' ')} {', '.join(sizes)}: {why}"
 
@@ -135,9 +134,10 @@ def estimate(one: Estimate) -> str:
     Of friction, its share of the model's own: ``coulomb 2.35 ± 0.1 N m (+47 % of the model's own)``.
     """
     unit = "" if one.unit == "1" else f" {one.unit}"
-    about = f" ± {two_std(one)}" if uncertain(one) else ""
+    number, two_std = figures(one)
+    about = f" ± {two_std}" if two_std else ""
     share = "" if one.of_own is None else f" ({100 * one.of_own:+.0f} % of the model's own)"
-    return f"{one.name.replace('_', ' ')} {value(one)}{about}{unit}{share}"
+    return f"{one.name.replace('_', ' ')} {number}{about}{unit}{share}"
 
 
 def remainder(cause: Cause) -> str:
@@ -201,28 +201,9 @@ def _missed(one: EncoderJump) -> str:
     return f"{number} counts {fate} before row {one.row} ({one.time:.3f} s) of {one.file}"
 
 
-def uncertain(one: Estimate) -> bool:
-    """Whether a value has a std; a whole number that was chosen has none."""
-    return bool(np.isfinite(one.std) and one.std > 0.0)
-
-
-def value(one: Estimate) -> str:
-    """The value to the second digit of its two std."""
-    if not uncertain(one) or one.value == 0.0:
-        return f"{one.value:.4g}"
-    digits = np.floor(np.log10(abs(one.value))) - np.floor(np.log10(2 * one.std)) + 2
-    return with_zeros(one.value, int(np.clip(digits, 1, 6)))
-
-
-def two_std(one: Estimate) -> str:
-    """Two standard deviations, to two digits."""
-    return with_zeros(2 * one.std, 2)
-
-
-def with_zeros(value: float, digits: int) -> str:
-    """A value to so many significant digits, zeros at the end too: ``0.0500`` beside ``± 0.0021``."""
-    short = rounded(value, digits)
-    return short if "e" in short or abs(float(short)) >= 10 ** (digits - 1) else f"{value:#.{digits}g}"
+def figures(one: Estimate) -> tuple[str, str]:
+    """A value and two standard deviations, to the same decimal place; "" for a whole number that was chosen."""
+    return value_and_two_std(one.value, one.std if one.std > 0.0 else None)
 
 
 def remains(cause: Cause) -> str:

@@ -13,6 +13,7 @@ import numpy as np
 
 from arm_model import Arm
 from arm_model.effects import CATALOGUE
+from arm_report.numbers import with_two_std
 from diagnosis.cause import Cause, in_words
 from diagnosis.residual.filters import rate_of
 from diagnosis.residual.run import Run
@@ -39,16 +40,14 @@ def remarks_on(held: Sequence[Cause], arm: Arm) -> Iterator[str]:
     """A sentence per delay that is not named."""
     for cause in held:
         (delay,) = cause.parameters
+        late = with_two_std(1e3 * abs(delay.value), 1e3 * delay.std)
         when = "later than" if delay.value > 0.0 else "before"
         because = (
             f"as possible in rows if the servos hold the currents for {1e3 * arm.controller.servo_period:.3g} ms"
             if arm.controller is not None
             else "less than half a row; a model without [controller] does not state how long the servos hold them"
         )
-        yield (
-            f"{recorded_signals(arm)} are {1e3 * abs(delay.value):.2g} +- {2e3 * delay.std:.1g} ms {when} the angles, "
-            f"{because}: no {in_words(cause.key)} is named"
-        )
+        yield (f"{recorded_signals(arm)} are {late} ms {when} the angles, {because}: no {in_words(cause.key)} is named")
 
 
 def _delay_of(arm: Arm, rate: float) -> float:

@@ -19,6 +19,7 @@ import numpy as np
 from arm_io.types import Array
 from arm_model import Arm, EffectTerm
 from arm_model.effects import CATALOGUE
+from arm_report.numbers import with_two_std
 from identification.methods.added_columns import added_coefficients
 from identification.methods.held_out import held_out_residual
 from identification.methods.solution import Solution
@@ -66,7 +67,7 @@ class Lag:
         when = "after" if self.delay > 0 else "before"
         place = "in the model as time_skew" if self.stays else "not in the model, the standard deviations allow for it"
         return (
-            f"currents are read {1e3 * abs(self.delay):.3g} +- {2e3 * self.std:.2g} ms {when} the angles: "
+            f"currents are read {with_two_std(1e3 * abs(self.delay), 1e3 * self.std)} ms {when} the angles: "
             f"{place} (held-out error {self.before:.3g} -> {self.after:.3g} times the noise)"
         )
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from arm_report import Chart, Panel, Series
+from arm_report.numbers import with_two_std
 from arm_report.palette import AFTER, BEFORE
 
 if TYPE_CHECKING:
@@ -108,7 +109,7 @@ def _depends(result: Identification, one: Mapping[str, Any]) -> str:
 def _size(result: Identification, name: str, given: Mapping[str, float]) -> str:
     """'mu 0.0498 +- 0.0004', of an effect's parameter, with two standard deviations and its unit."""
     unit = next(value.unit for value in result.parameters if value.name == name)
-    size = f"{name.rpartition('.')[2]} {given['value']:.3g} +- {2 * given['std']:.2g}"
+    size = f"{name.rpartition('.')[2]} {with_two_std(given['value'], given['std'])}"
     return size if unit == "1" else f"{size} {unit}"
 
 
@@ -175,6 +176,6 @@ def values(result: Identification) -> list[list[str]]:
         if band.curve:
             name = {0: "", 1: " +", -1: " -"}[band.direction]
             points = zip(band.speed, band.torque, band.std)
-            known = [f"{v:.3g}: {torque:.4g} ± {2 * std:.2g}" for v, torque, std in points]
+            known = [f"{v:.3g}: {with_two_std(torque, std, mark='±')}" for v, torque, std in points]
             rows.append([f"{band.joint}{name}", ", ".join(known)])
     return rows

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from arm_report.numbers import with_two_std
+
 if TYPE_CHECKING:
     from identification.result import Identification
 
@@ -30,7 +32,7 @@ def _said(result: Identification, one: Mapping[str, Any]) -> str:
     if not one["stays"]:
         return f"{head}: not in the model ({one['why']})"
     torque, phase = (
-        f"{sizes[name]['value']:.3g} +- {2 * sizes[name]['std']:.2g} {of}"
+        f"{with_two_std(sizes[name]['value'], sizes[name]['std'])} {of}"
         for name, of in (("torque", unit), ("phase", "rad"))
     )
     return f"{head}: {torque}, phase {phase} ({one['why']})"

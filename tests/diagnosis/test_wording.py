@@ -46,11 +46,11 @@ class Verdict:
 @pytest.mark.parametrize(
     ("one", "said"),
     [
-        (Estimate("half_gap", 0.00102117, 3.3e-6, "rad"), "half gap 0.0010212 ± 6.6e-06 rad"),
+        (Estimate("half_gap", 0.00102117, 3.3e-6, "rad"), "half gap 0.0010212 ± 0.0000066 rad"),
         (Estimate("error", 0.09981, 0.002, "1"), "error 0.0998 ± 0.0040"),
         (Estimate("pole_pairs", 4.0, 0.0, "1"), "pole pairs 4"),
         (Estimate("stribeck_velocity", 0.0902, 1.4e-17, "rad/s"), "stribeck velocity 0.0902 rad/s"),
-        (Estimate("offset", 0.003, 0.4, "A"), "offset 0.003 ± 0.80 A"),
+        (Estimate("offset", 0.003, 0.4, "A"), "offset 0.00 ± 0.80 A"),
         (Estimate("offset", 0.05, 0.00105, "A"), "offset 0.0500 ± 0.0021 A"),
         (Estimate("amplitude", 1.0, 0.0225, "N m"), "amplitude 1.000 ± 0.045 N m"),
         (Estimate("mass", 120.0, 5.0, "kg"), "mass 120 ± 10 kg"),

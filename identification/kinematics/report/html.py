@@ -13,6 +13,7 @@ from arm_model import Arm
 from arm_model.collision import chain_of
 from arm_report import Report
 from arm_report.motion import Motion
+from arm_report.numbers import value_and_two_std, with_two_std
 from identification.kinematics.data.recordings import Gravity
 from identification.kinematics.estimation.calibration import Calibration
 from identification.kinematics.report.plots import circle_chart, clips_of, error_chart
@@ -181,7 +182,7 @@ def _found(table: dict[str, Any]) -> list[str]:
     found = []
     for effect in table["effects"]:
         values = ", ".join(
-            f"{n} {p['value']:.4g} ± {p['std']:.1g} {p['unit']}" for n, p in effect["parameters"].items()
+            f"{n} {with_two_std(p['value'], p['std'], mark='±')} {p['unit']}" for n, p in effect["parameters"].items()
         )
         other = ", ".join(effect["indistinguishable"])
         if other:
@@ -244,5 +245,7 @@ def _mm(metres: float | None) -> str:
 
 
 def _with_std(value: float, std: float, unit: str) -> Markup:
-    text = Markup("{:.4f}{}").format(value, unit)
-    return text + Markup(" <small>± {:.2g}</small>").format(std) if std > 0 else text
+    """A value, and two standard deviations where it has one."""
+    if std <= 0:
+        return Markup("{:.4f}{}").format(value, unit)
+    return Markup("{}{unit} <small>± {}</small>").format(*value_and_two_std(value, std), unit=unit)

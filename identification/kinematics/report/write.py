@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from arm_model import Arm, EffectTerm, Joint
+from arm_report.numbers import with_two_std
 from identification.kinematics.circle_points.circle_point import Circle
 from identification.kinematics.estimation.calibration import Calibration
 from identification.kinematics.estimation.cross_validation import LIMITS, Trial
@@ -163,7 +164,7 @@ def summary(table: dict[str, Any]) -> str:
     lines += [f"coupling         {equation}" for equation in coupling_equations(table)]
     for effect in table["effects"]:
         numbers = ", ".join(
-            f"{name} {p['value']:.4g} +- {p['std']:.1g} {p['unit']}" for name, p in effect["parameters"].items()
+            f"{name} {with_two_std(p['value'], p['std'])} {p['unit']}" for name, p in effect["parameters"].items()
         )
         other = f" (or {', '.join(effect['indistinguishable'])})" if effect["indistinguishable"] else ""
         lines.append(f"found            {effect['title']}: {numbers}{other}")
@@ -182,9 +183,9 @@ def coupling_equations(table: dict[str, Any]) -> list[str]:
 
 
 def _term(by: int, ratio: float, std: float) -> str:
-    """A term of a sum: "- q2", "+ (0.3702 +- 5e-05) q2"."""
+    """A term of a sum: "- q2", "+ (0.3702 +- 0.0001) q2", with two standard deviations."""
     size = f"{abs(ratio):.6g}"
-    factor = f"({size} +- {std:.1g}) " if std else "" if size == "1" else f"{size} "
+    factor = f"({with_two_std(abs(ratio), std)}) " if std else "" if size == "1" else f"{size} "
     return f"{'-' if ratio < 0 else '+'} {factor}q{by}"
 
 

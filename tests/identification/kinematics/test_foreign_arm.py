@@ -121,7 +121,7 @@ def test_a_coupling_and_an_improvement_are_said_as_they_are() -> None:
     assert [line.partition(" (q:")[0] for line in coupling_equations(table)] == [
         "link angle 3 = q3 - q2",
         "link angle 4 = - q4",
-        "link angle 6 = q6 + (0.25 +- 0.0001) q5",
+        "link angle 6 = q6 + (0.25000 +- 0.00020) q5",
     ]
     assert [change(x, 1e-3) for x in (0.99958, 0.9, -0.25, 1.0, -0.0002)] == [
         "99.96 % better",
