@@ -153,9 +153,9 @@ def _parameter_table(table: dict[str, Any]) -> Markup:
 def _corrections(table: dict[str, Any]) -> Markup | None:
     """What is added to the parameters of the model, those that are kept left empty; None: nothing is."""
     rows = []
-    for row in table["parameters"]:
-        several = [(factor * row["change"][name], factor * row["std"][name], unit) for name, factor, unit in _SHOWN]
-        cells = [_with_std(change, std, unit) if change or std else "" for change, std, unit in several]
+    for row, added in zip(table["parameters"], table["corrections"]):
+        several = [(factor * added[name], factor * row["std"][name], unit) for name, factor, unit in _SHOWN]
+        cells = [_with_std(value, std, unit) if value or std else "" for value, std, unit in several]
         rows.append([f"joint {row['joint']}", *cells])
     return _table(["", *(name for name, *_ in _SHOWN)], rows) if any(any(cells[1:]) for cells in rows) else None
 

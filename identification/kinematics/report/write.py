@@ -22,6 +22,8 @@ NAMES = ("theta", "alpha", "a", "d", "beta")
 def table_of(arm: Arm, calibration: Calibration) -> dict[str, Any]:
     """The result as JSON has it; m and rad, joints from 1, poses as four rows of four.
 
+    corrections are calibrated minus given parameters.
+
     base is the pose of link frame 0 in the base frame; tool the pose of the first target in the frame of the last link
     (a point has no orientation: the rotation is that of the link), targets those of all, their std m and rad.
     orientation_rms is that of 6-D targets, rad, over all of them. position_rms is per coordinate,
@@ -34,8 +36,9 @@ def table_of(arm: Arm, calibration: Calibration) -> dict[str, Any]:
     judged_on = calibration.judged_by
     return {
         "schema": "armscope.kinematics/1",
-        "parameters": [
-            _joint(calibration, number, joint, given)
+        "parameters": [_joint(calibration, number, joint) for number, joint in enumerate(calibrated.joints, 1)],
+        "corrections": [
+            {"joint": number} | {name: getattr(joint, name) - getattr(given, name) for name in NAMES}
             for number, (joint, given) in enumerate(zip(calibrated.joints, arm.joints), 1)
         ],
         "base": np.array(calibrated.base).tolist(),
@@ -72,11 +75,10 @@ def table_of(arm: Arm, calibration: Calibration) -> dict[str, Any]:
     }
 
 
-def _joint(calibration: Calibration, number: int, joint: Joint, given: Joint) -> dict[str, Any]:
-    """Parameters of a joint (from 1) with their std, and their change from those of the ``given`` model."""
+def _joint(calibration: Calibration, number: int, joint: Joint) -> dict[str, Any]:
+    """Parameters of a joint (from 1) with their std."""
     std = {name: calibration.std.get(f"joint{number}.{name}", 0.0) for name in NAMES}
-    change = {name: getattr(joint, name) - getattr(given, name) for name in NAMES}
-    return {"joint": number} | {name: getattr(joint, name) for name in NAMES} | {"std": std, "change": change}
+    return {"joint": number} | {name: getattr(joint, name) for name in NAMES} | {"std": std}
 
 
 def _tried(trial: Trial) -> dict[str, Any]:

@@ -56,11 +56,11 @@ def test_a_table_of_sixty_poses_is_calibrated_and_cross_validated(tmp_path: Path
     assert not any("of 27" in warning for warning in found["warnings"])
     assert not found["tracker_frame"]["known"]
     given, calibrated = read_model(tmp_path / "foreign.toml"), read_model(tmp_path / "out/model.toml")
-    for entry, before, after in zip(found["parameters"], given.joints, calibrated.joints):
-        for name, change in entry["change"].items():
-            assert change == pytest.approx(getattr(after, name) - getattr(before, name), abs=1e-12)
+    for entry, before, after in zip(found["corrections"], given.joints, calibrated.joints):
+        for name in ("theta", "alpha", "beta", "a", "d"):
+            assert entry[name] == pytest.approx(getattr(after, name) - getattr(before, name), abs=1e-12)
     page = (tmp_path / "out/report.html").read_text()
-    assert "Corrections" in page and f"{np.degrees(found['parameters'][2]['change']['theta']):.4f}°" in page
+    assert "Corrections" in page and f"{np.degrees(found['corrections'][2]['theta']):.4f}°" in page
     # the promise of cross-validation is kept by the model on other poses
     unseen = arm.reported(200, generator)
     model, pose = read_model(tmp_path / "out/model.toml"), np.array(found["tracker_frame"]["base_from_tracker"])
