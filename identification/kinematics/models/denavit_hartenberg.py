@@ -55,8 +55,11 @@ def _exponentials(arm: Arm, frames: Array) -> Exponentials:
 
 def _carried(joint: Joint, now: Joint, pose: Array) -> Joint:
     """The joint where ``now`` puts it, its mass distribution seen from the new link frame."""
-    mass, com, about = about_com(transform(barycentric(joint.mass, joint.com, joint.inertia), pose))
-    xx, yy, zz, xy, yz, xz = about
+    # inertia is about the com, and only turns: by way of the origin rounding would make that of a mass point negative
+    turn = np.eye(4)
+    turn[:3, :3] = pose[:3, :3]
+    _, _, (xx, yy, zz, xy, yz, xz) = about_com(transform(barycentric(joint.mass, (0.0, 0.0, 0.0), joint.inertia), turn))
+    x, y, z = (pose[:3, :3] @ joint.com + pose[:3, 3]).tolist()
     return replace(
         joint,
         convention="standard",
@@ -68,7 +71,6 @@ def _carried(joint: Joint, now: Joint, pose: Array) -> Joint:
         xyz=(0.0, 0.0, 0.0),
         rpy=(0.0, 0.0, 0.0),
         axis=(0.0, 0.0, 1.0),
-        mass=mass,
-        com=com,
+        com=(x, y, z),
         inertia=(xx, yy, zz, xy, yz, xz),
     )

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -62,3 +64,19 @@ def test_the_puma_through_urdf_and_back(root: Path, tmp_path: Path) -> None:
     the_same(there, other, moved)
     assert other.joints[1].alpha == pytest.approx(0.0, abs=1e-9)  # parallel axes, as in the model file
     assert other.joints[1].a == pytest.approx(arm.joints[1].a)
+
+
+def test_a_mass_point_in_the_origin_of_its_new_frame_has_no_inertia() -> None:
+    """By way of the old frame's origin, far from the point, rounding would leave it one, and a negative one."""
+    arm = placed(np.random.default_rng(5))
+
+    def in_new_frames(coms: Sequence[np.ndarray]) -> Arm:
+        points = zip(arm.joints, coms)
+        bodies = tuple(replace(joint, mass=87.0, com=tuple(com), inertia=(0.0,) * 6) for joint, com in points)
+        return in_denavit_hartenberg(replace(arm, joints=bodies))[0]
+
+    origin, *turned = (np.array([j.com for j in in_new_frames([com] * 6).joints]) for com in np.eye(4, 3, k=-1))
+    rotations = np.stack([one - origin for one in turned], axis=-1)
+    there = in_new_frames([-rotation.T @ shift for rotation, shift in zip(rotations, origin)])
+    assert max(np.abs(joint.com).max() for joint in there.joints) < 1e-12
+    assert all(np.abs(joint.inertia).max() == 0.0 for joint in there.joints)
