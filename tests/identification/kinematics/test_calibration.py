@@ -61,7 +61,7 @@ def test_geometry_alone_is_left_alone(arms) -> None:
     assert table["parameters"][1]["beta"] == pytest.approx(
         true.joints[1].beta, abs=6 * table["parameters"][1]["std"]["beta"] + 1e-5
     )
-    assert set(table["parameters"][0]) == {"joint", "theta", "alpha", "a", "d", "beta", "std", "change"}
+    assert set(table["parameters"][0]) == {"joint", "theta", "alpha", "a", "d", "beta", "std"}
     limits = table["limits"]["extensions"]
     assert (limits["min_gain"], limits["standard_errors"], limits["folds"]) == (0.02, 3.0, 5)
 
