@@ -25,6 +25,8 @@ from comparison.regression import Structure
 CONFIRMED = 0.05
 """Probability by chance in the shared regression, times the number of hypotheses, of a change that single regressions
 call significant."""
+ROUNDING = 1e-9
+"""Relative difference below which numbers are equal."""
 NOT_SHOWN = "not shown by the regression of all recordings together"
 
 
@@ -160,7 +162,8 @@ def _most_significant(one: Tested, changes: Sequence[Change], sizes: Array, erro
         of = changes[first : len(sizes)]
         clear = np.array([abs(size) / each.std if each.std else 0.0 for size, each in zip(sizes[first:], of)])
         clear *= [each.quantity.joint == one.hypothesis.joint for each in of]
-    return first + int(np.argmax(clear))
+    # a mass changes several values by as many deviations, but for rounding: the first of them
+    return first + int(np.argmax(clear >= (1.0 - ROUNDING) * clear.max()))
 
 
 def _conditional(
