@@ -63,6 +63,12 @@ def test_what_the_model_left_over_hides_as_much() -> None:
     assert np.median(_chances(6.0, 3.0, 3)) > 10.0 * np.median(_chances(6.0, 0.0, 3))
 
 
+def test_what_is_beyond_both_is_significant_though_the_model_may_err_nearly_like_it() -> None:
+    """What distinguishes the two is small, and what the model left over is no white noise by which to weigh it."""
+    assert _chances(20.0, 3.0, 5).max() < 1e-6
+    assert _chances(0.0, 3.0, 5).min() > 0.01
+
+
 def test_what_the_model_left_over_hides_of_a_ripple_what_ripples_explained_of_it() -> None:
     rng = np.random.default_rng(4)
     length = JOINTS * ROWS

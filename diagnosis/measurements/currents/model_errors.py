@@ -131,7 +131,9 @@ def _slope(run: Run, name: str) -> Array:
 class Significance:
     """Of columns conditional on others, with the model exact or (``known``) as uncertain as it is.
 
-    Rows of a joint count less, the more the model left over there: they are in units of the noise and that together.
+    Rows of a joint count less, the more the model left over there: as those of white noise that has as much along any
+    direction as any one effect may explain of it. With more weight, the prior of the parameters would count less than
+    how an effect differs from them, which what is left over hides.
     """
 
     def __init__(self, data: Split[Dataset], others: Sequence[Pair], known: ModelUncertainty | None) -> None:
@@ -143,7 +145,12 @@ class Significance:
         left_over = (
             np.zeros(len(self._data.fit.y) // self._data.fit.rows) if self._known is None else self._known.left_over
         )
-        return np.concatenate([np.repeat(1.0 / np.sqrt(1.0 + left_over), side.rows) for side in self._data])
+        variance = self._variance(left_over)
+        return np.concatenate([np.repeat(1.0 / np.sqrt(variance), side.rows) for side in self._data])
+
+    def _variance(self, left_over: Array) -> Array:
+        """(n,) of the rows of each joint, as of white noise that has as much along any direction as an effect may."""
+        return np.asarray(1.0 + left_over * (1.0 + ALIASED_SHARE * sum(side.rows for side in self._data)))
 
     def _stack(self, pair: Pair) -> Array:
         """(N + M, k) weighted columns in both sets."""
@@ -189,10 +196,11 @@ class Significance:
             return total
         fit, held_out = self._data
         parts, rows = np.split(own, [len(fit.y)]), fit.rows + held_out.rows
-        for joint, left_over in enumerate(self._known.left_over.tolist(), 1):
+        along = rows * self._known.left_over / self._variance(self._known.left_over)
+        for joint, left_over in enumerate(along.tolist(), 1):
             at = [part[side.of(joint)] for part, side in zip(parts, self._data)]
             share, rippled = ALIASED_SHARE, self._known.rippled
             if rippled is not None and joint == ripple_of:
                 share = min(share, float(rippled[joint - 1]))
-            total += share * rows * left_over / (1.0 + left_over) * sum(one.T @ one for one in at)
+            total += share * left_over * sum(one.T @ one for one in at)
         return total
