@@ -128,7 +128,7 @@ def test_recover_and_info_on_a_cut_file(recorded: Path, tmp_path: Path, capsys: 
 @pytest.mark.parametrize("command", ["info", "export", "recover", "plot"])
 def test_no_recording(command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "text.mcap").write_text("this is not a recording, but it is long enough to look at")
-    out = [] if command == "info" else ["--out", str(tmp_path / "out.png")]
+    out = [] if command == "info" else ["--out", str(tmp_path / ("out.csv" if command == "export" else "out.png"))]
     for name, complaint in (("text.mcap", "is not an MCAP file"), ("absent.mcap", "no such file")):
         assert run([command, str(tmp_path / name), *out]) == 2
         captured = capsys.readouterr()
