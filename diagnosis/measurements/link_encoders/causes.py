@@ -17,7 +17,7 @@ from daq.recording import Recording
 from diagnosis.cause import Cause, EffectKey, Estimate, Signal, Structure, confidence_of
 from diagnosis.measurements.link_encoders.columns import LinkCandidate, Rows, orders
 from diagnosis.measurements.link_encoders.delay import delay_sentence
-from diagnosis.measurements.link_encoders.estimates import parameters_of
+from diagnosis.measurements.link_encoders.estimates import lag_of, parameters_of
 from diagnosis.measurements.link_encoders.model import LIMITS, Chosen, LinkEncoders, link_encoders
 from diagnosis.measurements.link_encoders.per_recording import contradicted
 from diagnosis.measurements.link_encoders.unexplained import remarks, unexplained_structure
@@ -62,15 +62,18 @@ def link_side(arm: Arm, fit: Sequence[Recording], held_out: Sequence[Recording])
 def _selected(model: LinkEncoders) -> tuple[LinkEncoders, Chosen]:
     """Causes whose values agree between recordings; one whose values disagree is excluded and the search repeated."""
     while True:
-        chosen = tuple(_settled(candidate, model) for candidate in select(model))
+        selected: Chosen = select(model)
+        chosen = tuple(_settled(candidate, selected, model) for candidate in selected)
         refused = contradicted(chosen, model)
         if refused is None:
             return model, chosen
         model = replace(model, excluded=model.excluded | {refused.key})
 
 
-def _settled(candidate: LinkCandidate, model: LinkEncoders) -> LinkCandidate:
-    """The candidate with its gap refined from the nearest grid value by its own coefficient."""
+def _settled(candidate: LinkCandidate, chosen: Chosen, model: LinkEncoders) -> LinkCandidate:
+    """A chosen candidate with its gap refined from the nearest grid value by its own coefficient, a spring damped."""
+    if candidate.definition.spring is not None and candidate.definition.gap is None:
+        return candidate.at("lag", lag_of(candidate, chosen, model)[0])
     if candidate.variant[0] != "half_gap":
         return candidate
     for _ in range(4):

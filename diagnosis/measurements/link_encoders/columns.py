@@ -23,7 +23,7 @@ from arm_model.effects import Effect, Instrument, Parameter, Signals, observed_b
 from arm_model.system import rigid_torque_along
 from arm_model.tracking import lost_motion
 from daq.recording import Recording
-from diagnosis.residual.filters import low_pass, rate_along
+from diagnosis.residual.filters import Motion, low_pass, rate_along
 from diagnosis.residual.load_errors import load_errors
 from diagnosis.residual.noise.encoder_step import encoder_step
 from diagnosis.residual.signals import direction_of
@@ -32,10 +32,8 @@ from identification.selection import MAD_TO_STD
 
 Index = NDArray[np.intp]
 
-VELOCITY_BAND = 30.0
-"""Hz: pass-band of the motion behind velocity columns."""
-LOAD_BAND = 10.0
-"""Hz: pass-band of loads."""
+BAND = 30.0
+"""Hz: pass-band of motions and loads; links oscillate on soft springs at 5 to 15 Hz."""
 MOST_ROWS = 8000
 """Rows of either set: the difference needs no filter, so that rows may be left out."""
 ENDS = 0.1
@@ -84,6 +82,12 @@ class Rows:
     def rows(self) -> int:
         """m."""
         return len(self.t)
+
+    @cached_property
+    def load_rate(self) -> Array:
+        """(m, k) N m/s (N/s): derivative of the load in time."""
+        stretches = [slice(*span) for span in itertools.pairwise([*self.starts, self.rows])]
+        return np.concatenate([np.gradient(self.load[part], self.t[part], axis=0) for part in stretches])
 
     def of(self, name: str) -> Rows:
         """The rows of one recording, all stretches of it."""
@@ -134,23 +138,21 @@ def rows_of(recordings: Sequence[Recording], arm: Arm, joints: Index) -> Rows:
         read = behind(r, arm)
         assert read is not None
         rate = 1.0 / r.dt
-        smooth = low_pass(r.q, VELOCITY_BAND, rate)
-        slow = low_pass(r.q, LOAD_BAND, rate)
-        v = rate_along(smooth, r.dt)
-        slow_v = rate_along(slow, r.dt)
-        slow_a = rate_along(slow_v, r.dt)
+        v = rate_along(low_pass(r.q, BAND, rate), r.dt)
+        motion = _slow(r.q, r.dt)
         if known_load:
-            load = rigid_torque_along(arm, slow, slow_v, slow_a)
+            motion = _slow(_links(r.q, read, rigid_torque_along(arm, *motion)), r.dt)
+            load = rigid_torque_along(arm, *motion)
         else:
-            load = low_pass(r.i, LOAD_BAND, rate) * arm.joint_array("drive_constant")
+            load = low_pass(r.i, BAND, rate) * arm.joint_array("drive_constant")
         # the deflection of springs that the model has is expected
-        own = lost_motion(arm, slow, load) if known_load else np.zeros_like(read)
+        own = lost_motion(arm, motion[0], load) if known_load else np.zeros_like(read)
         difference = (r.q - read - own)[:, k]
         scatters.append(MAD_TO_STD * np.median(np.abs(np.diff(difference, 2, axis=0)), axis=0) / np.sqrt(6))
         steps.append([[encoder_step(angles[:, j]) for angles in (r.q, read)] for j in k])
         keep = slice(int(ENDS * rate), -int(ENDS * rate), stride)
         t = r.t[keep]
-        errors = load_errors(arm, slow[keep], slow_v[keep], slow_a[keep])
+        errors = load_errors(arm, *(values[keep] for values in motion))
         parts.append((difference[keep], r.q[keep][:, k], v[keep][:, k], load[keep][:, k], t, errors[:, k]))
     starts = np.cumsum([0, *(len(part[0]) for part in parts[:-1])])
     difference, q, v, load, t, errors = (np.concatenate(columns) for columns in zip(*parts))
@@ -172,19 +174,43 @@ def rows_of(recordings: Sequence[Recording], arm: Arm, joints: Index) -> Rows:
     )
 
 
+def _slow(q: Array, dt: float) -> Motion:
+    """Angle, speed and acceleration (m, n) of angles (m, n), ``dt`` s apart, as far as they lie in BAND."""
+    angle = low_pass(q, BAND, 1.0 / dt)
+    speed = rate_along(angle, dt)
+    return angle, speed, rate_along(speed, dt)
+
+
+def _links(q: Array, read: Array, load: Array) -> Array:
+    """(m, n) rad (m): angles of the links: they move as their encoders, and on average bear their load (m, n) N m (N).
+
+    A link oscillates on its spring and moves freely in a gap, so its load is not that of the motor's motion. The zeros
+    of the encoders may differ: of the mean difference, the part in proportion to the load is a deflection.
+    """
+    ahead = np.where(np.isfinite(read).all(axis=0), q - read, 0.0)
+    varying = load - load.mean(axis=0)
+    yielding = np.sum(varying * ahead, axis=0) / np.maximum(np.sum(varying**2, axis=0), 1e-300)
+    return np.asarray(q - (ahead - ahead.mean(axis=0)) - yielding * load.mean(axis=0), float)
+
+
 @dataclass(frozen=True)
 class LinkCandidate(Candidate):
     """A candidate of the link encoders. ``shape``: what its columns are evaluated at.
 
-    "drag": friction between motor and gear, of a spring; "half_gap" or "by_load": of a gap, as the link is held by
-    friction or by its load; "order" or "turn_order": of a wave over the turn of the motor or of the joint; none: of a
-    delay and of couplings.
+    "drag" and "lag": friction between motor and gear and s of damping, of a spring; "half_gap" or "by_load": of a gap,
+    as the link is held by friction or by its load; "order" or "turn_order": of a wave over the turn of the motor or of
+    the joint; none: of a delay and of couplings.
     """
 
     @property
     def variant(self) -> tuple[str, float]:
         """Name and value of its shape."""
         return self.shape[0] if self.shape else ("", 0.0)
+
+    @property
+    def lag(self) -> float:
+        """s by which the twist of a spring lags its load: damping over stiffness."""
+        return dict(self.shape).get("lag", 0.0)
 
     @property
     def width(self) -> int:
@@ -241,7 +267,8 @@ def _at_joint(effect: Effect, rows: Rows, column: int, joint: int) -> Iterator[L
             yield LinkCandidate(effect.name, joint, (("by_load", 1.0),))
     elif effect.spring is not None:
         yield from (
-            LinkCandidate(effect.name, joint, (("drag", drag),)) for drag in (DRAGS[:1] if rows.known_load else DRAGS)
+            LinkCandidate(effect.name, joint, (("drag", drag), ("lag", 0.0)))
+            for drag in (DRAGS[:1] if rows.known_load else DRAGS)
         )
     elif effect.wave and effect.deflection is not None:
         yield from (LinkCandidate(effect.name, joint, (("order", n),)) for n in orders(effect))
@@ -299,7 +326,8 @@ def columns(candidate: LinkCandidate, rows: Rows, k: int) -> Array:
     q, load, largest = rows.q[:, k], rows.load[:, k], float(rows.largest[k])
     match candidate.variant:
         case "drag", drag:
-            return (load - drag * largest * direction_of(rows.v[:, k]))[:, None]
+            late = candidate.lag * rows.load_rate[:, k]
+            return (load - late - drag * largest * direction_of(rows.v[:, k]))[:, None]
         case "by_load", _:
             return (load / np.hypot(load, FULL_LOAD * largest))[:, None]
         case "half_gap", half_gap:

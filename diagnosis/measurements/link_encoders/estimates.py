@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
-
 import numpy as np
 from scipy.linalg import block_diag
 
@@ -14,6 +12,7 @@ from diagnosis.measurements.link_encoders.columns import LinkCandidate, turns
 from diagnosis.measurements.link_encoders.delay import delays_by_joint
 from diagnosis.measurements.link_encoders.model import LIMITS, Chosen, LinkEncoders
 from diagnosis.measurements.link_encoders.model_errors import directions
+from diagnosis.measurements.link_encoders.per_recording import place_of
 from diagnosis.selection.estimates import estimates
 from identification.selection import BLOCK_SECONDS
 from identification.selection.cluster_covariance import cluster_covariance
@@ -23,8 +22,7 @@ def parameters_of(candidate: LinkCandidate, chosen: Chosen, model: LinkEncoders,
     """Values and std, by the sandwich of block scores."""
     effect, rows, joint = candidate.definition, model.whole, arm.joints[(candidate.joint or 1) - 1]
     values, covariance = coefficients(chosen, model)
-    at = len(rows.joints) + sum(c.width for c in chosen[: chosen.index(candidate)])
-    place = slice(at, at + candidate.width)
+    place = place_of(candidate, chosen, model)
     c, covariance, systematic = values[place].tolist(), covariance[place, place], LIMITS.systematic
     if effect.delay is not None:
         # the scatter between joints includes errors of the measurement model
@@ -36,30 +34,29 @@ def parameters_of(candidate: LinkCandidate, chosen: Chosen, model: LinkEncoders,
     order = [p.name for p in effect.parameters if p.whole]
     found = estimates(candidate, c, covariance, joint if candidate.joint else None, systematic, order)
     if effect.spring is not None and effect.gap is None:
-        damping, std = _damping(candidate, chosen, model, found[0].value)
-        found.append(Estimate("damping", damping, std, joint.unit("N m s/rad")))
+        damping, std = found[0].value * np.array(lag_of(candidate, chosen, model))
+        found.append(Estimate("damping", float(damping), float(std), joint.unit("N m s/rad")))
     return found
 
 
-def _damping(candidate: LinkCandidate, chosen: Chosen, model: LinkEncoders, stiffness: float) -> tuple[float, float]:
-    """Damping N m s/rad (N s/m) of a spring and its standard deviation.
+def lag_of(candidate: LinkCandidate, chosen: Chosen, model: LinkEncoders) -> tuple[float, float]:
+    """s by which the twist of a chosen spring lags its load, and its standard deviation.
 
-    By k d + c d' = load the twist lags by c / k: d = load / k - c / k^2 load'. The stamps of two encoders agree to half
-    a row at best. A damping that is not significantly different from zero is set to its standard deviation: a spring
+    By k d + c d' = load the twist lags by c / k: d = (load - c / k load') / k. The stamps of two encoders agree to half
+    a row at best. A lag that is not significantly different from zero is set to its standard deviation: a spring
     without damping would oscillate for ever.
     """
     rows = model.whole
     k = int(np.flatnonzero(rows.joints == candidate.joint)[0])
-    residual, edges = model.residual(chosen, rows, rows)[:, k], [*rows.starts, rows.rows]
-    late = np.concatenate([np.gradient(rows.load[a:b, k], rows.t[a:b]) for a, b in itertools.pairwise(edges)])
-    late = late - late.mean()
-    size = float(late @ late)
-    slope = float(late @ residual) / size
-    scores = np.bincount(rows.blocks(BLOCK_SECONDS), weights=late * (residual - slope * late))
+    residual = model.residual(chosen, rows, rows)[:, k]
+    compliance = float(model.fitted(chosen, rows)[place_of(candidate, chosen, model)][0])
+    late = rows.load_rate[:, k] - rows.load_rate[:, k].mean()
+    size = float(late @ late) * compliance
+    more = -float(late @ residual) / size
+    scores = np.bincount(rows.blocks(BLOCK_SECONDS), weights=late * (residual + more * compliance * late))
     half_row = float(np.median(np.diff(rows.t))) / 2
-    std = float(np.hypot(np.sqrt(scores @ scores) / size * stiffness**2, stiffness * half_row))
-    damping = -slope * stiffness**2
-    return (damping if damping > std else std), std
+    std = float(np.hypot(np.sqrt(scores @ scores) / size, half_row))
+    return max(candidate.lag + more, std), std
 
 
 def coefficients(chosen: Chosen, model: LinkEncoders) -> tuple[Array, Array]:

@@ -36,11 +36,12 @@ def contradicted(chosen: Chosen, model: LinkEncoders) -> LinkCandidate | None:
     seen = single_estimates(chosen, model)
     if len(seen) < 2:
         return None
-    chances = {candidate: chance_of(seen, _place(candidate, chosen, model)) for candidate in chosen}
+    chances = {candidate: chance_of(seen, place_of(candidate, chosen, model)) for candidate in chosen}
     worst = min(chances, key=lambda candidate: chances[candidate], default=None)
     return worst if worst is not None and chances[worst] < CHANCE / len(chosen) else None
 
 
-def _place(candidate: LinkCandidate, chosen: Chosen, model: LinkEncoders) -> slice:
+def place_of(candidate: LinkCandidate, chosen: Chosen, model: LinkEncoders) -> slice:
+    """Where the coefficients of a chosen candidate are, behind a constant per joint."""
     at = len(model.rows.fit.joints) + sum(c.width for c in chosen[: chosen.index(candidate)])
     return slice(at, at + candidate.width)
