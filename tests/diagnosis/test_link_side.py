@@ -128,11 +128,14 @@ def test_encoders_of_a_joint_that_stands_are_as_coarse_as_where_it_moves(root: P
 )
 def test_what_is_between_motor_and_link_is_named(root: Path, arm: Arm, hidden: Hidden, parameter: str) -> None:
     found = _found(arm, _recorded(root, (hidden,), rounds=2 if hidden.effect == "backlash" else 1))
-    assert [(c.effect, c.joint) for c in found.causes] == [(hidden.effect, hidden.joint)]
+    # the teeth of the plant are elastic behind their gap
+    teeth = [("joint_compliance", 2)] if hidden.effect == "backlash" else []
+    assert [(c.effect, c.joint) for c in found.causes] == [(hidden.effect, hidden.joint), *teeth]
     value, std = _value(found.causes[0], parameter)
     assert abs(value - hidden.parameters[parameter]) < 4 * std + 0.02 * value
-    # while a link falls through its gap, neither side of it is where it stands
-    assert found.causes[0].after < (0.65 if hidden.effect == "backlash" else 0.5) * found.causes[0].before
+    # rows in which a link falls through its gap do not count: neither side of it is where it stands
+    assert found.causes[0].after < (0.1 if hidden.effect == "backlash" else 0.5) * found.causes[0].before
+    assert found.unexplained == []
     assert found.causes[0].of_arm
     if hidden.effect == "joint_compliance":  # the plant's is a tenth of what would be critical
         true = 0.2 * np.sqrt(6e3 * arm.joints[1].ratio ** 2 * arm.joints[1].rotor_inertia)
@@ -140,7 +143,6 @@ def test_what_is_between_motor_and_link_is_named(root: Path, arm: Arm, hidden: H
         assert abs(damping - true) < 3 * std < 2 * true
         # the link oscillates at 6 Hz: its load is not that of the motor's motion, and damping delays its twist
         assert found.causes[0].after < 0.05 * found.causes[0].before
-        assert found.unexplained == []
 
 
 def test_a_spring_that_the_model_has_is_no_news(root: Path, arm: Arm) -> None:

@@ -86,7 +86,10 @@ def _cause(candidate: LinkCandidate, chosen: Chosen, model: LinkEncoders, arm: A
     others = model.without(candidate, chosen)
     conditional = model.score(candidate, others)
     affected = model.affected(candidate)
-    residuals = [model.residual(some, *model.rows)[:, affected] for some in (others, chosen)]
+    counted = model.counted(chosen, model.rows.held_out)
+    residuals = [
+        model.residual(some, model.rows.fit, model.rows.held_out, counted)[:, affected] for some in (others, chosen)
+    ]
     before, after = (float(np.sqrt(np.mean(values**2))) for values in residuals)
     strongest = affected[int(np.argmax(np.sum(residuals[0] ** 2 - residuals[1] ** 2, axis=0)))]
     unit = arm.joints[int(model.rows.fit.joints[affected[0]]) - 1].unit("rad")

@@ -43,8 +43,8 @@ DRAGS = (0.0, 0.1, 0.2, 0.3, 0.4)
 
 As a share of the largest measured torque.
 """
-FULL_LOAD = 0.01
-"""Share of the largest load at which a gap that follows the load is nearly at one of its sides."""
+BORNE = 0.05
+"""Share of the largest load that surely holds a link at one side of a gap."""
 HIGHEST_ORDER = 60
 """Highest order, cycles per motor turn, that is searched."""
 
@@ -88,6 +88,13 @@ class Rows:
         """(m, k) N m/s (N/s): derivative of the load in time."""
         stretches = [slice(*span) for span in itertools.pairwise([*self.starts, self.rows])]
         return np.concatenate([np.gradient(self.load[part], self.t[part], axis=0) for part in stretches])
+
+    @cached_property
+    def borne(self) -> NDArray[np.bool_]:
+        """(m, k) whether the load holds a link at one side of a gap, also within the resolution of the load in time."""
+        borne = np.abs(self.load) >= BORNE * self.largest
+        width = 2 * round(1.0 / BAND / float(np.median(np.diff(self.t)))) + 1
+        return np.asarray(ndimage.minimum_filter1d(borne.astype(np.int8), width, axis=0) > 0)
 
     def of(self, name: str) -> Rows:
         """The rows of one recording, all stretches of it."""
@@ -262,8 +269,8 @@ def _at_joint(effect: Effect, rows: Rows, column: int, joint: int) -> Iterator[L
     load = rows.load[:, column]
     if effect.gap is not None:
         yield from (LinkCandidate(effect.name, joint, (("half_gap", gap),)) for gap in _gaps(effect.gap))
-        if min(load.max(), -load.min()) > 0.05 * float(np.max(np.abs(load))):
-            # the load changes its sign
+        borne = load[rows.borne[:, column]]
+        if np.any(borne > 0) and np.any(borne < 0):
             yield LinkCandidate(effect.name, joint, (("by_load", 1.0),))
     elif effect.spring is not None:
         yield from (
@@ -329,7 +336,7 @@ def columns(candidate: LinkCandidate, rows: Rows, k: int) -> Array:
             late = candidate.lag * rows.load_rate[:, k]
             return (load - late - drag * largest * direction_of(rows.v[:, k]))[:, None]
         case "by_load", _:
-            return (load / np.hypot(load, FULL_LOAD * largest))[:, None]
+            return np.sign(load)[:, None]
         case "half_gap", half_gap:
             return _play(q, half_gap, rows.starts)[:, None] / half_gap
         case "order", _:

@@ -63,7 +63,7 @@ def coefficients(chosen: Chosen, model: LinkEncoders) -> tuple[Array, Array]:
     """Coefficients (c,) of the rows that parameters are estimated from, and their covariance, clustered by block."""
     x = model.stacked(chosen, model.whole)
     values = model.fitted(chosen, model.whole)
-    y = model.response(model.whole)
+    y = model.response(chosen, model.whole)
     residual, block = y - x @ values, np.tile(model.whole.blocks(BLOCK_SECONDS), len(model.whole.joints))
     # an error of the load moves the coefficients that follow from it
     errors = directions(chosen, values, model.whole).reshape(len(y), -1)

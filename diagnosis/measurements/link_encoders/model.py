@@ -117,7 +117,7 @@ class LinkEncoders(CandidateModel[LinkCandidate]):
             errors = directions(chosen, coefficients, side)
             parts.append(
                 (
-                    side.difference.T.ravel() / noise[:, 0],
+                    self.response(chosen, side) * np.repeat(self.scale, side.rows) / noise[:, 0],
                     x,
                     errors.reshape(len(noise), -1) / noise * (not exact),
                     np.tile(side.blocks(self.limits.block_seconds), len(side.joints)),
@@ -141,7 +141,8 @@ class LinkEncoders(CandidateModel[LinkCandidate]):
         energy, correlated, falls = 0.0, 0.0, []
         for learned, judged in self.rows.folds():
             before, after = (
-                self.residual(some, learned, judged)[:, affected] / self.scale[affected]
+                self.residual(some, learned, judged, self.counted([*chosen, candidate], judged))[:, affected]
+                / self.scale[affected]
                 for some in (chosen, [*chosen, candidate])
             )
             energy += float(np.sum(before**2))
@@ -205,23 +206,37 @@ class LinkEncoders(CandidateModel[LinkCandidate]):
                 x[k, :, at : at + of_candidate.shape[1]] = of_candidate
                 at += candidate.width
             x[k] /= self.scale[k]
-        return x.reshape(joints * rows.rows, -1)
+        return np.asarray(x.reshape(joints * rows.rows, -1) * self.counted(chosen, rows).T.reshape(-1, 1), float)
 
-    def response(self, rows: Rows) -> Array:
-        """(k m,) differences over the joints' scales, joint after joint."""
-        return np.asarray((rows.difference / self.scale).T.ravel(), float)
+    def response(self, chosen: Sequence[LinkCandidate], rows: Rows) -> Array:
+        """(k m,) differences over the joints' scales, joint after joint; 0 in rows that do not count."""
+        return np.asarray((rows.difference / self.scale * self.counted(chosen, rows)).T.ravel(), float)
+
+    def counted(self, chosen: Sequence[LinkCandidate], rows: Rows) -> Array:
+        """(m, k) 1 in rows that count, 0 where a link without load is anywhere in a chosen gap."""
+        counted = np.ones(rows.difference.shape)
+        for candidate in chosen:
+            if candidate.variant[0] == "by_load":
+                counted *= rows.borne | (rows.joints != candidate.joint)
+        return counted
 
     def fitted(self, chosen: Sequence[LinkCandidate], rows: Rows) -> Array:
         """(c,) coefficients of all joints together."""
         x, size = scaled(self.stacked(chosen, rows))
-        coefficients: Array = np.linalg.lstsq(x.T @ x, x.T @ self.response(rows), rcond=1e-11)[0] / size
+        coefficients: Array = np.linalg.lstsq(x.T @ x, x.T @ self.response(chosen, rows), rcond=1e-11)[0] / size
         return coefficients
 
-    def residual(self, chosen: Sequence[LinkCandidate], learned: Rows, judged: Rows) -> Array:
-        """(m, k) rad: difference of ``judged`` less what is predicted from ``learned``; its own constant is free."""
+    def residual(
+        self, chosen: Sequence[LinkCandidate], learned: Rows, judged: Rows, counted: Array | None = None
+    ) -> Array:
+        """(m, k) rad: difference of ``judged`` less what is predicted from ``learned``; its own constant is free.
+
+        0 in rows that do not count (``counted``, of ``chosen`` if not given).
+        """
+        counted = self.counted(chosen, judged) if counted is None else counted
         predicted = (self.stacked(chosen, judged) @ self.fitted(chosen, learned)).reshape(len(judged.joints), -1).T
-        residual = judged.difference - predicted * self.scale
-        return np.asarray(residual - residual.mean(axis=0), float)
+        residual = (judged.difference - predicted * self.scale) * counted
+        return np.asarray(residual - counted * residual.sum(axis=0) / np.maximum(counted.sum(axis=0), 1.0), float)
 
     def is_physical(self, candidate: LinkCandidate, chosen: Sequence[LinkCandidate]) -> bool:
         """Whether the fitted compliance or gap is positive."""
@@ -237,9 +252,17 @@ class LinkEncoders(CandidateModel[LinkCandidate]):
         return [k for k, joint in enumerate(joints) if joint in axes]
 
     def _ahead(self, candidate: LinkCandidate, chosen: Sequence[LinkCandidate]) -> bool:
-        affected = self.affected(candidate)
+        affected, counted = self.affected(candidate), self.counted([*chosen, candidate], self.rows.held_out)
         before, after = (
-            float(np.sum((self.residual(some, *self.rows)[:, affected] / self.scale[affected]) ** 2))
+            float(
+                np.sum(
+                    (
+                        self.residual(some, self.rows.fit, self.rows.held_out, counted)[:, affected]
+                        / self.scale[affected]
+                    )
+                    ** 2
+                )
+            )
             for some in (chosen, [*chosen, candidate])
         )
         return before > after

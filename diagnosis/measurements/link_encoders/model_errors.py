@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from arm_io.types import Array
-from diagnosis.measurements.link_encoders.columns import FULL_LOAD, LinkCandidate, Rows
+from diagnosis.measurements.link_encoders.columns import LinkCandidate, Rows
 
 
 def directions(chosen: Sequence[LinkCandidate], coefficients: Array, rows: Rows) -> Array:
@@ -22,19 +22,8 @@ def directions(chosen: Sequence[LinkCandidate], coefficients: Array, rows: Rows)
     total = np.zeros((len(rows.joints), rows.rows, rows.load_errors.shape[2]))
     at = len(rows.joints)
     for candidate in chosen:
-        for k in np.flatnonzero(rows.joints == candidate.joint):
-            slope = _slope(candidate, rows, int(k))
-            total[k] += coefficients[at] * slope[:, None] * rows.load_errors[:, k]
+        # the side of a gap at which its load holds a link depends on no small error
+        for k in np.flatnonzero((rows.joints == candidate.joint) & (candidate.variant[0] == "drag")):
+            total[k] += coefficients[at] * rows.load_errors[:, k]
         at += candidate.width
     return total
-
-
-def _slope(candidate: LinkCandidate, rows: Rows, k: int) -> Array:
-    """(m,) derivative of a candidate's first column by the load of the k-th joint."""
-    match candidate.variant[0]:
-        case "drag":
-            return np.ones(rows.rows)
-        case "by_load":
-            soft = FULL_LOAD * float(rows.largest[k])
-            return np.asarray(soft**2 / np.hypot(rows.load[:, k], soft) ** 3)
-    return np.zeros(rows.rows)

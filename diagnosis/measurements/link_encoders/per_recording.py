@@ -24,7 +24,7 @@ def single_estimates(chosen: Chosen, model: LinkEncoders) -> list[SingleEstimate
     estimates = []
     for rows in model.recordings:
         x, values = model.stacked(chosen, rows), model.fitted(chosen, rows)
-        residual = model.response(rows) - x @ values
+        residual = model.response(chosen, rows) - x @ values
         block = np.tile(rows.blocks(BLOCK_SECONDS), len(rows.joints))
         covariance = cluster_covariance(x, [residual], block) + np.diag((SAME * values) ** 2)
         estimates.append(SingleEstimate(rows.names[0], values, covariance))
