@@ -124,6 +124,8 @@ def test_encoders_of_a_joint_that_stands_are_as_coarse_as_where_it_moves(root: P
         (Hidden("backlash", 2, {"half_gap": 1.5e-3}), "half_gap"),
         (Hidden("joint_compliance", 2, {"stiffness": 6e3}), "stiffness"),
         (Hidden("gear_ripple", 3, {"amplitude": 4e-4, "order": 5.0, "phase": 0.7}), "amplitude"),
+        # 40 teeth of the last wheel: less than half a cycle per turn of the motor
+        (Hidden("gear_ripple", 2, {"amplitude": 4e-4, "order": 40 / 107.815, "phase": 0.7}), "amplitude"),
     ],
 )
 def test_what_is_between_motor_and_link_is_named(root: Path, arm: Arm, hidden: Hidden, parameter: str) -> None:

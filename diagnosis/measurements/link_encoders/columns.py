@@ -28,6 +28,8 @@ from diagnosis.residual.load_errors import load_errors
 from diagnosis.residual.noise.encoder_step import encoder_step
 from diagnosis.residual.signals import direction_of
 from diagnosis.selection.candidate import Candidate
+from diagnosis.selection.ripple_orders import TEETH
+from identification.ripples import LEAST_CYCLES
 from identification.selection import MAD_TO_STD
 
 Index = NDArray[np.intp]
@@ -45,8 +47,8 @@ As a share of the largest measured torque.
 """
 BORNE = 0.05
 """Share of the largest load that surely holds a link at one side of a gap."""
-HIGHEST_ORDER = 60
-"""Highest order, cycles per motor turn, that is searched."""
+LOWEST_ORDER, HIGHEST_ORDER = 0.5, 60
+"""Orders, cycles per motor turn, between which the strongest are searched."""
 
 
 BY_ROW = ("difference", "q", "v", "load", "load_errors", "t")
@@ -278,10 +280,17 @@ def _at_joint(effect: Effect, rows: Rows, column: int, joint: int) -> Iterator[L
             for drag in (DRAGS[:1] if rows.known_load else DRAGS)
         )
     elif effect.wave and effect.deflection is not None:
-        yield from (LinkCandidate(effect.name, joint, (("order", n),)) for n in orders(effect))
+        for n in (*orders(effect), *_of_last_wheel(rows, column)):
+            yield LinkCandidate(effect.name, joint, (("order", n),))
     elif effect.wave and np.ptp(rows.q[:, column]) > np.pi:
         # ripple of the link encoder, over the joint's angle; within half a turn a slow wave could be any smooth curve
         yield from (LinkCandidate(effect.name, joint, (("turn_order", n),)) for n in orders(effect))
+
+
+def _of_last_wheel(rows: Rows, k: int) -> list[float]:
+    """Cycles per motor turn, below LOWEST_ORDER, of the teeth of the last wheel, with LEAST_CYCLES over the travel."""
+    ratio, lowest = float(rows.ratio[k]), LEAST_CYCLES / max(turns(rows, k), 1e-9)
+    return [n / ratio for n in range(TEETH[0], TEETH[1] + 1) if lowest <= n / ratio < LOWEST_ORDER]
 
 
 def standing_waves(residual: Array, rows: Rows, k: int) -> list[LinkCandidate]:
@@ -373,7 +382,7 @@ def standing_orders(residual: Array, rows: Rows, k: int, count: int = 3) -> list
     length = 8 * len(wave)
     power = np.abs(np.fft.rfft(wave, length)) ** 2
     order = np.fft.rfftfreq(length, 1 / 128)
-    power[(order < 0.5) | (order > HIGHEST_ORDER)] = 0.0
+    power[(order < LOWEST_ORDER) | (order > HIGHEST_ORDER)] = 0.0
     peaks = np.flatnonzero((power[1:-1] > power[:-2]) & (power[1:-1] >= power[2:])) + 1
     return [float(order[peak]) for peak in peaks[np.argsort(-power[peaks])][:count]]
 

@@ -17,6 +17,7 @@ from arm_model import Arm
 from daq.recording import Recording
 from diagnosis.cause import EffectKey
 from diagnosis.measurements.link_encoders.columns import (
+    LOWEST_ORDER,
     LinkCandidate,
     Rows,
     candidates,
@@ -165,11 +166,12 @@ class LinkEncoders(CandidateModel[LinkCandidate]):
     def best(self, chosen: Sequence[LinkCandidate]) -> list[LinkCandidate]:
         """For each effect at each joint, the nonlinear parameters that fit best conditional on those chosen.
 
-        A ripple may be chosen several times, with different orders.
+        A ripple may be chosen several times, with different orders; of slow ones, the best is one more candidate, since
+        they also follow what is smooth.
         """
         fit, everything = self.rows.fit, list(candidates(self.rows.fit))
         taken: set[EffectKey] = {c.key for c in chosen if c.variant[0] != "order"} | set(self.excluded)
-        best: dict[EffectKey, tuple[float, LinkCandidate]] = {}
+        best: dict[tuple[EffectKey, bool], tuple[float, LinkCandidate]] = {}
         for k, joint in enumerate(int(j) for j in fit.joints):
             x = np.column_stack([np.ones(fit.rows), *(self.columns(c, fit, k) for c in chosen)])
             length = np.linalg.norm(x, axis=0)
@@ -182,8 +184,9 @@ class LinkEncoders(CandidateModel[LinkCandidate]):
                     continue
                 orthogonal = _off(basis, self.columns(candidate, fit, k))
                 gain = float(np.sum((np.linalg.qr(orthogonal)[0].T @ residual) ** 2))
-                if key not in best or gain > best[key][0]:
-                    best[key] = gain, candidate
+                slow = candidate.variant[0] == "order" and candidate.variant[1] < LOWEST_ORDER
+                if (key, slow) not in best or gain > best[key, slow][0]:
+                    best[key, slow] = gain, candidate
         everywhere = [c for c in everything if c.joint is None and c.key not in taken]
         return everywhere + [candidate for _, candidate in best.values()]
 
