@@ -40,6 +40,22 @@ def test_a_line_through_a_cube_is_no_spring(root: Path, stiffness: float, harden
         assert selection.state.chosen == () and against == [(1, "position")]
 
 
+@pytest.mark.parametrize(("hardening", "moment", "named"), [(1.0, 0.0, False), (0.0, 1.0, True)])
+def test_a_line_and_a_body_through_a_cube_are_neither(root: Path, hardening: float, moment: float, named: bool) -> None:
+    """Four coefficients of a link made up for what the line left of the cube, so that no term was significant."""
+    arm, runs = two_link.model(root), []
+    for seed in (1, 2):
+        t, q, v, a = two_link.motion(seed, 12.0)
+        torque = two_link.torque(q, v, a, Day())
+        torque[:, 0] += (1.0 - hardening) * (q[:, 0] - 0.2) + hardening * q[:, 0] ** 3 + moment * np.cos(q[:, 0])
+        noise = 0.005 * np.random.default_rng(seed).normal(size=q.shape)
+        runs.append(residual_run(f"{seed}", arm, t, q, torque / DRIVE + noise))
+    data, body = Split(*(dataset_of([run]) for run in runs)), Candidate("link_inertia", 1)
+    state = Currents(arm, data, Library((SPRING, body), data), []).refitted([SPRING, body], {})
+    found = of_another_order(state)
+    assert found is None if named else found is not None and found[0] == [SPRING, body]
+
+
 def test_friction_that_grows_through_that_of_the_model_is_still_friction(root: Path) -> None:
     """First less than that of the model, more in the end: a term of time explains more than the law."""
     arm, runs = two_link.model(root), []

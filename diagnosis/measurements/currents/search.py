@@ -80,7 +80,8 @@ def without_spurious(state: State, bases: Bases, refuted: Mapping[EffectKey, Str
     while True:
         withdrawn = spurious(selection.state, selection.unexplained, bases)
         if not withdrawn and (other := of_another_order(selection.state)) is not None:
-            withdrawn, refuted[other[0].key] = [other[0]], other[1]
+            withdrawn, structure = other
+            refuted |= {candidate.key: structure for candidate in withdrawn}
         if not withdrawn:
             return _with_refuted(selection, refuted)
         state = corrected(replace(state, chosen=tuple(c for c in state.chosen if c not in withdrawn)))
@@ -92,7 +93,7 @@ def _with_refuted(selection: Selection, refuted: Mapping[EffectKey, Structure]) 
     shares = {structure.joint: structure.share for structure in refuted.values()}
     larger = [one for one in selection.unexplained.structures if one.share >= shares.get(one.joint, 0.0)]
     named = {(one.joint, one.against) for one in larger}
-    own = [one for one in refuted.values() if (one.joint, one.against) not in named]
+    own = [one for one in dict.fromkeys(refuted.values()) if (one.joint, one.against) not in named]
     return replace(selection, unexplained=replace(selection.unexplained, structures=[*larger, *own]), refuted=refuted)
 
 

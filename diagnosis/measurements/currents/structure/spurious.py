@@ -36,27 +36,42 @@ def spurious(state: State, unexplained: Unexplained, bases: Bases) -> list[Candi
     return _superfluous(state, unexplained, dominating) or _outdone(state, dominating, bases) or _compensating(state)
 
 
-def of_another_order(state: State) -> tuple[Candidate, Structure] | None:
+def of_another_order(state: State) -> tuple[list[Candidate], Structure] | None:
     """The cause of which a next-order term explains too much to be one, and what is against its variable then.
 
     Its law is not the leading order. A line follows the cube of an angle to some extent in any range, the better with a
     line for every recording; what it leaves may be within the noise of the whole joint. That the cube follows held-out
-    rows is the proof that the line is no spring. Terms of time prove nothing: time has no natural origin, and friction
+    rows is the proof that the line is no spring. Another cause of that joint is withdrawn with it if the term explains
+    as much in its place, with fewer coefficients. Terms of time prove nothing: time has no natural origin, and friction
     may begin where it is that of the model.
     """
+    found = _of_another_order(state, None)
+    return found or next((pair for c in state.chosen if (pair := _of_another_order(state, c)) is not None), None)
+
+
+def _of_another_order(state: State, other: Candidate | None) -> tuple[list[Candidate], Structure] | None:
+    """``of_another_order`` with the term in the place of another cause of its joint, if one is given."""
     model, held_out, limits = state.model, state.data.held_out, state.model.limits
-    for c, own in zip(state.chosen, state.coefficients):
-        for term in next_orders(c, own, model.seconds) if c.joint is not None else ():
+    reduced = state if other is None else model.without(other, state)
+    rival = None if other is None else model.conditional(other, reduced, state)
+    for c, own in zip(reduced.chosen, reduced.coefficients):
+        if c.joint is None or (other is not None and other.joint != c.joint):
+            continue
+        for term in next_orders(c, own, model.seconds):
             if c.definition.lasting(term.terms[-1]) is not None:
                 continue
-            of_term = score(term, of_last_term(model.columns(term)), state.fitted, held_out)
+            of_term = score(term, of_last_term(model.columns(term)), reduced.fitted, held_out)
             significant = of_term.p < limits.structure_p and of_term.gain > limits.structure_gain * held_out.rows
-            if significant and not model.is_next_order(of_term, state):
-                without = model.without(c, state)
-                gain = of_term.gain + model.conditional(c, without, state).gain
-                share = gain / float(np.sum(without.fitted.held_out[held_out.of(c.joint or 1)] ** 2))
+            equal = rival is None or (
+                of_term.determined < rival.determined and of_term.gain >= rival.gain - model.tolerance(of_term, rival)
+            )
+            if significant and equal and not model.is_next_order(of_term, reduced):
+                without = model.without(c, reduced)
+                gain = of_term.gain + model.conditional(c, without, reduced).gain
+                share = gain / float(np.sum(without.fitted.held_out[held_out.of(c.joint)] ** 2))
                 against = str(c.definition.observed_by[Instrument.CURRENT].against)
-                return c, Structure(Signal.CURRENT, c.joint, against, share)
+                withdrawn = [c] if other is None else [c, other]
+                return withdrawn, Structure(Signal.CURRENT, c.joint, against, share)
     return None
 
 
