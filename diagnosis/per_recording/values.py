@@ -24,7 +24,7 @@ from diagnosis.measurements.currents.design_matrix import columns_of
 from diagnosis.measurements.currents.possible import exists
 from diagnosis.measurements.currents.state import State
 from diagnosis.remainder.against_noise import ratios
-from diagnosis.residual.comparable_rows import comparable_rows
+from diagnosis.residual.comparable_rows import comparable_rows, rms_where
 from diagnosis.residual.other_effects import with_own
 from diagnosis.residual.run import Run, with_free
 from diagnosis.selection.candidate import RELATIVE_STEP, Candidate
@@ -227,8 +227,8 @@ def cause_of(
     for having in ([one for one in every if one is not own], every):
         extra = [[one.terms[held_out + k] for one in having] for k in range(len(runs))]
         several = [with_own(run, (*others, *more)) for run, more in zip(runs, extra)]
-        squares = np.concatenate([np.where(comparable_rows(run), run.residual, np.nan) ** 2 for run in several])
-        rms.append(np.sqrt(np.nan_to_num(np.nanmean(squares, axis=0))))
+        left, rows = (np.concatenate(of) for of in zip(*((run.residual, comparable_rows(run)) for run in several)))
+        rms.append(rms_where(left, rows))
     noise = np.mean([run.noise for run in runs], axis=0)
     joint = c.joint or int(np.argmax((rms[0] ** 2 - rms[1] ** 2) / noise**2)) + 1
     unit = state.model.arm.joints[joint - 1].command_unit

@@ -5,7 +5,9 @@ from __future__ import annotations
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
+from diagnosis.residual.comparable_rows import rms_where
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Columns, Dataset
 from diagnosis.selection.regression import fit_together, score
@@ -59,3 +61,8 @@ def test_what_has_nothing_to_do_with_a_residual_is_seldom_significant() -> None:
         x = Split(*(_moved_once(float(rng.uniform(1, 13)), 1.0) for _ in range(2)))
         low += _chance(x, x.map(lambda one: np.convolve(rng.normal(size=len(one)), smooth, "same"))) < 0.01
     assert low <= 0.02 * trials
+
+
+def test_a_joint_without_rows_that_are_compared_counts_all_of_them() -> None:
+    values, rows = np.array([[3.0, 1.0], [4.0, 7.0]]), np.array([[False, True], [False, False]])
+    assert rms_where(values, rows) == pytest.approx([np.sqrt(12.5), 1.0])
