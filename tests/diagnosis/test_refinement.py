@@ -64,3 +64,15 @@ def test_a_delay_is_found_however_long(run: Run, delay: float) -> None:
     (score,) = model.scores(model.start())
     assert score.gain > 0.98 * float(np.sum(data.fit.y**2))
     assert score.coefficients[0] == pytest.approx(delay, rel=0.03)
+
+
+def test_a_delay_whose_value_does_not_settle_is_no_candidate(run: Run) -> None:
+    """What has nothing to do with the currents looks like delays of any length, each about the one before."""
+    rng, skew = np.random.default_rng(1), Candidate("time_skew", None)
+    other = 300.0 * np.cumsum(rng.standard_normal(run.expected.shape), axis=0) / np.sqrt(len(run.t))
+    current = run.expected + other
+    shown = replace(run, current=current, current_rate=np.gradient(run.expected, run.t, axis=0))
+    data = Split(dataset_of([shown]), dataset_of([shown]))
+    model = Currents(run.arm, data, Library([skew], data), [])
+    (score,) = model.scores(model.start())
+    assert score.candidate == skew and len(model.library) > 2

@@ -74,9 +74,10 @@ class Currents(MeasurementModel[Candidate, State]):
     def scores(self, state: State) -> list[Score[Candidate]]:
         """Every effect at every joint, at the nonlinear parameters that fit best; the largest gain first."""
         self._add_ripples(state.fitted.fit)
-        self._add_delays(state)
+        long = self._long_delays(state)
         self.library.compute_grids()
-        best = best_of_each(self.library, self.library.where_shown, state.fitted, self.taken(state))
+        every = [c for c in self.library if not c.about or c in long]
+        best = best_of_each(every, self.library.where_shown, state.fitted, self.taken(state))
         self.library.compute(best)
         scores = [score(c, self.library[c], state.fitted, state.data.held_out) for c in best]
         scores += [
@@ -317,17 +318,22 @@ class Currents(MeasurementModel[Candidate, State]):
             for c in strongest:
                 self.library.add(c)
 
-    def _add_delays(self, state: State) -> None:
-        """Adds delays too long for a first-order change, each about the value that the one before leads to."""
-        taken = self.taken(state)
-        first = [c for c in self.library if c.definition.delay is not None and not c.about and c.key not in taken]
-        for candidate in first:
-            for _ in range(DELAYS):
+    def _long_delays(self, state: State) -> list[Candidate]:
+        """Delays too long for a first-order change, each about the value that it has; added to the library.
+
+        Approached from the first-order estimate: each value is about the one before. Without a delay in the data, but
+        much else, the values do not settle.
+        """
+        taken, found = self.taken(state), []
+        for candidate in [c for c in self.library if c.definition.delay is not None and not c.about]:
+            for _ in range(DELAYS if candidate.key not in taken else 0):
                 (delay,) = fit_gain(self.library.where_shown(candidate), state.fitted)[1]
                 if abs(delay - candidate.about) < FIRST_ORDER:
+                    found += [candidate] if candidate.about else []
                     break
                 candidate = replace(candidate, about=float(delay))
                 self.library.add(candidate)
+        return found
 
 
 def _replaced(state: State, old: Candidate, new: Candidate) -> State:
