@@ -13,6 +13,7 @@ from scipy.io import loadmat
 
 import armscope
 from arm_io import InputError
+from arm_model.rigid_body import forward
 from armscope.cli import run
 from diagnosis.cause import Estimate
 from diagnosis.report import causes_frame
@@ -107,6 +108,20 @@ def test_changes_and_histories(tmp_path: Path) -> None:
     one = history[history.name == "joint3.coulomb"]
     assert list(one.value) == [15.0, 17.0, 19.0, 21.0, 23.0, 25.0] and one.moved.all()
     assert [str(date)[:10] for date in one.index[:2]] == ["2026-01-01", "2026-02-01"]
+
+
+def test_a_calibration_has_a_row_per_joint(tmp_path: Path) -> None:
+    model = armscope.read_model("config/models/puma560.toml")
+    angles = np.random.default_rng(2).uniform(-1.0, 1.0, (30, 6))
+    points = np.array([forward(model, q)[:3, 3] for q in angles])
+    poses = tmp_path / "poses.csv"
+    head = ",".join([*(f"q{j}" for j in range(1, 7)), "x", "y", "z"])
+    np.savetxt(poses, np.column_stack([angles, points]), delimiter=",", header=head, comments="")
+    result = armscope.calibrate(poses, model, geometry_only=True)
+    table, rows = result.to_pandas(), result.to_json()["parameters"]
+    assert list(table.index) == [1, 2, 3, 4, 5, 6] and table.index.name == "joint"
+    assert list(table["a"]) == [row["a"] for row in rows]
+    assert list(table["std_theta"]) == [row["std"]["theta"] for row in rows]
 
 
 def test_causes_have_a_row_per_parameter() -> None:
