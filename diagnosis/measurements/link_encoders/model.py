@@ -63,6 +63,9 @@ LIMITS = LinkLimits(
     ambiguity=0.95,
     block_seconds=BLOCK_SECONDS,
 )
+MOST = 0.5
+"""Share of the squares left at a joint that a wave slower than LOWEST_ORDER must explain: of any smooth error it
+explains some."""
 
 
 @dataclass(frozen=True)
@@ -166,8 +169,8 @@ class LinkEncoders(CandidateModel[LinkCandidate]):
     def best(self, chosen: Sequence[LinkCandidate]) -> list[LinkCandidate]:
         """For each effect at each joint, the nonlinear parameters that fit best conditional on those chosen.
 
-        A ripple may be chosen several times, with different orders; of slow ones, the best is one more candidate, since
-        they also follow what is smooth.
+        A ripple may be chosen several times, with different orders; of slow ones, the best is one more candidate if it
+        explains ``MOST`` of what is left at the joint, since they also follow what is smooth.
         """
         fit, everything = self.rows.fit, list(candidates(self.rows.fit))
         taken: set[EffectKey] = {c.key for c in chosen if c.variant[0] != "order"} | set(self.excluded)
@@ -185,6 +188,8 @@ class LinkEncoders(CandidateModel[LinkCandidate]):
                 orthogonal = _off(basis, self.columns(candidate, fit, k))
                 gain = float(np.sum((np.linalg.qr(orthogonal)[0].T @ residual) ** 2))
                 slow = candidate.variant[0] == "order" and candidate.variant[1] < LOWEST_ORDER
+                if slow and gain < MOST * float(residual @ residual):
+                    continue
                 if (key, slow) not in best or gain > best[key, slow][0]:
                     best[key, slow] = gain, candidate
         everywhere = [c for c in everything if c.joint is None and c.key not in taken]
