@@ -25,6 +25,8 @@ from diagnosis.cause import Cause
 from diagnosis.diagnose import diagnose, screen
 from diagnosis.isolated_by_currents import isolated_by_currents
 from diagnosis.measurements.link_encoders.causes import LinkSide, link_side
+from diagnosis.measurements.link_encoders.columns import LOWEST_ORDER
+from diagnosis.measurements.link_encoders.model import link_encoders
 from diagnosis.other_instruments import measure
 from diagnosis.screening.time_split import split
 from experiment import Experiment
@@ -145,6 +147,20 @@ def test_what_is_between_motor_and_link_is_named(root: Path, arm: Arm, hidden: H
         assert abs(damping - true) < 3 * std < 2 * true
         # the link oscillates at 6 Hz: its load is not that of the motor's motion, and damping delays its twist
         assert found.causes[0].after < 0.05 * found.causes[0].before
+
+
+@pytest.mark.parametrize(("step", "shows"), [(1e-3, False), (1e-4, True)])
+def test_a_slow_wave_is_tried_where_it_is_most_of_what_is_left(root: Path, arm: Arm, step: float, shows: bool) -> None:
+    """Teeth of the last wheel, 40 per turn, beside a step: of a large one, waves of any slow order are a part."""
+    of_joint = np.arange(6) == 1
+    both = [
+        replace(r, ql=r.ql + of_joint * (step * np.tanh(6.0 * (r.q + 1.6)) + 4e-4 * np.sin(40.0 * r.q)))
+        for r in _recorded(root, ())
+    ]
+    model = link_encoders(arm, both[:1], both[1:])
+    assert model is not None
+    slow = [c for c in model.best([]) if c.variant[0] == "order" and c.variant[1] < LOWEST_ORDER]
+    assert [c.key for c in slow] == [("gear_ripple", 2)] * shows
 
 
 def test_a_spring_that_the_model_has_is_no_news(root: Path, arm: Arm) -> None:
