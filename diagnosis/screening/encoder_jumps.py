@@ -22,7 +22,7 @@ from diagnosis.cause import EncoderJump, Estimate
 from diagnosis.residual.noise.channels import resolution
 from diagnosis.residual.noise.encoder_step import encoder_step, found_once
 from diagnosis.screening.event import Event, Gain
-from diagnosis.screening.reversal_kicks import turned_by_reversals
+from diagnosis.screening.turned_by_reversals import turned_by_reversals
 
 Rows = NDArray[np.intp]
 JUMP_IN_STEPS = 2.4

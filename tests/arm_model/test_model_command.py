@@ -5,18 +5,22 @@ from __future__ import annotations
 import inspect
 import json
 import re
+import shutil
+import subprocess
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from scipy.io import loadmat, savemat
 
 from arm_io import InputError
 from arm_model import Arm, EffectTerm, Joint, write_model
 from arm_model.effects import CATALOGUE
 from arm_model.model_file import read_model
 from arm_model.rigid_body import numeric
+from arm_model.system import rigid_torque_along
 from armscope.cli import run
 from tests.arm_model.random_arms import random_states
 
@@ -97,6 +101,22 @@ def test_matlab_equations_take_a_row_per_sample(root: Path, by: list[str], capsy
     np.testing.assert_allclose(found, np.array(expected).T, rtol=1e-12)
     names = re.findall(r"(?:d )?\w+(?:/dt)?", printed.partition("columns: ")[2].partition("\n")[0])
     assert len(names) == found.shape[1] and names[-1] == ("tau6" if by else "d speed6/dt")
+
+
+@pytest.mark.skipif(shutil.which("octave-cli") is None, reason="needs GNU Octave")
+@pytest.mark.parametrize("by", ["newton-euler", "lagrange", "kane"])
+def test_octave_computes_the_torques_of_the_matlab_equations(
+    root: Path, by: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    model = root / "config/models/puma560.toml"
+    assert run(["model", str(model), "--equations", "matlab", "--by", by]) == 0
+    (tmp_path / "torques.m").write_text(capsys.readouterr().out)
+    q, qd, qdd = np.random.default_rng(1).uniform(-1.0, 1.0, (3, 20, 6))
+    savemat(tmp_path / "motion.mat", {"q": q, "qd": qd, "qdd": qdd})
+    script = "load('motion.mat'); tau = torques(torques(), q, qd, qdd); save('-v7', 'found.mat', 'tau');"
+    subprocess.run(["octave-cli", "--quiet", "--no-gui", "--eval", script], cwd=tmp_path, capture_output=True)
+    expected = rigid_torque_along(read_model(model), q, qd, qdd)
+    np.testing.assert_allclose(loadmat(tmp_path / "found.mat")["tau"], expected, atol=1e-12)
 
 
 @pytest.mark.parametrize("form", ["text", "latex", "c"])
