@@ -115,7 +115,8 @@ def _identify(
         result = identify(run, model, **chosen, progress=progress)
         progress("report")
         table = result.write(out, **files)
-    print(json_text(table) if as_json else wrapped(f"{result}\n{out / 'report.html'}, identification.json, model.toml"))
+    written = f"{out / 'report.html'}, identification.json, model.toml{', identification.mat' if files['mat'] else ''}"
+    print(json_text(table) if as_json else wrapped(f"{result}\n{written}"))
 
 
 def _identify_base(

@@ -14,6 +14,9 @@ from identification.report.data_frames import by_row
 if TYPE_CHECKING:
     from identification.result import Identification, Value
 
+_RUN = [(name, object) for name in ("name", "held_out", "t", "measured", "predicted", "residual")]
+"""Fields of the structures ``runs``."""
+
 
 def write_mat(path: Path, result: Identification) -> None:
     """Writes a .mat file of version 5, whole or not at all.
@@ -34,9 +37,6 @@ def write_mat(path: Path, result: Identification) -> None:
         content["covariance"] = result.covariance
     with whole_path(path) as part:
         savemat(part, content, appendmat=False, do_compression=True, oned_as="column", long_field_names=True)
-
-
-_RUN = [(name, object) for name in ("name", "held_out", "t", "measured", "predicted", "residual")]
 
 
 def _signals(run: Any) -> list[Any]:
