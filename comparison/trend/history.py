@@ -56,24 +56,24 @@ class Histories:
             return None
 
 
-def histories_of(results: Sequence[Stored]) -> Histories:
-    """The results by date, and the history of every quantity that two of them or more hold.
+def histories_of(results: Sequence[Stored], warnings: Sequence[str] = ()) -> Histories:
+    """The results by date, and the history of every quantity that two of them or more hold; after further warnings.
 
     The date is when the recordings were made (``recorded``), else that of the result's file, with a warning.
     InputError for fewer than ``FEWEST_RESULTS`` results, of different kinds, or of models of different structure.
     """
     if len(results) < FEWEST_RESULTS:
+        left = "".join(f"; {warning}" for warning in warnings)
         raise InputError(
-            results[0].path if results else "results",
-            f"a trend needs {FEWEST_RESULTS} results or more (is {len(results)}); armscope compare takes two",
+            "results", f"a trend needs {FEWEST_RESULTS} or more (is {len(results)}); armscope compare takes two{left}"
         )
     check_together(results)
-    dates, warnings = _dates(results)
+    dates, of_dates = _dates(results)
     order = sorted(range(len(results)), key=lambda k: dates[k])
     results, dates = [results[k] for k in order], [dates[k] for k in order]
     quantities, estimates = estimates_of(results)
     days = np.array([(date - dates[0]).total_seconds() / 86_400 for date in dates])
-    warnings += _too_close(dates)
+    warnings = [*warnings, *of_dates, *_too_close(dates)]
     histories = []
     for k, quantity in enumerate(quantities):
         values, std, raw = (

@@ -14,14 +14,21 @@ from comparison.trend.outcome import Trend
 from comparison.trend.selection import select
 
 
-def trend_of(results: Sequence[Stored], limits: Sequence[Limit] = (), *, progress: Progress = lambda _: None) -> Trend:
+def trend_of(
+    results: Sequence[Stored],
+    limits: Sequence[Limit] = (),
+    *,
+    warnings: Sequence[str] = (),
+    progress: Progress = lambda _: None,
+) -> Trend:
     """How the quantities of an arm moved over its results, of which there must be three or more.
 
-    limits  values that quantities must not pass: the trend says when they will
+    limits    values that quantities must not pass: the trend says when they will
+    warnings  what the trend must also say, such as results that could not be read
     InputError where the results do not belong together, or a limit names a quantity that none of them has.
     """
     progress("histories")
-    histories = histories_of(results)
+    histories = histories_of(results, warnings)
     progress("trends")
     moved = select(histories.histories)
     stands = limits_of(limits, moved)

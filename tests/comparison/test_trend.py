@@ -199,7 +199,7 @@ def test_causes_of_diagnoses(tmp_path: Path) -> None:
 
 def test_what_does_not_belong_together_is_refused(lab: Path, tmp_path: Path) -> None:
     files = sorted(lab.rglob("identification.json"))
-    with pytest.raises(InputError, match="a trend needs 3 results or more"):
+    with pytest.raises(InputError, match="a trend needs 3 or more"):
         armscope.trend(files[:2])
     with pytest.raises(InputError, match="--limit: joint9.coulomb is no quantity"):
         armscope.trend(files, {"joint9.coulomb": 1.0})
@@ -208,6 +208,18 @@ def test_what_does_not_belong_together_is_refused(lab: Path, tmp_path: Path) -> 
         armscope.trend(tmp_path)
     with pytest.raises(InputError, match=r"holds no identification.json or diagnosis.json that the options select"):
         armscope.trend(lab, filters=Filters(since="2029"))
+
+
+def test_a_result_that_cannot_be_read_is_named(lab: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A truncated file in a folder of results was left out in silence: a nightly job looked complete."""
+    (lab / "m7" / "identification.json").write_text("{")
+    assert run(["trend", str(lab)]) == 0
+    shown = capsys.readouterr()
+    assert re.search(r"warning: \S*m7/identification.json: is no JSON.*; left out of the trend", shown.out + shown.err)
+    for number in range(2, 24):
+        (lab / f"m{number}" / "identification.json").write_text("{")
+    with pytest.raises(InputError, match=r"results: a trend needs 3 or more \(is 2\).*m23/identification.json: is no"):
+        armscope.trend(lab)
 
 
 def test_a_rounding_error_reads_zero() -> None:
