@@ -17,6 +17,7 @@ from arm_io import InputError, read_text, write_text
 from arm_io.dates import utc_date_of
 from arm_io.types import Array
 from armscope.commands.options import Json, RecordingOut
+from armscope.exit_status import DONE, SAMPLES_LOST
 from armscope.progress import shown
 from daq.recording import Attachments, Table, TimeUnit, write_blocks
 from daq.recording.provenance import file_identity, provenance
@@ -75,7 +76,7 @@ def command(
         ),
     ] = None,
     as_json: Json = False,
-) -> None:
+) -> int:
     when = _date(date)
     checked = _joints_of(rig, model)
     names = [] if checked is None else [joint.name or f"joint{number}" for number, joint in enumerate(checked.joint, 1)]
@@ -117,6 +118,7 @@ def command(
         print(f"{out}: {rows} rows of {first.joints} joint{'s' * (first.joints > 1)}, {seconds:.2f} s{gaps}")
     if chosen is None or "q" not in chosen.units:
         _doubt_radians(out, blocks.farthest, checked)
+    return SAMPLES_LOST if getattr(source, "cut", False) else DONE
 
 
 def _date(text: str | None) -> dict[str, str]:

@@ -125,3 +125,38 @@ def write_messages(path: Path, messages: list[tuple[int, int, dict[str, np.ndarr
             at = header(stamp=time(sec=stamp // 10**9, nanosec=stamp % 10**9), frame_id="")
             message = state(header=at, name=list(names), **filled)
             writer.write(connection, int(recorded), store.serialize_cdr(message, kinds[0]))
+
+
+def write_controller_bag(path: Path, t: np.ndarray, q: np.ndarray, demanded: np.ndarray, *, every: int = 1) -> None:
+    """Joint states with a gripper; every ``every``-th has the state of a trajectory controller beside it; t (n,) ns."""
+    from rosbags.rosbag2 import StoragePlugin, Writer
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    store: Any = get_typestore(Stores.ROS2_HUMBLE)
+    kind = "control_msgs/msg/JointTrajectoryControllerState"
+    point = "trajectory_msgs/JointTrajectoryPoint"
+    fields = "".join(f"{point} {name}\n" for name in ("reference", "feedback", "error", "output"))
+    store.register(get_types_from_msg(f"std_msgs/Header header\nstring[] joint_names\n{fields}", kind))
+    names = ("JointState", "Header", "Time", "JointTrajectoryPoint", "Duration")
+    of = {name: next(its for key, its in store.types.items() if key.endswith(f"/{name}")) for name in names}
+    empty = np.empty(0)
+
+    def at(positions: np.ndarray = empty) -> Any:
+        nothing = of["Duration"](sec=0, nanosec=0)
+        return of["JointTrajectoryPoint"](
+            positions=positions, velocities=empty, accelerations=empty, effort=empty, time_from_start=nothing
+        )
+
+    with Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        states = writer.add_connection("/joint_states", "sensor_msgs/msg/JointState", typestore=store)
+        controller = writer.add_connection("/arm_controller/controller_state", kind, typestore=store)
+        for row, stamp in enumerate(t.tolist()):
+            header = of["Header"](stamp=of["Time"](sec=stamp // 10**9, nanosec=stamp % 10**9), frame_id="")
+            order = [*NAMES[::-1], "finger"]
+            position = np.append(q[row, ::-1], 0.0)
+            state = of["JointState"](header=header, name=order, position=position, velocity=empty, effort=position * 2)
+            writer.write(states, stamp + 100, store.serialize_cdr(state, "sensor_msgs/msg/JointState"))
+            if row % every == 0:
+                points = [at(demanded[row]), at(q[row]), at(demanded[row] - q[row]), at()]
+                message = store.types[kind](header, list(NAMES), *points)
+                writer.write(controller, stamp + 200, store.serialize_cdr(message, kind))

@@ -3,30 +3,50 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
 
+from arm_io.types import Array
 from daq.recording.messages.ros2_messages import JOINT_STATE
 
 POINT = "geometry_msgs/msg/PointStamped"
 ARRAYS = ("position", "velocity", "effort")
+TRAJECTORY_POINT = "trajectory_msgs/msg/JointTrajectoryPoint"
+DEMANDS = ("reference", "desired")
+"""Fields of control_msgs/JointTrajectoryControllerState with the demand of its joint_names, newer name first."""
+
+
+@dataclass(frozen=True)
+class Demand:
+    """The demanded positions of some joints, from the state of a trajectory controller."""
+
+    name: list[str]
+    position: Array
 
 
 def fields_of(definitions: dict[str, Any], message_type: str) -> tuple[str, ...]:
-    """Fields of a message type that are joint states; ("",) where the type is one itself, or a point.
+    """Fields of a message type that are joint states or demands; ("",) where the type is a joint state, or a point.
 
-    franka_msgs/FrankaRobotState has measured_joint_state and desired_joint_state, for example. definitions: of a
-    typestore of rosbags, by type; a type that neither the bag nor rosbags defines has none.
+    franka_msgs/FrankaRobotState has measured_joint_state and desired_joint_state, for example, and
+    control_msgs/JointTrajectoryControllerState has reference. definitions: of a typestore of rosbags, by type; a type
+    that neither the bag nor rosbags defines has none.
     """
     if message_type in (JOINT_STATE, POINT):
         return ("",)
     _, fields = definitions.get(message_type, ((), ()))
+    if "joint_names" in (name for name, _ in fields):
+        points = [name for name, (_, described) in fields if described == TRAJECTORY_POINT and name in DEMANDS]
+        return tuple(sorted(points, key=DEMANDS.index)[:1])
     return tuple(name for name, (_, described) in fields if described == JOINT_STATE)
 
 
 def parts(topic: str, message: Any, fields: tuple[str, ...]) -> Iterator[tuple[str, Any]]:
-    """Name and joint state or point: the topic itself, or TOPIC/FIELD per field."""
+    """Name and joint state, point or demand: the topic itself, or TOPIC/FIELD per field."""
     for field in fields:
-        yield (f"{topic}/{field}", getattr(message, field)) if field else (topic, message)
+        part = getattr(message, field) if field else message
+        if field in DEMANDS:
+            part = Demand(list(message.joint_names), part.positions)
+        yield f"{topic}/{field}" if field else topic, part
 
 
 def stamp_of(message: Any) -> int:
@@ -36,11 +56,12 @@ def stamp_of(message: Any) -> int:
 
 
 def columns_of(name: str, part: Any) -> dict[str, float]:
-    """Name of a column -> number in a joint state or point: NAME.position.JOINT, NAME.x."""
+    """Name of a column -> number in a joint state, demand or point: NAME.position.JOINT, NAME.x."""
     if hasattr(part, "point"):
         return {f"{name}.{axis}": getattr(part.point, axis) for axis in "xyz"}
     return {
         f"{name}.{array}.{joint}": value
         for array in ARRAYS
+        if hasattr(part, array)
         for joint, value in zip(part.name, getattr(part, array).tolist())
     }

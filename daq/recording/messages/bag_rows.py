@@ -20,6 +20,7 @@ LONGEST_STEP_BACK = 10**9
 ALTERNATING = 3.0
 """How much larger the steps to the next row are than those to the row after it where two courses alternate. They are
 half as large in a motion, and as large in noise."""
+PARTIAL = "have only some of the joints, and no other message has their stamp"
 SMALLEST_STEP = 1e-3
 """rad or m, the mean step that is more than noise."""
 
@@ -43,6 +44,9 @@ class BagRows:
     _waiting: dict[int, Row] = field(default_factory=dict)
     _newest: int = 0
     _out: dict[str, int] = field(default_factory=dict)
+    _late: int = 0
+    _latest_by: int = 0
+    _rows: int = 0
 
     def add(self, stamp: int, name: str, part: Any) -> None:
         """One joint state or point. InputError where the stamps of the topic go back."""
@@ -57,6 +61,9 @@ class BagRows:
                     f"{stamp} ns; the clock was set, or a simulation was restarted; --recorded-times uses the times "
                     "of recording instead",
                 )
+            if stamp < self._newest:
+                self._late += 1
+                self._latest_by = max(self._latest_by, self._newest - stamp)
             self._newest = max(self._newest, stamp)
             if columns.keys() & self._waiting.get(stamp, {}).keys():
                 return self._leave_out("repeat the stamp of another (several publishers, or a coarse clock)")
@@ -69,13 +76,26 @@ class BagRows:
             yield self._taken(ROWS)
 
     def rest(self) -> Iterator[tuple[list[int], list[Row]]]:
-        """What is left at the end of the bag."""
+        """What is left at the end of the bag. InputError where no stamp of the bag has all joints."""
         if self._waiting:
             yield self._taken(len(self._waiting))
+        if not self._rows and self._out.get(PARTIAL):
+            raise InputError(
+                self.path,
+                f"no stamp on {self.topic} has all joints: messages with different stamps have some of them each; "
+                "record a topic with all joints in one message",
+            )
 
     def notes(self) -> list[str]:
-        """What was left out of the bag, and why."""
-        return [f"{count} messages of {self.topic} {reason}: left out" for reason, count in self._out.items()]
+        """What was left out of the bag, and why; and whether its messages are in the order of their stamps."""
+        notes = [f"{count} messages of {self.topic} {reason}: left out" for reason, count in self._out.items()]
+        if self._late:
+            notes.append(
+                f"{self._late} messages of {self.topic} have a stamp before that of an earlier message, by up to "
+                f"{self._latest_by / 1e6:.3g} ms: rows are in the order of the stamps; if the stamps are less exact "
+                "than the times of recording, --recorded-times uses these"
+            )
+        return notes
 
     def _taken(self, count: int) -> tuple[list[int], list[Row]]:
         """Stamps and columns of rows; InputError where their positions alternate between two courses."""
@@ -83,6 +103,10 @@ class BagRows:
         rows = {stamp: self._waiting.pop(stamp) for stamp in stamps}
         whole = {stamp: row for stamp, row in rows.items() if row.keys() >= set(self.needed)}
         taken = {stamp: row for stamp, row in whole.items() if not self.efforts or row.keys() & set(self.efforts)}
+        partial = sum(1 for row in rows.values() if row.keys() & set(self.needed)) - len(whole)
+        if partial:
+            self._leave_out(PARTIAL, partial)
+        self._rows += len(taken)
         if len(whole) > len(taken):
             self._leave_out("have no efforts", len(whole) - len(taken))
         for column in self.needed:

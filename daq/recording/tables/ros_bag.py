@@ -16,7 +16,8 @@ import numpy as np
 from arm_io import InputError
 from arm_io.files import open_regular
 from arm_io.optional import optional
-from daq.recording.messages.bag_messages import ARRAYS, columns_of, fields_of, parts, stamp_of
+from daq.recording.messages.bag_files import BagFiles, parts_of
+from daq.recording.messages.bag_messages import ARRAYS, Demand, columns_of, fields_of, parts, stamp_of
 from daq.recording.messages.bag_rows import BagRows, Row
 from daq.recording.messages.ros2_messages import JOINT_STATE
 from daq.recording.tables.columns import Chunk, Exact
@@ -25,11 +26,17 @@ from daq.recording.tables.mapping import Mapping
 
 LOOK = 50
 """Messages of a topic at its beginning among which those of the arm are found beside those of a gripper."""
+COMPARED = 200
+"""Messages of the joints whose stamps are looked for among those of a topic of demands."""
+SIMULTANEOUS = 0.9
+"""Share of these that must be there for the demands to be taken."""
 
 
 def is_bag(path: Path) -> bool:
-    """Whether a path may be a ROS 2 bag: a folder with its metadata, or a file of one."""
-    return path.suffix in (".db3", ".mcap") or os.path.isfile(path / "metadata.yaml")
+    """Whether a path may be a ROS 2 bag: a folder with its metadata or with its parts, or a file of one."""
+    if os.path.isdir(path):
+        return os.path.isfile(path / "metadata.yaml") or bool(parts_of(path))
+    return path.suffix in (".db3", ".mcap")
 
 
 class BagSource:
@@ -43,6 +50,7 @@ class BagSource:
             TOPIC/FIELD; of TOPIC/measured_joint_state, as Franka's have it, TOPIC is enough
     joints  names in the order of the rig's joints; where the bag has none of them, its own in its own order
     recorded  whether the times of recording are taken where there are stamps, too
+    cut     (attribute) whether a file of the bag is cut off: what it holds is read, what came after is lost
     InputError where there is no such bag, no JointState with positions and efforts in it, or some of ``joints`` alone.
     """
 
@@ -55,6 +63,8 @@ class BagSource:
         self._bag_rows: BagRows | None = None
         if not os.path.isdir(path):
             os.close(open_regular(path))
+        self._files = BagFiles(path)
+        self.cut = self._files.cut
         self._highlevel = optional("rosbags.highlevel", "ros", path)
         self._store = optional("rosbags.typesys", "ros", path)
         with self._reader() as reader:
@@ -72,11 +82,12 @@ class BagSource:
         self.topic = self._choose(states, topic)
         self.rows: int | None = counts[self._of_message(self.topic)]
         self.joints = self._in_order(joints, list(states[self.topic].name))
-        self._said = self._own_order(joints)
+        self._said = [*self._files.notes, *self._own_order(joints)]
         self._stamped = self._stamps[self.topic] and not recorded
         self.names = list(self._columns)
         with self._reader() as reader:
             self._look_for_efforts(reader)
+            self._demands = self._topic_of_demands(reader, first)
         self.mapping = self._mapping()
 
     def chunks(self, needed: Sequence[str], time: str) -> Iterator[Chunk]:
@@ -169,6 +180,35 @@ class BagSource:
                 self.names += [name for name in columns_of(self.topic, part) if name not in self._columns]
                 return
 
+    def _topic_of_demands(self, reader: Any, first: dict[str, Any]) -> str | None:
+        """Of a trajectory controller with all joints and the same stamps; None, and a note, where the stamps differ."""
+        for name in (name for name, part in first.items() if isinstance(part, Demand)):
+            if not {f"{name}.position.{joint}" for joint in self.joints} <= self._columns.keys():
+                continue
+            share = self._simultaneous(reader, self._of_message(name))
+            if share >= SIMULTANEOUS:
+                return name
+            self._said.append(
+                f"the demands on {name} are left out: {1 - share:.0%} of the messages of {self.topic} have stamps "
+                "that they lack; let the controller publish its state with the stamps, and at the rate, of the joints"
+            )
+        return None
+
+    def _simultaneous(self, reader: Any, other: str) -> float:
+        """Share of the first messages of the joints after one on another topic whose stamps are there, too."""
+        mine, theirs = set[int](), set[int]()
+        topics = (self._of_message(self.topic), other)
+        for connection, recorded, raw in reader.messages([one for one in reader.connections if one.topic in topics]):
+            message = reader.deserialize(raw, connection.msgtype)
+            stamp = stamp_of(message) if self._stamped else recorded
+            if connection.topic == other:
+                theirs.add(stamp)
+            elif theirs and set(self.joints) <= set(message.name if hasattr(message, "name") else self.joints):
+                mine.add(stamp)
+            if len(mine) >= COMPARED:
+                break
+        return len(mine & theirs) / max(len(mine), 1)
+
     def _in_order(self, wanted: Sequence[str], most: list[str]) -> list[str]:
         """The joints of the rows. most: those of the message with the most; others may have the rest of ``wanted``."""
         before = f"{self.topic}.position."
@@ -223,8 +263,8 @@ class BagSource:
                 self.path, f"{self.topic} has no {lacking}; armscope needs position and effort of each joint"
             )
         columns: dict[str, Any] = {"t": "stamp", "q": position, "i": currents or effort}
-        demands = (of(f"{place}/{name}", "position") for name in ("joint_demands", "desired_joint_state"))
-        columns["qref"] = next((names for names in demands if names), None)
+        demands = [f"{place}/joint_demands", f"{place}/desired_joint_state", *filter(None, [self._demands])]
+        columns["qref"] = next((names for name in demands if (names := of(name, "position"))), None)
         if f"{place}/tracker/point.x" in there:
             columns |= {axis: f"{place}/tracker/point.{axis}" for axis in "xyz"}
         self.names.insert(0, "stamp")
@@ -233,7 +273,7 @@ class BagSource:
     def _reader(self) -> Any:
         store = self._store.get_typestore(self._store.Stores.LATEST)
         try:
-            reader = self._highlevel.AnyReader([self.path], default_typestore=store)
+            reader = self._highlevel.AnyReader(self._files.paths, default_typestore=store)
             reader.open()
         except Exception as error:
             raise self._broken(error) from None

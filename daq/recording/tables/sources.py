@@ -36,11 +36,13 @@ def open_source(
         return BagSource(path, topic=topic, joints=joints, recorded=recorded)
     for option, is_given in {"--recorded-times": recorded, "--topic": topic is not None}.items():
         if is_given:
-            raise InputError(
-                option, f"is for ROS 2 bags only; {path} is not one (a folder with metadata.yaml, .mcap, .db3)"
-            )
+            raise InputError(option, f"is for ROS 2 bags only; {path} is not one (its folder, .mcap, .db3)")
     if os.path.isdir(path):
-        raise InputError(path, "is a folder without metadata.yaml, so no ROS 2 bag; the name of a file is needed")
+        raise InputError(
+            path,
+            "is a folder without metadata.yaml, whose files are no parts of one bag (NAME_0.mcap, NAME_1.mcap, ..); "
+            "the name of a file is needed",
+        )
     match path.suffix.lower():
         case ".parquet" | ".pq":
             return ParquetSource(path)
