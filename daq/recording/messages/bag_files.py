@@ -11,6 +11,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from arm_io import InputError
+from arm_io.files import open_regular
 
 MAGIC = b"\x89MCAP0\r\n"
 """Begins and ends an MCAP file."""
@@ -61,7 +62,7 @@ class BagFiles:
             self._copies = TemporaryDirectory(prefix="armscope-bag-")
         copy = Path(self._copies.name, file.name)
         count = 0
-        with open(file, "rb") as source, open(copy, "wb") as target:
+        with os.fdopen(open_regular(file), "rb") as source, copy.open("wb") as target:
             writer = Writer(target)
             writer.start("ros2")
             schemas, channels = dict[int, int](), dict[int, int]()
@@ -86,7 +87,7 @@ class BagFiles:
 
 def _is_closed(file: Path) -> bool:
     """Whether an MCAP file ends as one that was closed does; a file that begins as no MCAP file counts as closed."""
-    with open(file, "rb") as stream:
+    with os.fdopen(open_regular(file), "rb") as stream:
         if stream.read(len(MAGIC)) != MAGIC:
             return os.fstat(stream.fileno()).st_size > 0
         stream.seek(-len(MAGIC), os.SEEK_END)
