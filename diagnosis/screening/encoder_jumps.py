@@ -7,7 +7,7 @@ computed.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +37,13 @@ BESIDE, USUAL_BESIDE = 0.15, 3.5
 
 The teeth of a gap that closes make the motor fast, too, but no row alone.
 """
+STAYS = 0.3
+"""Share of a jump by which the angles before and after may differ from it."""
+ANSWER = 0.5
+"""Share of a jump by which a servo may turn the joint back in the row after it: it sees the jump as an error."""
+ANSWERED = 1.0 / 3.0
+"""Share of that turn that the joint made before the row of the jump, and its std: a jump is at any instant between two
+rows; from there on at constant acceleration it is 0 to a third, at constant speed 0 to 1."""
 SEARCHES = 4
 """Times that an angle is searched, each without the jumps known before."""
 
@@ -65,7 +72,7 @@ def _event(recordings: Sequence[Recording], drive: Joint, joint: int, found: Seq
         effect=MISSED_COUNTS.name,
         joint=joint,
         parameters=[
-            Estimate("counts", float(np.round(size / step)), _std(size / step), "1"),
+            Estimate("counts", float(np.round(size / step)), _std(largest, step), "1"),
             Estimate("time", float(r.t[largest.row]), r.dt, "s"),
             Estimate("resolution", step, 0.01 * step, "rad"),
         ],
@@ -81,16 +88,16 @@ def _event(recordings: Sequence[Recording], drive: Joint, joint: int, found: Seq
                 row=jump.row,
                 time=float(recordings[k].t[jump.row]),
                 counts=round(jump.size / steps[k]),
-                std=_std(jump.size / steps[k]),
+                std=_std(jump, steps[k]),
             )
             for k, jump in found
         ),
     )
 
 
-def _std(counts: float) -> float:
-    """Std of a number of counts, from the parabolas on both sides of a jump."""
-    return max(1.0, 0.01 * abs(counts))
+def _std(jump: Jump, step: float) -> float:
+    """Std of the number of counts of a jump; step: rad of one."""
+    return max(1.0, 0.01 * abs(jump.size / step), jump.std / step)
 
 
 def turned_per_row(q: Array, row: int, dt: float) -> float:
@@ -127,7 +134,28 @@ def _all_jumps(recording: Recording, arm: Arm, j: int) -> list[Jump]:
         for jump in found
         if _struck(recording, j, jump) or abs(jump.size) <= turned_by_reversals(recording, arm, j, jump.row)
     ]
-    return sorted((jump for jump in found if jump not in motion), key=lambda jump: jump.row)
+    sized = [_whole(recording, j, _by_link(recording, j, jump)) for jump in found if jump not in motion]
+    return sorted(sized, key=lambda jump: jump.row)
+
+
+def _by_link(recording: Recording, j: int, jump: Jump) -> Jump:
+    """The jump with the size that a link encoder shows, if the joint has one: its link does not jump."""
+    if recording.ql is None:
+        return jump
+    near = rows_near(recording.dt)
+    apart = recording.q[jump.row - near : jump.row + near, j] - recording.ql[jump.row - near : jump.row + near, j]
+    sides = [apart[:near], apart[near:]]
+    size = float(np.median(sides[1]) - np.median(sides[0]))
+    # also False where the link encoder has no samples
+    if not abs(size - jump.size) <= STAYS * abs(jump.size):
+        return jump
+    return Jump(jump.row, size, float(np.sqrt(sum(float(np.var(side)) for side in sides) / near)))
+
+
+def _whole(recording: Recording, j: int, jump: Jump) -> Jump:
+    """The jump in whole steps of its encoder, if that has any."""
+    step = encoder_step(recording.q[:, j])
+    return replace(jump, size=step * round(jump.size / step)) if step else jump
 
 
 def _struck(recording: Recording, j: int, jump: Jump) -> bool:
@@ -155,10 +183,11 @@ def _without(q: Array, removed: Sequence[Jump]) -> Array:
 
 @dataclass(frozen=True)
 class Jump:
-    """An angle jumps by ``size`` rad before a row (of the recording), and the offset remains."""
+    """An angle jumps by ``size`` rad, of this ``std``, before a row (of the recording), and the offset remains."""
 
     row: int
     size: float
+    std: float = 0.0
 
 
 @found_once
@@ -200,7 +229,7 @@ def _steep(q: Array, t: Array) -> list[tuple[int, float]]:
     step = encoder_step(q)
     if np.ptp(q) == 0.0 or len(q) < 8 * rows_near(_period(t)):
         return []
-    beyond, near = _beyond(q, t), rows_near(_period(t))
+    beyond, near, reach = _beyond(q, t), rows_near(_period(t)), _reach(t)
     # a difference within the noise of an angle without steps is no jump
     least = max(JUMP_IN_STEPS * step, JUMP_OVER_OTHERS * _usual(beyond))
     steep = np.flatnonzero((np.abs(beyond) >= least) & (_sharp(q, t) >= JUMP_IN_STEPS * step))
@@ -209,7 +238,13 @@ def _steep(q: Array, t: Array) -> list[tuple[int, float]]:
     for row in steep[np.argsort(-np.abs(beyond[steep]), kind="stable")].tolist():
         if near < row < len(q) - 2 * near and all(abs(row - place) > near for place, _ in found):
             size = float(beyond[row])
-            if _neighbouring(q, t, row, steep) > max(BESIDE * abs(size), USUAL_BESIDE * usual, 1.5 * step):
+            allowed = max(BESIDE * abs(size), USUAL_BESIDE * usual, 1.5 * step)
+            # the trend from the third row on
+            beside = np.setdiff1d(row + np.arange(-reach + 1, reach), [*steep, *range(row - 2, row + 3)])
+            before = _excess(q, t, row - 1, beside[beside < row])
+            after = _excess(q, t, row + 1, beside[beside > row])
+            answered = after * size < 0.0 and abs(after) <= ANSWER * abs(size)
+            if abs(before) > allowed or (abs(after) > allowed and not answered):
                 fastest = max(fastest, abs(size))
             else:
                 found.append((row, size))
@@ -217,20 +252,18 @@ def _steep(q: Array, t: Array) -> list[tuple[int, float]]:
     return [(row, size) for row, size in found if abs(size) >= JUMP_OVER_OTHERS * fastest]
 
 
-def _neighbouring(q: Array, t: Array, row: int, steep: Rows) -> float:
-    """rad: by how much an angle (m,) turns more or less in the row before or after a row than its trend there says.
+def _excess(q: Array, t: Array, row: int, beside: Rows) -> float:
+    """rad by which an angle (m,) turns more in a row than a straight line through its speeds in the rows ``beside``."""
+    rows = beside[(beside >= 0) & (beside < len(q) - 1)]
+    if len(rows) <= 3:
+        return 0.0
+    speed = np.polyfit(rows - row, (q[rows + 1] - q[rows]) / (t[rows + 1] - t[rows]), 1)[1]
+    return float(q[row + 1] - q[row] - (t[row + 1] - t[row]) * speed)
 
-    The trend is a straight line through the speeds on either side from the third row on, without ``steep`` rows.
-    """
-    excess, reach = 0.0, min(max(8, round(0.05 / _period(t))), 13)
-    for side in (-1, 1):
-        neighbour, rows = row + side, np.setdiff1d(row + side * np.arange(3, reach), steep)
-        rows = rows[(rows >= 0) & (rows < len(q) - 1)]
-        if len(rows) > 3:
-            speed = np.polyfit(rows - neighbour, (q[rows + 1] - q[rows]) / (t[rows + 1] - t[rows]), 1)[1]
-            turn, seconds = q[neighbour + 1] - q[neighbour], t[neighbour + 1] - t[neighbour]
-            excess = max(excess, abs(float(turn - seconds * speed)))
-    return excess
+
+def _reach(t: Array) -> int:
+    """Rows whose speeds make a trend."""
+    return min(max(8, round(0.05 / _period(t))), 13)
 
 
 def _sharp(q: Array, t: Array) -> Array:
@@ -244,13 +277,25 @@ def _sharp(q: Array, t: Array) -> Array:
 
 
 def _staying(q: Array, t: Array, row: int, size: float) -> Jump | None:
-    """A jump after a row whose offset remains: parabolas through the rows before and after differ by it."""
+    """A jump after a row whose offset remains: parabolas through the rows before and after differ by it.
+
+    Its size is that between the two rows, because the servo turns the joint back in those that follow.
+    """
     near = rows_near(_period(t))
     before, after = slice(max(row - 5 * near, 0), row + 1), slice(row + 1, row + 1 + 5 * near)
     between = (t[row] + t[row + 1]) / 2
     later, earlier = (np.polyval(np.polyfit(t[rows] - between, q[rows], 2), 0.0) for rows in (after, before))
     shift = later - earlier
-    return Jump(row + 1, float(shift)) if abs(shift - size) <= 0.3 * abs(size) else None
+    return _jump(q, t, row) if abs(shift - size) <= STAYS * abs(size) else None
+
+
+def _jump(q: Array, t: Array, row: int) -> Jump:
+    """The jump after a row: what an angle (m,) turns there beyond the trend of the rows before, and the servo back."""
+    before = np.arange(row - _reach(t) + 1, row)
+    size, later = (_excess(q, t, one, before) for one in (row, row + 1))
+    back = max(0.0, -later * float(np.sign(size)))
+    scatter = float(np.std([_excess(q, t, one, before[before != one]) for one in before.tolist() if one >= 0]))
+    return Jump(row + 1, size + ANSWERED * back * float(np.sign(size)), float(np.hypot(scatter, ANSWERED * back)))
 
 
 def rows_near(dt: float) -> int:

@@ -225,3 +225,26 @@ def test_a_joint_at_rest_that_is_struck_misses_no_counts(tmp_path: Path, kicked:
     )
     found = jumps([open_recording(tmp_path / "a.mcap")], ARM)
     assert [event.joint for event in found] == ([] if kicked else [1])
+
+
+@pytest.mark.parametrize("link_encoder", [False, True])
+@pytest.mark.parametrize("moves", [0.02, 0.4])
+@pytest.mark.parametrize("late", [0.2, 0.5, 0.8])
+def test_counts_are_missed_although_the_servo_turns_the_joint_back(
+    tmp_path: Path, late: float, moves: float, link_encoder: bool
+) -> None:
+    """To the servo, 28 missed counts are an error: within some milliseconds it turns the joint by half of them.
+
+    late: share of the 4 ms of a row by which the jump comes after the row before.
+    """
+    t, counts = np.arange(0.0, 8.0, 4e-3), -28
+    since = np.maximum(t - 3.0 - late * 4e-3, 0.0)
+    true = moves * np.sin(0.9 * t) - 0.5 * counts * COUNT * np.minimum(since / 0.01, 1.0)
+    q = np.round(true / COUNT) * COUNT + counts * COUNT * (since > 0.0)
+    columns = {"q": q[:, None], "i": np.cos(t)[:, None]} | ({"ql": true[:, None]} if link_encoder else {})
+    write_table(tmp_path / "a.mcap", t, columns, Attachments())
+    (event,) = jumps([open_recording(tmp_path / "a.mcap")], ARM)
+    ((row, missed, std),) = [(one.row, one.counts, one.std) for one in event.encoder_jumps]
+    assert row == 751
+    assert abs(missed - counts) <= (1 if link_encoder else 2 * std)
+    assert std < (1.5 if link_encoder else 4.0)
