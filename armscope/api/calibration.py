@@ -88,7 +88,7 @@ class Calibration:
             for run in self.runs
             if run.merged is not None and not run.merged.sure
         ]
-        table["warnings"] += self.again
+        table["warnings"] += [*self.again, *(note for run in self.runs for note in run.notes)]
         return table
 
     def to_pandas(self) -> pandas.DataFrame:

@@ -44,6 +44,7 @@ class _Seen:
 def read_poses(path: Path, joints: int) -> Tracked:
     """The poses of a table in CSV for an arm of ``joints`` joints, each measured at rest.
 
+    Names of other programs, and lines above the names, are accepted (``pose_table_names``); ``notes`` says so.
     With a column t (s, increasing) the rows are those of a motion. An empty cell or nan is a missing value: a reflector
     that was not seen. The frame of the tracker is taken as unknown. InputError: a column is missing or no number, or in
     another unit.
@@ -87,7 +88,7 @@ def _tracked(table: Cells, q: Array, rows: Index, seen: list[_Seen]) -> Tracked:
         if one.turn is not None:
             runs.append(Run(f"{label} orientation", t, q, one.turn, None, still, number, FIRST_LEVER, name, rows))
     sightings = tuple(Sighting(one.name, one.place, one.turn is not None) for one in seen)
-    return Tracked(tuple(runs), False, sightings, "")
+    return Tracked(tuple(runs), False, sightings, "", notes=(f"{name}: {table.said}",) if table.said else ())
 
 
 def _reflector(table: Cells, suffix: str) -> _Seen:
@@ -134,7 +135,7 @@ def _orientation(table: Cells, suffix: str) -> Array | None:
     if kinds[0] is QUATERNION:
         length = np.linalg.norm(values[good], axis=1)
         if (np.abs(length - 1.0) > 0.01).any():
-            line = int(np.flatnonzero(good)[np.abs(length - 1.0) > 0.01][0]) + 2
+            line = table.line(int(np.flatnonzero(good)[np.abs(length - 1.0) > 0.01][0]))
             raise table.error(f"line {line}: {', '.join(names)}: is no unit quaternion; its length must be 1")
         turn[good] = Rotation.from_quat(values[good][:, [1, 2, 3, 0]]).as_rotvec() if good.any() else 0.0
         return turn
@@ -153,7 +154,9 @@ def _by_name(table: Cells, q: Array, seen: _Seen) -> tuple[list[_Seen], Index]:
     """
     names = table.texts("reflector")
     if "" in names:
-        raise table.error(f"line {names.index('') + 2}: reflector: is empty; must name the reflector of the row")
+        raise table.error(
+            f"line {table.line(names.index(''))}: reflector: is empty; must name the reflector of the row"
+        )
     first: list[int] = []
     pose, there = np.zeros(len(q), int), set[str]()
     for row, name in enumerate(names):

@@ -15,12 +15,11 @@ import numpy as np
 from arm_io import InputError
 from arm_io.files import open_regular
 from arm_io.types import Array
+from identification.kinematics.data.pose_table_names import SEPARATORS, header_of
 
 ANGLES = {"rad": 1.0, "mrad": 1e-3, "deg": np.pi / 180, "°": np.pi / 180}
 LENGTHS = {"m": 1.0, "mm": 1e-3, "cm": 1e-2}
 """Units that a column's name may state, "q1 [deg]": what its numbers are multiplied by."""
-SEPARATORS = ";\t|"
-"""Besides the comma; with them a number may have a decimal comma, as of a spreadsheet in Germany or France."""
 _ANGLE = re.compile(r"(q[1-9]|r[xyz]|roll|pitch|yaw)[0-9]*")
 _LENGTH = re.compile(r"(q[1-9]|[xyz]|target_[xyz])[0-9]*")
 _STATED = re.compile(r"(\w+) ?(?:\[([^\]]*)\]|\(([^)]*)\))")
@@ -28,11 +27,13 @@ _STATED = re.compile(r"(\w+) ?(?:\[([^\]]*)\]|\(([^)]*)\))")
 
 @dataclass(frozen=True)
 class Cells:
-    """The cells of a file; ``line`` of a row is its number + 2.
+    """The cells of a file.
 
     names     of the columns, without the units
     factors   by which the numbers of a column become rad or m, of those whose name states another unit
     separator of the columns
+    first     line of the file, from 1, that row 0 stands in
+    said      which columns were taken for what, where their names are not ours; ""
     """
 
     path: Path
@@ -40,6 +41,12 @@ class Cells:
     cells: list[list[str]]
     factors: dict[str, float]
     separator: str
+    first: int = 2
+    said: str = ""
+
+    def line(self, row: int) -> int:
+        """Line of a row of the table, from 1."""
+        return row + self.first
 
     def numbers(self, columns: list[str]) -> Array:
         """(rows, columns) in rad and m; NaN where a cell is empty."""
@@ -53,9 +60,9 @@ class Cells:
                 try:
                     table[number, k] = float(_with_point(text) if comma else text)
                 except ValueError:
-                    raise self.error(f"line {number + 2}: {name}: {text[:40]!r} is no number") from None
+                    raise self.error(f"line {self.line(number)}: {name}: {text[:40]!r} is no number") from None
                 if np.isinf(table[number, k]):
-                    raise self.error(f"line {number + 2}: {name}: must be finite; leave out what is missing")
+                    raise self.error(f"line {self.line(number)}: {name}: must be finite; leave out what is missing")
             table[:, k] *= self.factors.get(name, 1.0)
         return table
 
@@ -80,14 +87,31 @@ def read_cells(path: Path) -> Cells:
         rows = list(csv.reader(io.StringIO(text, newline=""), delimiter=separator))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise InputError(path, f"cannot be read as a CSV table: {getattr(error, 'strerror', None) or error}") from None
-    columns = [_name_and_factor(path, cell.strip()) for cell in (rows[0] if rows else [])]
+    header = None if _ours(rows[0] if rows else []) else header_of(text)
+    if header is None:
+        columns = [_name_and_factor(path, cell.strip()) for cell in (rows[0] if rows else [])]
+        line, first, said = 0, 1, ""
+    else:
+        line, first, separator, said = header.line, header.first, header.separator, header.said
+        rows = list(csv.reader(io.StringIO(text, newline=""), delimiter=separator))
+        columns = [
+            (name, _factor(path, rows[line][k], name, header.units[k], line + 1)) for k, name in enumerate(header.names)
+        ]
     names = [name for name, _ in columns]
     if repeated := [name for name in names if name and names.count(name) > 1]:
-        raise InputError(path, f"line 1: column {repeated[0]!r} is there twice")
-    for number, row in enumerate(rows[1:], 2):
+        alike = ", ".join(repr(rows[line][k].strip()) for k, name in enumerate(names) if name == repeated[0])
+        raise InputError(path, f"line {line + 1}: column {repeated[0]!r} is there twice ({alike})")
+    for number, row in enumerate(rows[first:], first + 1):
         if any(cell.strip() for cell in row[len(names) :]):
-            raise InputError(path, f"line {number}: has {len(row)} cells; line 1 has {len(names)} names")
-    return Cells(path, names, rows[1:], {name: factor for name, factor in columns if factor != 1.0}, separator)
+            raise InputError(path, f"line {number}: has {len(row)} cells; line {line + 1} has {len(names)} names")
+    factors = {name: factor for name, factor in columns if factor != 1.0}
+    return Cells(path, names, rows[first:], factors, separator, first + 1, said)
+
+
+def _ours(cells: list[str]) -> bool:
+    """Whether the names of columns are ours: q1 and x or x1, with or without a unit."""
+    names = {match[1] if (match := _STATED.fullmatch(cell.strip())) else cell.strip() for cell in cells}
+    return "q1" in names and any(re.fullmatch(r"x\d*", name) for name in names)
 
 
 def _decoded(path: Path, content: bytes) -> str:
@@ -120,9 +144,16 @@ def _name_and_factor(path: Path, cell: str) -> tuple[str, float]:
     if stated is None:
         return cell, 1.0
     name, unit = stated[1], (stated[2] or stated[3] or "").strip()
-    units = (ANGLES if _ANGLE.fullmatch(name) else {}) | (LENGTHS if _LENGTH.fullmatch(name) else {})
-    if not units:
+    if not (_ANGLE.fullmatch(name) or _LENGTH.fullmatch(name)):
         return cell, 1.0
+    return name, _factor(path, cell, name, unit, 1)
+
+
+def _factor(path: Path, cell: str, name: str, unit: str, line: int) -> float:
+    """What the numbers of a column are multiplied by; 1 without a stated unit. InputError: no unit of this column."""
+    units = (ANGLES if _ANGLE.fullmatch(name) else {}) | (LENGTHS if _LENGTH.fullmatch(name) else {})
+    if not unit or not units:
+        return 1.0
     if unit not in units:
-        raise InputError(path, f"line 1: {cell[:40]!r}: {unit!r} is no unit of {name}; must be {', '.join(units)}")
-    return name, units[unit]
+        raise InputError(path, f"line {line}: {cell[:40]!r}: {unit!r} is no unit of {name}; must be {', '.join(units)}")
+    return units[unit]

@@ -43,6 +43,7 @@ class Tracked:
     frame_known  whether the points are in the base frame; else in the tracker's own
     experiment   its name, or ""
     merged       how a separate tracker file was put to its rows, or None
+    notes        sentences about how a table was read
     """
 
     runs: tuple[Run, ...]
@@ -50,6 +51,7 @@ class Tracked:
     targets: tuple[Sighting, ...]
     experiment: str
     merged: Merge | None = None
+    notes: tuple[str, ...] = ()
 
     @property
     def run(self) -> Run:

@@ -194,3 +194,50 @@ def test_no_statement_hides_what_a_model_lacks(tmp_path: Path, capsys: pytest.Ca
 def test_a_stated_std_is_a_length(tmp_path: Path, capsys: pytest.CaptureFixture[str], std: str) -> None:
     assert calibrate(tmp_path, "poses.csv", "--point-std", std) == 2
     assert "--point-std: must be a length in m between 0 and 0.1" in capsys.readouterr().err
+
+
+GERMAN = (
+    "Messprotokoll;KR 6\r\nBediener;Müller\r\n\r\nPose;Achse 1 [°];Achse 2 [°];X [mm];Y [mm];Z [mm];Bemerkung\r\n{}\r\n"
+)
+FRENCH = "Point;Réflecteur;Axe1 (deg);Axe2 (deg);X (mm);Y (mm);Z (mm);Écart-type (mm)\n{}\n"
+CONTROLLER = "Nr.;A1;A2;X;Y;Z\n-;Grad;Grad;mm;mm;mm\n{}\n"
+FROM_ZERO = "joint_0 [deg]\tjoint_1 [deg]\tSMR1_X [mm]\tSMR1_Y [mm]\tSMR1_Z [mm]\n{}\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "row", "encoding", "said"),
+    [
+        (GERMAN, "1;90,0;-45,5;1000,25;2,0;3,0;ok", "utf-16", "line 4 names the columns: q1 = 'Achse 1 [°]', q2"),
+        (GERMAN, "1;90,0;-45,5;1000,25;2,0;3,0;", "cp1252", "z = 'Z [mm]'"),
+        (FRENCH, "P1;SMR1;90,0;-45,5;1000,25;2,0;3,0;0,02", "cp1252", "reflector = 'Réflecteur', q1 = 'Axe1 (deg)'"),
+        (CONTROLLER, "1;90;-45,5;1000,25;2;3", "utf-8", "q1 = 'A1' (deg), q2 = 'A2' (deg), x = 'X' (mm)"),
+        (
+            FROM_ZERO,
+            "90\t-45,5\t1000,25\t2\t3",
+            "utf-8",
+            "q1 = 'joint_0 [deg]', q2 = 'joint_1 [deg]', x1 = 'SMR1_X [mm]'",
+        ),
+    ],
+)
+def test_tables_that_somebody_else_named(text: str, row: str, encoding: str, said: str, tmp_path: Path) -> None:
+    """Every one of them was refused: column q1 is missing, or a row has more cells than the first line."""
+    (tmp_path / "p.csv").write_text(text.format(row), encoding=encoding, newline="")
+    found = read_poses(tmp_path / "p.csv", 2)
+    np.testing.assert_allclose(found.run.q, np.deg2rad([[90.0, -45.5]]))
+    np.testing.assert_allclose(found.run.xyz, [[1.00025, 0.002, 0.003]])
+    assert said in found.notes[0]
+
+
+@pytest.mark.parametrize(
+    ("text", "error"),
+    [
+        ("A1;A2;X [mm];x;Y;Z\n1;2;3;4;5;6\n", r"line 1: column 'x' is there twice \('X \[mm\]', 'x'\)"),
+        ("Protokoll\nA1;A2;X;Y;Z\n1;zwei;3;4;5\n", r"line 3: q2: 'zwei' is no number"),
+        ("Protokoll\nA1 [inch];A2;X;Y;Z\n1;2;3;4;5\n", r"line 2: 'A1 \[inch\]': 'inch' is no unit of q1"),
+        ("A1;A2;X;Y;Z\n90;2;3;4;5\n", r"q: 90 is no value in rad"),
+    ],
+)
+def test_foreign_names_that_cannot_be_meant(text: str, error: str, tmp_path: Path) -> None:
+    (tmp_path / "p.csv").write_text(text)
+    with pytest.raises(InputError, match=error):
+        read_poses(tmp_path / "p.csv", 2)
