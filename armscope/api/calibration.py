@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from arm_io import InputError
 from arm_io.progress import silent
@@ -91,18 +91,32 @@ class Calibration:
         table["warnings"] += [*self.again, *(note for run in self.runs for note in run.notes)]
         return table
 
-    def to_pandas(self) -> pandas.DataFrame:
-        """A row per joint, from 1: theta, alpha, a, d, beta in rad and m, then std_theta, .. of each.
+    def to_pandas(self, rows: Literal["joints", "points"] = "joints") -> pandas.DataFrame:
+        """A table of pandas: of the joints, or of the tracked points.
 
-        A std of 0 means that the parameter is kept. InputError where pandas is not installed.
+        joints  a row per joint, from 1: theta, alpha, a, d, beta in rad and m, then std_theta, .. of each; a std of 0
+                means that the parameter is kept
+        points  a row per tracked point, by its row in the file, from 1: part (fit, held_out), file, reflector,
+                quantity (position, orientation), dx, dy, dz (measured minus predicted by the calibrated arm, m),
+                distance and distance_before (nominal arm; m, of orientations rad), outlier
+        InputError where pandas is not installed.
         """
         from arm_report.notebook import frame_of
 
+        about = {"arm": self.nominal.name, "position_rms": self.position_rms}
+        if rows == "points":
+            points = self._points()
+            return frame_of(points, [name for name in points[0] if name != "row"], "row", about)
         joints = self.to_json()["parameters"]
         names = list(joints[0]["std"])
-        rows = [{**one, **{f"std_{name}": one["std"][name] for name in names}} for one in joints]
-        columns = [*names, *(f"std_{name}" for name in names)]
-        return frame_of(rows, columns, "joint", {"arm": self.nominal.name, "position_rms": self.position_rms})
+        entries = [{**one, **{f"std_{name}": one["std"][name] for name in names}} for one in joints]
+        return frame_of(entries, [*names, *(f"std_{name}" for name in names)], "joint", about)
+
+    def _points(self) -> list[dict[str, Any]]:
+        from identification.kinematics.data import gravity_of
+        from identification.kinematics.report import point_rows
+
+        return point_rows(self.details, gravity_of(self.nominal))
 
     def plot(self) -> Figure:
         """Distance of every tracked point from the nominal and from the calibrated arm, run by run."""
@@ -113,7 +127,9 @@ class Calibration:
         return figure(error_chart(self.details, gravity_of(self.nominal)))
 
     def write(self, folder: str | PathLike[str], *, pictures: Collection[str] = ()) -> dict[str, Any]:
-        """Writes kinematics.json, report.html, model.toml and the charts as ``pictures`` ("png", "pdf"), all or none.
+        """Writes kinematics.json, report.html, model.toml, residuals.csv and the charts as ``pictures`` ("png", "pdf").
+
+        All or none.
 
         Returns the content of kinematics.json.
         """
@@ -124,10 +140,12 @@ class Calibration:
         """Writes the files of ``write`` into an existing folder, to which the caller adds others."""
         from arm_model import write_model
         from arm_report import write_report
+        from identification.kinematics.report import write_points
 
         table = self.to_json()
         heading = f"{self.nominal.name}, kinematics calibrated by armscope"
         write_model(there / "model.toml", self.model, heading=heading)
+        write_points(there / "residuals.csv", self._points())
         return write_report(there, ("report.html", "kinematics.json"), self._page(table), table, pictures)
 
     def _page(self, table: dict[str, Any]) -> Report:

@@ -34,7 +34,9 @@ Model = Annotated[
     Path,
     typer.Option(metavar="MODEL.toml", help="nominal arm; joints placed as in URDF are converted to D-H parameters"),
 ]
-Out = Annotated[Path, typer.Option(metavar="DIR", help="folder for kinematics.json, report.html and model.toml")]
+Out = Annotated[
+    Path, typer.Option(metavar="DIR", help="folder for kinematics.json, report.html, residuals.csv and model.toml")
+]
 Runs = Annotated[
     list[Path] | None,
     typer.Argument(
@@ -181,7 +183,7 @@ def _say(out: Path, calibration: Calibration | None, written: dict[str, Any], po
         from arm_report import wrapped
         from identification.kinematics.report import summary
 
-        names = ["kinematics.json", "report.html", "model.toml"]
+        names = ["kinematics.json", "report.html", "model.toml", "residuals.csv"]
         print(wrapped(summary(written)))
         for line in written["warnings"] + [str(shift) for shift in calibration.details.shifts]:
             print(f"note: {line}", file=sys.stderr)

@@ -47,6 +47,9 @@ def page(
             "errors": error_chart(calibration, gravity),
             "error_table": _error_table(table),
             "left_out": _left_out(table),
+            "budget": _budget(table),
+            "uncertainty": table["uncertainty"],
+            "repeated": _repeated(table),
             "parameters": _parameter_table(table),
             "corrections": _corrections(table),
             "frame_known": table["tracker_frame"]["known"],
@@ -130,6 +133,36 @@ def _error_table(table: dict[str, Any]) -> Markup:
         )
     head = ["points", "rms per coordinate", "mean distance", "largest distance", "points", "outliers", "rms without"]
     return _table(head, rows)
+
+
+def _budget(table: dict[str, Any]) -> Markup:
+    """Standard uncertainties by source, combined and expanded."""
+    known = table["uncertainty"]
+    rows = []
+    for one in known["components"]:
+        freedom = one["degrees_of_freedom"]
+        rows.append(
+            [one["source"], one["how"], one["type"], "" if freedom is None else f"{freedom:.0f}", _mm(one["std"])]
+        )
+    rows.append(["combined standard uncertainty", "root of the sum of squares", "", "", _mm(known["combined"])])
+    rows.append(["expanded uncertainty", f"k = {known['coverage_factor']:g}", "", "", _mm(known["expanded"])])
+    rows.append(["distance in space", "95 % of the points are nearer", "", "", _mm(known["in_space"])])
+    head = ["source", "from", "type", "degrees of freedom", "per coordinate"]
+    return arm_report.table(rows, head, (3, 4))
+
+
+def _repeated(table: dict[str, Any]) -> Markup | None:
+    """Poses that were visited several times; None without such."""
+    if not (found := table["uncertainty"]["repeated"]):
+        return None
+    rows = []
+    for pose in found["poses"][:_LISTED]:
+        name = f"{pose['file']}{pose['reflector'] and ', reflector ' + pose['reflector']}"
+        visits = ", ".join(map(str, pose["rows"][:_LISTED])) + (" .." if len(pose["rows"]) > _LISTED else "")
+        was, now = (_mm(pose["accuracy"][when]) for when in ("before", "after"))
+        rows.append([name, visits, len(pose["rows"]), was, now, _mm(pose["repeatability"])])
+    head = ["pose", "rows", "visits", "accuracy before", "accuracy after", "repeatability"]
+    return arm_report.table(rows, head, (2, 3, 4, 5))
 
 
 def _left_out(table: dict[str, Any]) -> list[str]:

@@ -10,11 +10,13 @@ import numpy as np
 from arm_model import Arm, EffectTerm, Joint
 from arm_report.numbers import with_two_std
 from identification.kinematics.circle_points.circle_point import Circle
+from identification.kinematics.data.recordings import gravity_of
 from identification.kinematics.estimation.calibration import Calibration
 from identification.kinematics.estimation.cross_validation import LIMITS, Trial
 from identification.kinematics.estimation.map_estimation import LEAST_NOISE
 from identification.kinematics.estimation.position_error import LeftOut, PositionError
 from identification.kinematics.models.parameters import calibrated_arm, target_groups, target_of, tracker_pose
+from identification.kinematics.report.budget import uncertainty
 
 NAMES = ("theta", "alpha", "a", "d", "beta")
 
@@ -29,7 +31,7 @@ def table_of(arm: Arm, calibration: Calibration) -> dict[str, Any]:
     orientation_rms is that of 6-D targets, rad, over all of them. position_rms is per coordinate,
     sqrt(mean(r^2)), over ALL points, "before" after the best fit of frame and target; position_rms_inliers is without
     those in left_out (rows from 1). noise is that of a coordinate of a point, m, at least point_std, which the user
-    stated (null: did not).
+    stated (null: did not). uncertainty: ``report.budget``.
     """
     calibrated = calibrated_arm(arm, calibration.chain, frame_known=calibration.frame_known)
     targets = _targets(calibration)
@@ -50,6 +52,7 @@ def table_of(arm: Arm, calibration: Calibration) -> dict[str, Any]:
         "noise": calibration.fit.noise,
         "point_std": calibration.runs[0].std or None,
         "floor": _floor(calibration),
+        "uncertainty": uncertainty(calibration, gravity_of(arm)),
         "effective_parameters": calibration.fit.effective,
         "correlated_points": calibration.correlated,
         "base_std": {n.partition(".")[2]: s for n, s in calibration.std.items() if n.startswith("base.")},
@@ -163,6 +166,11 @@ def summary(table: dict[str, Any]) -> str:
             )
     noise = f"{1e3 * table['noise']:.4f} mm{', as stated' if table['noise'] == table['point_std'] else ''}"
     lines.append(f"identifiable     {table['identifiable']} parameters; noise of the points {noise}")
+    known = table["uncertainty"]
+    lines.append(
+        f"uncertainty      +- {1e3 * known['expanded']:.3f} mm per coordinate (k = 2); 95 % of distances below "
+        f"{1e3 * known['in_space']:.3f} mm"
+    )
     lines += [f"coupling         {equation}" for equation in coupling_equations(table)]
     for effect in table["effects"]:
         numbers = ", ".join(
