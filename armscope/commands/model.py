@@ -24,6 +24,8 @@ from armscope.model_text.summary import summary, summary_text
 from armscope.progress import shown
 
 MANY = ("--gear", "--torque-constant")
+SEEN = 1e-7
+"""m and rad by which a tool frame has moved."""
 
 
 def command(
@@ -165,13 +167,42 @@ def _update(original: Path, arm: Arm, out: Path | None, tip: str | None) -> None
 
         changed = update_mjcf(original, arm, out, tip=tip)
     else:
-        from arm_model.urdf import update_urdf
+        from arm_model.urdf import read_urdf, update_urdf
 
+        given = read_urdf(original, tip=tip)
+        arm = _placed(arm, given)
         changed = update_urdf(original, arm, out, tip=tip)
+        _say_tool(arm, given, original)
     for line in changed or ["nothing changed"]:
         print(f"{out}: {line}", file=sys.stderr)
     for sentence in not_in_urdf(arm, "MJCF" if original.suffix in SUFFIXES else "URDF"):
         print(f"note: {sentence}", file=sys.stderr)
+
+
+def _placed(arm: Arm, original: Arm) -> Arm:
+    """A model in D-H, as ``calibrate`` writes it, with its joints placed as those of the URDF file it comes from."""
+    same = [joint.name for joint in arm.joints] == [joint.name for joint in original.joints]
+    if not same or all(joint.convention == "placed" for joint in arm.joints):
+        return arm
+    from identification.kinematics.models import placed_as
+
+    return placed_as(arm, original)
+
+
+def _say_tool(arm: Arm, original: Arm, file: Path) -> None:
+    """A note where the tool frame, which a joint's origin cannot hold, has moved in the frame of the last link."""
+    import numpy as np
+    from scipy.spatial.transform import Rotation
+
+    off = np.linalg.inv(np.array(original.tool)) @ np.array(arm.tool)
+    turned = float(Rotation.from_matrix(off[:3, :3]).magnitude())
+    if np.linalg.norm(off[:3, 3]) > SEEN or turned > SEEN:
+        x, y, z = 1e3 * off[:3, 3]
+        print(
+            f"note: the tool frame is not written: in the model it lies {x:.4f}, {y:.4f}, {z:.4f} mm and "
+            f"{1e3 * turned:.4f} mrad from that of {file.name}, in its axes",
+            file=sys.stderr,
+        )
 
 
 def _write(path: Path, arm: Arm) -> None:

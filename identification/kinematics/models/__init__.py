@@ -15,6 +15,7 @@ if TYPE_CHECKING:
         chain_of,
         parallel_next,
     )
+    from identification.kinematics.models.placed import placed_as
 else:
     __getattr__ = lazy(__name__)
 
@@ -27,6 +28,7 @@ __all__ = [
     "chain_of",
     "in_denavit_hartenberg",
     "parallel_next",
+    "placed_as",
     "position",
     "position_jacobian",
     "xyz_ypr",
