@@ -91,7 +91,7 @@ class Calibration:
         table["warnings"] += [*self.again, *(note for run in self.runs for note in run.notes)]
         return table
 
-    def to_pandas(self, rows: Literal["joints", "points"] = "joints") -> pandas.DataFrame:
+    def to_pandas(self, what: Literal["joints", "points"] = "joints") -> pandas.DataFrame:
         """A table of pandas: of the joints, or of the tracked points.
 
         joints  a row per joint, from 1: theta, alpha, a, d, beta in rad and m, then std_theta, .. of each; a std of 0
@@ -104,7 +104,7 @@ class Calibration:
         from arm_report.notebook import frame_of
 
         about = {"arm": self.nominal.name, "position_rms": self.position_rms}
-        if rows == "points":
+        if what == "points":
             points = self._points()
             return frame_of(points, [name for name in points[0] if name != "row"], "row", about)
         joints = self.to_json()["parameters"]

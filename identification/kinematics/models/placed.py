@@ -12,7 +12,7 @@ from arm_io.types import Array
 from arm_model import Arm, Joint
 from arm_model.rigid_body import link_frames, placement
 from arm_model.rigid_body.inertia import about_com, barycentric, transform
-from arm_model.rigid_body.kinematics import rpy_of
+from identification.kinematics.models.chain import xyz_ypr
 from identification.kinematics.models.denavit_hartenberg import in_denavit_hartenberg
 from identification.kinematics.models.parameters import as_pose
 
@@ -65,7 +65,7 @@ def _placed(joint: Joint, was: Joint, pose: Array, back: Array) -> Joint:
     turn = np.eye(4)
     turn[:3, :3] = back[:3, :3]
     _, _, (xx, yy, zz, xy, yz, xz) = about_com(transform(barycentric(joint.mass, (0.0, 0.0, 0.0), joint.inertia), turn))
-    x, y, z = (float(v) for v in pose[:3, 3])
+    x, y, z, yaw, pitch, roll = (float(v) for v in xyz_ypr(pose))
     cx, cy, cz = (back[:3, :3] @ joint.com + back[:3, 3]).tolist()
     return replace(
         joint,
@@ -76,7 +76,7 @@ def _placed(joint: Joint, was: Joint, pose: Array, back: Array) -> Joint:
         alpha=0.0,
         beta=0.0,
         xyz=(x, y, z),
-        rpy=rpy_of(pose),
+        rpy=(roll, pitch, yaw),
         axis=was.axis,
         com=(cx, cy, cz),
         inertia=(xx, yy, zz, xy, yz, xz),
