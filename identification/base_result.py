@@ -12,7 +12,10 @@ from arm_model import Arm
 from arm_model.tables import DEGREES
 
 if TYPE_CHECKING:
+    import pandas
+
     from identification.floating_base.wrenches import Wrenches
+    from identification.report.data_frames import BaseTable
 
 GREW = 1.2
 """Times the held-out error before, from which on a fit is called worse."""
@@ -68,7 +71,7 @@ class JointFit:
         ]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class BaseIdentification:
     """Parameters of a floating base, and errors of its wrench: (6,) N and N m rms, surge to yaw.
 
@@ -116,6 +119,27 @@ class BaseIdentification:
             "joints": self.joints.to_json(),
             "warnings": self.warnings,
         }
+
+    def __repr__(self) -> str:
+        known = sum(value.identifiable for value in (*self.parameters, *self.joints.parameters))
+        return f"<BaseIdentification of {self.arm.name}: {known} parameters>"
+
+    def _repr_html_(self) -> str:
+        from arm_report import inline
+        from identification.report.floating_base import report
+
+        return inline(report(self).html())
+
+    def to_pandas(self, what: BaseTable = "parameters") -> pandas.DataFrame:
+        """A table of pandas.
+
+        ``parameters``: of the base and of the arm on it, by name: value, std, nominal (the model as given), unit,
+        identifiable. ``degrees``, ``joints``: rms of the drives and held-out error before and after, by degree of
+        freedom or joint (from 1), N m or N. InputError where pandas is not installed.
+        """
+        from identification.report.data_frames import base_frame
+
+        return base_frame(self, what)
 
     def write(self, folder: str | PathLike[str], *, pictures: Collection[str] = ()) -> dict[str, Any]:
         """Writes identification.json, report.html, model.toml and its charts as ``pictures`` ("png", "pdf").

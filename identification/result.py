@@ -87,6 +87,20 @@ class Prediction:
         of_joint = self.joint == joint
         return of_joint & self.sliding if sliding and self.sliding is not None else of_joint
 
+    def plot(self) -> Figure:
+        """Measured and predicted torque of each joint over time, and their difference."""
+        from arm_report import figure
+        from identification.report.plots import prediction_chart
+
+        return figure(prediction_chart(self))
+
+    def _repr_html_(self) -> str:
+        from html import escape
+
+        from arm_report.notebook import image
+
+        return f"<p>{escape(repr(self))}</p>{image(self.plot(), f'measured and predicted torque of {self.run}')}"
+
     def to_pandas(self) -> pandas.DataFrame:
         """By t (s): columns ``measured1``, ``predicted1``, ``residual1``, .. per joint, N m or N.
 

@@ -14,10 +14,13 @@ from arm_report.notebook import frame_of, frame_over_time
 if TYPE_CHECKING:
     import pandas
 
+    from identification.base_result import BaseIdentification
     from identification.result import Identification, Prediction, Value
 
 What = Literal["parameters", "base_parameters", "joints"]
 """The tables of an identification."""
+BaseTable = Literal["parameters", "degrees", "joints"]
+"""The tables of the identification of a floating base."""
 VALUE = ("value", "std", "unit", "identifiable", "why")
 SIDES = {"fit": False, "held_out": True}
 
@@ -41,6 +44,30 @@ def identification_frame(result: Identification, what: What) -> pandas.DataFrame
         rows.append(row)
     columns = [f"{size}_{side}" for size in ("rms", "relative_error") for side in SIDES]
     return frame_of(rows, [*columns, "noise_ratio", "unit"], "joint", attributes)
+
+
+def base_frame(result: BaseIdentification, what: BaseTable) -> pandas.DataFrame:
+    """``parameters`` by name, or errors of the ``degrees`` of freedom by name or of the ``joints`` by number."""
+    if what not in get_args(BaseTable):
+        raise InputError("to_pandas", f"has the tables {', '.join(get_args(BaseTable))} (is {what!r})")
+    attributes = {"arm": result.arm.name, "fit": list(result.fit), "held_out": result.held_out}
+    if what == "parameters":
+        values = [one.to_json() for one in (*result.parameters, *result.joints.parameters)]
+        columns = ("value", "std", "nominal", "unit", "identifiable")
+        return frame_of(values, columns, "name", attributes, texts=("unit", "identifiable"))
+    table = result.to_json()
+    index, drives = ("degree", "thrust_rms") if what == "degrees" else ("joint", "torque_rms")
+    rows = [
+        {
+            index: one[index],
+            drives: one[drives],
+            "error_fit": one["error_rms"]["fit"],
+            "error_before": one["error_rms"]["held_out"]["before"],
+            "error_after": one["error_rms"]["held_out"]["after"],
+        }
+        for one in table[what]
+    ]
+    return frame_of(rows, (drives, "error_fit", "error_before", "error_after"), index, attributes)
 
 
 def values_frame(values: Sequence[Value], index: str, attributes: dict[str, Any]) -> pandas.DataFrame:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,47 +25,54 @@ MOST_FINE = 2000
 
 def predictions(result: Identification) -> Iterator[Chart]:
     """Per run: measured and predicted torque of each joint, and their difference at a scale of its own."""
+    units = ["N m" if joint.revolute else "N" for joint in result.arm.joints]
     for number, run in enumerate(_worth_showing(result), 1):
-        panels: list[Panel] = []
-        for j in np.unique(run.joint):
-            mine, unit = run.joint == j, "N m" if result.arm.joints[j].revolute else "N"
-            t, measured, predicted, residual = _with_breaks(
-                run.t[mine], run.measured[mine], run.predicted[mine], run.residual[mine]
-            )
-            rms = float(np.sqrt(np.mean(run.residual[mine] ** 2)))
-            panels += [
-                Panel(
-                    series=(
-                        Series(x=t, y=measured, colour=MEASURED, label="measured", width=1.8),
-                        Series(x=t, y=predicted, colour=AFTER, label="predicted"),
-                    ),
-                    title=f"joint {j + 1}",
-                    x="time, s",
-                    y=f"torque, {unit}" if unit == "N m" else f"force, {unit}",
-                    levels=(Level(value=0.0),),
-                    joint=int(j) + 1,
-                    motion=run.run,
-                ),
-                Panel(
-                    series=(Series(x=t, y=residual, colour=BEFORE, label="difference"),),
-                    title=f"joint {j + 1}, difference: rms {rms:.3g} {unit}",
-                    x="time, s",
-                    y=f"difference, {unit}",
-                    levels=(Level(value=0.0),),
-                    joint=int(j) + 1,
-                    motion=run.run,
-                ),
-            ]
-        kind = "held out" if run.held_out else "fitted"
-        yield Chart(
-            name=f"prediction_{number}",
-            title=f"measured and predicted torque of {run.run} ({kind})",
-            panels=tuple(panels),
-            columns=2,
-            widths=(2.0, 1.0),
-            shared=True,
-            height=1.75,
+        yield prediction_chart(run, units, f"prediction_{number}")
+
+
+def prediction_chart(run: Prediction, units: Sequence[str] = (), name: str = "prediction") -> Chart:
+    """Measured and predicted torque of each joint of a run, and their difference; units of all joints: N m or N."""
+    panels: list[Panel] = []
+    for j in np.unique(run.joint):
+        mine, unit = run.joint == j, units[j] if units else ""
+        t, measured, predicted, residual = _with_breaks(
+            run.t[mine], run.measured[mine], run.predicted[mine], run.residual[mine]
         )
+        rms = float(np.sqrt(np.mean(run.residual[mine] ** 2)))
+        axis = {"N m": "torque, N m", "N": "force, N"}.get(unit, "torque, N m (force, N)")
+        panels += [
+            Panel(
+                series=(
+                    Series(x=t, y=measured, colour=MEASURED, label="measured", width=1.8),
+                    Series(x=t, y=predicted, colour=AFTER, label="predicted"),
+                ),
+                title=f"joint {j + 1}",
+                x="time, s",
+                y=axis,
+                levels=(Level(value=0.0),),
+                joint=int(j) + 1,
+                motion=run.run,
+            ),
+            Panel(
+                series=(Series(x=t, y=residual, colour=BEFORE, label="difference"),),
+                title=f"joint {j + 1}, difference: rms {rms:.3g} {unit}".rstrip(),
+                x="time, s",
+                y=f"difference, {unit}" if unit else "difference",
+                levels=(Level(value=0.0),),
+                joint=int(j) + 1,
+                motion=run.run,
+            ),
+        ]
+    kind = "held out" if run.held_out else "fitted"
+    return Chart(
+        name=name,
+        title=f"measured and predicted torque of {run.run} ({kind})",
+        panels=tuple(panels),
+        columns=2,
+        widths=(2.0, 1.0),
+        shared=True,
+        height=1.75,
+    )
 
 
 def spectra(result: Identification) -> Chart:

@@ -31,6 +31,10 @@ def test_an_identification_and_a_comparison(arm: Path, tmp_path: Path) -> None:
     assert frame.startswith("<iframe") and frame.count("<iframe") == 1
     page = unescape(frame.partition('srcdoc="')[2].rpartition('"')[0])
     assert page == (tmp_path / "found/report.html").read_text()
+    (prediction,) = armscope.predict(fit, found.arm)
+    axes = prediction.plot().axes
+    assert len(axes) == 4 and {line.get_label() for line in axes[0].lines} >= {"measured", "predicted"}
+    assert prediction._repr_html_().count("<img") == 1
     held = armscope.simulate(model, arm / "experiments/held_out.toml").write(tmp_path / "held.mcap")
     changed = armscope.compare(fit, held, model)
     assert "srcdoc" in changed._repr_html_()

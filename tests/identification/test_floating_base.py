@@ -164,6 +164,13 @@ def test_written_files_read_back(arm: Arm, changed: list[Recording], tmp_path: P
     identified = identify_base(changed[:1], extended, held_out=changed[1:])
     table = identified.write(tmp_path / "identified")
     assert json.loads((tmp_path / "identified/identification.json").read_text()) == table
+    parameters, degrees = identified.to_pandas(), identified.to_pandas("degrees")
+    assert list(parameters.index) == [one["name"] for one in table["parameters"] + table["arm_parameters"]]
+    assert set(parameters.unit) >= {"kg", "N s/m"} and parameters.value.notna().all()
+    assert list(degrees.columns) == ["thrust_rms", "error_fit", "error_before", "error_after"]
+    np.testing.assert_array_equal(degrees.error_after, identified.after_rms)
+    np.testing.assert_array_equal(identified.to_pandas("joints").torque_rms, identified.joints.torque_rms)
+    assert "srcdoc" in identified._repr_html_() and repr(identified).startswith("<BaseIdentification of ")
     page = (tmp_path / "identified/report.html").read_text()
     assert all(f'id="chart-{name}"' in page for name in ("wrench_1", "parts", "thrusters", "vehicle_1"))
     np.testing.assert_allclose(identified.runs[0].needed - identified.runs[0].thrust, identified.runs[0].after)
