@@ -70,11 +70,12 @@ def box(mass: float, centre: Sequence[float], sides: Sequence[float]) -> tuple[n
     return barycentric(mass, tuple(centre), tuple(own)), own
 
 
-def recorded(real: Arm, model: Arm, seed: int) -> Run:
-    """12 s of all joints along Fourier series, white noise in the currents."""
+def recorded(real: Arm, model: Arm, seed: int, of_last: float = 1.0) -> Run:
+    """12 s of all joints along Fourier series, the last one with a share of its own, white noise in the currents."""
     rng = np.random.default_rng(seed)
     t = np.arange(0.0, 12.0, 1 / 200)
     a, b = 0.4 * rng.normal(size=(2, 4, LAST)) / np.arange(1, 5)[:, None]
+    a[:, -1], b[:, -1] = of_last * a[:, -1], of_last * b[:, -1]
     w = 0.2 * 2 * np.pi * np.arange(1, 5)
     sine, cosine = np.sin(np.outer(t, w)), np.cos(np.outer(t, w))
     q = np.array([-1.2, 1.0, 0.2, 0.5]) + sine @ a + cosine @ b
@@ -145,6 +146,20 @@ def test_a_mass_point_and_a_rotor_are_the_body_that_explains_as_much(arm: Arm) -
     assert [(c.effect, c.joint) for c in state.chosen] == [("payload", None)]
     found = {p.name: p for p in estimates_of(state)[0]}
     assert abs(found["izz"].value - own[2]) < 3 * found["izz"].std
+
+
+def test_a_payload_is_no_inertia_of_a_link_before_the_last(arm: Arm) -> None:
+    """Where the last joint hardly turns, ten coefficients of the link before it follow what a friction leaves, too."""
+    loaded = carrying(arm, box(1.0, CENTRE, (0.0, 0.0, 0.0))[0])
+    drive = replace(loaded.joints[0], viscous=(5e-4, 5e-4))
+    real = replace(loaded, joints=(drive, *loaded.joints[1:]))
+    fit, held_out = (dataset_of([recorded(real, arm, seed, 0.01)]) for seed in (1, 2))
+    data = Split(fit, held_out, False)
+    model = Currents(arm, data, Library((c for c in candidates(arm) if c.effect in SEARCHED), data), [])
+    both = [Candidate("link_inertia", LAST - 1), Candidate("viscous_friction", 1)]
+    found = simplified(model.refitted(both, {c.key: [] for c in both}))
+    assert {c.key for c in found.chosen} == {("payload", None), ("viscous_friction", 1)}
+    assert abs(estimates_of(found)[0][0].value - 1.0) < 3 * estimates_of(found)[0][0].std
 
 
 def test_a_payload_in_a_model_is_the_body(arm: Arm) -> None:

@@ -29,6 +29,8 @@ from diagnosis.selection.regression import at_joint, best_of_each, fit_gain
 if TYPE_CHECKING:
     from diagnosis.measurements.currents.model import Currents
 
+SEVERAL = 4
+"""Coefficients from which on a cause may have followed another effect that was missing when it was chosen."""
 BEAM = 3
 """Sets that are fitted to all joints and evaluated exactly, of those that leave least of the fitted rows of a joint."""
 
@@ -44,7 +46,7 @@ def simplified(state: State) -> State:
     if not state.chosen:
         return state
     # as each trial below: to first order, an error of the gain takes its share of the noise with it
-    state = _one_for_several(model.refitted(state.chosen, state.rivals))
+    state = _by_fewer(_one_for_several(model.refitted(state.chosen, state.rivals)))
     for substitutes, replaced in _simpler(state.chosen, model.library):
         chosen = state.chosen
         available = all((c.body or c in model.library) and c.key not in model.excluded for c in substitutes)
@@ -89,6 +91,35 @@ def _one_for_several(state: State) -> State:
                 own = [one for one in state.rivals[c.key] if one.candidate.key != rival.key]
                 state = replace(trial, rivals={**state.rivals, rival.key: own})
                 break
+    return state
+
+
+def _by_fewer(state: State) -> State:
+    """The state with rivals of fewer coefficients in the place of causes of ``SEVERAL``, if they predict as well.
+
+    While another effect was missing, the ten coefficients of a link followed some of it, and it gained more than the
+    payload of four that was there.
+    """
+    model = state.model
+    for c in state.chosen:
+        coefficients = state.coefficients[state.chosen.index(c)]
+        if np.count_nonzero(coefficients) < SEVERAL or c.terms:
+            continue
+        gain = model.without(c, state).energy.held_out - state.energy.held_out
+        trials: list[State] = []
+        for rival in model.rivals_of(c, state):
+            fewer = int(np.count_nonzero(coefficients)) - rival.determined
+            if fewer <= 0 or rival.candidate.terms:
+                continue
+            chosen = [rival.candidate if one is c else one for one in state.chosen]
+            own = [one for one in state.rivals.get(c.key, ()) if one.candidate.key != rival.candidate.key]
+            trial = model.refitted(chosen, {**state.rivals, rival.candidate.key: own})
+            tolerance = max(LIMITS.tie * gain * fewer, LIMITS.tie_floor * state.data.held_out.rows)
+            if trial.energy.held_out - state.energy.held_out < tolerance:
+                trials.append(trial)
+        joints = range(1, len(model.arm) + 1)
+        trials = [one for one in trials if not any(_clearly_worse(one, state, joint) for joint in joints)]
+        state = min(trials, key=lambda one: one.energy.held_out, default=state)
     return state
 
 
