@@ -24,6 +24,7 @@ from typing import TypeVar
 
 from arm_io import InputError
 from arm_model.description import Arm, Joint
+from arm_model.effects import CATALOGUE
 from arm_model.rigid_body.hydrodynamics import COEFFICIENTS
 from arm_model.rigid_body.inertia import PARAMETERS, about_com, barycentric
 from arm_model.rigid_body.link_friction import LINK_FRICTION
@@ -72,7 +73,7 @@ def parameter(arm: Arm, name: str) -> float:
     kind, index, quantity = _split(arm, name)
     if kind == "effect":
         place = _effect_place(arm, name, index, quantity)
-        return arm.effects[place].parameters[quantity.partition(".")[2]]
+        return arm.effects[place].parameters.get(quantity.partition(".")[2], 0.0)
     joint = arm.joints[index]
     if kind == "link" and quantity in PARAMETERS:
         return float(barycentric(joint.mass, joint.com, joint.inertia)[PARAMETERS.index(quantity)])
@@ -194,7 +195,8 @@ def _effect_place(arm: Arm, name: str, index: int, quantity: str) -> int:
     of_name = effect.rstrip("0123456789")
     number = int(effect.removeprefix(of_name) or 1)
     same = [k for k, term in enumerate(arm.effects) if term.name == of_name and (term.joint or 0) == index + 1]
-    if 1 <= number <= len(same) and entry in arm.effects[same[number - 1]].parameters:
+    # what an effect does not state is 0, and may be changed
+    if 1 <= number <= len(same) and entry in {p.name for p in CATALOGUE[of_name].parameters}:
         return same[number - 1]
     raise _unknown(name)
 

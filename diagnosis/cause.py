@@ -298,8 +298,8 @@ def confidence_of(p: float) -> float:
 def merge(causes: Sequence[Cause], tracked: Sequence[Cause]) -> list[Cause]:
     """Causes of the currents and those of the tracker, each named once.
 
-    A cause that both name has the parameters of the tracker. An ambiguity group of the tracker that contains a cause of
-    the currents is that cause.
+    A cause that both name has the parameters of the tracker, and those that only the currents show. An
+    ambiguity group of the tracker that contains a cause of the currents is that cause.
     """
     by_key = {cause.key: cause for cause in causes}
     only_tracked = []
@@ -308,7 +308,10 @@ def merge(causes: Sequence[Cause], tracked: Sequence[Cause]) -> list[Cause]:
         if counterpart is None:
             only_tracked.append(of_tracker)
             continue
-        parameters = of_tracker.parameters if counterpart.key == of_tracker.key else counterpart.parameters
+        parameters = counterpart.parameters
+        if counterpart.key == of_tracker.key:
+            shown = {p.name for p in of_tracker.parameters}
+            parameters = [*of_tracker.parameters, *(p for p in counterpart.parameters if p.name not in shown)]
         sentence = f"{counterpart.evidence}; the tracker agrees: {of_tracker.evidence}"
         by_key[counterpart.key] = replace(
             counterpart, parameters=parameters, group=(counterpart.key,), separate_by=None, evidence=sentence

@@ -25,6 +25,7 @@ from diagnosis.cause import Cause, Structure, extend, merge
 from diagnosis.closed_loop.comparison import with_smoothing_velocities
 from diagnosis.confidence import with_confidence
 from diagnosis.current_diagnosis import CurrentDiagnosis, Recordings
+from diagnosis.damping_by_currents import damped_by_currents
 from diagnosis.find_causes import find_causes
 from diagnosis.isolated_by_currents import isolated_by_currents
 from diagnosis.measurements.currents.causes import from_event
@@ -69,6 +70,7 @@ def diagnose(
     recordings, cleaned = on_uniform_grid(recordings, cleaned)
     instruments = isolated_by_currents(arm, instruments, cleaned, progress)
     currents = find_causes(arm, instruments.in_model, recordings, cleaned, progress)
+    instruments = damped_by_currents(instruments, currents, recordings.fit, progress)
     causes, as_found = extended_model(arm, instruments, currents, recordings)
     extended = dissipative(as_found, top_speeds(currents))
     verified = verify(arm, extended, causes, recordings, currents, judged=instruments.judged)

@@ -12,7 +12,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from arm_io.types import Array, Progress
 from arm_model import Arm, EffectTerm
@@ -20,12 +19,11 @@ from arm_model.effects import CATALOGUE, Signals, Values, solved, units
 from diagnosis.cause import Cause, Signal, extend
 from diagnosis.measurements.link_encoders.columns import Rows
 from diagnosis.other_instruments import OtherInstruments
-from diagnosis.residual.comparable_rows import comparable_rows
-from diagnosis.residual.other_effects import residual_with
+from diagnosis.residual.other_effects import block_numbers, weighted_with
 from diagnosis.residual.run import Run
 from diagnosis.screening.cleaned import Screened
 from diagnosis.screening.residuals import residuals_of
-from identification.selection import BLOCK_SECONDS, p_value
+from identification.selection import p_value
 from identification.selection.cluster_covariance import cluster_covariance
 
 SIGNIFICANT = 0.05
@@ -96,12 +94,12 @@ def _estimated_by_both(cause: Cause, runs: Sequence[Run]) -> Cause:
 
     def residual(of: Array) -> Array:
         term = EffectTerm(cause.effect, cause.joint, solved(effect, held, of.tolist()))
-        return np.concatenate([_weighted(run, [term]).ravel() for run in runs])
+        return np.concatenate([weighted_with(run, [term]).ravel() for run in runs])
 
     at_estimate = residual(c)
     columns = np.stack([(residual(c + step * one) - at_estimate) / step for one in np.eye(2)], axis=1)
     change = -np.linalg.lstsq(columns, at_estimate, rcond=None)[0]
-    of_currents = cluster_covariance(columns, [at_estimate + columns @ change], _blocks(runs))
+    of_currents = cluster_covariance(columns, [at_estimate + columns @ change], block_numbers(runs))
     turned = np.column_stack([along, [-along[1], along[0]]])
     of_links = turned @ np.diag([amplitude.std**2, (amplitude.value * phase.std) ** 2]) @ turned.T
     both = np.linalg.inv(np.linalg.inv(of_currents) + np.linalg.inv(of_links))
@@ -118,20 +116,6 @@ def _estimated_by_both(cause: Cause, runs: Sequence[Run]) -> Cause:
 
 def _squared_residual(runs: Sequence[Run], terms: Sequence[EffectTerm]) -> Array:
     """(blocks,) squared residual currents of all joints over their variance, with more effects."""
-    squares = np.concatenate([np.sum(_weighted(run, terms) ** 2, axis=1) for run in runs])
+    squares = np.concatenate([np.sum(weighted_with(run, terms) ** 2, axis=1) for run in runs])
     joints = len(runs[0].arm)
-    return np.asarray(np.bincount(_blocks(runs)[::joints], weights=squares), float)
-
-
-def _weighted(run: Run, terms: Sequence[EffectTerm]) -> Array:
-    """(m, n) residual currents with more effects over their std; 0 where they are not compared."""
-    return np.asarray(residual_with(run, terms) / run.deviation * comparable_rows(run))
-
-
-def _blocks(runs: Sequence[Run]) -> NDArray[np.intp]:
-    """(rows * n,) number of the block of every current, of one recording after the other."""
-    numbers: list[NDArray[np.intp]] = []
-    for run in runs:
-        seconds = (np.arange(len(run.t)) // round(BLOCK_SECONDS * run.per_second)).astype(np.intp)
-        numbers.append(np.repeat(seconds + (int(numbers[-1][-1]) + 1 if numbers else 0), len(run.arm)))
-    return np.concatenate(numbers)
+    return np.asarray(np.bincount(block_numbers(runs)[::joints], weights=squares), float)
