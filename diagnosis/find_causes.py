@@ -26,7 +26,13 @@ from diagnosis.measurements.currents.shortage import shortage
 from diagnosis.measurements.currents.structure.noise_ratio import joints_above_noise
 from diagnosis.measurements.near_rest.time_at_rest import with_rise_at_rest
 from diagnosis.measurements.single_axis.causes import AxisSide, axis_side, load_changes
-from diagnosis.outside_selection import friction_near_rest, gaps, resonance_in_loop, rows_lost_in_loop
+from diagnosis.outside_selection import (
+    friction_near_rest,
+    gaps,
+    resonance_in_loop,
+    rows_lost_in_loop,
+    transmission_in_place,
+)
 from diagnosis.per_recording.search import per_recording
 from diagnosis.per_recording.values import cause_of
 from diagnosis.residual.expected_current import has_dynamics
@@ -156,16 +162,42 @@ def _repeated_search(search: Search) -> CurrentDiagnosis:
         return of_recordings
     search, currents = _with_lost_rows(search, currents)
     progress("searching for transmission resonances in closed loop")
-    resonance = resonance_in_loop(currents, recordings) if has_dynamics(search.model) else None
+    found = list[Cause]()
+    while has_dynamics(search.model) and (one := resonance_in_loop(currents, recordings, found)) is not None:
+        found.append(one)
+        search, currents = _knowing_transmissions(search, currents, [one])
+    if len(found) > 1:
+        search, currents, found = _estimated_together(search, currents, found)
     # with the gap in the arm, the noise of the residual includes the uncertain instants of contact
-    found_gaps = (resonance,) if resonance else gaps(currents, search.excluded)
-    if not found_gaps:
+    if not found and (found := list(gaps(currents, search.excluded))):
+        search, currents = _knowing_transmissions(search, currents, found)
+    if not found:
         return replace(currents, undetermined=undetermined)
-    # search again with these causes as known ones
-    search = search.knowing(found_gaps, ((effect, one.joint) for effect in transmissions() for one in found_gaps))
-    terms = [term for term in currents.state.terms if (term.name, term.joint) not in {one.key for one in found_gaps}]
+    return replace(currents, near_rest=near_rest, transmissions=tuple(found))
+
+
+def _knowing_transmissions(
+    search: Search, currents: CurrentDiagnosis, found: Sequence[Cause]
+) -> tuple[Search, CurrentDiagnosis]:
+    """The search again with these transmissions as known causes, and what it finds."""
+    search = search.knowing(found, ((effect, one.joint) for effect in transmissions() for one in found))
+    terms = [term for term in currents.state.terms if (term.name, term.joint) not in {one.key for one in found}]
     residuals = confirmed(realigned(search.residuals(), terms), terms)
-    return replace(_searched(search, residuals), near_rest=near_rest, transmissions=found_gaps)
+    return search, _searched(search, residuals)
+
+
+def _estimated_together(
+    search: Search, currents: CurrentDiagnosis, found: Sequence[Cause]
+) -> tuple[Search, CurrentDiagnosis, list[Cause]]:
+    """Springs and gaps, each estimated again with all others known: joints oscillate together."""
+    found = list(found)
+    for place, cause in enumerate(found):
+        others = [one for one in search.known_causes if one is not cause]
+        again = transmission_in_place(extend(search.model, [*others, *currents.causes]), search.recordings, cause)
+        if again is not None:
+            found[place] = again
+            search = replace(search, known_causes=(*others, again))
+    return *_knowing_transmissions(search, currents, ()), found
 
 
 def _with_lost_rows(search: Search, currents: CurrentDiagnosis) -> tuple[Search, CurrentDiagnosis]:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence, Set
+from collections.abc import Collection, Sequence, Set
 from dataclasses import replace
 
+from arm_model import Arm
 from arm_model.effects import CATALOGUE, Variable
 from diagnosis.cause import Cause, EffectKey, extend
 from diagnosis.closed_loop.comparison import with_smoothing_velocities
@@ -60,17 +61,33 @@ def _in_loop(currents: CurrentDiagnosis, recordings: Recordings, taken: Sequence
     return [with_estimates_of(cause, again[cause.key]) if cause.key in again else cause for cause in in_loop]
 
 
-def resonance_in_loop(currents: CurrentDiagnosis, recordings: Recordings) -> Cause | None:
-    """A spring or a gap that closed loops show: in the place of one that the search named, or in addition."""
-    springs: list[Cause | None] = [one for one in currents.causes if one.effect in transmissions()]
-    for spring in springs or [None]:
-        arm = with_smoothing_velocities(
-            extend(currents.base, [one for one in currents.causes if one is not spring]), recordings.fit
-        )
-        joints = [spring.joint] if spring and spring.joint else range(1, len(arm) + 1)
-        if (cause := transmission_resonance(arm, recordings.fit, recordings.held_out, joints, spring)) is not None:
-            return cause
-    return None
+def resonance_in_loop(currents: CurrentDiagnosis, recordings: Recordings, known: Sequence[Cause] = ()) -> Cause | None:
+    """A spring or a gap that closed loops show: in the place of one that the search named, or in addition.
+
+    Also at another joint than all that the search named: along the motion, a joint follows its neighbour's oscillation,
+    and may seem to have the spring. known: transmissions of the model that closed loops have shown before.
+    """
+    springs = [one for one in currents.causes if one.effect in transmissions()]
+    others = [one for one in currents.causes if one not in springs]
+    joints = set(range(1, len(currents.arm) + 1)) - {one.joint for one in known}
+
+    def searched(causes: Sequence[Cause], joints: Collection[int], near: Cause | None) -> Cause | None:
+        arm = with_smoothing_velocities(extend(currents.base, causes), recordings.fit)
+        return transmission_resonance(arm, recordings.fit, recordings.held_out, sorted(joints), near)
+
+    for spring in springs:
+        if spring.joint in joints:
+            beside = [one for one in currents.causes if one is not spring]
+            if (cause := searched(beside, {spring.joint}, spring)) is not None:
+                return cause
+    return searched(others, joints - {one.joint for one in springs}, None)
+
+
+def transmission_in_place(arm: Arm, recordings: Recordings, of: Cause) -> Cause | None:
+    """The same transmission estimated again in closed loops of an arm that lacks it; None if they show another."""
+    arm = with_smoothing_velocities(arm, recordings.fit)
+    again = transmission_resonance(arm, recordings.fit, recordings.held_out, [of.joint] if of.joint else [], of)
+    return again if again is not None and again.key == of.key else None
 
 
 def rows_lost_in_loop(currents: CurrentDiagnosis, recordings: Recordings) -> LostInLoop | None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -12,9 +14,13 @@ from scipy.interpolate import CubicSpline
 from arm_model.model_file import read_model
 from arm_model.servo import servo_gains
 from daq.recording import Recording
+from diagnosis import diagnose
+from diagnosis.cause import Cause, Estimate
 from diagnosis.closed_loop.loop_errors import loop_errors
 from diagnosis.closed_loop.resonance import _at_few_joints, transmission_resonance
 from diagnosis.closed_loop.servo_gains import with_servo_gains
+from diagnosis.outside_selection import resonance_in_loop
+from identification.selection import Split
 from tests.blind.hide import Hidden
 from tests.blind.laboratory import Laboratory
 from tests.blind.motions import fourier
@@ -25,11 +31,11 @@ LABORATORY = Laboratory("mixed", route="table")
 
 
 def _recordings(
-    folder: Path, hidden: tuple[Hidden, ...], laboratory: Laboratory = LABORATORY
+    folder: Path, hidden: tuple[Hidden, ...], laboratory: Laboratory = LABORATORY, seconds: float = 8.0
 ) -> tuple[list[Recording], list[Recording]]:
     for side, seeds in (("fit", (1, 2)), ("held_out", (3,))):
         for number, seed in enumerate(seeds):
-            motion = fourier("run", seed, 0.12, 0.9, 8.0)
+            motion = fourier("run", seed, 0.12, 0.9, seconds)
             rows = recorded(truth(motion, hidden, laboratory), laboratory, seed)
             write_recording(folder / f"{side}_{number}.mcap", rows, laboratory)
     return read_recordings(folder)
@@ -126,3 +132,46 @@ def test_servos_that_are_not_the_model_s_are_no_spring(tmp_path: Path) -> None:
 )
 def test_joints_that_one_other_swings_are_no_sign_of_other_servos(ratios: list[float], searched: bool) -> None:
     assert _at_few_joints(np.array(ratios)) is searched
+
+
+@pytest.mark.slow
+def test_springs_of_neighbouring_joints_have_their_own_stiffness(tmp_path: Path) -> None:
+    """20 Hz at joint 2 and 40 Hz at joint 3: each oscillates with the other."""
+    values = {2: {"stiffness": 30_000.0, "damping": 60.0}, 3: {"stiffness": 12_000.0, "damping": 25.0}}
+    hidden = tuple(Hidden("joint_compliance", joint, of_joint) for joint, of_joint in values.items())
+    fit, held_out = _recordings(tmp_path, hidden)
+
+    result = diagnose(read_model(MODEL), fit, held_out)
+
+    assert {cause.key for cause in result.causes} == {("joint_compliance", 2), ("joint_compliance", 3)}
+    for cause in result.causes:
+        assert cause.joint is not None
+        for parameter in cause.parameters:
+            assert abs(parameter.value - values[cause.joint][parameter.name]) < 3 * parameter.std
+    assert result.verdict == "explained"
+
+
+def test_a_spring_that_the_currents_named_at_a_neighbour_hides_none(tmp_path: Path) -> None:
+    """Joint 2 has the spring. Along the motion it was named at joint 3, where closed loops find none."""
+    spring = Hidden("joint_compliance", 2, {"stiffness": 30_000.0, "damping": 60.0})
+    fit, held_out = _recordings(tmp_path, (spring,), seconds=4.0)
+    estimates = [Estimate("stiffness", 2.4e3, 1e2, "N m/rad"), Estimate("damping", 17.0, 2.0, "N m s/rad")]
+    wrong = Cause(
+        effect="joint_compliance",
+        joint=3,
+        parameters=estimates,
+        confidence=0.9,
+        before=4e-3,
+        after=3e-3,
+        group=(("joint_compliance", 3),),
+        evidence="",
+        felt_at=3,
+        unit="A",
+    )
+    currents = cast(Any, SimpleNamespace(base=read_model(MODEL), arm=read_model(MODEL), causes=[wrong]))
+
+    cause = resonance_in_loop(currents, Split(fit[:1], held_out))
+
+    assert cause is not None and cause.key == ("joint_compliance", 2)
+    assert abs(cause.parameters[0].value - 30_000.0) < 3 * cause.parameters[0].std
+    assert resonance_in_loop(currents, Split(fit[:1], held_out), [cause]) is None
