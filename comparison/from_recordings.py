@@ -27,6 +27,7 @@ from comparison.summary import summaries
 from daq.recording import Recording
 from daq.recording.shared_rows import overlaps
 from diagnosis.residual.run_setup import setup_of
+from identification import without_rotors
 from identification.preprocessing.signals import Motion
 from identification.regression.problem import motions_of
 from identification.ripples import wide
@@ -68,7 +69,11 @@ def compare_recordings(
         summaries=summaries(separate.structure, *separate.long_enough(), _as_decided(alone, decided), accepted, added),
         alternatives=list(_alternatives(accepted)),
         assumptions=[assumed(len(recordings))],
-        warnings=[*_short_recordings(separate), *(warning for run in runs for warning in run.warnings)],
+        warnings=[
+            *_short_recordings(separate),
+            *(warning for run in runs for warning in run.warnings),
+            *filter(None, [without_rotors(arm)]),
+        ],
     )
 
 

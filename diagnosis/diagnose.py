@@ -51,6 +51,7 @@ from diagnosis.verification.idle_limits import idle_limits
 from diagnosis.verification.not_simulated import not_simulated
 from diagnosis.verification.replaced_values import friction_replaced, smoothing_replaced
 from diagnosis.verified import verify
+from identification import without_rotors
 from identification.selection import Split
 
 
@@ -190,6 +191,8 @@ def _warnings(arm: Arm, instruments: OtherInstruments, currents: CurrentDiagnosi
         yield from mixed_up([*state.data.fit.runs, *state.data.held_out.runs])
         yield from folding_warnings([*state.data.fit.runs, *state.data.held_out.runs])
         yield from not_held_out(state.fitted.fit, state.data.fit, of_currents, known_to(state).fit)
+        if of_currents and (sentence := without_rotors(arm)):
+            yield sentence
     else:
         yield f"{arm.name} has neither masses nor friction: its {recorded_signals(arm)} were not judged"
     for uncertainty, subject in ((arm.uncertainty, "parameters are"), (arm.kinematic_uncertainty, "geometry is")):

@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from identification.base_result import BaseIdentification
     from identification.identify import check_runs, identify_by, own_friction
     from identification.prediction import predict
+    from identification.regression.model_parameters import without_rotors
     from identification.result import Identification, JointNoise, Prediction
 else:
     __getattr__ = lazy(__name__)
@@ -21,4 +22,5 @@ __all__ = [
     "identify_by",
     "own_friction",
     "predict",
+    "without_rotors",
 ]

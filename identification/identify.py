@@ -19,7 +19,7 @@ from identification.methods.inverse_dynamics import Shape, identify
 from identification.preprocessing.attenuation import attenuation_warnings
 from identification.preprocessing.readiness import Readiness
 from identification.regression.conclusion import warnings_of_fit
-from identification.regression.model_parameters import Friction
+from identification.regression.model_parameters import Friction, without_rotors
 from identification.regression.problem import excitation_of, motions_of, prepare
 from identification.result import Identification, Prediction, Value, unit_of
 
@@ -92,6 +92,7 @@ def check_runs(
         if sparse
         else [*problem.warnings, *attenuation_warnings(problem.motions), *warnings_of_fit(problem)]
     )
+    warnings = [*warnings, *filter(None, [without_rotors(arm)])]
     return Readiness(problem.runs, excitation_of(problem), warnings)
 
 

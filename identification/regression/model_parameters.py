@@ -142,3 +142,13 @@ def _has_rotor(arm: Arm, j: int) -> bool:
 def freed_rotors(arm: Arm) -> list[int]:
     """Joints (from 1) whose model has no rotor inertia although they have a gear or lift: it is identified."""
     return [j + 1 for j, joint in enumerate(arm.joints) if joint.rotor_inertia == 0.0 and _has_rotor(arm, j)]
+
+
+def without_rotors(arm: Arm) -> str:
+    """A sentence on a model that has neither rotors nor gears, which would free them; "" where it has, or one joint."""
+    if any(joint.rotor_inertia or joint.ratio != 1.0 for joint in arm.joints[1:]) or len(arm) == 1:
+        return ""
+    return (
+        "The model has no rotors, so that their inertia counts as inertia of the links. With a gear in the model "
+        "(gear = 100 and torque_constant = 0.01, if torques at the joints are recorded) rotors are identified."
+    )

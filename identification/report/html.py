@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 from markupsafe import Markup
 
-from arm_model import Arm
 from arm_model.collision import chain_of
 from arm_report import Report, table
 from arm_report.motion import Motion
 from arm_report.numbers import value_and_two_std
+from identification.regression.model_parameters import without_rotors
 from identification.report import friction, plots, ripples
 
 if TYPE_CHECKING:
@@ -106,10 +106,13 @@ def _validated(result: Identification) -> str:
             f"{_times(one.ratio)} times at joint {one.joint} ({one.error:.2g} {one.unit} against {one.floor:.2g})"
             for one in above
         )
-        return (
+        sentences = (
             f"{sentence} Not validated: while joints move, the error on {which} recordings exceeds the noise floor of "
-            f"the instruments, {joints}. {_no_rotors(result.arm)}armscope diagnose looks for what the model lacks."
+            f"the instruments, {joints}.",
+            without_rotors(result.arm),
+            "armscope diagnose looks for what the model lacks.",
         )
+        return " ".join(filter(None, sentences))
     if alone:
         return f"{sentence} Not validated: no other recording was held out.{_worst(result, which)}"
     if far := result.joints_above_expected():
@@ -122,16 +125,6 @@ def _validated(result: Identification) -> str:
         return f"{sentence} Not compared with the noise of the instruments."
     judged = "to which no parameter was fitted" if result.chosen_on_held_out else "that were not fitted"
     return f"{sentence} Validated on motions {judged}.{_worst(result, which)}"
-
-
-def _no_rotors(arm: Arm) -> str:
-    """That a model has no rotors, which may be what it lacks; nothing where it has some, or gears, which free them."""
-    if any(joint.rotor_inertia or joint.ratio != 1.0 for joint in arm.joints[1:]) or len(arm) == 1:
-        return ""
-    return (
-        "The model has no rotors, so that their inertia counts as inertia of the links. With a gear in the model "
-        "(gear = 100 and torque_constant = 0.01, if torques at the joints are recorded) rotors are identified. "
-    )
 
 
 def _times(ratio: float) -> str:

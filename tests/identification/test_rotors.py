@@ -16,9 +16,9 @@ from arm_model.urdf import Use, read_urdf, urdf_gaps, write_urdf
 from daq.recording import Recording, open_recording
 from daq.recording.parts import Attachments
 from daq.recording.tables.table import write_table
+from identification import check_runs, without_rotors
 from identification.regression.base_parameters import structural_base
 from identification.regression.model_parameters import freed_rotors
-from identification.report.html import _no_rotors
 
 GEARS = (32.0, -48.0, 40.0, 36.0, 44.0, 48.0)
 ROTORS = (6e-4, 5e-4, 4e-4, 1e-4, 8e-5, 6e-5)
@@ -100,7 +100,7 @@ def test_gears_of_a_urdf_leave_torques_and_friction_at_the_joint(urdf: Path, tmp
     bare = read_urdf(tmp_path / "bare.urdf")
     assert {joint.gear for joint in bare.joints} == {1.0}
     np.testing.assert_allclose(geared.joint_array("drive_constant"), 1.0)
-    assert "With a gear in the model" in _no_rotors(bare) and not _no_rotors(geared)
+    assert "With a gear in the model" in without_rotors(bare) and not without_rotors(geared)
     for one, other in zip(geared.joints, bare.joints):
         assert one.ratio * one.coulomb[0] == pytest.approx(other.coulomb[0])
         assert one.ratio**2 * one.viscous[0] == pytest.approx(other.viscous[0])
@@ -117,3 +117,15 @@ def test_gears_of_a_urdf_leave_torques_and_friction_at_the_joint(urdf: Path, tmp
     assert said.startswith("mechanicalReduction of ") and said.endswith(
         "is 'reduction', no number: the gear counts as 1"
     )
+
+
+def test_a_model_without_gears_and_rotors_is_told_as_such_before_it_misleads(urdf: Path, tmp_path: Path) -> None:
+    """Only a refused validation said it: the check called it ready, and comparisons named changes that were none."""
+    arm = read_urdf(urdf)
+    arm = replace(arm, joints=arm.joints[:2])
+    plain = replace(arm, joints=tuple(replace(joint, gear=1.0, torque_constant=1.0) for joint in arm.joints))
+    runs = [record(tmp_path / f"{seed}.mcap", arm, seed, seconds=12.0) for seed in (1, 2)]
+    for model, said in ((plain, True), (arm, False)):
+        assert any("The model has no rotors" in warning for warning in check_runs(runs, model).warnings) is said
+        changed = armscope.compare(runs[0], runs[1], model)
+        assert any("The model has no rotors" in warning for warning in changed.warnings) is said
