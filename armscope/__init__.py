@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from armscope.api.diagnosis import Diagnosis, diagnose
     from armscope.api.fleet import fleet
     from armscope.api.identification import identify, predict
+    from armscope.api.importing import import_table
     from armscope.api.reading import open_recording as open
     from armscope.api.reading import read_experiment, read_model, read_rig, write_model
     from armscope.api.recording import Recorded, record
@@ -67,6 +68,7 @@ _HOMES = {
     "effects": "arm_model.effects:CATALOGUE",
     "fleet": "armscope.api.fleet:fleet",
     "identify": "armscope.api.identification:identify",
+    "import_table": "armscope.api.importing:import_table",
     "open_archive": "arm_archive:open_archive",
     "open": "armscope.api.reading:open_recording",
     "predict": "armscope.api.identification:predict",
@@ -103,6 +105,7 @@ __all__ = [
     "effects",
     "fleet",
     "identify",
+    "import_table",
     "open",
     "open_archive",
     "predict",

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from arm_io import InputError
 from arm_io.progress import silent
 from arm_io.whole_folder import whole_folder
-from armscope.api.reading import File, Source, fixed_model, open_recording
+from armscope.api.reading import File, Source, fixed_model, listed_sources, open_recording
 
 if TYPE_CHECKING:
     import pandas
@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from identification.kinematics.estimation import Calibration as Estimate
 
 Point = tuple[float, float, float]
+TABLES, WORKBOOKS = (".csv", ".txt", ".tsv"), (".xlsx", ".xls", ".ods")
+"""Ends of the names of tables of poses, and of files of spreadsheets, which are none."""
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -256,12 +258,14 @@ def _tracked(sources: Source | Sequence[Source], files: Sequence[File], joints: 
     from daq.recording import Recording
     from identification.kinematics.data import Poses, read_poses, tracked
 
-    listed = [sources] if isinstance(sources, Recording | str | PathLike) else list(sources)
+    listed = listed_sources(sources)
     if files and len(files) != len(listed):
         raise InputError("tracker", f"{len(files)} files for {len(listed)} recordings; there must be one for each")
     found = []
     for k, source in enumerate(listed):
-        if not isinstance(source, Recording) and Path(source).suffix.lower() == ".csv":
+        if not isinstance(source, Recording) and (ending := Path(source).suffix.lower()) in (*TABLES, *WORKBOOKS):
+            if ending in WORKBOOKS:
+                raise InputError(Path(source), "is a workbook; save its sheet as CSV (any separator, UTF-8 or UTF-16)")
             if files:
                 raise InputError(Path(source), "is a table of poses, which contains its points; omit --tracker")
             table = read_poses(Path(source), joints)

@@ -109,7 +109,9 @@ def stored_result(one: Comparable) -> Stored:
     if isinstance(one, Diagnosis):
         name = ", ".join(recording.path.name for recording in one.fit)
         return Stored(Path(f"diagnosis of {name}"), "diagnoses", one.to_json(), one.extended)
-    assert isinstance(one, Identification)
+    if not isinstance(one, Identification):
+        what = "a result"
+        raise InputError(what, f"must be an identification or a diagnosis, or its path (is {type(one).__name__})")
     name = ", ".join(Path(path).name for path in one.fit)
     return Stored(Path(f"identification of {name}"), "identifications", one.to_json(), one.arm)
 

@@ -38,22 +38,25 @@ def open_recording(recording: Source) -> Recording:
 def _path(given: object, what: str) -> Path:
     """The path itself. InputError where it is none: an object of another kind, in the place of ``what``."""
     if not isinstance(given, str | PathLike):
-        raise InputError(what, f"must be the path of one, or an object of its own kind (is {type(given).__name__})")
+        table = "; armscope.import_table makes a recording of a table of pandas" if hasattr(given, "to_csv") else ""
+        kind = type(given).__name__
+        raise InputError(what, f"must be the path of one, or an object of its own kind (is {kind}){table}")
     return Path(given)
 
 
 def recordings_of(sources: Source | Sequence[Source]) -> list[Recording]:
     """Recordings from one recording or path, or from several."""
-    return [open_recording(source) for source in _listed(sources)]
+    return [open_recording(source) for source in listed_sources(sources)]
 
 
-def _listed(sources: Source | Sequence[Source]) -> list[Source]:
+def listed_sources(sources: Source | Sequence[Source]) -> list[Source]:
     """One or several, as a list. InputError where it is neither."""
     from daq.recording import Recording
 
     if isinstance(sources, Recording | str | PathLike):
         return [sources]
-    listed = list(sources) if isinstance(sources, Iterable) else [sources]
+    several = isinstance(sources, Iterable) and not hasattr(sources, "to_csv")  # whose members are names of columns
+    listed = list(sources) if several else [sources]
     return [one if isinstance(one, Recording) else _path(one, "a recording") for one in listed]
 
 
@@ -66,7 +69,7 @@ def for_analysis(*groups: Source | Sequence[Source], **bounds: Any) -> list[list
     """
     from daq.recording import Recording, open_recordings
 
-    listed = [_listed(group) for group in groups]
+    listed = [listed_sources(group) for group in groups]
     if not listed[0]:
         raise InputError("recordings", "is empty; give at least one")
     paths = [[Path(one) for one in group if not isinstance(one, Recording)] for group in listed]

@@ -71,7 +71,7 @@ PUBLIC = {
 }
 """Modules that are faces themselves: a leaf, one concept of a textbook, the protocols of the drivers."""
 MOST = 16
-WIDE = {"arm_model.effects": 25, "armscope": 32}
+WIDE = {"arm_model.effects": 25, "armscope": 33}
 """Names of a face: the vocabulary of effects has more, and what import armscope offers."""
 
 
