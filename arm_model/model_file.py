@@ -66,6 +66,8 @@ def read_model(path: str | Path) -> Arm:
         return read_mjcf(path)
     if suffix == ".urdf":
         return read_urdf(path)
+    if suffix == ".xacro":
+        raise InputError(path, "is a xacro file; expand it first: xacro FILE > ARM.urdf")
     return _with_kinematic(_with_uncertainty(arm_of(read_toml(path), path), Path(path)), Path(path))
 
 

@@ -189,7 +189,10 @@ def numbers_of(path: str | Path, element: xml.Element | None, name: str, default
     except ValueError:
         values = ()
     if len(values) != count or not np.isfinite(values).all():
-        raise InputError(path, f"{name}={text!r}: expected {count} numbers")
+        told = f"expected {count} number{'s' * (count > 1)}"
+        if "${" in text:
+            told = "is an expression of xacro; expand the file first: xacro FILE > ARM.urdf"
+        raise InputError(path, f"{name}={text!r}: {told}")
     if count == 3 and max(map(abs, values)) > FURTHEST:
         raise InputError(path, f"{name}={text!r}: is beyond {FURTHEST:g}; lengths are in m, angles in rad")
     return values

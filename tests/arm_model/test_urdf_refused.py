@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from arm_io import InputError
+from arm_model import read_model
 from arm_model.urdf import read_urdf
 from tests.arm_model.test_urdf_tree import ARM, joint, link, written
 
@@ -75,3 +76,13 @@ def test_lengths_that_no_arm_has_are_refused(tmp_path: Path, change: tuple[str, 
     """Their squares are no numbers."""
     with pytest.raises(InputError, match="is beyond 1e\\+06; lengths are in m, angles in rad"):
         read_urdf(written(tmp_path, _with(change)))
+
+
+def test_a_xacro_file_is_to_be_expanded_first(tmp_path: Path) -> None:
+    """It was 'not valid TOML', and an expression 'expected 1 numbers'."""
+    (tmp_path / "arm.urdf.xacro").write_text('<robot xmlns:xacro="http://www.ros.org/wiki/xacro" name="a"/>')
+    with pytest.raises(InputError, match="is a xacro file; expand it first: xacro FILE > ARM.urdf"):
+        read_model(tmp_path / "arm.urdf.xacro")
+    expression = _with(('lower="-3"', 'lower="${-pi}"'))
+    with pytest.raises(InputError, match="is an expression of xacro; expand the file first"):
+        read_urdf(written(tmp_path, expression))
