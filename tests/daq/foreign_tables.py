@@ -127,7 +127,9 @@ def write_messages(path: Path, messages: list[tuple[int, int, dict[str, np.ndarr
             writer.write(connection, int(recorded), store.serialize_cdr(message, kinds[0]))
 
 
-def write_controller_bag(path: Path, t: np.ndarray, q: np.ndarray, demanded: np.ndarray, *, every: int = 1) -> None:
+def write_controller_bag(
+    path: Path, t: np.ndarray, q: np.ndarray, demanded: np.ndarray, *, every: int = 1, storage: str = "mcap"
+) -> None:
     """Joint states with a gripper; every ``every``-th has the state of a trajectory controller beside it; t (n,) ns."""
     from rosbags.rosbag2 import StoragePlugin, Writer
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
@@ -147,7 +149,7 @@ def write_controller_bag(path: Path, t: np.ndarray, q: np.ndarray, demanded: np.
             positions=positions, velocities=empty, accelerations=empty, effort=empty, time_from_start=nothing
         )
 
-    with Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+    with Writer(path, version=9, storage_plugin=StoragePlugin[storage.upper()]) as writer:
         states = writer.add_connection("/joint_states", "sensor_msgs/msg/JointState", typestore=store)
         controller = writer.add_connection("/arm_controller/controller_state", kind, typestore=store)
         for row, stamp in enumerate(t.tolist()):

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import shutil
+import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -76,6 +78,17 @@ def test_the_demands_of_a_trajectory_controller(tmp_path: Path, capsys: pytest.C
     recording = imported(tmp_path / "slow", "--rig", str(tmp_path / "rig.toml"))
     assert recording.qref is None and len(recording.q) == 500
     assert "/arm_controller/controller_state/reference are left out: 90%" in capsys.readouterr().err
+
+
+def test_demands_that_the_bag_does_not_define_are_named(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """sqlite3 bags until ROS 2 Humble contain no definitions; the demands were left out without a word."""
+    t, q, _ = motion(100)
+    write_controller_bag(tmp_path / "bag", t, q, q + 0.001, storage="sqlite3")
+    with closing(sqlite3.connect(next((tmp_path / "bag").glob("*.db3")))) as base, base:
+        base.execute("delete from message_definitions")
+    (tmp_path / "rig.toml").write_text(RIG)
+    assert imported(tmp_path / "bag", "--rig", str(tmp_path / "rig.toml")).qref is None
+    assert "does not define the messages of /arm_controller/controller_state" in capsys.readouterr().err
 
 
 def test_what_the_stamps_do_to_rows_is_said(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:

@@ -40,6 +40,12 @@ def fields_of(definitions: dict[str, Any], message_type: str) -> tuple[str, ...]
     return tuple(name for name, (_, described) in fields if described == JOINT_STATE)
 
 
+def demands_without_definition(reader: Any, connection: Any) -> bool:
+    """Whether a connection has the states of a trajectory controller, which neither the bag nor rosbags defines."""
+    kind = str(connection.msgtype)
+    return kind.endswith("/JointTrajectoryControllerState") and kind not in reader.typestore.fielddefs
+
+
 def parts(topic: str, message: Any, fields: tuple[str, ...]) -> Iterator[tuple[str, Any]]:
     """Name and joint state, point or demand: the topic itself, or TOPIC/FIELD per field."""
     for field in fields:

@@ -17,7 +17,15 @@ from arm_io import InputError
 from arm_io.files import open_regular
 from arm_io.optional import optional
 from daq.recording.messages.bag_files import BagFiles, parts_of
-from daq.recording.messages.bag_messages import ARRAYS, Demand, columns_of, fields_of, parts, stamp_of
+from daq.recording.messages.bag_messages import (
+    ARRAYS,
+    Demand,
+    columns_of,
+    demands_without_definition,
+    fields_of,
+    parts,
+    stamp_of,
+)
 from daq.recording.messages.bag_rows import BagRows, Row
 from daq.recording.messages.ros2_messages import JOINT_STATE
 from daq.recording.tables.columns import Chunk, Exact
@@ -74,6 +82,7 @@ class BagSource:
                     for connection in reader.connections
                     if (fields := fields_of(reader.typestore.fielddefs, connection.msgtype))
                 }
+                undefined = sorted({c.topic for c in reader.connections if demands_without_definition(reader, c)})
                 first = self._first_messages(reader)
                 counts = {name: info.msgcount for name, info in reader.topics.items()}
             except Exception as error:
@@ -83,6 +92,11 @@ class BagSource:
         self.rows: int | None = counts[self._of_message(self.topic)]
         self.joints = self._in_order(joints, list(states[self.topic].name))
         self._said = [*self._files.notes, *self._own_order(joints)]
+        self._said += [
+            f"the bag does not define the messages of {name}, so the demands in them are not read; record in MCAP, "
+            "which contains definitions"
+            for name in undefined
+        ]
         self._stamped = self._stamps[self.topic] and not recorded
         self.names = list(self._columns)
         with self._reader() as reader:
