@@ -20,6 +20,10 @@ from identification.kinematics.data.pose_table_names import SEPARATORS, header_o
 ANGLES = {"rad": 1.0, "mrad": 1e-3, "deg": np.pi / 180, "°": np.pi / 180}
 LENGTHS = {"m": 1.0, "mm": 1e-3, "cm": 1e-2}
 """Units that a column's name may state, "q1 [deg]": what its numbers are multiplied by."""
+MISSING = ("", "-", "--", "n/a", "na", "#n/a", "#nv", "null")
+"""Cells without a value, in lower case: as people and spreadsheets (English, German) write them."""
+_THOUSANDS = re.compile(r"[-+]?\d{1,3}(\.\d{3})+,\d+")
+"""A number whose points can only part thousands: a comma follows them."""
 _ANGLE = re.compile(r"(q[1-9]|r[xyz]|roll|pitch|yaw)[0-9]*")
 _LENGTH = re.compile(r"(q[1-9]|[xyz]|target_[xyz])[0-9]*")
 _STATED = re.compile(r"(\w+) ?(?:\[([^\]]*)\]|\(([^)]*)\))")
@@ -49,13 +53,13 @@ class Cells:
         return row + self.first
 
     def numbers(self, columns: list[str]) -> Array:
-        """(rows, columns) in rad and m; NaN where a cell is empty."""
+        """(rows, columns) in rad and m; NaN where a cell is empty, or says that its value is missing (``MISSING``)."""
         texts = [self.texts(name) for name in columns]
         comma = self.separator != "," and any("," in text for column in texts for text in column)
         table = np.full((len(self.cells), len(columns)), np.nan)
         for k, name in enumerate(columns):
             for number, text in enumerate(texts[k]):
-                if not text:
+                if text.lower() in MISSING:
                     continue
                 try:
                     table[number, k] = float(_with_point(text) if comma else text)
@@ -118,6 +122,8 @@ def _decoded(path: Path, content: bytes) -> str:
     """Text in UTF-8, in UTF-16 with a byte order mark, or in Windows-1252, as spreadsheets write it."""
     if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return content.decode("utf-16")
+    if content[1:200:2].count(0) > len(content[:200]) // 4:
+        raise InputError(path, "seems to be in UTF-16 without a byte order mark; save it in UTF-8")
     if b"\0" in content:
         raise InputError(path, "is no text; save the table as CSV")
     try:
@@ -132,7 +138,9 @@ def _separator(text: str) -> str:
 
 
 def _with_point(text: str) -> str:
-    """A number with a decimal comma as Python reads it; ValueError: with a point as well, which may part thousands."""
+    """A number with a decimal comma as Python reads it; ValueError: with points whose meaning is not certain."""
+    if _THOUSANDS.fullmatch(text):
+        return text.replace(".", "").replace(",", ".")
     if "." in text:
         raise ValueError(text)
     return text.replace(",", ".")

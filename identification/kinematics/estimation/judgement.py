@@ -230,6 +230,11 @@ def _failures(
             f"{1e3 * noise:.3g} mm rms per coordinate remain, more noise than {than} (at most {1e3 * most:.3g} mm): "
             "the model does not describe the poses"
         )
+    if found and not work.settings.extend:
+        found.append(
+            "couplings of joints, joints that count backwards, sag and encoder errors were not tried; leave out "
+            "--geometry-only to try them"
+        )
     if found and not work.settings.point_std and max(one.rms for one in after.values()) < _COARSE:
         found.append(
             "if the arm itself does not return to a pose more exactly (backlash), state the standard deviation of a "

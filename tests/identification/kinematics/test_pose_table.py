@@ -100,7 +100,7 @@ def test_an_empty_cell_is_a_missing_value_and_extra_columns_are_ignored(tmp_path
         (f"{HEAD}\n" + "0,0,zero,0,0,0,1,0,1\n", "line 2: q3: 'zero' is no number"),
         (f"{HEAD}\n" + "0,0,0,0,0,0,1200,0,1\n", "as in x [mm]"),
         (f"{HEAD}\n".replace("q3", "q3 [grad]"), "'grad' is no unit of q3; must be rad, mrad, deg, °, m, mm, cm"),
-        (HEAD.replace(",", ";") + "\n0;0;0;0;0;0;1.000,5;0;1\n", "x: '1.000,5' is no number"),
+        (HEAD.replace(",", ";") + "\n0;0;0;0;0;0;1.000,5;0;1\n", "x, y, z: 1000 is no value in m"),
         (f"{HEAD}\n" + "0,0,0,0,0,0,1,0,1\n" * 5, "5 rows have all joint angles and a tracked point; at least 10"),
         ("", "column q1 is missing"),
         (f"{HEAD}\n" + "0,0,0,0,0,0,1,0,1\n0,,0,0,0,0,0,1,0,1\n", "line 3: has 10 cells; line 1 has 9 names"),
@@ -226,6 +226,20 @@ def test_tables_that_somebody_else_named(text: str, row: str, encoding: str, sai
     np.testing.assert_allclose(found.run.q, np.deg2rad([[90.0, -45.5]]))
     np.testing.assert_allclose(found.run.xyz, [[1.00025, 0.002, 0.003]])
     assert said in found.notes[0]
+
+
+def test_cells_as_people_and_spreadsheets_write_them(tmp_path: Path) -> None:
+    """Points that part thousands, and values that are said to be missing, were no numbers."""
+    rows = "0,1;0,2;1.250,5;-1.000,0;2,0\n0,1;0,3;-;-;-\n0,1;0,4;#NV;n/a;--\n"
+    (tmp_path / "p.csv").write_text("q1;q2;x [mm];y [mm];z [mm]\n" + rows)
+    found = read_poses(tmp_path / "p.csv", 2).run
+    np.testing.assert_allclose(found.xyz, [[1.2505, -1.0, 0.002], [np.nan] * 3, [np.nan] * 3])
+    (tmp_path / "p.csv").write_text("q1;q2;x;y;z\n0,1;0,2;1.25,5;1;1\n")
+    with pytest.raises(InputError, match=r"line 2: x: '1.25,5' is no number"):
+        read_poses(tmp_path / "p.csv", 2)
+    (tmp_path / "p.csv").write_text("q1;q2;x;y;z\n0,1;0,2;1;1;1\n", encoding="utf-16-le")
+    with pytest.raises(InputError, match="UTF-16 without a byte order mark"):
+        read_poses(tmp_path / "p.csv", 2)
 
 
 @pytest.mark.parametrize(
