@@ -52,6 +52,18 @@ def test_joint_states_inside_a_message_of_the_robot(topic: str, tmp_path: Path) 
     assert recording.layout.joints == NAMES
 
 
+def test_a_joint_without_efforts_is_no_joint_of_the_arm(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """A gripper among the joints, whose driver gives NaN: without a model the bag was refused."""
+    t, q, torque = motion(60)
+    q, torque = np.insert(q, 1, 0.0, axis=1), np.insert(torque, 1, np.nan, axis=1)
+    names = (NAMES[0], "finger", *NAMES[1:])
+    write_bag(tmp_path / "bag", {"/joint_states": (t, {"position": q, "effort": torque}, names)})
+    recording = imported(tmp_path / "bag")
+    np.testing.assert_array_equal(recording.q, np.delete(q, 1, axis=1))
+    assert recording.layout.joints == NAMES
+    assert "finger of /joint_states without efforts: left out; --model names" in capsys.readouterr().err
+
+
 def test_two_devices_on_one_topic_are_told_apart_by_their_joints(tmp_path: Path) -> None:
     t, q, torque = motion(40)
     write_bag(tmp_path / "bag", {"/joint_states": (t, {"position": q, "effort": torque}, NAMES)})

@@ -90,8 +90,13 @@ class BagSource:
         states = {name: message for name, message in first.items() if hasattr(message, "effort")}
         self.topic = self._choose(states, topic)
         self.rows: int | None = counts[self._of_message(self.topic)]
-        self.joints = self._in_order(joints, list(states[self.topic].name))
+        driven, idle = _with_efforts(states[self.topic])
+        self.joints = self._in_order(joints, list(states[self.topic].name) if joints else driven)
         self._said = [*self._files.notes, *self._own_order(joints)]
+        if idle and not joints:
+            self._said.append(
+                f"{', '.join(idle)} of {self.topic} without efforts: left out; --model names the arm's joints"
+            )
         self._said += [
             f"the bag does not define the messages of {name}, so the demands in them are not read; record in MCAP, "
             "which contains definitions"
@@ -308,6 +313,15 @@ class _Opened:
 
     def __exit__(self, *_: object) -> None:
         self._reader.close()
+
+
+def _with_efforts(state: Any) -> tuple[list[str], list[str]]:
+    """The joints of a joint state with an effort, and those whose effort is NaN; all are the first if none has one."""
+    names = list(state.name)
+    known = np.isfinite(state.effort) if len(state.effort) == len(names) else np.zeros(len(names), bool)
+    if not known.any():
+        return names, []
+    return [n for n, there in zip(names, known) if there], [n for n, there in zip(names, known) if not there]
 
 
 def _size(parts_of_message: dict[str, Any]) -> tuple[int, int]:
