@@ -23,14 +23,16 @@ Conventions (all SI, angles rad; prismatic joints m and N where revolute ones ha
 from __future__ import annotations
 
 from dataclasses import field, replace
+from html import escape
 from math import prod
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field, ValidationError, model_validator
 from pydantic.dataclasses import dataclass
 
 from arm_io import InputError
+from arm_io.optional import optional
 from arm_io.toml import one_line
 from arm_io.types import Array
 from arm_model.tables.controller import Controller
@@ -40,6 +42,9 @@ from arm_model.tables.floating_base import FloatingBase
 from arm_model.tables.link_shapes import Capsule, Cylinder
 from arm_model.tables.temperatures import Temperatures
 from arm_model.tables.uncertainty import Uncertainty
+
+if TYPE_CHECKING:
+    import pandas
 
 
 @dataclass(frozen=True, config=STRICT)
@@ -294,3 +299,41 @@ class Arm:
     def joint_array(self, name: str) -> Array:
         """(n,) an attribute of every joint, in order."""
         return np.array([getattr(joint, name) for joint in self.joints], float)
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """A row per joint, from 1: name, type, limits, mass of the link, gear, rotor inertia and friction.
+
+        ``lower``, ``upper`` are in rad or m (NaN: no limit). Rotor inertia (kg m2, kg) and friction
+        (``viscous_positive`` in N m s/rad, N s/m; ``coulomb_positive`` in N m, N; likewise ``negative``) are at the
+        joint; friction curves and effects are not in them. InputError where pandas is not installed.
+        """
+        frame: pandas.DataFrame = optional("pandas", "notebook", "to_pandas").DataFrame(self._table())
+        frame.attrs = {"arm": self.name}
+        return frame.set_index("joint")
+
+    def _repr_html_(self) -> str:
+        rows = self._table()
+        head = "".join(f"<th>{name.replace('_', ' ')}</th>" for name in rows[0])
+        cells = ("".join(f"<td>{escape(_shown(value))}</td>" for value in row.values()) for row in rows)
+        body = "".join(f"<tr>{row}</tr>" for row in cells)
+        return f"<p>{escape(repr(self))}</p><table><tr>{head}</tr>{body}</table>"
+
+    def _table(self) -> list[dict[str, Any]]:
+        """What ``to_pandas`` shows, a dictionary per joint."""
+        rows = []
+        for number, joint in enumerate(self.joints, 1):
+            lower, upper = joint.limits or (np.nan, np.nan)
+            row = {"joint": number, "name": joint.name, "type": joint.type, "lower": lower, "upper": upper}
+            row |= {"mass": joint.mass, "gear": joint.gear, "rotor_inertia": joint.ratio**2 * joint.rotor_inertia}
+            for kind, factor in (("viscous", joint.ratio**2), ("coulomb", joint.ratio)):
+                sizes = zip(("positive", "negative"), getattr(joint, kind))
+                row |= {f"{kind}_{direction}": factor * size for direction, size in sizes}
+            rows.append(row)
+        return rows
+
+
+def _shown(value: Any) -> str:
+    """A cell of the table of joints: four digits, empty where there is no number."""
+    if not isinstance(value, float):
+        return str(value)
+    return "" if np.isnan(value) else f"{value:.4g}"

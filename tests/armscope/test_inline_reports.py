@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 import armscope
+from arm_model import parameter
 from armscope.cli import run
 
 
@@ -38,3 +39,15 @@ def test_an_identification_and_a_comparison(arm: Path, tmp_path: Path) -> None:
     held = armscope.simulate(model, arm / "experiments/held_out.toml").write(tmp_path / "held.mcap")
     changed = armscope.compare(fit, held, model)
     assert "srcdoc" in changed._repr_html_()
+
+
+def test_an_arm_shows_its_joints(arm: Path) -> None:
+    """Friction and rotors are at the joint, as in the names of ``identify``."""
+    pytest.importorskip("pandas")
+    model = armscope.read_model(arm / "model.toml")
+    table = model.to_pandas()
+    assert list(table.index) == [1, 2] and list(table.type) == ["revolute", "revolute"]
+    assert table.coulomb_positive[1] == pytest.approx(parameter(model, "joint1.coulomb"))
+    assert table.rotor_inertia[2] == pytest.approx(model.joints[1].ratio ** 2 * model.joints[1].rotor_inertia)
+    shown = model._repr_html_()
+    assert shown.count("<tr>") == 3 and "&lt;Arm My arm: 2 joints" in shown
