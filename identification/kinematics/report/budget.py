@@ -30,7 +30,7 @@ def uncertainty(calibration: Calibration, gravity: Gravity | None) -> dict[str, 
     """Standard uncertainties, m per coordinate, of the difference between a measured and a predicted position.
 
     components  source, std, type of evaluation, degrees_of_freedom (None: not stated), how it was found. What held-out
-                points show beyond the others is a component of its own: error that the model leaves.
+                points show beyond the others, from what the model lacks or by chance, is a component of its own.
     combined    root of the sum of squares; expanded: ``K`` times that; in_space: 95 % of distances are below
     repeated    ``repeated_poses``: a part of the noise of the points, no further component
     """
@@ -41,7 +41,10 @@ def uncertainty(calibration: Calibration, gravity: Gravity | None) -> dict[str, 
     fitted = float(np.sqrt(np.einsum("nij,jk,nik->ni", columns, covariance, columns).mean()))
     noise, zeros = calibration.fit.noise, calibration.zero_error
     error = float(np.nan_to_num(calibration.after["held_out"].rms_inliers))
-    rest = float(np.sqrt(max(error**2 - noise**2 - fitted**2 - zeros**2, 0.0)))
+    promised = noise**2 + fitted**2 + zeros**2
+    rest = float(np.sqrt(max(error**2 - promised, 0.0)))
+    judged = max(3 * calibration.after["held_out"].points / calibration.correlated, 1.0)
+    chance = float(np.sqrt(promised * max(stats.chi2.ppf(0.95, judged) / judged - 1.0, 0.0)))
     used = 3 * float(calibration.fit.inlier.sum()) / calibration.correlated - calibration.fit.effective
     stated = noise == calibration.runs[0].std
     components = [
@@ -54,7 +57,13 @@ def uncertainty(calibration: Calibration, gravity: Gravity | None) -> dict[str, 
         ),
         _component("estimated parameters", fitted, "A", None, "covariance of the fit at the judged points"),
         _component("zeros of counters", zeros, "B", None, "a count of every encoder whose zero is set at a start"),
-        _component("left by the model", rest, "A", None, "held-out points beyond the three above"),
+        _component(
+            "excess of held-out points",
+            rest,
+            "A",
+            judged,
+            f"error beyond the three above: what the model lacks; by chance up to {1e3 * chance:.2g} mm (95 %)",
+        ),
     ]
     combined = float(np.sqrt(sum(one["std"] ** 2 for one in components)))
     return {

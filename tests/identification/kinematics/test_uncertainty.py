@@ -48,6 +48,7 @@ def test_the_stated_uncertainty_covers_held_out_points(found: armscope.Calibrati
     parts = {one["source"]: one["std"] for one in stated["components"]}
     assert parts["noise of the points"] == pytest.approx(NOISE, rel=0.25)
     assert 0.2 * NOISE < parts["estimated parameters"] < NOISE
+    assert parts["excess of held-out points"] < 0.5 * NOISE
     assert stated["combined"] == pytest.approx(np.sqrt(sum(std**2 for std in parts.values())))
 
 
