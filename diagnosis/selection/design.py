@@ -68,16 +68,38 @@ class Dataset:
 
 @dataclass(frozen=True)
 class Columns:
-    """Whitened columns x (rows, k) of one candidate at the rows ``where`` of ``y``; 0 at all others."""
+    """Whitened columns x (rows, k) of one candidate at the rows ``where`` of ``y``; 0 at all others.
+
+    known: (k,) inverse variance of coefficients that are zero but for so much, whatever the data; None: nothing is
+    """
 
     x: Array
     where: slice
+    known: Array | None = None
 
     @cached_property
     def gram(self) -> Array:
-        """(k, k) products of the columns with each other: every round of a selection asks for them."""
+        """(k, k) products of the columns with each other, and ``known``: every round of a selection asks for them."""
         products: Array = self.x.T @ self.x
-        return products
+        return products if self.known is None else products + np.diag(self.known)
+
+    @property
+    def determined(self) -> float:
+        """Number of coefficients that these rows determine: of two that are ``known`` as closely anyway, one."""
+        if self.known is None:
+            return float(self.x.shape[1])
+        over = 1.0 / np.sqrt(self.known)
+        shown = np.linalg.eigvalsh(self.x.T @ self.x * np.outer(over, over))
+        return float(np.sum(shown / (1.0 + shown)))
+
+    def of(self, rows: slice | None = None, columns: slice | None = None) -> Columns:
+        """Some of the rows, by their places in ``y``, or some of the columns."""
+        x, known, where = self.x, self.known, self.where
+        if rows is not None:
+            x, where = x[rows.start - where.start : rows.stop - where.start], rows
+        if columns is not None:
+            x, known = x[:, columns], None if known is None else known[columns]
+        return Columns(x, where, known)
 
     def dot(self, values: Array) -> Array:
         """x^T other, for other (N,) or (N, r)."""

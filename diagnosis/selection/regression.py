@@ -32,8 +32,8 @@ class Fitted:
     """Columns fitted together.
 
     fit, held_out  (N,), (M,) residuals
-    basis          (N, r) orthonormal basis of the columns in the fit set; to_held_out (M, r): the same combinations in
-                   the held-out set
+    basis          (N, r) basis of the columns in the fit set, orthonormal but for what is ``known`` of coefficients;
+                   to_held_out (M, r): the same combinations in the held-out set
     coefficients   of all columns, in their order
     """
 
@@ -53,7 +53,7 @@ def fit_together(data: Split[Dataset], chosen: Iterable[Pair]) -> Fitted:
     a = np.hstack([pair.fit.dense(len(fit.y)) for pair in pairs])
     a_held_out = np.hstack([pair.held_out.dense(len(held_out.y)) for pair in pairs])
     # the eigenvalues of a^T a, scaled, are the squares of the singular values, at a third of the time
-    gram = a.T @ a
+    gram = a.T @ a + np.diag(np.concatenate([_known(pair.fit) for pair in pairs]))
     scale = _lengths(gram)
     values, vectors = np.linalg.eigh(gram / np.outer(scale, scale))
     keep = values > INDEPENDENT**2 * values[-1]
@@ -76,6 +76,10 @@ def fit_gain(columns: Columns, fitted: Fitted) -> tuple[float, Array]:
     along = vectors[:, keep].T @ toward
     coefficients = vectors[:, keep] @ (along / values[keep])
     return float(along @ (along / values[keep])), coefficients / scale
+
+
+def _known(columns: Columns) -> Array:
+    return np.zeros(columns.x.shape[1]) if columns.known is None else columns.known
 
 
 def _lengths(gram: Array) -> Array:
@@ -154,11 +158,17 @@ def best_of_each(
     ]
 
 
+def side_by_side(several: Sequence[Columns]) -> Columns:
+    """Columns of the same rows as those of one candidate."""
+    known = None if all(c.known is None for c in several) else np.concatenate([_known(c) for c in several])
+    return Columns(np.hstack([c.x for c in several]), several[0].where, known)
+
+
 def at_joint(columns: Columns, joint: int | None, side: Dataset) -> Columns:
     """The columns at the rows of one joint; all of them for an effect of the whole arm."""
     if joint is None or columns.where == side.of(joint):
         return columns
-    return Columns(columns.x[side.of(joint)], side.of(joint))
+    return columns.of(rows=side.of(joint))
 
 
 def with_columns(fitted: Fitted, pairs: Sequence[Pair]) -> Fitted:

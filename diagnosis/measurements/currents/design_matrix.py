@@ -51,7 +51,7 @@ def columns_of(candidate: Candidate, side: Dataset) -> Columns:
         return columns_at_joint(candidate, side)
     x = np.concatenate([run.whiten(columns(candidate, run)) for run in side.together])  # (rows, n, k)
     flat = x.transpose(1, 0, 2).reshape(-1, x.shape[2])
-    return Columns(flat, slice(0, len(flat)))
+    return Columns(flat, slice(0, len(flat)), _known(candidate, side))
 
 
 def columns_at_joint(candidate: Candidate, side: Dataset) -> Columns:
@@ -60,7 +60,18 @@ def columns_at_joint(candidate: Candidate, side: Dataset) -> Columns:
     if joint is None or not _joints_apart(side):
         return at_joint(columns_of(candidate, side), joint, side)
     of_joint = [run.whiten_at(own_columns(candidate, run), joint) for run in side.together]
-    return Columns(np.concatenate(of_joint), side.of(joint))
+    return Columns(np.concatenate(of_joint), side.of(joint), _known(candidate, side))
+
+
+def _known(candidate: Candidate, side: Dataset) -> Array | None:
+    """(k,) inverse variances of the errors of a link's parameters: no larger than typical, whatever the data says.
+
+    Of the ten, a few motions determine some. The others would follow what these lack, and predict no other motion.
+    """
+    if not candidate.link_parameters:
+        return None
+    typical = np.array([candidate.largest(k) for k in range(candidate.link_parameters)])
+    return np.asarray(side.runs[0].alike / typical**2, float)
 
 
 def _joints_apart(side: Dataset) -> bool:

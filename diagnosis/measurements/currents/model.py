@@ -22,7 +22,7 @@ from diagnosis.measurements.currents.state import Rivals, State, corrected
 from diagnosis.measurements.currents.structure.noise_ratio import joints_above_noise
 from diagnosis.selection.bodies import body_of, link_of
 from diagnosis.selection.candidate import Candidate
-from diagnosis.selection.design import Columns, Dataset, Pair
+from diagnosis.selection.design import Dataset, Pair
 from diagnosis.selection.next_order import (
     further_orders,
     is_further_order,
@@ -288,11 +288,11 @@ class Currents(MeasurementModel[Candidate, State]):
     def _of_inertia(self, body: Candidate) -> Pair:
         """The columns of a body's inertia, which a mass point does not have."""
         first = body.definition.link_parameters
-        return self.columns(body).map(lambda own: Columns(own.x[:, first:], own.where))
+        return self.columns(body).map(lambda own: own.of(columns=slice(first, None)))
 
     def _of_column(self, candidate: Candidate, k: int) -> Pair:
         """One column of a candidate."""
-        return self.columns(candidate).map(lambda own: Columns(own.x[:, k : k + 1], own.where))
+        return self.columns(candidate).map(lambda own: own.of(columns=slice(k, k + 1)))
 
     def _with_body(self, body: Candidate, rivals: Sequence[Score[Candidate]], state: State) -> State:
         """With a body in the place of the mass point."""

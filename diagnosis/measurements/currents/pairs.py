@@ -21,7 +21,7 @@ from diagnosis.measurements.currents.limits import LIMITS, leakage, matters
 from diagnosis.measurements.currents.possible import is_physical
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Columns, Dataset, Pair
-from diagnosis.selection.regression import Fitted, at_joint, best_of_each, chance, gain_of
+from diagnosis.selection.regression import Fitted, at_joint, best_of_each, chance, gain_of, side_by_side
 from identification.selection import Split
 
 
@@ -70,7 +70,7 @@ def _both(one: Candidate, other: Candidate, library: Library, data: Split[Datase
 
     def stacked(columns: Sequence[Columns], part: Dataset) -> Columns:
         own = [at_joint(c, one.joint, part) for c in columns]
-        return Columns(np.hstack([c.x for c in own]), own[0].where)
+        return side_by_side(own)
 
     pairs = library[one], library[other]
     return Split(stacked([p.fit for p in pairs], data.fit), stacked([p.held_out for p in pairs], data.held_out))

@@ -27,7 +27,7 @@ from diagnosis.measurements.currents.structure.unexplained import Unexplained, b
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Columns
 from diagnosis.selection.next_order import next_orders, of_last_term
-from diagnosis.selection.regression import score, with_columns
+from diagnosis.selection.regression import at_joint, score, with_columns
 
 
 def spurious(state: State, unexplained: Unexplained, bases: Bases) -> list[Candidate]:
@@ -134,7 +134,7 @@ def _outdone(state: State, kept: Container[Candidate], bases: Bases) -> list[Can
         reduced = replace(state, chosen=tuple(c for c in state.chosen if c not in own))
         before, after = (float(np.sum(s.fitted.held_out[held_out.of(joint)] ** 2)) for s in (reduced, state))
         allowed = 0.0
-        coefficients = sum(model.columns(c).fit.x.shape[1] for c in own)
+        coefficients = sum(at_joint(model.columns(c).fit, joint, state.data.fit).determined for c in own)
         if len(own) > 1 and (coefficients >= limits.many or len(own) >= limits.many_causes):
             allowed = limits.many_leave * after
         if len(own) > 3 and _cancelling(own, state) > limits.makeshift:
