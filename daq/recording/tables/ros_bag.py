@@ -217,7 +217,9 @@ class BagSource:
         """Share of the first messages of the joints after one on another topic whose stamps are there, too."""
         mine, theirs = set[int](), set[int]()
         topics = (self._of_message(self.topic), other)
-        for connection, recorded, raw in reader.messages([one for one in reader.connections if one.topic in topics]):
+        both = [one for one in reader.connections if one.topic in topics]
+        _, begin, _ = next(reader.messages([one for one in both if one.topic == other]))
+        for connection, recorded, raw in reader.messages(both, start=begin):
             message = reader.deserialize(raw, connection.msgtype)
             stamp = stamp_of(message) if self._stamped else recorded
             if connection.topic == other:

@@ -102,12 +102,12 @@ def _groups(run: Run) -> list[Index]:
     rows = np.flatnonzero(run.usable)
     if len(rows) < 2:
         return []
-    pairs = cKDTree(run.q[rows]).query_pairs(AGAIN, p=np.inf, output_type="ndarray")
-    if not len(pairs):
-        return []
-    near = coo_matrix((np.ones(len(pairs)), pairs.T), shape=(len(rows), len(rows)))
-    count, label = connected_components(near, directed=False)
-    sizes = np.bincount(label, minlength=count)
+    # cells first: of rows that were logged at rest at one pose there are too many pairs
+    cells, cell = np.unique(np.rint(run.q[rows] / (AGAIN / 2)), axis=0, return_inverse=True)
+    pairs = cKDTree(cells).query_pairs(1.0, p=np.inf, output_type="ndarray")
+    near = coo_matrix((np.ones(len(pairs)), pairs.T), shape=(len(cells), len(cells)))
+    label = connected_components(near, directed=False)[1][cell.ravel()]
+    sizes = np.bincount(label)
     return [rows[label == one] for one in np.flatnonzero(sizes > 1)]
 
 
