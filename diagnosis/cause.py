@@ -5,7 +5,7 @@ This module imports no measurement, so that all of them may import it.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
@@ -295,11 +295,12 @@ def confidence_of(p: float) -> float:
     return float(min(max(1.0 - p, 0.0), MAX_CONFIDENCE))
 
 
-def merge(causes: Sequence[Cause], tracked: Sequence[Cause]) -> list[Cause]:
+def merge(causes: Sequence[Cause], tracked: Sequence[Cause], of_model: Set[EffectKey] = frozenset()) -> list[Cause]:
     """Causes of the currents and those of the tracker, each named once.
 
-    A cause that both name has the parameters of the tracker, and those that only the currents show. An
-    ambiguity group of the tracker that contains a cause of the currents is that cause.
+    A cause that both name has the parameters of the tracker, and those that only the currents show; one ``of_model``
+    has those with which the currents were judged. An ambiguity group of the tracker that contains a cause of the
+    currents is that cause.
     """
     by_key = {cause.key: cause for cause in causes}
     only_tracked = []
@@ -309,7 +310,7 @@ def merge(causes: Sequence[Cause], tracked: Sequence[Cause]) -> list[Cause]:
             only_tracked.append(of_tracker)
             continue
         parameters = counterpart.parameters
-        if counterpart.key == of_tracker.key:
+        if counterpart.key == of_tracker.key and counterpart.key not in of_model:
             shown = {p.name for p in of_tracker.parameters}
             parameters = [*of_tracker.parameters, *(p for p in counterpart.parameters if p.name not in shown)]
         sentence = f"{counterpart.evidence}; the tracker agrees: {of_tracker.evidence}"

@@ -25,7 +25,7 @@ from diagnosis.cause import Cause, Structure, extend, merge
 from diagnosis.closed_loop.comparison import with_smoothing_velocities
 from diagnosis.confidence import with_confidence
 from diagnosis.current_diagnosis import CurrentDiagnosis, Recordings
-from diagnosis.damping_by_currents import damped_by_currents
+from diagnosis.damping_by_currents import links_damped, tracked_damped
 from diagnosis.find_causes import find_causes
 from diagnosis.isolated_by_currents import isolated_by_currents
 from diagnosis.measurements.currents.causes import from_event
@@ -70,8 +70,9 @@ def diagnose(
     instruments = measure(arm, recordings, cleaned, progress)
     recordings, cleaned = on_uniform_grid(recordings, cleaned)
     instruments = isolated_by_currents(arm, instruments, cleaned, progress)
+    instruments = links_damped(arm, instruments, cleaned, progress)
     currents = find_causes(arm, instruments.in_model, recordings, cleaned, progress)
-    instruments = damped_by_currents(instruments, currents, recordings.fit, progress)
+    instruments = tracked_damped(instruments, currents, recordings.fit, progress)
     causes, as_found = extended_model(arm, instruments, currents, recordings)
     extended = dissipative(as_found, top_speeds(currents))
     verified = verify(arm, extended, causes, recordings, currents, judged=instruments.judged)
@@ -154,12 +155,15 @@ def _extended_with(
     known = [*instruments.in_model, *currents.outside_selection]
     events = [from_event(event, currents.arm, currents.state.data) for event in raw]
     causes = [*events, *currents.causes, *currents.per_recording]
-    unknown = [cause for cause in instruments.tracked.causes if cause not in known]
+    # a spring that link encoders show as well is in the model with their parameters
+    of_model = {cause.key for cause in known}
+    unknown = [cause for cause in instruments.tracked.causes if cause.key not in of_model]
     together = merge(causes if instruments.judged else [*causes, *instruments.of_links], unknown)
     extended = extend(currents.base, together) if together else currents.arm
     if extended is not arm and not currents.per_recording:
         extended = with_smoothing_velocities(extended, recordings.fit)
-    return merge([*currents.outside_selection, *causes, *instruments.of_links], instruments.tracked.causes), extended
+    every = [*currents.outside_selection, *causes, *instruments.of_links]
+    return merge(every, instruments.tracked.causes, of_model), extended
 
 
 def top_speeds(currents: CurrentDiagnosis) -> Array:

@@ -7,7 +7,8 @@ a parameter by name (``arm_model.system.kernel_inputs``). Joints count from 0 he
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 from arm_model.description import Arm, EffectTerm
@@ -222,21 +223,20 @@ class Mechanics:
     def twist_torque(self, j: int, twist: Expr, rate: Expr) -> Expr:
         """Torque that joint j's transmission passes on, N m at the joint side, for ``twist`` = theta - phi.
 
-        Play in series with a spring is a spring that begins beyond the gap, and never pulls.
+        All that gives way lies in series. Play in series with a spring is a spring that begins beyond the gap, and
+        never pulls.
         """
         gives = self._gives(j)
-        play = next((term for term in gives if "half_gap" in term.values), None)
-        springs = [term for term in gives if term is not play]
+        plays = [term for term in gives if "half_gap" in term.values]
+        springs = [term for term in gives if term not in plays]
+        spring = _in_series(springs) if len(springs) > 1 else partial(_passed_on, (springs or plays)[0])
+        if not plays:
+            return spring(twist, rate)
+        half_gap = sum((term.values.half_gap for term in plays[1:]), start=plays[0].values.half_gap)
         if not springs:
-            assert play is not None and play.effect.spring is not None
-            return twist.tape.expr(play.effect.spring(play.values, Signals(twist=twist, twist_rate=rate)))
-        term = springs[0]
-
-        def spring(twist: Expr, rate: Expr) -> Expr:
-            assert term.effect.spring is not None
-            return twist.tape.expr(term.effect.spring(term.values, Signals(twist=twist, twist_rate=rate)))
-
-        return spring(twist, rate) if play is None else across_gap(play.values.half_gap, twist, rate, spring)
+            play = replace(plays[0], values=Values({**plays[0].values, "half_gap": half_gap}))
+            return _passed_on(play, twist, rate)
+        return twist.tape.expr(across_gap(half_gap, twist, rate, spring))
 
     def current_bounds(self, j: int) -> list[Expr]:
         """Largest magnitudes of motor current j, A: the servo's own and those of effects."""
@@ -245,3 +245,26 @@ class Mechanics:
             if term.effect.limit is not None:
                 bounds.append(term.effect.limit(term.values, Signals()))
         return bounds
+
+
+def _passed_on(term: _Term, twist: Expr, rate: Expr) -> Expr:
+    """Torque of one spring or one gap."""
+    assert term.effect.spring is not None
+    return twist.tape.expr(term.effect.spring(term.values, Signals(twist=twist, twist_rate=rate)))
+
+
+def _in_series(springs: Sequence[_Term]) -> Callable[[Expr, Expr], Expr]:
+    """Torque of several springs one behind the other, as one spring.
+
+    Each yields by torque / k and lags by c / k: together 1 / k = sum 1 / k_i and c / k^2 = sum c_i / k_i^2, to first
+    order of the lags.
+    """
+
+    def passed_on(twist: Expr, rate: Expr) -> Expr:
+        one, zero = twist.tape.constant(1.0), twist.tape.constant(0.0)
+        stiffness, damping = ([_passed_on(term, *at) for term in springs] for at in ((one, zero), (zero, one)))
+        compliance = sum((1.0 / k for k in stiffness), start=zero)
+        lag = sum((c / (k * k) for k, c in zip(stiffness, damping)), start=zero)
+        return (twist + lag / compliance * rate) / compliance
+
+    return passed_on

@@ -47,6 +47,26 @@ def test_compliance_swings_at_the_two_mass_frequency() -> None:
     np.testing.assert_allclose(together, 10.0 / (ROTOR + LINK) * motion.t**2 / 2, rtol=1e-6, atol=1e-9)
 
 
+def test_springs_and_gaps_at_one_joint_lie_in_series() -> None:
+    """1 / k = 1 / 3000 + 1 / 6000 as one spring of 2000 N m/rad, gaps of 1 and 2 mrad as one of 3 mrad.
+
+    Both springs lag by the same 5 ms, so that their sum is exact.
+    """
+    soft, stiff, one = (
+        EffectTerm("joint_compliance", 1, {"stiffness": k, "damping": 0.005 * k}) for k in (3e3, 6e3, 2e3)
+    )
+    teeth = {"contact_stiffness": 1e5, "contact_damping": 50.0}
+    gaps = [EffectTerm("backlash", 1, {"half_gap": gap, **teeth}) for gap in (1e-3, 2e-3, 3e-3)]
+    pairs = (((soft, stiff), (one,)), ((*gaps[:2],), (gaps[2],)), ((*gaps[:2], soft, stiff), (gaps[2], one)))
+    for several, alone in pairs:
+        both = [
+            simulate(one_axis(*terms), torque(10.0), duration=0.3, rate=500, start=np.zeros(1), substeps=20)  # type: ignore[arg-type]
+            for terms in (several, alone)
+        ]
+        np.testing.assert_allclose(both[0].q, both[1].q, rtol=1e-7, atol=1e-12)
+        np.testing.assert_allclose(both[0].qm, both[1].qm, rtol=1e-7, atol=1e-12)
+
+
 def test_motor_crosses_the_gap_freely() -> None:
     """In the middle of its play the motor turns alone.
 

@@ -13,7 +13,7 @@ import pytest
 from arm_model import parameter, with_parameters
 from arm_model.model_file import read_model
 from diagnosis.cause import Cause, Estimate, Signal, merge
-from diagnosis.damping_by_currents import damped_by_currents
+from diagnosis.damping_by_currents import tracked_damped
 from diagnosis.measurements.tracker.causes import Tracked
 from diagnosis.other_instruments import OtherInstruments
 from diagnosis.residual.generation import residual_run
@@ -53,11 +53,11 @@ def test_the_damping_is_that_of_the_arm(tmp_path: Path, loops: bool, stiffness: 
     arm = arm if loops else replace(arm, controller=None)
     run = residual_run("fit_0", arm, recording.t, recording.q, recording.i)
     state = SimpleNamespace(terms=(), data=SimpleNamespace(fit=SimpleNamespace(runs=[run])))
-    currents = cast(Any, SimpleNamespace(base=arm, causes=[], state=state))
+    currents = cast(Any, SimpleNamespace(base=arm, causes=[], outside_selection=[], state=state))
     known = _spring(Estimate("stiffness", stiffness, 0.005 * stiffness, "N m/rad"))
     instruments = OtherInstruments(tracked=Tracked([known], [], 5e-5, {}, []), link=None, events=[], judged=True)
 
-    (cause,) = damped_by_currents(instruments, currents, [recording], lambda _: None).tracked.causes
+    (cause,) = tracked_damped(instruments, currents, [recording], lambda _: None).tracked.causes
 
     found = {p.name: p for p in cause.parameters}
     assert found["stiffness"].value == stiffness
