@@ -33,8 +33,9 @@ if TYPE_CHECKING:
     from armscope.api.fleet import fleet
     from armscope.api.identification import identify, predict
     from armscope.api.importing import import_table
+    from armscope.api.model_files import write_model
     from armscope.api.reading import open_recording as open
-    from armscope.api.reading import read_experiment, read_model, read_rig, write_model
+    from armscope.api.reading import read_experiment, read_model, read_rig
     from armscope.api.recording import Recorded, record
     from armscope.api.simulation import Simulation, simulate
     from armscope.api.trend import trend
@@ -78,7 +79,7 @@ _HOMES = {
     "record": "armscope.api.recording:record",
     "simulate": "armscope.api.simulation:simulate",
     "trend": "armscope.api.trend:trend",
-    "write_model": "armscope.api.reading:write_model",
+    "write_model": "armscope.api.model_files:write_model",
 }
 """Name -> module and name there."""
 

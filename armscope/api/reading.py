@@ -133,13 +133,6 @@ def read_model(model: File | Arm) -> Arm:
     return model
 
 
-def write_model(path: File, model: Arm) -> None:
-    """Writes a model file, whole or not at all. InputError where it cannot be written, or ``read_model`` refused it."""
-    from arm_model import write_model
-
-    write_model(_path(path, "the name of a model file"), read_model(model))
-
-
 def fixed_model(model: File | Arm, purpose: str) -> Arm:
     """``read_model``, for a ``purpose`` that takes arms on a fixed base only; InputError where the base floats."""
     from arm_model import on_fixed_base

@@ -12,11 +12,11 @@ import typer
 
 from arm_io import InputError
 from arm_io.json_text import json_text
-from arm_io.toml import check_kind
-from arm_model import Arm, on_fixed_base, read_model, write_model
+from arm_model import Arm, on_fixed_base, read_model
 from arm_model.mjcf import SUFFIXES
 from arm_model.rigid_body import regeared
 from arm_report import wrapped
+from armscope.api.model_files import write_arm, write_into
 from armscope.api.reading import note_gaps
 from armscope.commands.options import Json
 from armscope.model_text.equations import Form, Formulation, equations_text
@@ -24,8 +24,6 @@ from armscope.model_text.summary import summary, summary_text
 from armscope.progress import shown
 
 MANY = ("--gear", "--torque-constant")
-SEEN = 1e-7
-"""m and rad by which a tool frame has moved."""
 
 
 def command(
@@ -92,9 +90,12 @@ def command(
         if asked:
             on_fixed_base(arm, model, what)
     if into is not None:
-        _update(into, arm, out, tip)
+        if out is None or out.suffix != into.suffix:
+            raise InputError("--into", f"needs --out NEW{into.suffix}")
+        for line in write_into(into, arm, out, tip=tip, say=_note) or ["nothing changed"]:
+            print(f"{out}: {line}", file=sys.stderr)
     elif out is not None:
-        _write(out, arm)
+        write_arm(out, arm, _note)
         if (model.suffix in (".urdf", *SUFFIXES) or gear is not None) and out.suffix == ".toml":
             _note_motors(arm, torque_constant is not None)
     if by is not None and equations is None:
@@ -107,6 +108,10 @@ def command(
         return
     found = summary(arm)
     print(json_text(found) if as_json else wrapped(summary_text(found)))
+
+
+def _note(sentence: str) -> None:
+    print(f"note: {sentence}", file=sys.stderr)
 
 
 def _with_drives(arm: Arm, gears: Sequence[float] | None, torque_constants: Sequence[float] | None) -> Arm:
@@ -154,69 +159,6 @@ def _read(path: Path, tip: str | None) -> Arm:
     from arm_model.urdf import read_urdf
 
     return read_urdf(path, tip=tip)
-
-
-def _update(original: Path, arm: Arm, out: Path | None, tip: str | None) -> None:
-    """Writes a URDF file or MuJoCo model with the numbers of the arm; says on standard error what changed."""
-    from arm_model.urdf import not_in_urdf
-
-    if out is None or out.suffix != original.suffix:
-        raise InputError("--into", f"needs --out NEW{original.suffix}")
-    if original.suffix in SUFFIXES:
-        from arm_model.mjcf import update_mjcf
-
-        changed = update_mjcf(original, arm, out, tip=tip)
-    else:
-        from arm_model.urdf import read_urdf, update_urdf
-
-        given = read_urdf(original, tip=tip)
-        arm = _placed(arm, given)
-        changed = update_urdf(original, arm, out, tip=tip)
-        _say_tool(arm, given, original)
-    for line in changed or ["nothing changed"]:
-        print(f"{out}: {line}", file=sys.stderr)
-    for sentence in not_in_urdf(arm, "MJCF" if original.suffix in SUFFIXES else "URDF"):
-        print(f"note: {sentence}", file=sys.stderr)
-
-
-def _placed(arm: Arm, original: Arm) -> Arm:
-    """A model in D-H, as ``calibrate`` writes it, with its joints placed as those of the URDF file it comes from."""
-    same = [joint.name for joint in arm.joints] == [joint.name for joint in original.joints]
-    if not same or all(joint.convention == "placed" for joint in arm.joints):
-        return arm
-    from identification.kinematics.models import placed_as
-
-    return placed_as(arm, original)
-
-
-def _say_tool(arm: Arm, original: Arm, file: Path) -> None:
-    """A note where the tool frame, which a joint's origin cannot hold, has moved in the frame of the last link."""
-    import numpy as np
-    from scipy.spatial.transform import Rotation
-
-    off = np.linalg.inv(np.array(original.tool)) @ np.array(arm.tool)
-    turned = float(Rotation.from_matrix(off[:3, :3]).magnitude())
-    if np.linalg.norm(off[:3, 3]) > SEEN or turned > SEEN:
-        x, y, z = 1e3 * off[:3, 3]
-        print(
-            f"note: the tool frame is not written: in the model it lies {x:.4f}, {y:.4f}, {z:.4f} mm and "
-            f"{1e3 * turned:.4f} mrad from that of {file.name}, in its axes",
-            file=sys.stderr,
-        )
-
-
-def _write(path: Path, arm: Arm) -> None:
-    if path.suffix == ".urdf":
-        from arm_model.urdf import not_in_urdf, unknown_in_urdf, write_urdf
-
-        write_urdf(path, arm)
-        for sentence in not_in_urdf(arm) + unknown_in_urdf(arm):
-            print(f"note: {sentence}", file=sys.stderr)
-    elif path.suffix == ".toml":
-        check_kind(path, "units")
-        write_model(path, arm)
-    else:
-        raise InputError(path, "must end in .toml or .urdf")
 
 
 def _catalogue(as_json: bool) -> None:

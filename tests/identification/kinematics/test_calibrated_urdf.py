@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import armscope
 from arm_io import InputError
 from arm_model import read_model, write_model
 from arm_model.rigid_body import forward
@@ -61,6 +62,22 @@ def test_the_command_writes_the_origins_into_the_file(
     reached = forward(read_model(out), q)
     assert np.abs(forward(original, q) - forward(arm, q)).max() > 1e-3
     np.testing.assert_allclose(reached, forward(placed_as(arm, original), q) @ _without_tool(arm, original), atol=1e-9)
+
+
+def test_a_model_is_written_in_the_format_of_its_name(root: Path, tmp_path: Path) -> None:
+    """From Python a .urdf file, and any other, was written as TOML."""
+    original = read_model(root / URDF)
+    arm = moved(in_denavit_hartenberg(original)[0], 1e-3)
+    with pytest.warns(UserWarning, match="the tool frame is not written: in the model it lies"):
+        armscope.write_model(tmp_path / "into.urdf", arm, into=root / URDF)
+    assert (tmp_path / "into.urdf").read_text().count("\n") == (root / URDF).read_text().count("\n")
+    with pytest.warns(UserWarning, match="load_friction"):
+        armscope.write_model(tmp_path / "new.urdf", original.with_effect("load_friction", joint=1, mu=0.1))
+    assert read_model(tmp_path / "new.urdf").joints[0].mass == original.joints[0].mass
+    for name, into in (("arm.json", None), ("arm.toml", root / URDF)):
+        with pytest.raises(InputError, match="must end in"):
+            armscope.write_model(tmp_path / name, arm, into=into)
+        assert not (tmp_path / name).exists()
 
 
 def _without_tool(arm, original) -> np.ndarray:
