@@ -86,7 +86,9 @@ def command(
             say=lambda note: print(f"note: {note}", file=sys.stderr),
         )
     if as_json:
-        found = {"file": str(out), "rows": done.rows, "joints": done.joints, "duration": done.seconds, "lost": 0}
+        # of a bag that is cut off nobody knows how many messages followed
+        lost = None if done.cut else 0
+        found = {"file": str(out), "rows": done.rows, "joints": done.joints, "duration": done.seconds, "lost": lost}
         print(json.dumps(found))
     else:
         gaps = f", {done.missing} row{'s' * (done.missing > 1)} with missing samples" if done.missing else ""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 import sqlite3
 from contextlib import closing
@@ -51,6 +52,8 @@ def test_of_a_file_that_is_cut_off_every_whole_message_is_read(tmp_path: Path, c
         assert run(["import", str(tmp_path / "bag"), "--out", str(out)]) == 4
         np.testing.assert_array_equal(open_recording(out).q, q[:rows])
         assert "run_1.mcap is cut off (its recorder did not close it)" in capsys.readouterr().err
+    assert run(["import", str(tmp_path / "bag"), "--out", str(out), "--json"]) == 4
+    assert json.loads(capsys.readouterr().out)["lost"] is None
     (tmp_path / "bag" / "run_0.mcap").unlink()
     out.unlink()
     assert run(["import", str(tmp_path / "bag"), "--out", str(out)]) == 2
