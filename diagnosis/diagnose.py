@@ -30,6 +30,7 @@ from diagnosis.find_causes import find_causes
 from diagnosis.isolated_by_currents import isolated_by_currents
 from diagnosis.measurements.currents.causes import from_event
 from diagnosis.measurements.single_axis.remarks import remarks
+from diagnosis.other_held_out import better, other_roles
 from diagnosis.other_instruments import OtherInstruments, measure
 from diagnosis.remainder.against_noise import ratios
 from diagnosis.remainder.fitted_only import known_to, not_held_out
@@ -61,7 +62,19 @@ def diagnose(
     held_out: Sequence[Recording],
     progress: Progress = lambda sentence: None,
 ) -> Diagnosis:
-    """Diagnoses recordings of an arm against its model. InputError where a recording does not belong to the arm."""
+    """Diagnoses recordings of an arm against its model. InputError where a recording does not belong to the arm.
+
+    Another recording is held out if those that are given show nothing of a joint, and that explains it.
+    """
+    found = _with_held_out(arm, fit, held_out, progress)
+    if (roles := other_roles(found, fit, held_out)) is None:
+        return found
+    progress("holding out another recording")
+    return better(found, _with_held_out(arm, roles.fit, roles.held_out, progress))
+
+
+def _with_held_out(arm: Arm, fit: Sequence[Recording], held_out: Sequence[Recording], progress: Progress) -> Diagnosis:
+    """``diagnose`` with these recordings held out."""
     model, arm = arm, with_reference(arm, fit)
     recordings: Recordings = Split(fit, held_out, bool({r.path for r in fit} & {r.path for r in held_out}))
     cleaned = screen(arm, recordings, progress)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from arm_io.types import Array
 from arm_model import Arm
 from arm_model.effects import Instrument
+from daq.recording import Recording
 from diagnosis.cause import Cause, Structure, Undetectable
 from diagnosis.closed_loop.comparison import Compared, faithful
 from diagnosis.measurements.currents.shortage import Shortage
@@ -30,6 +32,7 @@ class Diagnosis:
     judged         whether the currents were compared: not with a model that predicts none
     shortage       what the held-out recordings are too short for
     known_to       (n,) times the noise that held-out residuals may be by what the model says of its own uncertainty
+    exchanged      whether recordings were held out others than those that were given as such (``other_held_out``)
     allowed_residuals     what is above the noise within that, joint by joint
     """
 
@@ -52,6 +55,7 @@ class Diagnosis:
     known_to: Array | None = None
     allowed_residuals: list[AllowedResidual] = field(default_factory=list)
     warnings: tuple[str, ...] = ()
+    exchanged: bool = False
 
     @property
     def in_closed_loop(self) -> bool:
@@ -64,6 +68,13 @@ class Diagnosis:
         if self.unexplained:
             return "unexplained"
         return "explained" if self.causes else "consistent"
+
+    def roles(self, fit: Sequence[Recording], held_out: Sequence[Recording]) -> Split[list[Recording]]:
+        """Recordings that were given as fitted and held out, as they were in the end."""
+        if not self.exchanged:
+            return Split(list(fit), list(held_out))
+        every, names = [*fit, *held_out], {run.name for run in self.held_out}
+        return Split([r for r in every if r.path.name not in names], [r for r in every if r.path.name in names])
 
     @property
     def origins(self) -> list[Suspect]:

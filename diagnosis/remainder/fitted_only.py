@@ -15,6 +15,9 @@ from diagnosis.selection.waves import wave_of
 from diagnosis.units import recorded_quantity
 from identification.selection import Split
 
+IN_FIT = "in fitted recordings"
+"""End of ``Structure.size`` of what no held-out recording shows."""
+
 
 def known_to(state: State) -> Split[Array]:
     """(n,) residual, in units of the noise, that the stated uncertainty of the model allows; 1 if it is exact."""
@@ -51,7 +54,7 @@ def structures_of_fit(
             joint,
             variable_of(joint) or wave_of(residual, fit, joint) or NO_VARIABLE,
             0.0,
-            f"{ratio:.1f} times the noise, in fitted recordings",
+            f"{ratio:.1f} times the noise, {IN_FIT}",
         )
         for joint, ratio in _above_in_fit(residual, fit, structures, allowed).items()
     ]

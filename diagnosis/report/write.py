@@ -51,7 +51,7 @@ LIMITS: dict[str, Thresholds] = {
 
 def table_of(result: Diagnosis, fit: list[Recording], held_out: list[Recording]) -> dict[str, Any]:
     """The content of diagnosis.json."""
-    suspected = result.origins
+    suspected, (fit, held_out) = result.origins, result.roles(fit, held_out)
     return {
         "schema": SCHEMA,
         "verdict": result.verdict,
@@ -180,6 +180,7 @@ def write_diagnosis(
         if experiments.recorded:
             table["experiments"] = [dict(one) for one in experiments.recorded]
         progress("report")
+        _, held_out = result.roles(fit, held_out)
         write_model(there / "model.toml", result.extended)
         return write_report(there, ("report.html", "diagnosis.json"), report(result, table, held_out), table, pictures)
 

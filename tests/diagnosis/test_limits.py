@@ -14,7 +14,7 @@ import pytest
 
 from diagnosis.report.write import LIMITS, table_of
 from diagnosis.result import Diagnosis
-from identification.selection import Limits, Thresholds
+from identification.selection import Limits, Split, Thresholds
 
 
 def _nothing_found() -> Diagnosis:
@@ -22,7 +22,7 @@ def _nothing_found() -> Diagnosis:
     empty: dict[str, Any] = dict.fromkeys(
         ("causes", "undetectable", "unexplained", "warnings", "fit", "held_out", "origins"), ()
     )
-    return cast(Diagnosis, SimpleNamespace(**empty, verdict="consistent", shortage=None, judged=False))
+    return cast(Diagnosis, SimpleNamespace(**empty, verdict="consistent", roles=Split, shortage=None, judged=False))
 
 
 def _subclasses(of: type[Thresholds]) -> Iterator[type[Thresholds]]:
