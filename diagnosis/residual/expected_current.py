@@ -6,6 +6,7 @@ that the second order of a strong effect is not mistaken for another effect.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -19,7 +20,7 @@ from arm_model.rigid_body import curve_level
 from arm_model.system import inverse_dynamics, mass_matrix_along, rigid_torque_along
 from diagnosis.residual.filters import COMPARE_BAND, MOTION_BAND, Motion, low_pass, motion_of, rate_of
 from diagnosis.residual.gap import AS_FOUND, POSSIBLE, Teeth, gap_of, through_gap
-from diagnosis.residual.integration import integrated, spring_of, spring_twist
+from diagnosis.residual.integration import in_series, integrated, spring_of, spring_twist
 
 Term = tuple[Effect, int | None, Values]
 
@@ -153,21 +154,30 @@ def _with_states(arm: Arm, terms: list[Term], motion: Motion, links: Links, teet
             s = Signals(q=motion[0][:, j], v=speed, sign=sign, coulomb=coulomb_at(drive, speed, sign))
             added[:, j] += effect.torque(values, replace(s, state=integrated(effect, values, s, 1.0 / links.rate)))
     link = tuple(part.copy() for part in links.motion)
-    for effect, joint, values in terms:
-        if effect.spring is not None and effect.deflection is not None and joint is not None:
-            for part, twist in zip(link, _twist(effect, values, links, joint - 1, teeth)):
-                part[:, joint - 1] -= twist
+    for j in sorted({joint - 1 for _, joint, _ in terms if joint is not None}):
+        for of_joint in _twists(terms, j, links, teeth):
+            for part, twist in zip(link, of_joint):
+                part[:, j] -= twist
     return added + rigid_torque_along(links.arm, *link) - links.load
 
 
-def _twist(effect: Effect, values: Values, links: Links, j: int, teeth: Teeth) -> Motion:
-    if (spring := spring_of(effect, values)) is not None:
-        return spring_twist(links.load[:, j], links.inertia[:, j], *spring, 1.0 / links.rate)
-    load, inertia = links.flights
-    gap = through_gap(load[:, j], inertia[:, j], gap_of(effect, values), 1.0 / links.rate, teeth)
-    twist = low_pass(gap, MOTION_BAND, links.rate)
-    speed: Array = np.gradient(twist, 1.0 / links.rate)
-    return twist, speed, np.asarray(np.gradient(speed, 1.0 / links.rate), float)
+def springs_at(terms: Sequence[Term], joint: int) -> list[tuple[float, float]]:
+    """Stiffness and damping of every spring at a joint (from 1)."""
+    several = (spring_of(effect, values) for effect, at, values in terms if at == joint)
+    return [one for one in several if one is not None]
+
+
+def _twists(terms: Sequence[Term], j: int, links: Links, teeth: Teeth) -> Iterator[Motion]:
+    """Twist (m,) of all springs of joint j (from 0) together and of every play, each with its rates."""
+    if springs := springs_at(terms, j + 1):
+        yield spring_twist(links.load[:, j], links.inertia[:, j], *in_series(springs), 1.0 / links.rate)
+    for effect, joint, values in terms:
+        if joint == j + 1 and effect.gap is not None and effect.deflection is not None:
+            load, inertia = links.flights
+            gap = through_gap(load[:, j], inertia[:, j], gap_of(effect, values), 1.0 / links.rate, teeth)
+            twist = low_pass(gap, MOTION_BAND, links.rate)
+            speed: Array = np.gradient(twist, 1.0 / links.rate)
+            yield twist, speed, np.asarray(np.gradient(speed, 1.0 / links.rate), float)
 
 
 def possible_teeth(arm: Arm) -> tuple[Teeth, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -74,6 +75,15 @@ def spring_of(effect: Effect, values: Values) -> tuple[float, float] | None:
     if effect.spring is None or effect.gap is not None:
         return None
     return float(effect.spring(values, Signals(twist=1.0))), float(effect.spring(values, Signals(twist_rate=1.0)))
+
+
+def in_series(springs: Sequence[tuple[float, float]]) -> tuple[float, float]:
+    """Stiffness and damping of springs (k, c) one behind the other: 1 / k and c / k^2 add up, the last to first order.
+
+    As ``arm_model.system`` has them.
+    """
+    stiffness = 1.0 / sum(1.0 / k for k, _ in springs)
+    return stiffness, stiffness**2 * sum(c / k**2 for k, c in springs)
 
 
 def integrated(effect: Effect, p: Values, s: Signals, step: float) -> Array:

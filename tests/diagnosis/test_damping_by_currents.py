@@ -10,13 +10,16 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from arm_model import parameter, with_parameters
+from arm_model import EffectTerm, parameter, with_parameters
 from arm_model.model_file import read_model
 from diagnosis.cause import Cause, Estimate, Signal, merge
 from diagnosis.damping_by_currents import tracked_damped
+from diagnosis.measurements.currents.columns import columns
 from diagnosis.measurements.tracker.causes import Tracked
 from diagnosis.other_instruments import OtherInstruments
 from diagnosis.residual.generation import residual_run
+from diagnosis.residual.other_effects import residual_with
+from diagnosis.selection.candidate import Candidate
 from tests.blind.hide import Hidden
 from tests.blind.laboratory import Laboratory
 from tests.blind.motions import fourier
@@ -77,3 +80,23 @@ def test_what_an_effect_does_not_state_is_zero_and_may_be_changed() -> None:
     assert parameter(arm, "joint3.joint_compliance.damping") == 0.0
     changed = with_parameters(arm, {"joint3.joint_compliance.damping": 5.0})
     np.testing.assert_equal(changed.effects[-1].parameters, {"stiffness": 8e3, "damping": 5.0})
+
+
+def test_springs_of_one_joint_wind_up_as_one(tmp_path: Path) -> None:
+    """4 and 8 kN m/rad with the same lag, exactly and as the column of the one that the model lacks."""
+    motion = fourier("run", 1, 0.12, 0.9, 4.0)
+    write_recording(tmp_path / "fit_0.mcap", recorded(truth(motion, (), LABORATORY), LABORATORY, 1), LABORATORY)
+    (recording,), _ = read_recordings(tmp_path)
+    rigid = read_model(MODEL)
+    soft, stiff, both = ({"stiffness": k, "damping": 2e-3 * k} for k in (4e3, 8e3, 8e3 / 3))
+    arm = rigid.with_effect("joint_compliance", 3, **soft)
+    run = residual_run("fit_0", arm, recording.t, recording.q, recording.i)
+    one = residual_run("fit_0", rigid, recording.t, recording.q, recording.i)
+    together = residual_with(one, [EffectTerm("joint_compliance", 3, both)])
+
+    np.testing.assert_allclose(residual_with(run, [EffectTerm("joint_compliance", 3, stiff)]), together, atol=1e-9)
+
+    candidate = Candidate("joint_compliance", 3, (("stiffness", 8e3), ("damping", 16.0)))
+    (column,) = np.moveaxis(columns(candidate, run), 2, 0)
+    change = run.residual - together
+    assert np.linalg.norm(change - column) < 0.15 * np.linalg.norm(change)

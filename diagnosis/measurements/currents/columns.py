@@ -9,7 +9,7 @@ turns coefficients back into parameters.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -19,10 +19,10 @@ from arm_model import Arm, Joint
 from arm_model.effects import CATALOGUE, Effect, Instrument, Signals, Values
 from arm_model.effects.definition import Law
 from arm_model.system import inverse_dynamics
-from diagnosis.residual.expected_current import delayed
+from diagnosis.residual.expected_current import delayed, springs_at, terms_of
 from diagnosis.residual.filters import COMPARE_BAND, kept_rows, low_pass
 from diagnosis.residual.gap import AS_FOUND, Teeth, gap_of, through_gap
-from diagnosis.residual.integration import integrated, spring_of, spring_twist
+from diagnosis.residual.integration import in_series, integrated, spring_of, spring_twist
 from diagnosis.residual.noise.instruments import residual_gain
 from diagnosis.residual.run import Run
 from diagnosis.residual.signals import signals_of
@@ -142,15 +142,26 @@ def _rates(law: Law, p: Values, s: Signals, ratio: float, run: Run) -> tuple[Arr
 
 
 def _twisted(run: Run, j: int, effect: Effect, p: Values) -> tuple[Array, Array, Array]:
-    """Twist (m,) of a joint with a spring or with play, and its rates; at rest at the start of every recording."""
-    load, inertia = run.brisk_rigid[:, j], run.inertia[:, j]
-    if (spring := spring_of(effect, p)) is not None:
-        each = [
-            spring_twist(load[part], inertia[part], *spring, 1.0 / rate) for part, rate in zip(run.parts, run.rates)
-        ]
-        twist, speed, acceleration = (np.concatenate(rates) for rates in zip(*each))
-        return twist, speed, acceleration
-    return _lost_motion(run, j, gap_of(effect, p), AS_FOUND)
+    """Twist (m,) of a joint with a spring or with play, and its rates; at rest at the start of every recording.
+
+    Of a spring in series with springs of the model: by how much it twists more than they alone.
+    """
+    if (spring := spring_of(effect, p)) is None:
+        return _lost_motion(run, j, gap_of(effect, p), AS_FOUND)
+    known = springs_at(terms_of(run.arm), j + 1)
+    twist, speed, acceleration = _wound_up(run, j, [*known, spring])
+    if known:
+        of_known = _wound_up(run, j, known)
+        twist, speed, acceleration = twist - of_known[0], speed - of_known[1], acceleration - of_known[2]
+    return twist, speed, acceleration
+
+
+def _wound_up(run: Run, j: int, springs: Sequence[tuple[float, float]]) -> tuple[Array, Array, Array]:
+    """Twist (m,) of a joint with springs in series, and its rates."""
+    load, inertia, spring = run.brisk_rigid[:, j], run.inertia[:, j], in_series(springs)
+    each = [spring_twist(load[part], inertia[part], *spring, 1.0 / rate) for part, rate in zip(run.parts, run.rates)]
+    twist, speed, acceleration = (np.concatenate(rates) for rates in zip(*each))
+    return twist, speed, acceleration
 
 
 def _lost_motion(run: Run, j: int, half_gap: float, teeth: Teeth) -> tuple[Array, Array, Array]:
