@@ -124,6 +124,8 @@ def _enough_rows(
     """
     carrying = set_up(structure.arm, recording)
     rows = rows_of(structure, motion, carrying, whole)
+    if not len(rows.y):
+        raise InputError(recording.path, "leaves no usable row: give a longer recording, with fewer samples missing")
     shown = shown_by(rows, structure)
     least = ROWS_PER_VALUE * (int(shown.sum()) + rows.own.shape[1])
     if len(rows.y) >= least:

@@ -72,7 +72,7 @@ def base_parameters(
     """
     triangle = triangle_of(columns)
     size = np.linalg.norm(triangle, axis=0)
-    seen = size > NEGLIGIBLE * max(size.max(), 1e-300)
+    seen = size > NEGLIGIBLE * size.max(initial=1e-300)
     wanted = np.array(
         [column for column in (reading_order(tuple(names)) if order is None else order) if seen[column]], np.intp
     )

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+from arm_io import InputError
 from arm_model import Arm
 from comparison.from_recordings import compare_recordings
 from daq.recording import Recording
@@ -50,3 +53,12 @@ def test_beside_others_it_counts_in_the_fit_of_all(
     (warning,) = (one for one in result.warnings if "too short" in one)
     assert warning.startswith("short.mcap is too short to judge alone: ")
     assert warning.endswith("; its rows count in the fit of all recordings only")
+
+
+def test_a_recording_that_leaves_no_row_is_refused(arm: Arm, before: Recording, tmp_path: Path) -> None:
+    """Half of its rows have no angles, here and there: no stretch is as long as a filter."""
+    after = record(tmp_path / "after.mcap", arm, 2, seconds=4.0, rate=50.0)
+    q = after.q.copy()
+    q[np.random.default_rng(0).random(len(q)) < 0.5] = np.nan
+    with pytest.raises(InputError, match=r"after\.mcap: leaves no usable row"):
+        compare_recordings([before], [replace(after, q=q)], arm)
