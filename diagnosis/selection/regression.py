@@ -99,6 +99,7 @@ def score(candidate: Candidate, pair: Pair, fitted: Fitted, held_out: Dataset) -
         blocks=held_out.by_block(fall),
         coefficients=c,
         by_joint=held_out.by_joint(fall),
+        shown=max(1, round(pair.fit.determined)),
     )
 
 

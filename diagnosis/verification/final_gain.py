@@ -21,6 +21,7 @@ from diagnosis.measurements.currents.structure.unseen_friction import unseen_fri
 from diagnosis.residual.other_effects import residual_under
 from diagnosis.residual.run import Run
 from diagnosis.selection.beyond_model import in_deviations
+from diagnosis.selection.design import Columns
 from diagnosis.selection.ripple_orders import joint_of_ripple
 from diagnosis.selection.unseen_inertia import explained
 
@@ -29,7 +30,8 @@ def negligible(state: State, causes: Sequence[Cause]) -> int | None:
     """The chosen candidate that gains least in the final model, if that does not matter; None where all matter.
 
     causes: the chosen ones. Each must gain twice, over all held-out rows: with the others refitted to do without it,
-    and in the exact model of all, whose columns are not of the first order.
+    and in the exact model of all, whose columns are not of the first order. Where it acts, what is left without it must
+    be above the noise: below a noise that is overestimated, any law of many rows gains something.
     """
     found: list[tuple[float, int]] = []
     for index, (needed, gain, exact_gain) in enumerate(_gains(state, causes)):
@@ -58,11 +60,23 @@ def _gains(state: State, causes: Sequence[Cause]) -> Iterator[tuple[bool, float,
     terms = [term for cause in causes for term in cause.terms]
     full, unseen = _energy(runs, [(*of_run, *terms) for of_run in arms]), unseen_friction(runs)
     for c, cause in zip(state.chosen, causes, strict=True):
-        alone = model.conditional(c, model.without(c, state), state)
+        without = model.without(c, state)
+        alone = model.conditional(c, without, state)
+        above_noise = left_where_it_acts(model.columns(c).held_out, alone.coefficients, without) > LIMITS.noise
         others = [term for term in terms if term not in cause.terms]
         exact_gain = float((_energy(runs, [(*of_run, *others) for of_run in arms]) - full).sum())
         of_unseen = float(explained(unseen, model.columns(c).held_out, state.data.held_out).sum())
-        yield model.needed(alone, state), alone.gain, exact_gain - of_unseen
+        yield model.needed(alone, state) and above_noise, alone.gain, exact_gain - of_unseen
+
+
+def left_where_it_acts(columns: Columns, coefficients: Array, without: State) -> float:
+    """Held-out residual without an effect over the noise, rms weighted by the squares of what the effect predicts.
+
+    columns: its own, whitened; coefficients (k,). 0 of an effect that predicts nothing.
+    """
+    residual = without.fitted.held_out
+    weight = columns.contribution(coefficients, len(residual)) ** 2
+    return float(np.sqrt(weight @ residual**2 / max(float(weight.sum()), 1e-300)))
 
 
 def _least(state: State) -> float:

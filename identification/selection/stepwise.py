@@ -32,6 +32,7 @@ class Score(Generic[C]):
     blocks        (blocks,) gain of each block of held-out rows
     by_joint      (n,) gain of each joint, where the model says
     coefficients  (k,) of its columns
+    shown         how many of them the fitted rows determine, where the model says
     """
 
     candidate: C
@@ -41,11 +42,13 @@ class Score(Generic[C]):
     coefficients: Array = field(repr=False)
     by_joint: Array = field(repr=False, default_factory=lambda: np.zeros(0))
     share: float = 0.0
+    shown: int | None = None
 
     @property
     def determined(self) -> int:
         """Number of coefficients that the data says something of: a column of zeros has the coefficient 0."""
-        return int(np.count_nonzero(self.coefficients))
+        given = int(np.count_nonzero(self.coefficients))
+        return given if self.shown is None else min(given, self.shown)
 
 
 class MeasurementModel(Protocol[C, S]):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +23,7 @@ from diagnosis.measurements.currents.structure.noise_ratio import noise_ratio
 from diagnosis.residual.comparable_rows import comparable_rows
 from diagnosis.residual.generation import residual_run
 from diagnosis.selection.candidate import Candidate
-from diagnosis.verification.final_gain import negligible
+from diagnosis.verification.final_gain import left_where_it_acts, negligible
 from diagnosis.verification.idle_limits import held_at_standstill, idle_limits
 from diagnosis.verification.tenable import causes_of, tenable_causes
 from identification.selection import Split
@@ -44,6 +45,22 @@ def test_a_cause_whose_gain_in_the_final_model_does_not_matter_is_found(arm: Arm
     assert negligible(state, _causes(state)) is None
     state = model.refitted([true, idle], {true.key: [], idle.key: []})
     assert negligible(state, _causes(state)) == 1
+
+
+@pytest.mark.parametrize(("scale", "refused"), [(1.0, None), (0.2, 0)])
+def test_below_the_noise_where_it_acts_there_is_no_effect(arm: Arm, scale: float, refused: int | None) -> None:
+    """A cable at one joint moved another, half as much as its noise: backlash was named there (seed 20535)."""
+    friction = Candidate("coulomb_friction", 1)
+    several = (dataset_of([residual_of(arm, seed, Day(coulomb=(0.08, 0.0)))]) for seed in (1, 2))
+    data = Split(*(replace(one, y=scale * one.y) for one in several))
+    state = Currents(arm, data, Library((friction,), data), []).refitted([friction], {friction.key: []})
+    left = left_where_it_acts(
+        state.model.columns(friction).held_out, state.coefficients[0], state.model.without(friction, state)
+    )
+    assert (left < 1.3) is (refused is not None)
+    assert (data.held_out.y @ data.held_out.y - state.energy.held_out) > 0.1 * data.held_out.rows
+    assert state.model.needed(state.model.conditional(friction, state.model.without(friction, state), state), state)
+    assert negligible(state, _causes(state)) == refused
 
 
 def test_a_cause_of_which_no_arm_is_left_is_refused_before_its_gain_is_judged(arm: Arm) -> None:

@@ -183,3 +183,6 @@ def test_what_a_motion_does_not_show_of_a_link_is_no_larger_than_typical(arm: Ar
     state = model.refitted([Candidate("link_inertia", LAST)], {("link_inertia", LAST): []})
     # 0.14 to 1.2 of it was left
     assert state.energy.held_out < 0.05 * model.start().energy.held_out
+    # where one joint moves, no more of a link shows than its weight, its inertia and what they couple to the others
+    score = model.conditional(state.chosen[0], model.start(), state)
+    assert np.count_nonzero(score.coefficients) == 10 and 3 <= score.determined < 10

@@ -63,6 +63,8 @@ class CurrentLimits(Limits):
     structures               structures searched for at one joint
     above_noise              residual-to-noise ratio above which a residual is not noise, whatever it depends on: noise
                              correlated over longer than the initial standstill is underestimated by a factor of two
+    noise                    ratio up to which a residual is noise where an effect acts, so that there is no effect: the
+                             noise is known no better (the verdict's limit along the motion)
     far_above_noise          ratio that underestimated noise does not reach
     beyond_model             probability that a cause or a structure looks as it does while only parameters of the model
                              move, within what is known of them: the strongest of some hundred candidates is by chance
@@ -102,6 +104,7 @@ class CurrentLimits(Limits):
     structure_p: float = 5e-3
     structures: int = 3
     above_noise: float = 2.5
+    noise: float = 1.3
     far_above_noise: float = 6.0
     beyond_model: float = BEYOND_MODEL
     likely_p: float = 0.05
