@@ -136,6 +136,10 @@ def scores_of(
     return np.where(shown.any(axis=1), score + HIDDEN * (~shown).sum(axis=1), -np.inf)
 
 
+LARGEST_CONDITION = 1e12
+"""Condition number from which on double precision tells nothing of the least singular value."""
+
+
 def singular_values(rows: Array) -> Array:
     """(k, c) of matrices (k, m, c), m >= c, the largest first.
 
@@ -151,7 +155,10 @@ def singular_values(rows: Array) -> Array:
 
 
 def _shown(score: float, criterion: Criterion) -> str:
-    return f"{score:.1f}" if criterion == "d" else f"{np.exp(-score):.0f}"
+    """A score as it is printed: log det, or the condition number, beyond any number if parameters are hidden."""
+    if criterion == "d":
+        return f"{score:.1f}"
+    return f"{np.exp(-score):.0f}" if -score < np.log(LARGEST_CONDITION) else f"above {LARGEST_CONDITION:.0e}"
 
 
 def _random(task: _Task, random: np.random.Generator) -> Array:
