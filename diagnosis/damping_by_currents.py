@@ -52,11 +52,13 @@ Errors = Callable[[Array, float], Array]
 """(k, m) errors at some times with each of the dampings (k,), and a stiffness."""
 
 
-def links_damped(arm: Arm, instruments: OtherInstruments, screened: Screened, progress: Progress) -> OtherInstruments:
+def links_damped(
+    arm: Arm, instruments: OtherInstruments, screened: Screened, fitted: int, progress: Progress
+) -> OtherInstruments:
     """The causes of the link encoders, springs with the damping of the currents where that is better known.
 
     Link encoders show damping by the time by which the twist lags its load, often less than a row. All that the
-    currents show besides is not known yet: it adds to the std.
+    currents show besides is not known yet: it adds to the std. fitted: number of recordings, the first of ``screened``.
     """
     causes = list(instruments.of_links)
     places = [k for k, cause in enumerate(causes) if cause.of_arm and _insignificant(cause)]
@@ -65,7 +67,7 @@ def links_damped(arm: Arm, instruments: OtherInstruments, screened: Screened, pr
     progress("estimating the damping of springs")
     for k in places:
         known = [cause for cause in instruments.in_model if cause.key != causes[k].key]
-        runs = residuals_of(extend(arm, known), screened).runs
+        runs = residuals_of(extend(arm, known), screened).runs[:fitted]
         value, std = _along_motion(causes[k], runs, ())
         if std < _of(causes[k], DAMPING).std:
             causes[k] = _with_damping(causes[k], value, std)

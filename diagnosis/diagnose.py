@@ -83,7 +83,7 @@ def _with_held_out(arm: Arm, fit: Sequence[Recording], held_out: Sequence[Record
     instruments = measure(arm, recordings, cleaned, progress)
     recordings, cleaned = on_uniform_grid(recordings, cleaned)
     instruments = isolated_by_currents(arm, instruments, cleaned, progress)
-    instruments = links_damped(arm, instruments, cleaned, progress)
+    instruments = links_damped(arm, instruments, cleaned, len(fit), progress)
     currents = find_causes(arm, instruments.in_model, recordings, cleaned, progress)
     instruments = tracked_damped(instruments, currents, recordings.fit, progress)
     causes, as_found = extended_model(arm, instruments, currents, recordings)

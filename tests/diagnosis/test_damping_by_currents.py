@@ -13,13 +13,16 @@ import pytest
 from arm_model import EffectTerm, parameter, with_parameters
 from arm_model.model_file import read_model
 from diagnosis.cause import Cause, Estimate, Signal, merge
-from diagnosis.damping_by_currents import tracked_damped
+from diagnosis.damping_by_currents import links_damped, tracked_damped
+from diagnosis.diagnose import screen
 from diagnosis.measurements.currents.columns import columns
+from diagnosis.measurements.link_encoders.causes import LinkSide
 from diagnosis.measurements.tracker.causes import Tracked
 from diagnosis.other_instruments import OtherInstruments
 from diagnosis.residual.generation import residual_run
 from diagnosis.residual.other_effects import residual_with
 from diagnosis.selection.candidate import Candidate
+from identification.selection import Split
 from tests.blind.hide import Hidden
 from tests.blind.laboratory import Laboratory
 from tests.blind.motions import fourier
@@ -66,6 +69,30 @@ def test_the_damping_is_that_of_the_arm(tmp_path: Path, loops: bool, stiffness: 
     assert found["stiffness"].value == stiffness
     assert abs(found["damping"].value - damping) < 2 * found["damping"].std < damping
     assert found["damping"].unit == "N m s/rad"
+
+
+@pytest.mark.parametrize(("stated", "better"), [(8.0, True), (40.0, False)])
+def test_link_encoders_that_do_not_show_a_damping_leave_it_to_the_currents(
+    tmp_path: Path, stated: float, better: bool
+) -> None:
+    """A lag of less than a row is stated as its std; one of five std is kept."""
+    hidden = (Hidden("joint_compliance", 3, {"stiffness": 1500.0, "damping": 8.0}),)
+    motion = fourier("run", 1, 0.12, 0.9, 6.0)
+    write_recording(tmp_path / "fit_0.mcap", recorded(truth(motion, hidden, LABORATORY), LABORATORY, 1), LABORATORY)
+    (recording,), _ = read_recordings(tmp_path)
+    arm = read_model(MODEL)
+    cause = _spring(Estimate("stiffness", 1500.0, 15.0, "N m/rad"), Estimate("damping", stated, 8.0, "N m s/rad"))
+    nothing = np.zeros((0, 1))
+    link = LinkSide(
+        causes=[cause], unexplained=[], held_out=cast(Any, None), without=nothing, residual=nothing, remarks=()
+    )
+    instruments = OtherInstruments(tracked=Tracked([], [], 5e-5, {}, []), link=link, events=[], judged=True)
+    cleaned = screen(arm, Split([recording], [], False), lambda _: None)
+
+    (found,) = links_damped(arm, instruments, cleaned, 1, lambda _: None).of_links
+
+    damping = next(p for p in found.parameters if p.name == "damping")
+    assert damping.value == stated if not better else abs(damping.value - 8.0) < 2 * damping.std < 8.0
 
 
 def test_a_spring_that_both_show_has_the_stiffness_of_the_tracker_and_the_damping_of_the_currents() -> None:
