@@ -94,6 +94,13 @@ def _scales(axis: Axes, panel: Panel) -> None:
     if panel.log_x:
         axis.set_xscale("log")
     if panel.log_y:
+        shown = np.concatenate([np.ravel(np.asarray(one.y, float)) for one in panel.series] or [np.zeros(0)])
+        shown = shown[np.isfinite(shown) & (shown > 0.0)]
+        if not len(shown):
+            return
+        if shown.min() == shown.max():
+            # matplotlib's own limits about a single power of ten are equal
+            axis.set_ylim(shown[0] / 10.0, shown[0] * 10.0)
         axis.set_yscale("log", nonpositive="mask")
 
 

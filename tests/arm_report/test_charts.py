@@ -126,3 +126,13 @@ def test_charts_are_written_as_pictures_and_the_json_last(tmp_path: Path) -> Non
     assert [axis.get_xlabel() for axis in drawn.axes] == ["speed, rad/s", "change"]
     ticks = [one.get_text() for axis in drawn.axes for one in axis.get_xticklabels()]
     assert {"0", "5", "10"} <= set(ticks) and not any("$" in text for text in ticks)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("value", [1e-4, 3e-4, 0.0])
+def test_equal_values_on_a_logarithmic_axis_have_limits_about_them(value: float) -> None:
+    """Of a power of ten, matplotlib made both limits the same, and warned of it; of zeros, it has none."""
+    series = Series(x=np.arange(5.0), y=np.full(5, value), colour="#000000", kind="dots")
+    (axis,) = figure(Chart(name="a", title="a", panels=(Panel(series=(series,), x="row", y="mm", log_y=True),))).axes
+    low, high = axis.get_ylim()
+    assert low < high and (value == 0.0 or low < value < high)
