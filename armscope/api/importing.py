@@ -176,6 +176,12 @@ def write_import(
     chosen = chosen or source.mapping
     if chosen is not None and reading.mapping is None:
         say(f"{table}: {chosen.in_words()}")
+    if chosen is not None and "%" in chosen.units_of("i", 1):
+        say(
+            f"{table}: i is in % of what each drive calls 100 %, and torque_constant counts per %. If you know the "
+            'current at 100 %, import it with a mapping (--map) that says i = "A" under [units] and i = [A per %, one '
+            "for each joint] under [scale]"
+        )
     if others:
         say(f"{table}: {len(others)} column{'s' * (len(others) > 1)} left out: {first_names(others)}")
     joints = None if checked is None else checked.joints

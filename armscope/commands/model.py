@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from arm_io import InputError
+from arm_io import InputError, write_text
 from arm_io.json_text import json_text
 from arm_model import Arm, on_fixed_base, read_model
 from arm_model.mjcf import SUFFIXES
@@ -36,7 +36,11 @@ def command(
         ),
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(help="file to write (.toml or .urdf); with --into: the copy of that file")
+        Path | None,
+        typer.Option(
+            help="file to write (.toml or .urdf); with --into: the copy of that file; with --equations: their text, if "
+            "it ends otherwise (rates.m)"
+        ),
     ] = None,
     equations: Annotated[
         Form | None, typer.Option(help="print the accelerations: text, latex, python, c or matlab")
@@ -94,14 +98,18 @@ def command(
             raise InputError("--into", f"needs --out NEW{into.suffix}")
         for line in write_into(into, arm, out, tip=tip, say=_note) or ["nothing changed"]:
             print(f"{out}: {line}", file=sys.stderr)
-    elif out is not None:
+    elif out is not None and (equations is None or out.suffix in (".toml", ".urdf", *SUFFIXES)):
         write_arm(out, arm, _note)
         if (model.suffix in (".urdf", *SUFFIXES) or gear is not None) and out.suffix == ".toml":
             _note_motors(arm, torque_constant is not None)
     if by is not None and equations is None:
         raise InputError("--by", "needs --equations text, latex, python, c or matlab")
     if equations is not None:
-        print(equations_text(arm, equations, by), end="")
+        text = equations_text(arm, equations, by)
+        if out is None or out.suffix in (".toml", ".urdf", *SUFFIXES):
+            print(text, end="")
+        else:
+            write_text(out, text)
         return
     if formulations:
         _compare(arm, as_json)

@@ -102,7 +102,7 @@ class RecordingHead:
         return "m" if kind == "prismatic" else "rad"
 
     def current_unit(self, joint: int) -> str:
-        """Of ``i`` of a joint (from 1): A, N m or N (torque or force at the joint), or "drive".
+        """Of ``i`` of a joint (from 1): A, N m or N (torque or force at the joint), % or "drive".
 
         An imported table may be in the drive's own unit.
         """

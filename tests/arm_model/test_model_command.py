@@ -225,6 +225,17 @@ def test_refuses_drives(
     assert said in capsys.readouterr().err
 
 
+def test_equations_are_written_to_the_file_that_is_named(
+    root: Path, tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    arguments = ["model", str(root / MODEL), "--equations", "matlab"]
+    assert run(arguments) == 0
+    printed = capsys.readouterr().out
+    assert run([*arguments, "--out", str(tmp_path / "rates.m")]) == 0
+    assert capsys.readouterr().out == ""
+    assert (tmp_path / "rates.m").read_text() == printed
+
+
 def test_refuses_other_files(root: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["model", str(root / MODEL), "--out", str(tmp_path / "arm.xml")]) == 2
     assert "must end in .toml or .urdf" in capsys.readouterr().err

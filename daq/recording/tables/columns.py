@@ -148,7 +148,11 @@ def read_blocks(
     if mapping is not None:
         picked = mapping.pick(source, keep_extra=keep_extra)
         unit = unit or mapping.time_unit
-    count = joints_of(path, [one.name for one in picked], joints, keep_extra, source.where)
+    try:
+        count = joints_of(path, [one.name for one in picked], joints, keep_extra, source.where)
+    except InputError as error:
+        unread = getattr(source, "unread", "")
+        raise InputError(error.where, f"{error.what}{unread and '; '}{unread}") from None
     time = next(one.column for one in picked if one.name == "t")
     unit = source.unit_of(time) or unit
     times = TimeColumn(path, unit, source.last_time(time), source.word)

@@ -12,6 +12,7 @@ import os
 import re
 from collections import Counter
 from collections.abc import Sequence
+from itertools import islice
 from pathlib import Path
 from typing import TextIO
 
@@ -19,12 +20,15 @@ from arm_io import InputError
 from arm_io.files import open_regular, read_head
 from arm_io.plain_data import is_number
 from daq.recording.messages.row_format import JOINT_TOPICS
+from daq.recording.tables.csv_time import is_instant
 
 SAMPLE = 1 << 16
 """Bytes of a text by which it is judged."""
 COMMENT = "#"
 """Begins the lines that a program writes above the names of the columns; numpy.savetxt the names, too."""
 MOST_COMMENTS = 1000
+MOST_PREAMBLE = 100
+"""Lines above the first row that are no comments."""
 _TEXT = frozenset(b"\t\n\r\f\x1a")
 """Control characters that texts have; the last ends those of DOS."""
 _PACKED = {b"\x1f\x8b": "is packed by gzip", b"PK\x03\x04": "is an Excel workbook or a ZIP file"}
@@ -33,6 +37,10 @@ MOST_NAMED = 8
 """Columns that a message names."""
 LONGEST_HEADER = 1 << 16
 """Characters: 64 joints with all their columns take 3000."""
+UNIT_WORD = re.compile(
+    r"m?s|sec|[un]s|m?rad|deg|degrees|[Gg]rad|°|rev|[mc]?m|in|(rad|deg)/s|1/min|rpm|m?A|N[ *]?m|%|m?V|(°|deg)?C|K|-"
+)
+"""Units as programs write them below the names of their columns."""
 JOINT_COLUMN = re.compile(rf"({'|'.join(JOINT_TOPICS)})([1-9][0-9]*)")
 FROM_ZERO = re.compile(rf"({'|'.join(JOINT_TOPICS)})0[0-9]*")
 """Columns of joints that count from 0, or are numbered 01, 02, .."""
@@ -80,17 +88,65 @@ def last_line(path: str | Path) -> str:
     return next((line for line in reversed(text.split("\n")) if line.strip()), "")
 
 
-def names_line(lines: list[str]) -> tuple[str, int]:
-    """The line with the names of the columns, and the number of lines before the first row.
+def names_of(lines: Sequence[str], separator: str) -> tuple[list[str], int]:
+    """The names of the columns in the first lines of a text, and the number of lines before the first row.
 
-    It is the first line that is not a comment; if that one holds numbers, the last comment.
+    They stand in the line above the first row of numbers, in as many cells as that row has; the lines above are a
+    program's preamble. Two such lines without numbers are one header: the first one names a group of columns above its
+    first column, the second one has their own names, or their units, which go into brackets.
+    If no line is followed by such a row, the names are in the first line that is not a comment; if that one holds
+    numbers, in the last comment.
     """
     comments = 0
     while comments < len(lines) and lines[comments].lstrip("\ufeff ").startswith(COMMENT):
         comments += 1
     if comments and (comments == len(lines) or is_number(_first_cell(lines[comments]))):
-        return lines[comments - 1].lstrip("\ufeff ").removeprefix(COMMENT).lstrip(), comments
-    return lines[comments] if comments < len(lines) else "", comments + 1
+        return cells_of(lines[comments - 1].lstrip("\ufeff ").removeprefix(COMMENT).lstrip(), separator), comments
+    body = [number for number in range(comments, len(lines)) if lines[number].strip()][: MOST_PREAMBLE + 1]
+    cells = [cells_of(lines[number], separator) for number in body]
+    first = next((place for place, row in enumerate(cells) if _is_row(row, separator)), 0)
+    header = [
+        place for place in range(max(first - 2, 0), first) if _may_name(cells[place], len(cells[first]), separator)
+    ]
+    if not header or header[-1] != first - 1:
+        return cells_of(lines[comments], separator) if comments < len(lines) else [], comments + 1
+    names = _joined(*(cells[place] for place in header)) if len(header) == 2 else cells[header[0]]
+    return names, body[header[-1]] + 1
+
+
+def cells_of(line: str, separator: str) -> list[str]:
+    """The cells of a line, without quotes and blanks around them."""
+    try:
+        cells = next(csv.reader([line.strip("\ufeff\r\n")], delimiter=separator, skipinitialspace=True), [])
+    except csv.Error:  # a text in quotes that does not end in this line
+        cells = line.split(separator)
+    return [cell.strip() for cell in cells]
+
+
+def _is_row(cells: Sequence[str], separator: str) -> bool:
+    """Whether cells are a row: three numbers or times at least, and half of all."""
+    there = sum(_is_value(cell, separator) for cell in cells)
+    return there >= max(3, len(cells) / 2)
+
+
+def _may_name(cells: Sequence[str], columns: int, separator: str) -> bool:
+    """Whether cells may be the names of so many columns."""
+    return len(cells) == columns and any(cells) and not any(_is_value(cell, separator) for cell in cells)
+
+
+def _is_value(cell: str, separator: str) -> bool:
+    number = cell if separator == "," else cell.replace(",", ".")
+    return is_number(number) or is_instant(cell)
+
+
+def _joined(groups: Sequence[str], names: Sequence[str]) -> list[str]:
+    """The names of columns in two lines: groups of columns, each above its first one, and names or units below."""
+    joined, group = [], ""
+    for above, below in zip(groups, names):
+        group = above or group
+        unit = below.strip("[]()")
+        joined.append(f"{group} [{unit}]" if UNIT_WORD.fullmatch(unit) else f"{group} {below}".strip())
+    return joined
 
 
 def read_header(path: str | Path, file: TextIO, separator: str = ",") -> tuple[list[str], int]:
@@ -103,10 +159,10 @@ def read_header(path: str | Path, file: TextIO, separator: str = ",") -> tuple[l
         raise InputError(path, f"is empty; {_NAMES}")
     while lines[-1].lstrip().startswith(COMMENT) and len(lines) <= MOST_COMMENTS:
         lines.append(file.readline(LONGEST_HEADER + 1))
-    line, before = names_line(lines)
-    if len(line) > LONGEST_HEADER:
+    if len(lines[-1]) > LONGEST_HEADER:
         raise InputError(path, f"line 1: is longer than {LONGEST_HEADER} characters; it must name the columns")
-    names = [name.strip() for name in next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])]
+    lines += islice(iter(lambda: file.readline(LONGEST_HEADER + 1), ""), MOST_PREAMBLE)
+    names, before = names_of(lines, separator)
     if separator == "," and len(names) == 1 and (found := re.search(r"[;\t|]", names[0])):
         there = [f"{name.strip()!r}" for name in names[0].split(found[0])]
         raise InputError(

@@ -6,6 +6,7 @@ import csv
 import os
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 from typing import TextIO
 
@@ -15,12 +16,14 @@ from arm_io import InputError
 from arm_io.progress import report
 from arm_io.types import Array
 from daq.recording.tables.columns import Chunk, Table, read_blocks
-from daq.recording.tables.csv_header import last_line, open_text, read_header
+from daq.recording.tables.csv_header import MOST_PREAMBLE, last_line, open_text, read_header
 from daq.recording.tables.csv_time import TimeUnit, in_ns, is_instant
 from daq.recording.tables.mapping import Mapping
 
 BLOCK_CHARACTERS = 1 << 20
 """Of the text that is read at once."""
+
+_TIMES = "; of times, 2026-03-01 10:00:00.125, 01.03.2026 10:00:00,125 and 10:00:00.125 are read"
 
 
 def read_csv(
@@ -54,7 +57,7 @@ class CsvSource:
     InputError where it cannot be read, or its first line is too long or separated otherwise.
     """
 
-    word, where = "line", "line 1: "
+    word = "line"
     mapping: Mapping | None = None
     rows: int | None = None
 
@@ -63,6 +66,8 @@ class CsvSource:
         try:
             with self._open() as file:
                 self._all, self._before = read_header(path, file, separator)
+            self.where = f"line {max(self._before, 1)}: "
+            self._header = "the first line" if self._before == 1 else f"line {self._before}"
             with self._open() as file:
                 first = self._first_row(file)
         except (OSError, UnicodeDecodeError, csv.Error) as error:
@@ -77,13 +82,15 @@ class CsvSource:
     def chunks(self, needed: Sequence[str], time: str) -> Iterator[Chunk]:
         """All lines in their order; instants as ns since 1970."""
         places = {name: self._all.index(name) for name in needed}
+        before = None
         try:
             with self._open() as file:
                 for _ in range(self._before):
                     file.readline()
                 for lines, cells, plain in self._blocks(file):
                     if time in self._instants:
-                        cells[places[time]] = in_ns(self.path, time, lines, cells[places[time]])
+                        cells[places[time]] = in_ns(self.path, time, lines, cells[places[time]], before)
+                        before = int(cells[places[time]][-1])
                     columns = {
                         name: _numbers(self.path, name, lines, cells[place], plain=plain)
                         for name, place in places.items()
@@ -116,7 +123,7 @@ class CsvSource:
         """Cells of the first row, empty where there is none."""
         for _ in range(self._before):
             file.readline()
-        line = file.readline(BLOCK_CHARACTERS)
+        line = next(filter(str.strip, islice(iter(lambda: file.readline(BLOCK_CHARACTERS), ""), MOST_PREAMBLE)), "")
         return [cell.strip() for cell in next(csv.reader([line], delimiter=self._separator), [])]
 
     def _blocks(self, file: TextIO) -> Iterator[tuple[list[int], list[tuple[str, ...]], bool]]:
@@ -130,7 +137,7 @@ class CsvSource:
                     row.pop()
                 if len(row) != width:
                     raise InputError(
-                        self.path, f"line {number}: has {len(row)} cells, the first line names {width} columns"
+                        self.path, f"line {number}: has {len(row)} cells, {self._header} names {width} columns"
                     )
             if rows:
                 plain = not any("_" in one for one in text)
@@ -164,8 +171,9 @@ def _number(path: str | Path, name: str, line: int, cell: str) -> float:
     try:
         value = float(cell.replace("_", "?") or "nan")
     except ValueError:
+        hint = _TIMES if ":" in cell else "" if cell.count(".") < 2 else "; thousands must not be separated"
         raise InputError(
-            path, f"line {line}, column {name}: {cell!r} is no number; a missing sample is an empty cell"
+            path, f"line {line}, column {name}: {cell!r} is no number; a missing sample is an empty cell{hint}"
         ) from None
     if np.isinf(value):
         raise InputError(path, f"line {line}, column {name}: {cell!r} is not finite; a missing sample is an empty cell")

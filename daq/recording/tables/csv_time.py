@@ -38,10 +38,20 @@ ENOUGH = 20
 SLOWEST, FURTHEST = 0.01, 0.05
 """rad/s (m/s), rad (m): an arm that goes further than the second is nowhere as slow as the first; in ms it would be."""
 ROS_SECONDS = 1 << 31
-_INSTANT = re.compile(
-    r"(?P<local>\d{4}-\d\d-\d\d[T ]\d\d:\d\d(:\d\d(\.\d{1,9})?)?) ?(?P<zone>Z|UTC|[+-]\d\d(:?\d\d)?)?", re.ASCII
-)
-"""2026-03-01 10:00:00.125+01:00 and the like (ISO 8601)."""
+_CLOCK = r"(?P<clock>\d?\d:\d\d(:\d\d([.,]\d{1,9})?)?)"
+_ZONE = r" ?(?P<zone>Z|UTC|[+-]\d\d(:?\d\d)?)?"
+_INSTANTS = [
+    re.compile(text, re.ASCII)
+    for text in (
+        rf"(?P<date>\d{{4}}([-/])\d\d\2\d\d)[T ]{_CLOCK}{_ZONE}",
+        rf"(?P<day>\d\d)\.(?P<month>\d\d)\.(?P<year>\d{{4}})[T ]{_CLOCK}{_ZONE}",
+        rf"{_CLOCK}",
+        r"(?P<seconds>\d+([.,]\d+)?) sec",
+    )
+]
+"""2026-03-01 10:00:00.125+01:00 and the like (ISO 8601), 01.03.2026 10:00:00,125, a time of day 10:00:00.125, and what
+MATLAB writes of a duration, 0.125 sec."""
+_DAY_NS = 24 * 3600 * 10**9
 
 
 class TimeColumn:
@@ -144,26 +154,48 @@ def _ask(path: str | Path, t: Array) -> None:
 
 
 def is_instant(cell: str) -> bool:
-    """Whether a cell has a date and a time of day."""
-    return _INSTANT.fullmatch(cell.strip().strip('"')) is not None
+    """Whether a cell has a date and a time of day, a time of day alone, or a duration with its unit."""
+    return _instant(cell.strip().strip('"')) is not None
 
 
-def in_ns(path: str | Path, name: str, lines: Sequence[int], cells: Sequence[str]) -> tuple[str, ...]:
-    """The cells of a column as texts of whole ns since 1970; without a zone, of UTC.
+def in_ns(
+    path: str | Path, name: str, lines: Sequence[int], cells: Sequence[str], before: int | None = None
+) -> tuple[str, ...]:
+    """The cells of a column as texts of whole ns since 1970, or since midnight or 0 where they have no date.
 
+    Without a zone they are of UTC. Times of day go on after midnight; ``before``: ns of the row before the first one.
     InputError names the line of a cell that is none.
     """
-    found = [_INSTANT.fullmatch(cell.strip()) for cell in cells]
+    found = [_instant(cell.strip()) for cell in cells]
     for line, cell, one in zip(lines, cells, found):
-        if one is None:
+        if one is None or found[0] is None or one.re is not found[0].re:
             raise InputError(path, f"line {line}, column {name}: {cell.strip()!r} is no date and time, as others are")
-    matches = [one for one in found if one is not None]
+    matches = [one.groupdict() for one in found if one is not None]
     try:
-        local = np.array([one["local"] for one in matches], "datetime64[ns]").astype(np.int64)
+        local = np.array([_local(one) for one in matches], "datetime64[ns]").astype(np.int64)
     except ValueError as error:
         raise InputError(path, f"column {name}: {error}") from None
-    zones = {zone: _offset(zone) for zone in {one["zone"] for one in matches}}
-    return tuple(str(int(ns) - zones[one["zone"]]) for ns, one in zip(local, matches))
+    zones = {zone: _offset(zone) for zone in {one.get("zone") for one in matches}}
+    ns = local - np.array([zones[one.get("zone")] for one in matches], dtype=np.int64)
+    if not {"date", "year", "seconds"} & set(matches[0]):
+        first = int(ns[0]) if before is None else before
+        days = np.cumsum(np.diff(ns, prepend=first % _DAY_NS) < -_DAY_NS // 2) + first // _DAY_NS
+        ns = ns + days * _DAY_NS
+    return tuple(map(str, ns.tolist()))
+
+
+def _instant(cell: str) -> re.Match[str] | None:
+    return next((match for one in _INSTANTS if (match := one.fullmatch(cell))), None)
+
+
+def _local(parts: dict[str, str | None]) -> str | np.datetime64:
+    """The local time as numpy reads it; 1970-01-01 where there is no date."""
+    if (seconds := parts.get("seconds")) is not None:
+        return np.datetime64(int(Decimal(seconds.replace(",", ".")).scaleb(9)), "ns")
+    written = (parts.get("date") or "").replace("/", "-")
+    german = f"{parts['year']}-{parts['month']}-{parts['day']}" if parts.get("year") else ""
+    clock = str(parts["clock"]).replace(",", ".")
+    return f"{written or german or '1970-01-01'}T{clock.zfill(len(clock) + clock.find(':') % 2)}"
 
 
 def _offset(zone: str | None) -> int:

@@ -13,7 +13,7 @@ import numpy as np
 from arm_io import InputError
 from arm_io.files import read_head
 from arm_io.types import Array
-from daq.recording.tables.csv_header import LONGEST_HEADER, SAMPLE, encoding_of, names_line
+from daq.recording.tables.csv_header import LONGEST_HEADER, SAMPLE, cells_of, encoding_of, names_of
 from daq.recording.tables.mapping import UNITS, Mapping
 
 KNOWN: dict[str, dict[str, dict[str, str]]] = {
@@ -42,7 +42,7 @@ KNOWN: dict[str, dict[str, dict[str, str]]] = {
 }
 """Program -> the mapping of what it writes; t, q and i must be there, the others may be."""
 _TIME = re.compile(
-    r"(time|timestamp|t|sec|seconds|stamp|clock|elapsed([ _]*time)?|zeit(stempel)?|temps|tiempo|tempo)"
+    r"(time|timestamp|t|tout|sec|seconds|stamp|clock|elapsed([ _]*time)?|zeit(stempel)?|temps|tiempo|tempo)"
     r"(?:[ _]*[\[(]?(?P<unit>s|sec|ms|us|ns)[\])]?)?",
     re.IGNORECASE,
 )
@@ -50,19 +50,20 @@ PLOTJUGGLER_TIME = "__time"
 _OF_TOPIC = re.compile(r"(?P<topic>/.+)/(?P<joint>[^/]+)/(?P<field>position|effort)")
 _DEMANDS = re.compile(r"demand|command|desired|reference|target|setpoint", re.IGNORECASE)
 POSITION = "q|pos|positions?|angles?|joint|winkel"
+_MEASURED = "([ _.]*(meas(ured)?|act(ual)?|feedback|fbk?))?"
 _JOINT = "joint|axis|achse|gelenk"
 _WORDS = {
     "qref": rf"(({POSITION})?[ _.]*(ref|reference|demand|demanded|target|setpoint|desired|des|cmd|command)[ _.]*"
     rf"({POSITION})?|q_d|soll[ _.-]*(wert|position|winkel)?)",
     "ql": r"(link|load|output)[ _.]*(side)?[ _.]*(q|pos|position|angle|encoder)",
     "i": r"(i|joint[ _.]*(currents?|torques?|efforts?)|cur|curr|currents?|motor[ _.]*currents?|actual[ _.]*current"
-    r"|tau(_J)?|torques?|effort|actual[ _.]*torque|strom|motorstrom|drehmoment)",
+    rf"|tau(_J)?|torques?|effort|actual[ _.]*torque|strom|motorstrom|drehmoment){_MEASURED}",
     "v": r"(v|volt|voltage|motor[ _.]*voltage)",
     "temp": r"(temp|temperature|motor[ _.]*temperature)",
-    "q": r"(q|pos|positions?|angles?|winkel|theta|joint|axis|actual[ _.]*(q|pos|position)"
-    r"|joint[ _.]*(pos|positions?|angles?)|ist[ _.-]*(wert|position|winkel)?)",
+    "q": r"(q|j|pos|positions?|angles?|winkel|theta|joint|axis|actual[ _.]*(q|pos|position)"
+    rf"|joint[ _.]*(pos|positions?|angles?)|ist[ _.-]*(wert|position|winkel)?){_MEASURED}",
 }
-_UNIT = r"(?P<unit>[ _]*[\[(]?(rad|deg|degrees|grad|°|mA|A|Nm|N m|N\*m|V|C|degC)[\])]?|[ _]*[ _\[(](mm|cm|m)[\])]?)?"
+_UNIT = r"(?P<unit>[ _]*[\[(]?(rad|deg|degrees|grad|°|mA|A|%|Nm|N m|N\*m|V|C|degC)[\])]?|[ _]*[ _\[(](mm|cm|m)[\])]?)?"
 _SPELLED = {"degrees": "deg", "Grad": "deg", "grad": "deg", "°": "deg", "Nm": "N m", "N*m": "N m", "C": "degC"}
 _COMMA = re.compile(r"\s*-?\d+,\d+(e-?\d+)?\s*")
 _Units = str | list[str]
@@ -95,9 +96,6 @@ def guess_csv(path: str | Path, joints: Sequence[str] = ()) -> Mapping | None:
         lines = [line.strip() for line in text.read().split("\n")]
     # the last line of a part of a text is part of a line
     lines = lines if len(head) < SAMPLE else lines[:-1]
-    if lines:
-        header, before = names_line(lines)
-        lines = [header, *lines[before:]]
     if not lines or len(lines[0]) > LONGEST_HEADER:
         raise InputError(path, f"line 1: must name the columns, in at most {LONGEST_HEADER} characters")
     for separator in ";\t|,":
@@ -105,7 +103,7 @@ def guess_csv(path: str | Path, joints: Sequence[str] = ()) -> Mapping | None:
         if found is not None:
             return found
     for separator in ";\t|,":
-        if odd := _unpaired([name.strip().strip('"') for name in lines[0].split(separator)]):
+        if odd := _unpaired(names_of(lines, separator)[0]):
             raise InputError(
                 path, f"line 1: every joint needs a position and a current; {odd}; --map says which is which"
             )
@@ -113,9 +111,14 @@ def guess_csv(path: str | Path, joints: Sequence[str] = ()) -> Mapping | None:
 
 
 def _guess_separated(lines: Sequence[str], separator: str, joints: Sequence[str]) -> Mapping | None:
-    """The mapping that the lines of a text suggest if this separates their cells."""
-    names = [name.strip().strip('"') for name in lines[0].split(separator)]
-    rows = [line.split(separator) for line in lines[1:] if line]
+    """The mapping that the lines of a text suggest if this separates their cells.
+
+    None where the first row does not have as many cells as there are names.
+    """
+    names, before = names_of(lines, separator)
+    rows = [cells_of(line, separator) for line in lines[before:] if line]
+    if rows and _named(rows[0]) != _named(names):
+        return None
     commas = separator != "," and any(_COMMA.fullmatch(cell) for row in rows for cell in row)
     decimal = "," if commas else "."
     numbers = {
@@ -124,6 +127,11 @@ def _guess_separated(lines: Sequence[str], separator: str, joints: Sequence[str]
     }
     found = guess(names, numbers, joints)
     return found and found.model_copy(update={"separator": separator, "decimal": decimal})
+
+
+def _named(cells: Sequence[str]) -> int:
+    """Number of cells, without an empty one where a line ends in a separator."""
+    return len(cells) - (not cells[-1]) if cells else 0
 
 
 def _known(names: Sequence[str], table: dict[str, dict[str, str]]) -> Mapping | None:

@@ -25,7 +25,7 @@ UNITS: dict[str, dict[str, float]] = {
     "q": _POSITIONS,
     "qref": _POSITIONS,
     "ql": _POSITIONS,
-    "i": {"A": 1.0, "mA": 1e-3, "N m": 1.0, "drive": 1.0},
+    "i": {"A": 1.0, "mA": 1e-3, "N m": 1.0, "drive": 1.0, "%": 1.0},
     "v": {"V": 1.0, "mV": 1e-3},
     "temp": {"degC": 1.0},
     "xyz": _LENGTHS,

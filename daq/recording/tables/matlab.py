@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -20,8 +21,8 @@ from daq.recording.tables.mapping import Mapping
 from daq.recording.tables.matlab_writer import EXTRA, EXTRA_NAMES
 
 ROWS = 1 << 14
-
-
+OBJECT = "object of class"
+_AS_NUMBERS = ": only MATLAB reads objects; docs/recordings.md has the commands that save their numbers"
 ALMOST = 0.1
 """Relative difference of two numbers of samples below which both signals are meant to be of the same samples."""
 
@@ -31,8 +32,10 @@ class MatlabSource:
 
     A vector of n numbers is a column of its name; a matrix q (n, J) or (J, n) is q1 to qJ. Fields of a structure are
     named STRUCTURE.FIELD (``_flat``); if the file has one structure and nothing else, they have their own names. n is
-    the length of the longest vector; a column of a matrix without any number is left out. The columns of ``EXTRA`` have
-    the names in ``EXTRA_NAMES``, where that is there. InputError where it cannot be read, or has no vector.
+    the length of the longest vector, or of a matrix that is alone and begins with the times (Simulink's To File); a
+    column of a matrix without any number is left out. The columns of ``EXTRA`` have the names in ``EXTRA_NAMES``, where
+    that is there. ``unread`` says which variables are none of this. InputError where it cannot be read, or has no
+    vector.
     """
 
     word, where = "row", ""
@@ -41,10 +44,13 @@ class MatlabSource:
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
         # MATLAB writes a header of its own before HDF5; h5py and hdf5storage need none
-        head = read_head(path, 128)
-        self._hdf5 = b"MATLAB 7.3" in head or head.startswith(b"\x89HDF\r\n\x1a\n")
+        head = read_head(path, 520)
+        self._hdf5 = any(head[start : start + 8] == b"\x89HDF\r\n\x1a\n" for start in (0, 512))
+        self._others: dict[str, str] = {}
         variables = self._variables()
         self.rows = max((one.size for one in variables.values() if one.size == max(one.shape, default=0)), default=0)
+        if self.rows < 2:
+            self.rows = _rows_of_matrix([one for one in variables.values() if len(one.shape) == 2])
         self._places: dict[str, tuple[str, int | None, bool]] = {}
         for name, one in variables.items():
             if one.size == max(one.shape, default=0) == self.rows:
@@ -55,6 +61,18 @@ class MatlabSource:
                     if name in ("q", "i") or not np.isnan(one[column, :] if flat else one[:, column]).all():
                         self._places[f"{name}{column + 1}"] = name, column, flat
         self.names: list[str] = list(self._places)
+        read = {name for name, _, _ in self._places.values()}
+        sizes = {
+            name: _size(one.shape) for name, one in variables.items() if name not in read and one.size > MOST_JOINTS
+        }
+        left_out = {"not read": self._others, f"not of {self.rows} samples": sizes}
+        self.unread = "; ".join(
+            f"{why}: {', '.join(f'{name} ({what})' for name, what in one.items())}"
+            for why, one in left_out.items()
+            if one
+        )
+        if any(what.startswith(OBJECT) for what in self._others.values()):
+            self.unread += _AS_NUMBERS
         self._check_lengths({name: tuple(one.shape) for name, one in variables.items()})
 
     def _check_lengths(self, shapes: dict[str, tuple[int, ...]]) -> None:
@@ -65,8 +83,14 @@ class MatlabSource:
         matrices = {name: shape for name, shape in shapes.items() if len(shape) == 2 and min(shape) > 1}
         if self.rows < 2 or not self.names:
             long = next((name for name, shape in matrices.items() if max(shape) > MOST_JOINTS), None)
-            lacks = "" if long is None else f" beside {long} ({_size(matrices[long])}): the times t (s) are missing"
-            raise InputError(self.path, f"has no vector of numbers{lacks}; it must have one row of numbers per sample")
+            lacks = ""
+            if long is not None:
+                lacks = f" beside {long} ({_size(matrices[long])}): the times t (s) are missing"
+                lacks += f" (samples at one period, s: t = period * (0:{max(matrices[long]) - 1})' in MATLAB)"
+            more = f"; {self.unread}" if self._others else ""
+            raise InputError(
+                self.path, f"has no vector of numbers{lacks}; it must have one row of numbers per sample{more}"
+            )
         longest = next(name for name, shape in shapes.items() if max(shape, default=0) == self.rows)
         alone = all(column is None for _, column, _ in self._places.values())
         for name, shape in matrices.items() if alone else shapes.items():
@@ -98,6 +122,10 @@ class MatlabSource:
         """A .mat file says none."""
         return None
 
+    def notes(self) -> list[str]:
+        """Which variables were not read."""
+        return [self.unread] if self._others else []
+
     def _column(self, variables: dict[str, Any], name: str, part: slice) -> Any:
         variable, column, flat = self._places[name]
         values = variables[variable]
@@ -110,7 +138,7 @@ class MatlabSource:
         """Name -> an array of numbers, or a data set of an HDF5 file that reads like one."""
         os.close(open_regular(self.path))
         try:
-            found = _of_hdf5(self.path) if self._hdf5 else _of_v5(self.path)
+            found, self._others = _of_hdf5(self.path) if self._hdf5 else _of_v5(self.path)
         except InputError:
             raise
         except Exception as error:  # both libraries raise anything over a damaged file
@@ -130,23 +158,49 @@ def _size(shape: Sequence[int]) -> str:
     return " x ".join(map(str, shape))
 
 
-def _of_v5(path: Path) -> dict[str, Any]:
+def _rows_of_matrix(matrices: Sequence[Any]) -> int:
+    """Samples of the only matrix, if its first row or column, along the samples, increases as times do; else 0."""
+    if len(matrices) != 1 or max(matrices[0].shape) <= MOST_JOINTS:
+        return 0
+    times = np.asarray(matrices[0][0] if np.argmax(matrices[0].shape) else matrices[0][:, 0], float)
+    return len(times) if (np.diff(times) > 0).all() else 0
+
+
+def _of_v5(path: Path) -> tuple[dict[str, Any], dict[str, str]]:
+    """The arrays of numbers by name, and what else there is."""
     from scipy.io import loadmat
+    from scipy.io.matlab import MatReadWarning
 
     found: dict[str, Any] = {}
-    for name, value in loadmat(path, struct_as_record=True).items():
-        if value is not None and not name.startswith("__"):
-            found |= _flat(name, value)
-    numbers = {name: value for name, value in found.items() if getattr(value, "dtype", np.dtype("O")).kind in "fiu"}
-    return _with_names(numbers, found.get(EXTRA_NAMES))
+    with warnings.catch_warnings():
+        # objects have one name for all of them
+        warnings.simplefilter("ignore", MatReadWarning)
+        for name, value in loadmat(path, struct_as_record=True).items():
+            if value is not None and not name.startswith("__"):
+                found |= _flat(name, value)
+    numbers: dict[str, Any] = {}
+    others: dict[str, str] = {}
+    for name, value in found.items():
+        if isinstance(value, str):
+            others[name] = value
+        elif getattr(value, "dtype", np.dtype("U")).kind in "fiu":
+            numbers[name] = value.squeeze() if value.ndim > 2 else value
+        elif value.dtype == object and name != EXTRA_NAMES:
+            others[name] = "cell array"
+    return _with_names(numbers, found.get(EXTRA_NAMES)), others
 
 
 def _flat(name: str, value: Any) -> dict[str, Any]:
     """A variable, or the fields of a structure as NAME.FIELD, of an array of structures as NAME1.FIELD, ...
 
     An array of more structures than there are joints has one per sample: its fields are columns. Simulink's structures
-    of time and signals are vectors NAME of their values.
+    of time and signals are vectors NAME of their values. Of an object: what it is.
     """
+    from scipy.io.matlab import MatlabOpaque
+
+    if isinstance(value, MatlabOpaque):
+        own, kind = _of_object(name, value.flat[0])
+        return {own: f"{OBJECT} {kind}"}
     fields = getattr(getattr(value, "dtype", None), "names", None)
     if not fields:
         return {name: value}
@@ -161,6 +215,12 @@ def _flat(name: str, value: Any) -> dict[str, Any]:
     return found
 
 
+def _of_object(name: str, record: Any) -> tuple[str, str]:
+    """The name and the class of an object. Until scipy 1.18 its own name stands in it, and ``name`` is 'None'."""
+    texts = [str(one, "utf-8") if isinstance(one, bytes) else str(one) for one in record]
+    return (name, texts[1]) if "_Class" in record.dtype.names else (texts[0] or name, texts[2])
+
+
 def _stacked(parts: Any) -> Any:
     """(n, k) of n structures' fields of k numbers each; None where they are no numbers, or not as many in each."""
     rows = [np.ravel(part) for part in parts.flat]
@@ -170,11 +230,17 @@ def _stacked(parts: Any) -> Any:
 
 
 def _of_simulink(name: str, value: Any) -> dict[str, Any]:
-    """What To Workspace writes as 'Structure With Time': its values as NAME, of several signals NAME1, NAME2, .."""
+    """What To Workspace writes as 'Structure With Time': its values as NAME.
+
+    Of several signals, as a Scope has them: NAME.LABEL where each has a label of its own, else NAME1, NAME2, ..
+    """
     signals = value["signals"].flat[0]
+    labels = [str(np.squeeze(one)) for one in signals["label"].flat] if "label" in signals.dtype.names else []
+    named = len(set(labels) - {"", "[]"}) == signals.size > 1
     found = {f"{name}.time": value["time"].flat[0]}
     for number, signal in enumerate(signals.flat, 1):
-        found[f"{name}{number if signals.size > 1 else ''}"] = signal["values"]
+        own = f".{labels[number - 1]}" if named else number if signals.size > 1 else ""
+        found[f"{name}{own}"] = signal["values"]
     return found
 
 
@@ -190,13 +256,22 @@ def _with_names(found: dict[str, Any], cells: Any) -> dict[str, Any]:
     return others | {name: found[EXTRA][:, column] for column, name in enumerate(names)}
 
 
-def _of_hdf5(path: Path) -> dict[str, Any]:
+def _of_hdf5(path: Path) -> tuple[dict[str, Any], dict[str, str]]:
+    """The data sets of numbers by name, and what else there is."""
     h5py = optional("h5py", "matlab", path)
     found: dict[str, Any] = {}
+    others: dict[str, str] = {}
 
     def take(name: str, one: Any) -> None:
-        if isinstance(one, h5py.Dataset) and one.dtype.kind in "fiu" and not name.startswith("#"):
-            found[name.replace("/", ".")] = one
+        if name.startswith("#") or not isinstance(one, h5py.Dataset):
+            return
+        own, kind = name.replace("/", "."), str(one.attrs.get("MATLAB_class", b""), "utf-8", "replace")
+        if "MATLAB_object_decode" in one.attrs:
+            others[own] = f"{OBJECT} {kind}"
+        elif one.dtype.kind in "fiu" and kind != "char":
+            found[own] = one[()].squeeze() if one.ndim > 2 else one
+        elif one.dtype.kind == "O":
+            others[own] = "cell array" if kind == "cell" else "array of structures"
 
     h5py.File(path, "r").visititems(take)
-    return found
+    return found, others
