@@ -26,7 +26,11 @@ def find_driver(path: str, where: str = "driver") -> ModuleType:
     try:
         module = importlib.import_module(path)
     except ImportError as error:
-        raise InputError(where, f"driver {path!r} cannot be imported: {error}") from None
+        own = f"; the folder that holds {path.partition('.')[0]}.py must be in PYTHONPATH"
+        hint = own if error.name == path.partition(".")[0] else ""
+        raise InputError(where, f"driver {path!r} cannot be imported: {error}{hint}") from None
+    except SyntaxError as error:
+        raise InputError(where, f"driver {path!r}: {error.filename}, line {error.lineno}: {error.msg}") from None
     if not (hasattr(module, "Config") and callable(getattr(module, "make", None))):
         raise InputError(where, f"{path!r} is not a driver: it has no Config and make()")
     return module

@@ -230,12 +230,14 @@ def _left(place: Path, remote: bool) -> str:
 
 def text_of(result: Table) -> str:
     """The result of a run for a person."""
+    from daq.recording.losses import loss_lines
+
     ledger, ending = result["ledger"], result["ending"]
-    lost = f"{ledger['lost']} of {ledger['triggers']} rows were LOST" if ledger["lost"] else "nothing was lost"
-    lines = [f"{_below(result)}: {result['rows']} rows of '{result['experiment']}'; {lost}"]
-    for loss in ledger["losses"]:
-        detail = f" ({loss['detail']})" if loss["detail"] else ""
-        lines.append(f"  lost: {loss['rows']} from trigger {loss['first']} on: {loss['sentence']}{detail}")
+    missing = [f"{device} has NO VALUE in {rows} rows" for device, rows in result.get("missing", {}).items()]
+    lost = [f"{ledger['lost']} of {ledger['triggers']} rows were LOST"] if ledger["lost"] else []
+    what = ", ".join(lost + missing) or "nothing was lost"
+    lines = [f"{_below(result)}: {result['rows']} rows of '{result['experiment']}'; {what}"]
+    lines += [f"  {line}" for line in loss_lines(ledger["losses"])]
     lines.append(f"  end of the run: {ending['sentence']}")
     if result.get("fetched"):
         lines.append(f"  copied to {result['fetched']}")

@@ -11,6 +11,7 @@ from arm_report import line_width, text_table, wrapped
 from armscope.commands.options import Json, RecordingArgument
 from armscope.progress import shown
 from daq.recording import open_long
+from daq.recording.losses import loss_lines
 from daq.recording.summary import summary, verification_table
 
 _LONGEST = 10
@@ -109,13 +110,7 @@ def _checksums(verification: dict[str, Any] | None) -> str | None:
 
 
 def _losses(table: dict[str, Any]) -> list[str]:
-    losses = table["ledger"]["losses"]
-    lines = []
-    for loss in losses[:_LONGEST]:
-        detail = f" ({loss['detail']})" if loss["detail"] else ""
-        lines.append(f"    lost: {loss['rows']} from trigger {loss['first']} on: {loss['sentence']}{detail}")
-    if len(losses) > _LONGEST:
-        lines.append(f"    and {len(losses) - _LONGEST} more losses (--json has them all)")
+    lines = [f"    {line}" for line in loss_lines(table["ledger"]["losses"])]
     pauses = sorted(table["gaps"], key=lambda gap: -gap["seconds"])
     lines += [f"    gap: {gap['seconds']:.4g} s after row {gap['row'] + 1}" for gap in pauses[:_LONGEST]]
     return lines + ([f"    and {len(pauses) - _LONGEST} shorter gaps"] if len(pauses) > _LONGEST else [])

@@ -54,7 +54,7 @@ def status_of(result: Table) -> int:
     """The exit status of a run's result."""
     if result["ending"]["fault"]:
         return DEVICE_FAILED
-    return SAMPLES_LOST if result["ledger"]["lost"] else DONE
+    return SAMPLES_LOST if result["ledger"]["lost"] or result.get("missing") else DONE
 
 
 @contextmanager

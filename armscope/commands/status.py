@@ -47,6 +47,8 @@ def _text(status: Table) -> str:
         lines.append(f"  records to {status['recordings']}")
     if status["last"]:
         last = status["last"]
-        lost = f"{last['ledger']['lost']} lost" if last["ledger"]["lost"] else "nothing lost"
+        missing = ", ".join(last.get("missing", {}))
+        lost = f"{last['ledger']['lost']} lost" if last["ledger"]["lost"] else "" if missing else "nothing lost"
+        lost = ", ".join(filter(None, [lost, missing and f"values of {missing} missing"]))
         lines.append(f"  last: {last['file']}, {last['rows']} rows, {lost}; {last['ending']['sentence']}")
     return "\n".join(lines)

@@ -14,6 +14,7 @@ angles and currents. No step loops over samples.
 from __future__ import annotations
 
 import threading
+from collections import Counter
 from collections.abc import Iterator
 from typing import cast
 
@@ -26,7 +27,7 @@ from daq.acquisition.device_stream import Stream
 from daq.acquisition.join import Join, Joined
 from daq.acquisition.ledger import Ledger
 from daq.acquisition.readers import Intake
-from daq.acquisition.rows import Rows
+from daq.acquisition.rows import Rows, without_value
 from daq.acquisition.states import NEXT, End, Ending, State
 from daq.acquisition.tracker_memory import merge_points
 from daq.rig.bench import Bench
@@ -67,6 +68,7 @@ class Acquisition:
         self.ending: Ending | None = None
         self.notes: list[str] = []
         self.rows_made = 0
+        self.missing: Counter[str] = Counter()
         self.started_ns = 0
         self._wall_offset = 0
         self._first = (0, 0)
@@ -223,6 +225,7 @@ class Acquisition:
         if breach is not None:
             self._stop_at_once(End.LIMIT, breach)
         self.rows_made += len(rows)
+        self.missing.update(without_value(self.bench.columns, rows))
         if self._intake.recalled is None:
             yield rows
         else:  # complete once the tracker's memory has been read, at most so many rows as that holds

@@ -24,6 +24,7 @@ STAMP_BIAS_NS = 250_000
 At a trigger period of less than twice this, stamps cannot tell which of two neighbouring triggers a first row belongs
 to, and the device's own numbering is trusted.
 """
+_BUSY = ": it was still answering when it was due, or the computer was busy"
 
 
 @dataclass(frozen=True)
@@ -264,7 +265,7 @@ class Join:
             if not there[0]:
                 if stream.name in self.gone and number > stream.newest:
                     return LossReason.DEVICE_GONE, f"{stream.name}: {self.gone[stream.name]}"
-                return LossReason.NOT_LATCHED, stream.name
+                return LossReason.NOT_LATCHED, f"{stream.name}{_BUSY if stream.by_time else ''}"
         return LossReason.NOT_LATCHED, self.clock.name
 
 

@@ -83,7 +83,7 @@ class Poller:
         """
         before = self.clock.monotonic_ns()
         try:
-            row = self.device.poll()
+            row = _checked(self.device, self.device.poll())
         except DeviceFault as fault:
             self._fault = fault
             self._stop.set()
@@ -111,6 +111,20 @@ class Poller:
             if wait > 0 and self._stop.wait(wait):
                 return
             self.ask()
+
+
+def _checked(device: PolledDevice, row: Block) -> Block:
+    """One row with a value and a quality of each channel that the device states; ValueError, AttributeError else."""
+    values = {"width": row.counts, "range_volts": row.volts}
+    made = {name: 0 if one is None else one.shape[-1] for name, one in values.items()}
+    stated = {name: len(getattr(device, name)) if hasattr(device, name) else made[name] for name in values}
+    if len(row) != 1 or made != stated or row.quality.shape[-1] < sum(stated.values()):
+        raise ValueError(
+            f"poll() gave {len(row)} row of {made['width']} counts, {made['range_volts']} volts and "
+            f"{row.quality.shape[-1]} qualities; the device has {stated['width']} counters and "
+            f"{stated['range_volts']} inputs"
+        )
+    return row
 
 
 def sleep_until(clock: HostClock, until: int, pollers: list[Poller]) -> None:

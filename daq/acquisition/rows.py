@@ -7,6 +7,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from daq.rig.channels import Columns
+from drivers.protocols import Quality
+
 
 @dataclass(frozen=True, slots=True)
 class Rows:
@@ -41,3 +44,14 @@ class Rows:
 
     def __len__(self) -> int:
         return len(self.number)
+
+
+def without_value(columns: Columns, rows: Rows) -> dict[str, int]:
+    """Device -> rows in which one of its counters or inputs has no value."""
+    found: dict[str, int] = {}
+    missing = (rows.quality & Quality.MISSING) != 0
+    for name in {device for device, _ in columns.counters + columns.inputs}:
+        own = [k for k, (device, _) in enumerate(columns.counters + columns.inputs) if device == name]
+        if count := int(missing[:, own].any(axis=1).sum()):
+            found[name] = count
+    return found

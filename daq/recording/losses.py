@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TextIO
+from typing import Any, TextIO
 
 from daq.acquisition.ledger import SENTENCES, LedgerSummary
 
 UNSURE = "the number of rows after the last one is unknown"
 """Note of a recording whose end is missing, and the count of its rows with it."""
+MOST_LINES = 10
 
 
 @dataclass(frozen=True)
@@ -88,3 +89,25 @@ def sentences(account: Account) -> list[str]:
         reasons = "; ".join(f"{count} because {sentence}" for sentence, count in rows.most_common())
     share = 100 * ledger.lost / ledger.triggers
     return [f"{ledger.lost} of {ledger.triggers} rows are missing ({share:.3g} %): {reasons}", *account.notes]
+
+
+def loss_lines(losses: Sequence[Mapping[str, Any]]) -> list[str]:
+    """A line for each loss of a ledger's table; where they are more than ``MOST_LINES``, for each reason and device."""
+    if len(losses) <= MOST_LINES:
+        return [f"lost: {loss['rows']} from trigger {loss['first']} on: {_why(loss)}" for loss in losses]
+    places: dict[str, list[Mapping[str, Any]]] = {}
+    for loss in losses:
+        places.setdefault(_why(loss), []).append(loss)
+    lines = []
+    for why, found in places.items():
+        most = max(found, key=lambda loss: int(loss["rows"]))
+        where = f"1 place from trigger {most['first']} on"
+        if len(found) > 1:
+            where = f"{len(found)} places from trigger {found[0]['first']} to {found[-1]['first']}"
+            where += f", at most {most['rows']} at once (from trigger {most['first']} on)"
+        lines.append(f"lost: {sum(loss['rows'] for loss in found)} in {where}: {why}")
+    return [*lines, "'armscope info --json' lists each loss"]
+
+
+def _why(loss: Mapping[str, Any]) -> str:
+    return f"{loss['sentence']} ({loss['detail']})" if loss["detail"] else str(loss["sentence"])

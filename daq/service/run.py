@@ -176,6 +176,7 @@ class Run:
             ending = {"reason": str(ended.reason), "sentence": str(ended), "fault": ended.state is State.FAULT}
         closing = {
             "ending": ending,
+            "missing": dict(acquisition.missing),
             "notes": acquisition.notes,
             "clocks": [fit.as_table() for fit in acquisition.clocks()] if acquisition.rows_made else [],
         }
@@ -195,6 +196,7 @@ class Run:
             "rows": ledger.recorded,
             "ending": ending,
             "ledger": ledger_table(ledger),
+            "missing": dict(acquisition.missing),
             "notes": acquisition.notes,
             "published": {"blocks": self._publisher.blocks, "rows": self._publisher.rows} if self._publisher else None,
         }

@@ -9,6 +9,7 @@ import pytest
 
 from armscope.api.recording import text_of
 from armscope.cli import run
+from armscope.commands.record import status_of
 
 ENDED = {
     "rows": 5,
@@ -34,6 +35,27 @@ def test_the_file_of_a_run(
     (tmp_path / "here").mkdir()
     monkeypatch.chdir(tmp_path / "here")
     assert text_of(ENDED | more | {"file": str(tmp_path / place)}).startswith(named.format(root=tmp_path))
+
+
+def test_many_losses_are_summed_by_reason_and_device() -> None:
+    gone = {"rows": 9, "first": 90, "sentence": "a device was unplugged or stopped answering", "detail": "currents"}
+    often = [{"rows": 1 + (k == 3), "first": 4 * k, "sentence": "made no row", "detail": "counter"} for k in range(20)]
+    losses = [*often, gone]
+    said = text_of(ENDED | {"file": "a.mcap", "ledger": {"lost": 30, "triggers": 100, "losses": losses}})
+    assert (
+        "lost: 21 in 20 places from trigger 0 to 76, at most 2 at once (from trigger 12 on): made no row (counter)"
+        in said
+    )
+    assert "lost: 9 in 1 place from trigger 90 on: a device was unplugged or stopped answering (currents)" in said
+    few = text_of(ENDED | {"file": "a.mcap", "ledger": {"lost": 10, "triggers": 100, "losses": [often[0], gone]}})
+    assert "lost: 1 from trigger 0 on: made no row (counter)" in few
+
+
+def test_values_that_a_device_did_not_give_are_losses() -> None:
+    ended = ENDED | {"file": "a.mcap", "missing": {"currents": 3}, "ending": {"sentence": "", "fault": False}}
+    assert "5 rows of 'sweep'; currents has NO VALUE in 3 rows" in text_of(ended)
+    assert status_of(ended) == 4
+    assert status_of(ended | {"missing": {}}) == 0
 
 
 def test_a_folder_that_is_not_there_is_named_as_it_was_given(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import threading
 import time
 
@@ -11,6 +12,7 @@ import pytest
 from arm_io import DeviceFault
 from daq.acquisition.device_stream import Stream
 from daq.acquisition.polling import Poller
+from daq.acquisition.rows import Rows, without_value
 from daq.rig.channels import Columns
 from drivers.blocks import missing_row, one_row
 from drivers.clock import SystemClock
@@ -83,6 +85,46 @@ def test_a_driver_that_crashes_is_a_fault_with_its_words() -> None:
     poller.stop()
     with pytest.raises(DeviceFault, match="its driver failed: ZeroDivisionError: division by zero"):
         poller.read()
+
+
+@pytest.mark.parametrize(
+    ("row", "said"),
+    [
+        (
+            one_row(0, [1], quality=[0]),
+            "poll() gave 1 row of 1 counts, 0 volts and 1 qualities; the device has 2 counters",
+        ),
+        (one_row(0, [1, 2], quality=[0]), "1 qualities; the device has 2 counters and 0 inputs"),
+        ((1, 2), "its driver failed: "),
+    ],
+)
+def test_a_row_that_is_not_of_the_device_is_a_fault_of_its_driver(row: Block, said: str) -> None:
+    class Odd(Asked):
+        width = (24, 24)
+
+        def poll(self) -> Block:
+            self.enough.set()
+            return row
+
+    device = Odd()
+    poller = Poller(device, SystemClock(), 0.002)
+    poller.start(time.monotonic_ns())
+    assert device.enough.wait(10.0)
+    poller.stop()
+    with pytest.raises(DeviceFault, match=re.escape(said)):
+        poller.read()
+
+
+def test_rows_without_a_value_are_counted_by_device() -> None:
+    columns = Columns((("card", 0), ("card", 1), ("other", 0)), (8, 8, 8), (("volts", 0),), "tracker")
+    quality = np.zeros((5, 5), np.uint8)
+    quality[:2, 0] = quality[1:3, 1] = Quality.MISSING
+    quality[4, 2] = Quality.STALE
+    quality[0, 3] = Quality.MISSING | Quality.LATE
+    quality[:, 4] = Quality.MISSING  # a beam may be interrupted
+    none = np.zeros(5, np.int64)
+    rows = Rows(none, none, none, none, np.zeros((5, 3), np.int64), np.zeros((5, 1)), quality, none, none)
+    assert without_value(columns, rows) == {"card": 3, "volts": 1}
 
 
 def test_rows_without_a_value_do_not_break_the_count_of_a_register_that_wraps() -> None:

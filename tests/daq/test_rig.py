@@ -64,6 +64,7 @@ def test_a_good_rig_is_read(tmp_path: Path) -> None:
         ({"trigger.source": "sun"}, ["trigger.source", "tracker"]),
         ({"device.1.name": "card"}, ["'card'", "twice"]),
         ({"device.0.driver": "drivers.nothing"}, ["device[1] (card)", "cannot be imported"]),
+        ({"device.0.driver": "my_card"}, ["cannot be imported", "that holds my_card.py must be in PYTHONPATH"]),
         ({"device.0.driver": "drivers.clock"}, ["device[1] (card)", "not a driver"]),
         ({"device.0.colour": "red"}, ["device[1] (card)", "colour", "unknown entry"]),
         ({"joint.0.gear": 0.0}, ["joint[1].gear", "other than 0"]),
