@@ -21,6 +21,7 @@ from diagnosis.residual.noise.channels import angle_noise, scatter, still_noise
 from diagnosis.residual.noise.encoder_step import encoder_step
 from diagnosis.residual.run_setup import setup_of
 from diagnosis.screening.event import Event
+from diagnosis.screening.servo_commands import clipped_by_command
 from diagnosis.units import recorded_quantity
 
 RUNS_AWAY = 1.5
@@ -106,7 +107,8 @@ def current_limits(recordings: Sequence[Recording], arm: Arm | None = None) -> l
     So do those of a joint that meets nothing but its friction, or always accelerates alike, and those of a slow motion
     at a smooth crest: the pile is a limit where the joint departs from its setpoint meanwhile; or where it is reached
     in several visits, for long or with a flat top each time, and either does not follow the friction of the joint (of
-    ``arm``), which changes with speed and direction, or is flat to a hundredth.
+    ``arm``), which changes with speed and direction, or is flat to a hundredth. What rows alone do not show, the
+    servo does that asks for more (``servo_commands``).
     """
     smooth = [_averaged(r) for r in recordings]
     # noise that averaging does not remove
@@ -118,6 +120,9 @@ def current_limits(recordings: Sequence[Recording], arm: Arm | None = None) -> l
         driven = [_driven(r, j) for r in recordings]
         pile = _pile([v[rows] for v, rows in zip(of_joint, driven)], noise, recordings)
         clipped = _clipped(recordings, [np.where(d, v, 0.0) for v, d in zip(of_joint, driven)], j, pile, arm)
+        level, std = pile.level, noise
+        if not clipped and (by_command := clipped_by_command(recordings, arm, j)) is not None:
+            level, std, clipped = by_command.level, by_command.std, by_command.recordings
         if not clipped:
             return None
         quantity = "current" if arm is None else recorded_quantity(arm.joints[j])
@@ -125,8 +130,8 @@ def current_limits(recordings: Sequence[Recording], arm: Arm | None = None) -> l
         return Event(
             effect=CURRENT_LIMIT.name,
             joint=j + 1,
-            parameters=[Estimate("limit", pile.level, noise, "A")],
-            evidence=f"the {quantity} of joint {j + 1} is clipped at {pile.level:.3g} {unit} in {len(clipped)} of "
+            parameters=[Estimate("limit", level, std, "A")],
+            evidence=f"the {quantity} of joint {j + 1} is clipped at {level:.3g} {unit} in {len(clipped)} of "
             f"{len(recordings)} recordings",
             recordings=clipped,
         )
