@@ -39,6 +39,8 @@ The teeth of a gap that closes make the motor fast, too, but no row alone.
 """
 STAYS = 0.3
 """Share of a jump by which the angles before and after may differ from it."""
+MOST = 0.7
+"""Share of a jump with which a link must turn for the motor to have moved: of counts that were missed, it shows none."""
 ANSWER = 0.5
 """Share of a jump by which a servo may turn the joint back in the row after it: it sees the jump as an error."""
 ANSWERED = 1.0 / 3.0
@@ -132,7 +134,9 @@ def _all_jumps(recording: Recording, arm: Arm, j: int) -> list[Jump]:
     motion = [
         jump
         for jump in found
-        if _struck(recording, j, jump) or abs(jump.size) <= turned_by_reversals(recording, arm, j, jump.row)
+        if _followed(recording, j, jump)
+        or _struck(recording, j, jump)
+        or abs(jump.size) <= turned_by_reversals(recording, arm, j, jump.row)
     ]
     sized = [_whole(recording, j, _by_link(recording, j, jump)) for jump in found if jump not in motion]
     return sorted(sized, key=lambda jump: jump.row)
@@ -140,15 +144,26 @@ def _all_jumps(recording: Recording, arm: Arm, j: int) -> list[Jump]:
 
 def _by_link(recording: Recording, j: int, jump: Jump) -> Jump:
     """The jump with the size that a link encoder shows, if the joint has one: its link does not jump."""
+    beside = _beside_link(recording, j, jump)
+    return beside if beside is not None and abs(beside.size - jump.size) <= STAYS * abs(jump.size) else jump
+
+
+def _followed(recording: Recording, j: int, jump: Jump) -> bool:
+    """Whether the link of a joint turns with most of a jump of its motor's angle: then both moved."""
+    beside = _beside_link(recording, j, jump)
+    return beside is not None and abs(beside.size) < (1.0 - MOST) * abs(jump.size)
+
+
+def _beside_link(recording: Recording, j: int, jump: Jump) -> Jump | None:
+    """How the angle of a motor departs from that of its link at a jump; None without samples of a link encoder."""
     if recording.ql is None:
-        return jump
+        return None
     near = rows_near(recording.dt)
     apart = recording.q[jump.row - near : jump.row + near, j] - recording.ql[jump.row - near : jump.row + near, j]
+    if np.isnan(apart).any():
+        return None
     sides = [apart[:near], apart[near:]]
     size = float(np.median(sides[1]) - np.median(sides[0]))
-    # also False where the link encoder has no samples
-    if not abs(size - jump.size) <= STAYS * abs(jump.size):
-        return jump
     return Jump(jump.row, size, float(np.sqrt(sum(float(np.var(side)) for side in sides) / near)))
 
 

@@ -13,7 +13,7 @@ from daq.recording.parts import Attachments
 from daq.recording.tables.table import write_table
 from diagnosis.diagnose import diagnose
 from tests.diagnosis import two_link
-from tests.diagnosis.two_link import COUNTS, DRIVE, RATE, Day, model, motion, torque
+from tests.diagnosis.two_link import COUNTS, DRIVE, RATE, Day, model, motion, recorded, torque
 
 HIDDEN = {("current_nonlinearity", 1), ("viscous_friction", 1)}
 
@@ -54,3 +54,20 @@ def test_two_effects_are_not_named_as_one_law_with_more_coefficients(
     held_out = [_recorded(tmp_path / "held_out.mcap", 15, sizes, speed)]
     found = diagnose(replace(model(root), gravity=(0.0, 0.0, 0.0)), fit, held_out)
     assert {cause.key for cause in found.causes} == HIDDEN
+
+
+def test_offset_and_gain_are_no_friction_that_differs_between_directions(
+    root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Level and slope in either direction follow the two where a joint moves slowly: with twice the coefficients."""
+
+    def slow(seed: int, seconds: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        t, q, v, a = motion(seed, seconds)
+        return t, q[0] + 0.2 * (q - q[0]), 0.2 * v, 0.2 * a
+
+    monkeypatch.setattr(two_link, "GRAVITY", 0.0)
+    monkeypatch.setattr(two_link, "motion", slow)
+    day = Day(gain=(1.02, 1.0), offset=(-0.05, 0.0))
+    fit, held_out = (recorded(tmp_path / f"{number}.mcap", number, day) for number in (20, 25))
+    found = diagnose(replace(model(root), gravity=(0.0, 0.0, 0.0)), [fit], [held_out])
+    assert {cause.key for cause in found.causes} == {("current_offset", 1), ("current_gain", 1)}

@@ -204,6 +204,19 @@ def test_counts_that_the_reversal_of_a_joint_explains_are_not_missed(
     assert found == {"at a reversal": [] if counts == 7.0 else [3], "between": [3]}
 
 
+@pytest.mark.parametrize("moved", [False, True])
+def test_counts_with_which_the_link_turns_are_not_missed(tmp_path: Path, moved: bool) -> None:
+    """A joint at rest is struck by its neighbour's teeth, which were too slow to show: its link moves with it."""
+    t = np.arange(0.0, 8.0, 2e-3)
+    links = np.column_stack([0.4 * np.sin(0.9 * np.minimum(t, 3.0)), 0.4 * np.sin(0.5 * t), *np.zeros((4, len(t)))])
+    struck = np.outer(t > 5.0, [6.0 * COUNT, *np.zeros(5)])
+    angles, links = links + struck, links + moved * struck
+    columns = {"q": np.round(angles / COUNT) * COUNT, "i": np.cos(t[:, None] + np.arange(6)), "ql": links}
+    write_table(tmp_path / "a.mcap", t, columns, Attachments())
+    found = jumps([open_recording(tmp_path / "a.mcap")], ARM)
+    assert [event.joint for event in found] == ([] if moved else [1])
+
+
 @pytest.mark.parametrize("kicked", [0.0, 40.0])
 def test_a_joint_at_rest_that_is_struck_misses_no_counts(tmp_path: Path, kicked: float) -> None:
     """Joint 2 turns; its teeth meet and make it faster for some rows, and joint 1 slips by six counts."""

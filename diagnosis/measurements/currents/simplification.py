@@ -25,6 +25,7 @@ from diagnosis.selection.bodies import body_of, is_body
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Columns
 from diagnosis.selection.regression import at_joint, best_of_each, fit_gain
+from identification.selection import p_value
 
 if TYPE_CHECKING:
     from diagnosis.measurements.currents.model import Currents
@@ -46,7 +47,7 @@ def simplified(state: State) -> State:
     if not state.chosen:
         return state
     # as each trial below: to first order, an error of the gain takes its share of the noise with it
-    state = _by_fewer(_one_for_several(model.refitted(state.chosen, state.rivals)))
+    state = _by_two(_by_fewer(_one_for_several(model.refitted(state.chosen, state.rivals))))
     for substitutes, replaced in _simpler(state.chosen, model.library):
         chosen = state.chosen
         available = all((c.body or c in model.library) and c.key not in model.excluded for c in substitutes)
@@ -121,6 +122,56 @@ def _by_fewer(state: State) -> State:
         trials = [one for one in trials if not any(_clearly_worse(one, state, joint) for joint in joints)]
         state = min(trials, key=lambda one: one.energy.held_out, default=state)
     return state
+
+
+def _by_two(state: State) -> State:
+    """The state with two effects in the place of laws of ``SEVERAL`` coefficients that have parts, if these have fewer.
+
+    An offset and a torque constant are followed by level and slope of friction in either direction. The two are named
+    if they explain as much as the law, and more than any two parts of it: of a law that is there, two parts are nearer
+    than effects that it is none of.
+    """
+    model = state.model
+    for c in state.chosen:
+        determined = int(np.count_nonzero(state.coefficients[state.chosen.index(c)]))
+        if c.joint is None or c.terms or determined < SEVERAL or not c.definition.special_cases:
+            continue
+        kept = tuple(one for one in state.chosen if one is not c)
+        without = model.refitted(kept, state.rivals)
+        of_parts = [one for one in model.library if one.joint == c.joint and one.effect in c.definition.special_cases]
+        parts = [_with(both, without) for both in itertools.combinations(of_parts, 2)]
+        rows = state.data.map(lambda part: LIMITS.tie_floor * part.rows)
+        enough = _residual_energy(state, c.joint) + rows.fit
+        trials = [_with(some, without) for some in _sets(without, c.joint, determined - 1, enough)]
+        better = [
+            trial
+            for trial in trials
+            if trial.energy.held_out < state.energy.held_out + rows.held_out
+            and _residual_energy(trial, c.joint) < enough
+            and not _predicts_more(state, trial)
+            and all(_predicts_more(trial, one) for one in parts)
+            and all(_tenable(one, trial) for one in trial.chosen if one not in kept)
+        ]
+        if better:
+            state = _with_rivals(min(better, key=lambda trial: sum(trial.energy)), kept)
+    return state
+
+
+def _with(some: Sequence[Candidate], state: State) -> State:
+    """The state with further candidates, their rivals still unknown."""
+    return state.model.refitted((*state.chosen, *some), {**state.rivals, **{c.key: () for c in some}})
+
+
+def _with_rivals(state: State, kept: Sequence[Candidate]) -> State:
+    """The state with the rivals of those of its candidates that are not among the ``kept``."""
+    new = [c for c in state.chosen if c not in kept]
+    return replace(state, rivals={**state.rivals, **{c.key: state.model.rivals_of(c, state) for c in new}})
+
+
+def _predicts_more(state: State, other: State) -> bool:
+    """Whether a state predicts held-out rows better than another by more than blocks differ by chance."""
+    fall = other.fitted.held_out**2 - state.fitted.held_out**2
+    return p_value(state.data.held_out.by_block(fall)) < LIMITS.ambiguity_p
 
 
 def _clearly_worse(trial: State, state: State, joint: int | None) -> bool:
@@ -213,16 +264,14 @@ def _in_place_of(replaced: Sequence[Candidate], joint: int, state: State) -> Sta
     gain, rows = without.energy.held_out - state.energy.held_out, state.data.held_out.rows
     found: list[State] = []
     for others in _sets(without, joint, most, enough):
-        trial = model.refitted((*kept, *others), {**state.rivals, **{c.key: () for c in others}})
+        trial = _with(others, without)
         tolerance = max(LIMITS.tie * gain * max(1, most - _coefficients(others, model)), LIMITS.tie_floor * rows)
         as_well = trial.energy.held_out < state.energy.held_out + tolerance
         if as_well and _residual_energy(trial, joint) < enough and all(_tenable(c, trial) for c in others):
             found.append(trial)
     if not found:
         return None
-    best = min(found, key=lambda trial: sum(trial.energy))
-    new = [c for c in best.chosen if c not in kept]
-    return replace(best, rivals={**best.rivals, **{c.key: model.rivals_of(c, best) for c in new}})
+    return _with_rivals(min(found, key=lambda trial: sum(trial.energy)), kept)
 
 
 def _sets(without: State, joint: int, most: int, enough: float) -> Iterator[tuple[Candidate, ...]]:
