@@ -40,7 +40,7 @@ The teeth of a gap that closes make the motor fast, too, but no row alone.
 STAYS = 0.3
 """Share of a jump by which the angles before and after may differ from it."""
 MOST = 0.7
-"""Share of a jump with which a link must turn for the motor to have moved: of counts that were missed, it shows none."""
+"""Share of a jump with which a link must turn for the motor to have moved: of missed counts, it shows none."""
 ANSWER = 0.5
 """Share of a jump by which a servo may turn the joint back in the row after it: it sees the jump as an error."""
 ANSWERED = 1.0 / 3.0
