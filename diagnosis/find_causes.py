@@ -46,6 +46,7 @@ from diagnosis.selection.design import Dataset
 from diagnosis.selection.harmonics import with_harmonics
 from diagnosis.selection.ripple_orders import is_of_gravity, of_shafts, order_of
 from diagnosis.verification.beyond_folding import beyond_folding, resolved
+from diagnosis.verification.folded_alike import folded_alike, with_folding
 from diagnosis.verification.held_currents import as_held
 from diagnosis.verification.smoothing_velocity import other_smoothing
 from diagnosis.verification.tenable import tenable_causes
@@ -250,9 +251,13 @@ def _above_noise(currents: CurrentDiagnosis) -> bool:
 def _searched_given(search: Search, residuals: Residuals, axis: AxisSide | None) -> CurrentDiagnosis:
     """The search conditional on the causes of a single ``axis``; None: the search that every arm gets.
 
-    Repeated with all that joints show along their acceleration, where that is more than sampling may put there.
+    Repeated without what all joints show alike along their acceleration, where sampling may have put it there; or with
+    all of it, where that is more than sampling may put there.
     """
     found = _searched_once(search, residuals, axis)
+    if (share := folded_alike(found.state)) is not None:
+        residuals = replace(residuals, runs=with_folding(residuals.runs, share))
+        found = _searched_once(search, residuals, axis)
     if not (joints := beyond_folding(found.state)):
         return found
     return _searched_once(search, replace(residuals, runs=resolved(residuals.runs, joints)), axis)

@@ -33,12 +33,30 @@ def unseen_inertia(runs: Sequence[Run]) -> Array:
 
 def _of_run(run: Run) -> Array:
     """(m, n): 0 of a recording whose setpoints are known, or show themselves."""
-    if run.arm.controller is not None or run.setpoints.period or not run.powered:
+    if not setpoints_unknown(run):
         return np.zeros_like(run.a)
-    joints = run.arm.joints
-    rotors = np.array([joint.ratio**2 * joint.rotor_inertia for joint in joints])
-    inertial_current = (run.inertia + rotors) * run.a / run.arm.joint_array("drive_constant")
-    return np.asarray(run.whiten(inertial_current) * FOLDS / rate_of(run.raw[0]))
+    return np.asarray(run.whiten(own_inertia(run)) * FOLDS / rate_of(run.raw[0]))
+
+
+def setpoints_unknown(run: Run) -> bool:
+    """Whether nothing tells how often the setpoints of a recording come, so that it may be once per row."""
+    return run.arm.controller is None and not run.setpoints.period and run.powered
+
+
+def own_inertia(run: Run) -> Array:
+    """(m, n) A that accelerate each joint with all that it carries and its rotor."""
+    return np.asarray(_inertias(run) * run.a / run.arm.joint_array("drive_constant"))
+
+
+def mean_inertia(run: Run) -> Array:
+    """(m, n) A: the same with the mean inertia of each joint, as a servo of constant gains answers its setpoints."""
+    return np.asarray(np.mean(_inertias(run), axis=0) * run.a / run.arm.joint_array("drive_constant"))
+
+
+def _inertias(run: Run) -> Array:
+    """(m, n) kg m2 (kg)."""
+    rotors = np.array([joint.ratio**2 * joint.rotor_inertia for joint in run.arm.joints])
+    return np.asarray(run.inertia + rotors)
 
 
 def explained(unseen: Array, columns: Columns, held_out: Dataset) -> Array:

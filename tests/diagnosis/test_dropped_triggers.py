@@ -22,8 +22,10 @@ from diagnosis.screening.lost_rows.lag_path import Step, _changes, in_order
 from diagnosis.screening.lost_rows.lost_triggers import (
     SIGNIFICANT_STDS,
     DroppedTriggers,
+    _aligned,
     _short,
     dropped_triggers,
+    energy,
     event_of,
     realigned_rows,
 )
@@ -157,6 +159,19 @@ def test_a_lag_that_another_error_chooses_hides_no_short_loss(root: Path, monkey
         (loss,) = _found(run)
         assert loss.count == 5
         assert abs(loss.row - 7000) < 3 * loss.row_std
+
+
+def test_a_path_of_lags_that_leaves_more_than_their_first_order_is_not_taken(
+    root: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where it misses an instant by seconds, it is nearer than no loss at all, and farther than the loss."""
+    run = _seen(root, Hidden("dropped_trigger", None, {"row": 4200, "count": 9}))
+    wrong = [Step(2.0, 0.02), Step(3.0, -0.011)]
+    monkeypatch.setattr("diagnosis.screening.lost_rows.lost_triggers.lag_steps", lambda run: wrong)
+    assert energy(_aligned(run, wrong)[0]) < energy(run)
+    (loss,) = _found(run)
+    assert loss.count == 9
+    assert abs(loss.row - 4200) < 3 * loss.row_std + 20
 
 
 def test_rows_that_lose_their_weight_are_no_gain(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:

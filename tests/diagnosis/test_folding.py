@@ -26,7 +26,9 @@ from diagnosis.residual.generation import residual_run
 from diagnosis.residual.noise.channels import NOTHING_KNOWN, KnownNoise
 from diagnosis.residual.run import Run
 from diagnosis.screening.mains_hum import lines_near_mains, mains_hum, other_lines
+from diagnosis.selection.unseen_inertia import setpoints_unknown
 from diagnosis.verification.beyond_folding import beyond_folding, resolved
+from diagnosis.verification.folded_alike import folded_alike, with_folding
 from experiment import Demand, demand_of, read_experiment
 from identification.preprocessing import setpoints_of
 from identification.preprocessing.folding import folding_line
@@ -229,3 +231,47 @@ def test_of_unknown_setpoints_what_one_row_each_may_fold_is_no_inertia(arm: Arm,
     assert _chosen(nothing_known, arm, demands) == []
     heavier = replace(arm, effects=(EffectTerm("rotor_inertia", 1, {"inertia": 0.3 * rotor}),))
     assert _chosen(nothing_known, heavier, demands) == [("rotor_inertia", 1)]
+
+
+def _puma(root: Path, change: float) -> State:
+    """What a search of inertias names of the Puma, joint 2 with a larger rotor, from currents at the setpoints' rate.
+
+    The model does not say how often they come; currents are sampled at one instant of their 4 ms.
+    """
+    arm = armscope.read_model(root / "config/models/puma560.toml")
+    assert arm.controller is not None
+    rotor = change * arm.joints[1].ratio ** 2 * arm.joints[1].rotor_inertia
+    actual = replace(
+        arm,
+        controller=replace(arm.controller, setpoint_period=0.004, servo_period=0.0005),
+        effects=(EffectTerm("rotor_inertia", 2, {"inertia": rotor}),) if change else (),
+    )
+    runs = []
+    for seed, name in enumerate(("excitation", "excitation_held_out")):
+        demand = demand_of(read_experiment(root / f"config/experiments/{name}.toml"))
+        motion = simulate(actual, demand, duration=min(demand.duration, 20.0), rate=250.0)
+        current = motion.torque / actual.joint_array("drive_constant")
+        i = current + 5e-3 * np.random.default_rng(seed).standard_normal(current.shape)
+        runs.append(residual_run("run", replace(arm, controller=None), motion.t, motion.qm, i))
+    return _searched(runs)
+
+
+def _searched(runs: list[Run]) -> State:
+    data = Split(*(dataset_of([run]) for run in runs))
+    every = [c for c in candidates(runs[0].arm) if c.effect == "rotor_inertia"]
+    return select(Currents(runs[0].arm, data, Library(every, data), []))
+
+
+def test_an_inertia_that_all_joints_lack_alike_was_folded_there(root: Path) -> None:
+    state = _puma(root, 0.0)
+    assert len(state.chosen) > 2
+    share = folded_alike(state)
+    assert share is not None
+    runs = with_folding([run for part in state.data for run in part.runs], share)
+    assert _searched(runs).chosen == ()
+    assert not any(setpoints_unknown(run) for run in runs)
+
+
+def test_inertias_of_other_shares_are_not_folded(root: Path) -> None:
+    """One joint lacks a third of its own, the others what sampling puts there: not alike."""
+    assert folded_alike(_puma(root, 1.0)) is None

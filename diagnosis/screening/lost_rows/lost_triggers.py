@@ -72,11 +72,23 @@ def dropped_triggers(runs: Sequence[Run], periods: Sequence[float]) -> list[Drop
 
 
 def _of_recording(index: int, run: Run, period: float) -> list[DroppedTriggers]:
+    """The losses of a recording by the path of its lags, or by their first-order effect alone if that leaves less.
+
+    Another error chooses a lag of its own in some pieces of the path; it must not hide a change of some rows.
+    """
     steps = lag_steps(run)
+    if steps and energy(_aligned(run, steps)[0]) >= energy(run):
+        steps = []
+    by_effect = _beside_steps(index, run, [], period)
+    if not steps:
+        return by_effect
+    by_path = _beside_steps(index, run, steps, period)
+    return min((by_path, by_effect), key=lambda losses: energy(_aligned(run, _steps_of(losses))[0]))
+
+
+def _beside_steps(index: int, run: Run, steps: Sequence[Step], period: float) -> list[DroppedTriggers]:
+    """The losses of a recording by these steps of its path, refined, and those in between that are too short for it."""
     aligned, places = _aligned(run, steps)
-    if steps and energy(aligned) >= energy(run):
-        # another error, which chose a lag of its own in some pieces; it must not hide a short change
-        steps, aligned, places = [], run, []
     edges = [-np.inf, *places, np.inf]
     splits = [time for a, b in itertools.pairwise(edges) for time in _splits(part_of(aligned, a + NEAR, b - NEAR))]
     times = sorted([*places, *splits])
@@ -90,6 +102,13 @@ def _of_recording(index: int, run: Run, period: float) -> list[DroppedTriggers]:
         elif refined is not None:
             losses += _short(index, part, refined, period)
     return losses
+
+
+def _steps_of(losses: Sequence[DroppedTriggers]) -> list[Step]:
+    """The losses of one recording, in time, as steps among its currents."""
+    sizes = [loss.count * loss.period for loss in losses]
+    shifts = itertools.accumulate(sizes[:-1], initial=0.0)
+    return [Step(loss.row * loss.period - shift, size) for loss, size, shift in zip(losses, sizes, shifts)]
 
 
 def _refined(run: Run, change: Change) -> Change:
