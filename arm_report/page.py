@@ -110,14 +110,20 @@ def _scripts(data: str) -> Markup:
 
 
 def table(
-    rows: Iterable[Sequence[Any]], head: Sequence[Any], numbers: Collection[int] = (), weak: Collection[int] = ()
+    rows: Iterable[Sequence[Any]],
+    head: Sequence[Any],
+    numbers: Collection[int] = (),
+    weak: Collection[int] = (),
+    *,
+    stacked: bool = False,
 ) -> Markup:
     """A table; cells are text or ``Markup``. The last cell of a row shorter than ``head`` spans the columns left.
 
     numbers  columns (from 0) that hold numbers, set flush right
     weak     rows (from 0) in grey
+    stacked  on a narrow screen the cells of a row stand below each other, each with its head: for few rows of sentences
     """
-    return Markup(_parts().module.table(list(rows), list(head), list(numbers), list(weak)))
+    return Markup(_parts().module.table(list(rows), list(head), list(numbers), list(weak), stacked))
 
 
 def warning(sentence: str) -> Markup:

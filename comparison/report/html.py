@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -56,8 +58,18 @@ def typeset(sentence: str) -> str:
 
 
 def _what(result: Comparison) -> str:
-    before, after = (", ".join(Path(path).name for path in side) for side in (result.before, result.after))
+    names = shortest([*result.before, *result.after])
+    before, after = (", ".join(side) for side in (names[: len(result.before)], names[len(result.before) :]))
     return f"Before: {before}. After: {after}. Compared: {result.what}."
+
+
+def shortest(paths: Sequence[str]) -> list[str]:
+    """The names of files; where two are the same, their paths below the folder that all are in."""
+    names = [Path(path).name for path in paths]
+    if len(set(names)) == len(names):
+        return names
+    common = Path(os.path.commonpath([Path(path).absolute().parent for path in paths]))
+    return [str(Path(path).absolute().relative_to(common)) for path in paths]
 
 
 def _changes(changes: list[Change]) -> Markup:

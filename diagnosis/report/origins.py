@@ -61,7 +61,7 @@ def origins_table(table: dict[str, Any]) -> tuple[Markup, list[str]] | None:
             title, likelihood = f"{row['title']} [{numbers}]", f"{row['likelihood']:.2f}"
             rows.append(("" if k else place, title, likelihood, _speaking(row), row["check"]))
     head = ("where", "likely origin", "likelihood", "signs", "check")
-    return (arm_report.table(rows, head, (2,)), sources) if rows else None
+    return (arm_report.table(rows, head, (2,), stacked=True), sources) if rows else None
 
 
 def _by_place(table: dict[str, Any]) -> dict[str, list[dict[str, Any]]]:

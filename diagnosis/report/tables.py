@@ -26,7 +26,8 @@ def summary(result: Diagnosis) -> Markup:
         link = Markup('<a href="#cause{}">{}</a>{}').format(number, title(cause), alike)
         values = Markup("<br>").join(line.replace(" N m", "\u00a0N\u00a0m") for line in values_of(cause))
         rows.append((link, values, gain(cause).replace("->", "→"), f"{cause.confidence:.0%}"))
-    return arm_report.table(rows, ("cause", "parameters", "held-out error without → with it", "confidence"), (2, 3))
+    head = ("cause", "parameters", "held-out error without → with it", "confidence")
+    return arm_report.table(rows, head, (2, 3), stacked=True)
 
 
 def errors(result: Diagnosis, table: dict[str, Any], extended: bool) -> Markup | None:

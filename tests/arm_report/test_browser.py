@@ -220,6 +220,24 @@ def test_sentences_of_a_table_stay_readable_on_a_narrow_screen(browser: Any, tmp
         assert page.evaluate("document.documentElement.scrollWidth") == 360
 
 
+def test_cells_of_a_stacked_table_are_in_sight_on_a_narrow_screen(browser: Any, tmp_path: Path) -> None:
+    head = ["where", "likely origin", "likelihood", "signs", "check"]
+    rows = [[where, "a brake that does not release", "0.30", "friction", "Measure its voltage."] for where in ("1", "")]
+    made = replace(report("a report"), content={"words": table(rows, head, (2,), stacked=True), "chart": None})
+    (tmp_path / "report.html").write_text(made.html())
+    with watched(browser) as page:
+        page.set_viewport_size({"width": 360, "height": 700})
+        page.goto((tmp_path / "report.html").as_uri())
+        ends = (
+            page.locator(".stacked")
+            .first.locator("td:visible")
+            .evaluate_all("all => all.map((one) => one.getBoundingClientRect().right)")
+        )
+        assert len(ends) == 9 and max(ends) <= 360  # of an empty cell nothing is shown
+        says = page.locator(".stacked td:last-child").first.evaluate("one => getComputedStyle(one, '::before').content")
+        assert says == '"check: "'
+
+
 def test_dates_are_written_as_iso_8601_in_utc(page: Any) -> None:
     seconds = 1_767_655_805  # 2026-01-05 23:30:05 UTC
     script = f"(s) => {{ {_text('data.js')}; return [86400, 3600, 1].map((step) => instant(s, step)); }}"

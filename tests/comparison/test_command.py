@@ -61,6 +61,7 @@ def test_report_and_exit_status(folder: Path, tmp_path: Path, capfd: pytest.Capt
     assert table["schema"] == "armscope.comparison/1" and table["changed"]
     assert {c["name"] for c in table["changes"] if c["significant"] and c["kind"] != "curve"} == {"joint2.coulomb"}
     page = (tmp_path / "out/compare.html").read_text()
+    assert "ranks the likely physical origins" in " ".join(page.split())
     assert page.count(line) == 1 and page.count('wide still"><svg') == 2
     assert "http" not in page.replace("http-equiv", "")
     assert " \N{PLUS-MINUS SIGN} " in page.split(line)[1][:60] and "\N{RIGHTWARDS ARROW}" in page.split(line)[1][:30]

@@ -179,6 +179,7 @@ def test_the_command(lab: Path, tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert limit["earliest"] <= "2028-10-17" <= limit["latest"]
     assert [one["date"] for one in moved["history"]][:2] == ["2026-01-01", "2026-01-31"]
     page = (out / "trend.html").read_text()
+    assert "ranks the likely physical origins" in " ".join(page.split())
     drift = re.search(r"drift of \+(\d\.\d+) (?:±|\+-)", page)
     assert page.count('role="img"') == 2 and drift is not None and float(drift[1]) == pytest.approx(0.5, rel=0.05)
     assert run([*arguments[:-2], "--json"]) == 0
