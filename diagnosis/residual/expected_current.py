@@ -23,6 +23,8 @@ from diagnosis.residual.gap import AS_FOUND, POSSIBLE, Teeth, gap_of, through_ga
 from diagnosis.residual.integration import in_series, integrated, spring_of, spring_twist
 
 Term = tuple[Effect, int | None, Values]
+STEP = 1e-5
+"""rad (m): of finite differences of a load."""
 
 
 def coulomb_at(joint: Joint, v: Array, sign: Array) -> Array:
@@ -81,6 +83,19 @@ class Links:
     def inertia(self) -> Array:
         """(m, n) kg m2 of the links alone at the drives."""
         return mass_matrix_along(self.arm, self.motion[0]).diagonal(axis1=1, axis2=2).copy()
+
+    def eased(self, j: int) -> Array:
+        """(m,) N m/rad: by how much the load of joint j (from 0) falls per rad that its link is behind the motor."""
+        if j not in self._eased:
+            q, v, a = self.motion
+            small = STEP * np.eye(q.shape[1])[j]
+            ahead, behind = (rigid_torque_along(self.arm, q + by, v, a)[:, j] for by in (small, -small))
+            self._eased[j] = (ahead - behind) / (2 * STEP)
+        return self._eased[j]
+
+    @cached_property
+    def _eased(self) -> dict[int, Array]:
+        return {}
 
     @cached_property
     def flights(self) -> tuple[Array, Array]:
@@ -170,7 +185,8 @@ def springs_at(terms: Sequence[Term], joint: int) -> list[tuple[float, float]]:
 def _twists(terms: Sequence[Term], j: int, links: Links, teeth: Teeth) -> Iterator[Motion]:
     """Twist (m,) of all springs of joint j (from 0) together and of every play, each with its rates."""
     if springs := springs_at(terms, j + 1):
-        yield spring_twist(links.load[:, j], links.inertia[:, j], *in_series(springs), 1.0 / links.rate)
+        load, inertia, spring = links.load[:, j], links.inertia[:, j], in_series(springs)
+        yield spring_twist(load, inertia, *spring, 1.0 / links.rate, links.eased(j))
     for effect, joint, values in terms:
         if joint == j + 1 and effect.gap is not None and effect.deflection is not None:
             load, inertia = links.flights

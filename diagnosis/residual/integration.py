@@ -13,27 +13,38 @@ from arm_model.effects import Effect, Signals, Values
 from diagnosis.residual.filters import Motion
 from diagnosis.residual.gap import NO_INERTIA
 
+HELD = 0.5
+"""Of its stiffness, at least, a spring keeps against a load that grows as it gives way: a softer one holds no link."""
 
-def spring_twist(load: Array, inertia: Array, stiffness: float, damping: float, step: float) -> Motion:
+
+def spring_twist(
+    load: Array, inertia: Array, stiffness: float, damping: float, step: float, eased: Array | float = 0.0
+) -> Motion:
     """Twist of an elastic joint, its rate and second rate (m,), for rows ``step`` s apart.
 
     The motor follows its own motion; the link, of ``inertia`` (m,) kg m2, would need ``load`` (m,) N m to follow it
-    stiffly, and oscillates behind the spring instead: inertia d'' + damping d' + stiffness d = load, by exact steps
-    with the load as it is in the middle of each; at rest at the start. A link without inertia only follows its load.
-    stiffness N m/rad, damping N m s/rad.
+    stiffly, and oscillates behind the spring instead: (inertia d')' + damping d' + (stiffness + eased) d = load, by
+    exact steps with all as it is in the middle of each; at rest at the start. The momentum is that of an inertia which
+    other joints change as they move: the part of the load that is proportional to the link's own speed, less of which
+    acts on a link that lags behind. A link without inertia only follows its load.
+    stiffness N m/rad, damping N m s/rad; eased (m,) N m/rad: by how much less load a link has per rad that it is
+    behind, as gravity lifts a pendulum less. It is a tenth of the stiffness of a soft spring.
     """
+    held = np.broadcast_to(np.maximum(stiffness + eased, HELD * stiffness), load.shape)
     if not (inertia > NO_INERTIA).all():
-        follows = load / stiffness
+        follows = load / held
         speed = np.gradient(follows, step)
         return follows, speed, np.gradient(speed, step)
-    decay = damping / inertia / 2
-    even, odd = _free_motion(stiffness / inertia, decay, step)
+    torque, mass, spring = (np.append((x[1:] + x[:-1]) / 2, x[-1:]) for x in (load, inertia, held))
+    growth = np.append(np.diff(inertia) / step, 0.0)
+    decay = (damping + growth) / mass / 2
+    even, odd = _free_motion(spring / mass, decay, step)
     stay, go = even + decay * odd, odd
-    back, keep = -stiffness / inertia * odd, even - decay * odd
-    settled = np.append(load[1:] + load[:-1], 2 * load[-1:]) / (2 * stiffness)
+    back, keep = -spring / mass * odd, even - decay * odd
+    settled = torque / spring
     # with x the deviation of (twist, rate) from (settled, 0), each step is x = [[stay, go], [back, keep]] x
-    twist, rate = _recurrence(stay, go, back, keep, (1.0 - stay) * settled, -back * settled, load[0] / stiffness)
-    return twist, rate, (load - stiffness * twist - damping * rate) / inertia
+    twist, rate = _recurrence(stay, go, back, keep, (1.0 - stay) * settled, -back * settled, load[0] / held[0])
+    return twist, rate, (load - held * twist - (damping + np.gradient(inertia, step)) * rate) / inertia
 
 
 def _free_motion(square: Array, decay: Array, step: float) -> tuple[Array, Array]:

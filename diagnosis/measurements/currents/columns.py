@@ -159,7 +159,11 @@ def _twisted(run: Run, j: int, effect: Effect, p: Values) -> tuple[Array, Array,
 def _wound_up(run: Run, j: int, springs: Sequence[tuple[float, float]]) -> tuple[Array, Array, Array]:
     """Twist (m,) of a joint with springs in series, and its rates."""
     load, inertia, spring = run.brisk_rigid[:, j], run.inertia[:, j], in_series(springs)
-    each = [spring_twist(load[part], inertia[part], *spring, 1.0 / rate) for part, rate in zip(run.parts, run.rates)]
+    eased = run.by_angle[:, j, j] * run.arm.joints[j].drive_constant
+    each = [
+        spring_twist(load[part], inertia[part], *spring, 1.0 / rate, eased[part])
+        for part, rate in zip(run.parts, run.rates)
+    ]
     twist, speed, acceleration = (np.concatenate(rates) for rates in zip(*each))
     return twist, speed, acceleration
 
