@@ -33,6 +33,7 @@ from diagnosis.residual.filters import (
 )
 from diagnosis.residual.noise.channels import NOTHING_KNOWN, KnownNoise, encoder_steps
 from diagnosis.residual.noise.instruments import channel_noise, row_by_row, without_noise
+from diagnosis.residual.other_effects import beginning_in_swing
 from diagnosis.residual.run import Run
 from diagnosis.residual.setpoint_ripple import DIRECTIONS, folded_onto, ripple_beside
 from identification.preprocessing import UNKNOWN, Setpoints, setpoints_of
@@ -77,7 +78,7 @@ def residual_run(
         samples, of_rig = (t, angle, unlike), (instruments.noise, keep, instruments.setpoints, known.demands)
         folded, rippled = folded_onto(arm, samples, brisk[2], *of_rig), ripple_beside(arm, samples, *of_rig)
     rows = t[keep]
-    return Run(
+    run = Run(
         name=name,
         raw=(t, q),
         t=rows - t[0],
@@ -103,6 +104,7 @@ def residual_run(
         without_noise=instruments.without_noise,
         powered=powered,
     )
+    return beginning_in_swing(run)
 
 
 class _Instruments(NamedTuple):

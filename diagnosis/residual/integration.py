@@ -30,21 +30,51 @@ def spring_twist(
     stiffness N m/rad, damping N m s/rad; eased (m,) N m/rad: by how much less load a link has per rad that it is
     behind, as gravity lifts a pendulum less. It is a tenth of the stiffness of a soft spring.
     """
-    held = np.broadcast_to(np.maximum(stiffness + eased, HELD * stiffness), load.shape)
+    held = _held(stiffness, eased, load)
     if not (inertia > NO_INERTIA).all():
         follows = load / held
         speed = np.gradient(follows, step)
         return follows, speed, np.gradient(speed, step)
-    torque, mass, spring = (np.append((x[1:] + x[:-1]) / 2, x[-1:]) for x in (load, inertia, held))
-    growth = np.append(np.diff(inertia) / step, 0.0)
-    decay = (damping + growth) / mass / 2
-    even, odd = _free_motion(spring / mass, decay, step)
-    stay, go = even + decay * odd, odd
-    back, keep = -spring / mass * odd, even - decay * odd
+    torque, spring = _between(load), _between(held)
+    stay, go, back, keep = _steps(inertia, held, damping, step)
     settled = torque / spring
     # with x the deviation of (twist, rate) from (settled, 0), each step is x = [[stay, go], [back, keep]] x
-    twist, rate = _recurrence(stay, go, back, keep, (1.0 - stay) * settled, -back * settled, load[0] / held[0])
+    forced = (1.0 - stay) * settled, -back * settled
+    twist, rate = _recurrence((stay, go, back, keep), forced, (load[0] / held[0], 0.0))
     return twist, rate, (load - held * twist - (damping + np.gradient(inertia, step)) * rate) / inertia
+
+
+def swings(inertia: Array, stiffness: float, damping: float, step: float, eased: Array | float = 0.0) -> list[Motion]:
+    """Twist of a joint without load, its rate and second rate (m,), from (1, 0) and from (0, 1) at the first row.
+
+    As in ``spring_twist``, whose joint was at rest before. A link that was moved before a recording still swings as it
+    begins. Empty for a link without inertia, which does not.
+    """
+    if not (inertia > NO_INERTIA).all():
+        return []
+    held = _held(stiffness, eased, inertia)
+    steps, nothing = _steps(inertia, held, damping, step), np.zeros(len(inertia))
+    damped = damping + np.gradient(inertia, step)
+    free = [_recurrence(steps, (nothing, nothing), start) for start in ((1.0, 0.0), (0.0, 1.0))]
+    return [(twist, rate, -(held * twist + damped * rate) / inertia) for twist, rate in free]
+
+
+def _held(stiffness: float, eased: Array | float, rows: Array) -> Array:
+    """(m,) N m/rad: what of a stiffness is left where the load falls by ``eased`` per rad; as many as ``rows``."""
+    return np.broadcast_to(np.maximum(stiffness + eased, HELD * stiffness), rows.shape)
+
+
+def _between(rows: Array) -> Array:
+    """Means (m,) of each row and the next; the last as it is."""
+    return np.append((rows[1:] + rows[:-1]) / 2, rows[-1:])
+
+
+def _steps(inertia: Array, held: Array, damping: float, step: float) -> tuple[Array, Array, Array, Array]:
+    """(m,) each: [[stay, go], [back, keep]], by which twist and rate of a free link follow from those a row before."""
+    mass, spring = _between(inertia), _between(held)
+    decay = (damping + np.append(np.diff(inertia) / step, 0.0)) / mass / 2
+    even, odd = _free_motion(spring / mass, decay, step)
+    return even + decay * odd, odd, -spring / mass * odd, even - decay * odd
 
 
 def _free_motion(square: Array, decay: Array, step: float) -> tuple[Array, Array]:
@@ -66,17 +96,18 @@ def _free_motion(square: Array, decay: Array, step: float) -> tuple[Array, Array
 
 
 def _recurrence(
-    stay: Array, go: Array, back: Array, keep: Array, forced: Array, forced_rate: Array, start: float
+    steps: tuple[Array, Array, Array, Array], forced: tuple[Array, Array], start: tuple[float, float]
 ) -> tuple[Array, Array]:
-    """d, v (m,): d' = stay d + go v + forced, v' = back d + keep v + forced_rate, row by row; from start and 0.
+    """d, v (m,): d' = stay d + go v + forced, v' = back d + keep v + forced_rate, row by row from ``start``.
 
-    The steps are a triangular system of bandwidth four in d0, v0, d1, v1, ..., which BLAS solves forwards, as a loop
-    would.
+    steps: stay, go, back, keep. The steps are a triangular system of bandwidth four in d0, v0, d1, v1, ..., which BLAS
+    solves forwards, as a loop would.
     """
+    stay, go, back, keep = steps
     band = np.zeros((4, 2 * len(stay)), order="F")
     band[2, ::2], band[3, ::2], band[1, 1::2], band[2, 1::2] = -stay, -back, -go, -keep
-    right = np.zeros(2 * len(stay))
-    right[0], right[2::2], right[3::2] = start, forced[:-1], forced_rate[:-1]
+    right = np.empty(2 * len(stay))
+    right[:2], right[2::2], right[3::2] = start, forced[0][:-1], forced[1][:-1]
     solved = blas.dtbsv(3, band, right, lower=1, diag=1, overwrite_x=1)
     return solved[::2], solved[1::2]
 

@@ -23,7 +23,7 @@ from arm_model.rigid_body.regressor import link_regressor
 from arm_model.system import inverse_dynamics, mass_matrix_along, rigid_torque_along
 from diagnosis.residual.evaluations import Evaluations
 from diagnosis.residual.expected_current import Links, true_angle
-from diagnosis.residual.filters import COMPARE_BAND, rate_along, rate_of
+from diagnosis.residual.filters import COMPARE_BAND, Motion, rate_along, rate_of
 from diagnosis.residual.projection import orthogonal_to, orthonormal_basis
 from diagnosis.residual.setpoint_ripple import lead_of, unseen_directions
 from identification.preprocessing import UNKNOWN, Setpoints
@@ -139,6 +139,21 @@ class Run:
     def by_speed(self) -> Array:
         """(m, n, n) A s/rad: as ``by_acceleration``, by the speed."""
         return self._slopes(0.0, 0.5)
+
+    def moved(self, j: int, at: slice, motion: Motion) -> Array:
+        """(m, k) A: change of the expected currents of k joints ``at``, where link j (from 0) is further by an angle.
+
+        motion: that angle (m,) rad (m), its rate and its second rate.
+        """
+        angle, speed, acceleration = motion
+        change: Array = self.by_angle[:, at, j] * angle[:, None]
+        change += self.by_speed[:, at, j] * speed[:, None]
+        change += self.by_acceleration[:, at, j] * acceleration[:, None]
+        return change
+
+    def eased(self, j: int) -> Array:
+        """(m,) N m/rad (N/m): by how much the load of joint j (from 0) falls per rad that its link is behind."""
+        return np.asarray(self.by_angle[:, j, j] * self.arm.joints[j].drive_constant)
 
     @cached_property
     def by_link(self) -> Array:

@@ -24,6 +24,7 @@ from diagnosis.residual.filters import COMPARE_BAND, kept_rows, low_pass
 from diagnosis.residual.gap import AS_FOUND, Teeth, gap_of, through_gap
 from diagnosis.residual.integration import in_series, integrated, spring_of, spring_twist
 from diagnosis.residual.noise.instruments import residual_gain
+from diagnosis.residual.other_effects import swinging_beside
 from diagnosis.residual.run import Run
 from diagnosis.residual.signals import signals_of
 from diagnosis.selection.candidate import Candidate
@@ -111,6 +112,9 @@ def _law(run: Run, candidate: Candidate, p: Values, s: Signals, at: slice) -> Ar
         elastic = effect.spring is not None
         rates = _twisted(run, j, effect, p) if elastic else _rates(effect.deflection, p, s, drive.ratio, run)
         change = _moved(run, j, at, *(-rate for rate in rates))
+        if (spring := spring_of(effect, p)) is not None:
+            in_all = in_series([*springs_at(terms_of(arm), j + 1), spring])
+            change += swinging_beside(run, j, in_all, change, at)
         if not elastic:
             # by virtual work: a motor that turns its link by less also bears less of its load
             change[:, place] -= _slope(effect.deflection, p, s) * drive.ratio * s.load / drive.drive_constant
@@ -159,7 +163,7 @@ def _twisted(run: Run, j: int, effect: Effect, p: Values) -> tuple[Array, Array,
 def _wound_up(run: Run, j: int, springs: Sequence[tuple[float, float]]) -> tuple[Array, Array, Array]:
     """Twist (m,) of a joint with springs in series, and its rates."""
     load, inertia, spring = run.brisk_rigid[:, j], run.inertia[:, j], in_series(springs)
-    eased = run.by_angle[:, j, j] * run.arm.joints[j].drive_constant
+    eased = run.eased(j)
     each = [
         spring_twist(load[part], inertia[part], *spring, 1.0 / rate, eased[part])
         for part, rate in zip(run.parts, run.rates)
@@ -205,10 +209,7 @@ def _slope(law: Law, p: Values, s: Signals) -> Array:
 
 def _moved(run: Run, j: int, at: slice, angle: Array, speed: Array, acceleration: Array) -> Array:
     """(m, j) A: change of the expected currents of the joints ``at`` if link j is displaced by ``angle`` (m,) rad."""
-    change: Array = run.by_angle[:, at, j] * angle[:, None]
-    change += run.by_speed[:, at, j] * speed[:, None]
-    change += run.by_acceleration[:, at, j] * acceleration[:, None]
-    return change
+    return run.moved(j, at, (angle, speed, acceleration))
 
 
 def _changed(run: Run, arm: Arm, effect: Effect, joint: int | None, unit: Values) -> Array:
