@@ -5,6 +5,7 @@ Recordings of one day do not show by how much; it is assumed as by ``compare`` (
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,20 +14,36 @@ from arm_io.types import Array
 from arm_model import Arm, parameter
 from arm_model.tables import Uncertainty
 from arm_model.tables.friction_of_days import COULOMB, NEAR_REST, UNRECORDED, VISCOUS, near_rest
+from daq.recording import Recording
+from daq.recording.shared_rows import digest
 
 FASTER = 0.5
 """Standard deviation, as a share, of the slope of friction at speeds above those of the identification: the slope of
 |v|^0.6 is 0.6 of that of the straight line through it, that of |v|^1.5 is 1.5 of it."""
 
 
+def known_in(arm: Arm, recordings: Sequence[Recording]) -> Arm:
+    """The arm as it is known in some recordings; where all are of its identification, by its covariance alone.
+
+    What its model left over in them is then what a diagnosis is asked for, and friction is that of the day.
+    """
+    known = arm.uncertainty
+    if known is None or not {digest(one) for one in recordings} <= set(known.recordings):
+        return arm
+    nothing = tuple(value and 0.0 for value in known.near_rest)
+    own = replace(known, left_over=(), in_loop=(), against=(), near_rest=nothing, ripple=(), same_day=True)
+    return replace(arm, uncertainty=own)
+
+
 def known_on_another_day(arm: Arm) -> Uncertainty | None:
     """The uncertainty that an arm states, with that of level and slope of its friction on another day.
 
-    Both are independent of each other and of other joints. None if the arm states no uncertainty.
+    Both are independent of each other and of other joints. None if the arm states no uncertainty; without them of the
+    recordings of its identification.
     """
     uncertainty = arm.uncertainty
-    if uncertainty is None:
-        return None
+    if uncertainty is None or uncertainty.same_day:
+        return uncertainty
     covariance = uncertainty.matrix
     for joint in range(1, len(arm) + 1):
         for kind, share in (("coulomb", COULOMB), ("viscous", VISCOUS)):
@@ -41,7 +58,9 @@ def friction_near_rest(arm: Arm, parameters: tuple[str, ...], columns: Array, sp
     columns (m, n, p) A: change of the currents for a unit of each of the ``parameters``; speed (m, n) rad/s (m/s). Of
     joints whose Coulomb friction is among the parameters.
     """
-    found = []
+    found: list[Array] = []
+    if arm.uncertainty is not None and arm.uncertainty.same_day:
+        return np.zeros((*speed.shape, 0))
     for joint in range(1, len(arm) + 1):
         sizes = _sizes(arm, parameters, f"joint{joint}.coulomb")
         fastest = float(np.abs(speed[:, joint - 1]).max(initial=0.0))
@@ -56,7 +75,9 @@ def friction_beyond(arm: Arm, parameters: tuple[str, ...], columns: Array, speed
 
     Of joints with a friction curve, which ends there: beyond, only the slope of a straight line is known.
     """
-    found = []
+    found: list[Array] = []
+    if arm.uncertainty is not None and arm.uncertainty.same_day:
+        return np.zeros((*speed.shape, 0))
     for joint, curve in enumerate((joint.friction_curve for joint in arm.joints), 1):
         fast = np.abs(speed[:, joint - 1])
         if curve is not None:

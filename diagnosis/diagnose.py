@@ -21,6 +21,7 @@ from arm_io.types import Array, Progress
 from arm_model import Arm
 from arm_model.effects import dissipative
 from daq.recording import Recording
+from diagnosis.another_day import known_in
 from diagnosis.cause import Cause, Structure, extend, merge
 from diagnosis.closed_loop.comparison import with_smoothing_velocities
 from diagnosis.confidence import with_confidence
@@ -34,7 +35,7 @@ from diagnosis.other_held_out import better, other_roles
 from diagnosis.other_instruments import OtherInstruments, measure
 from diagnosis.remainder.against_noise import ratios
 from diagnosis.remainder.fitted_only import known_to, not_held_out
-from diagnosis.remainder.of_identification import allowed_residuals
+from diagnosis.remainder.of_identification import allowed_residuals, left_over
 from diagnosis.residual.folding_warnings import folding_warnings
 from diagnosis.residual.noise.channels import angle_noise
 from diagnosis.residual.other_effects import with_own
@@ -64,13 +65,34 @@ def diagnose(
 ) -> Diagnosis:
     """Diagnoses recordings of an arm against its model. InputError where a recording does not belong to the arm.
 
-    Another recording is held out if those that are given show nothing of a joint, and that explains it.
+    Another recording is held out if those that are given show nothing of a joint, and that explains it. In the
+    recordings from which the arm was identified, all that its model lacks is a cause.
     """
-    found = _with_held_out(arm, fit, held_out, progress)
-    if (roles := other_roles(found, fit, held_out)) is None:
-        return found
-    progress("holding out another recording")
-    return better(found, _with_held_out(arm, roles.fit, roles.held_out, progress))
+    known = known_in(arm, [*fit, *held_out])
+    found = _with_held_out(known, fit, held_out, progress)
+    if (roles := other_roles(found, fit, held_out)) is not None:
+        progress("holding out another recording")
+        found = better(found, _with_held_out(known, roles.fit, roles.held_out, progress))
+    return found if known is arm else _for_other_days(found, arm, fit, held_out)
+
+
+def _for_other_days(found: Diagnosis, arm: Arm, fit: Sequence[Recording], held_out: Sequence[Recording]) -> Diagnosis:
+    """Of the recordings of its identification, with the uncertainty of the arm as ``identify`` states it.
+
+    That of the extended model has what this leaves in them.
+    """
+    known = arm.uncertainty
+    if known is not None and found.causes:
+        left = left_over(replace(found.extended, uncertainty=known), held_out, fit)
+        known = replace(
+            known,
+            left_over=left.along,
+            in_loop=left.in_loop,
+            against=left.against,
+            near_rest=left.near_rest,
+            ripple=left.ripple,
+        )
+    return replace(found, arm=arm, extended=replace(found.extended, uncertainty=known))
 
 
 def _with_held_out(arm: Arm, fit: Sequence[Recording], held_out: Sequence[Recording], progress: Progress) -> Diagnosis:

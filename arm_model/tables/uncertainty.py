@@ -7,7 +7,8 @@
      "left_over_in_loop": [0.02, ...],                  ... in closed loop, from 10 to 100 Hz
      "left_over_against": ["position", "", ...],        the variable on which most of it depends; "": not known
      "left_over_near_rest": [0.05, null, ...],          ... where the joint turns or creeps; null: it never did
-     "left_over_ripple": [0.03, ...]}                   share of the squares of left_over of the strongest ripple in it
+     "left_over_ripple": [0.03, ...],                   share of the squares of left_over of the strongest ripple in it
+     "recordings": ["5f0c...", ...]}                    digests of the rows of the recordings of the identification
 
 A covariance says how far the numbers of the model may move. ``left_over`` says how far the arm is from any model of
 this kind: what was left on the recordings of the identification itself, after the noise of their instruments.
@@ -43,6 +44,9 @@ class Uncertainty:
                 none is known; near_rest: where a joint turns or creeps, None where no row shows that; ripple: share of
                 the squares of left_over that the strongest ripple of the joint explains; empty: not known
 
+    recordings  digests of their rows, as ``daq.recording.shared_rows`` makes them
+    same_day    whether it is asked of these recordings themselves; not in the file
+
     Without parameters nothing is known: the file that the model names was not there.
     """
 
@@ -54,6 +58,8 @@ class Uncertainty:
     against: tuple[str, ...] = ()
     near_rest: tuple[float | None, ...] = ()
     ripple: tuple[float, ...] = ()
+    recordings: tuple[str, ...] = ()
+    same_day: bool = False
 
     @property
     def by_joint(self) -> dict[str, tuple[float, ...] | tuple[str, ...] | tuple[float | None, ...]]:
@@ -107,6 +113,7 @@ class _UncertaintyFile(Table):
     left_over_against: list[str] = Field(default=[])
     left_over_near_rest: list[Annotated[float, Field(ge=0)] | None] = Field(default=[])
     left_over_ripple: list[Annotated[float, Field(ge=0, le=1)]] = Field(default=[])
+    recordings: list[str] = Field(default=[])
 
 
 def read_uncertainty(path: str | Path) -> Uncertainty:
@@ -132,6 +139,7 @@ def read_uncertainty(path: str | Path) -> Uncertainty:
         tuple(layout.left_over_against),
         tuple(layout.left_over_near_rest),
         tuple(layout.left_over_ripple),
+        tuple(layout.recordings),
     )
     _, values, _ = _correlation(stated.matrix)
     if any(row[-1] <= 0.0 for row in stated.covariance) or values.min(initial=0.0) < -NEGATIVE * values.max(
@@ -147,5 +155,6 @@ def write_uncertainty(path: str | Path, uncertainty: Uncertainty) -> None:
     text = (
         f'{{"schema": "{SCHEMA}",\n "parameters": {json_text(uncertainty.parameters)},\n "covariance": [\n  {rows}],\n'
     )
-    text += ",\n".join(f' "{name}": {json_text(values, path)}' for name, values in uncertainty.by_joint.items()) + "}\n"
+    entries = {**uncertainty.by_joint, "recordings": uncertainty.recordings}
+    text += ",\n".join(f' "{name}": {json_text(values, path)}' for name, values in entries.items()) + "}\n"
     write_text(path, text)

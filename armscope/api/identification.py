@@ -81,6 +81,7 @@ def _against_noise(
 
     The rms that the model leaves above the noise becomes part of its stated uncertainty.
     """
+    from daq.recording.shared_rows import digest
     from diagnosis import against_noise, left_over
 
     try:
@@ -96,6 +97,7 @@ def _against_noise(
             against=more.against,
             near_rest=more.near_rest,
             ripple=more.ripple,
+            recordings=tuple(digest(one) for one in (*recordings, *others)),
         )
         arm = replace(arm, uncertainty=known)
     return replace(result, arm=arm, noise=noise)

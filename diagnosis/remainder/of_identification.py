@@ -108,12 +108,16 @@ class AllowedResidual:
 
 
 def allowed_residuals(state: State, structures: Sequence[Structure]) -> list[AllowedResidual]:
-    """For every joint above the noise without unexplained structure; empty if the model states no uncertainty."""
+    """Of every joint above the noise without unexplained structure.
+
+    Empty if the model states no uncertainty, and in the recordings of its identification.
+    """
     model, result = state.model, list[AllowedResidual]()
-    if model.uncertain is None or model.arm.uncertainty is None:
+    known = model.arm.uncertainty
+    if model.uncertain is None or known is None or known.same_day:
         return result
     exact = Significance(state.data, [*model.free, *(model.columns(c) for c in state.chosen)], None)
-    variables = model.arm.uncertainty.against or ("",) * len(model.arm)
+    variables = known.against or ("",) * len(model.arm)
     reported, bases = {structure.joint for structure in structures}, Bases(*state.data)
     for joint, (remaining, before) in enumerate(zip(model.uncertain.left_over.tolist(), variables), 1):
         sides = zip(state.data, (state.fitted.fit, state.fitted.held_out))

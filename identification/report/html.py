@@ -59,6 +59,13 @@ def report(result: Identification) -> Report:
     )
 
 
+WHAT_IT_LACKS = (
+    "armscope diagnose of the same recordings looks for what the model lacks, such as an elastic gear, and writes a "
+    "model that has it."
+)
+"""What to do where a model is not validated."""
+
+
 def _what(result: Identification) -> str:
     names = ", ".join(Path(path).name for path in result.fit)
     judged = "" if isinstance(result.held_out, str) else ", ".join(Path(path).name for path in result.held_out)
@@ -110,7 +117,7 @@ def _validated(result: Identification) -> str:
             f"{sentence} Not validated: while joints move, the error on {which} recordings exceeds the noise floor of "
             f"the instruments, {joints}.",
             without_rotors(result.arm),
-            "armscope diagnose looks for what the model lacks.",
+            WHAT_IT_LACKS,
         )
         return " ".join(filter(None, sentences))
     if alone:
@@ -120,7 +127,10 @@ def _validated(result: Identification) -> str:
         joints = ", ".join(
             f"joint {j + 1} ({size} off, {_size(result.expected_rms(j), '')}expected)" for j, size in off
         )
-        return f"{sentence} Not validated at {joints}: the held-out runs contain effects that are not in the model."
+        return (
+            f"{sentence} Not validated at {joints}: the held-out runs contain effects that are not in the model. "
+            f"{WHAT_IT_LACKS}"
+        )
     if not result.noise:
         return f"{sentence} Not compared with the noise of the instruments."
     judged = "to which no parameter was fitted" if result.chosen_on_held_out else "that were not fitted"

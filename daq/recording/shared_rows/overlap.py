@@ -89,6 +89,12 @@ class _Rows:
         return keys[count > 1]
 
 
+def digest(recording: Recording) -> str:
+    """16 hexadecimal digits that are the same for the same rows, whatever file and order they are in."""
+    total = np.sum(_keys_of(recording, np.uint64(1)), dtype=np.uint64)
+    return f"{int(total):016x}"
+
+
 def _keys_of(recording: Recording, every: np.uint64) -> Keys:
     """Keys of the rows in the file, also if the recording holds means of them."""
     if recording.averaged > 1:
