@@ -257,6 +257,7 @@ class Structure:
     joint    from 1; None: of tracked points
     against  name of the variable alone; "no single variable" where none predicts the residual
     size     its size in words, ``4 mm in 12 s``; empty where the share says enough
+    fit_only  the fitted recordings alone show it: there is no held-out share
     """
 
     signal: Signal
@@ -264,6 +265,7 @@ class Structure:
     against: str
     share: float
     size: str = ""
+    fit_only: bool = False
 
     def words(self) -> str:
         """``time (4 mm in 12 s)``."""

@@ -119,12 +119,12 @@ def _with_held_out(arm: Arm, fit: Sequence[Recording], held_out: Sequence[Record
         extended=with_needed_reference(extended, model),
         fit=tuple(with_own(run, ()) for run in state.data.fit.runs),
         held_out=tuple(with_own(run, ()) for run in state.data.held_out.runs),
-        residual=Split(state.fitted.fit, state.fitted.held_out),
+        residual=state.residual,
         causes=_with_confidence(verified.causes, instruments, currents, unexplained),
         undetectable=undetectable(instruments, currents),
         unexplained=unexplained,
-        compared=verified.compared,
-        along=verified.along,
+        closed_loops=verified.closed_loops,
+        along_motion=verified.along_motion,
         encoder_noise=angle_noise(without_blanks(fit[0]).q),
         link=instruments.link,
         tracked=instruments.tracked,
@@ -203,7 +203,7 @@ def _extended_with(
 
 def top_speeds(currents: CurrentDiagnosis) -> Array:
     """(n,) rad/s (m/s): the highest speed of each joint in any of the recordings."""
-    speeds = [np.abs(run.brisk_v).max(axis=0) for part in currents.state.data for run in part.runs]
+    speeds = [np.abs(run.brisk_v).max(axis=0) for run in currents.state.all_runs]
     return np.asarray(np.max(speeds, axis=0))
 
 
@@ -211,7 +211,7 @@ def _with_confidence(
     causes: Sequence[Cause], instruments: OtherInstruments, currents: CurrentDiagnosis, unexplained: Sequence[Structure]
 ) -> list[Cause]:
     """The causes with their confidence, which depends on the remaining noise ratios at their joints."""
-    held_out, residual = currents.state.data.held_out, currents.state.fitted.held_out
+    held_out, residual = currents.state.data.held_out, currents.state.residual.held_out
     noise_ratios = ratios(held_out.runs, residual) if instruments.judged else []
     return with_confidence(causes, {one.joint: one.ratio for one in noise_ratios}, len(unexplained))
 
@@ -229,7 +229,7 @@ def _warnings(arm: Arm, instruments: OtherInstruments, currents: CurrentDiagnosi
     if instruments.judged:
         yield from mixed_up([*state.data.fit.runs, *state.data.held_out.runs])
         yield from folding_warnings([*state.data.fit.runs, *state.data.held_out.runs])
-        yield from not_held_out(state.fitted.fit, state.data.fit, of_currents, known_to(state).fit)
+        yield from not_held_out(state.residual.fit, state.data.fit, of_currents, known_to(state).fit)
         if of_currents and (sentence := without_rotors(arm)):
             yield sentence
     else:

@@ -104,16 +104,15 @@ def find_causes(
         progress=progress,
     )
     currents = _with_loops(search)
-    held = as_held(currents.causes, [run for part in currents.state.data for run in part.runs])
+    held = as_held(currents.causes, currents.state.all_runs)
     currents = replace(currents, held=tuple(held), causes=[cause for cause in currents.causes if cause not in held])
     if currents.axis or currents.arm.uncertainty is not None:
         return currents
     state = currents.state
-    runs = [run for part in state.data for run in part.runs]
     return replace(
         currents,
-        causes=with_rise_at_rest(currents.causes, runs, state.terms),
-        near_rest=tuple(with_rise_at_rest(currents.near_rest, runs, state.terms)),
+        causes=with_rise_at_rest(currents.causes, state.all_runs, state.terms),
+        near_rest=tuple(with_rise_at_rest(currents.near_rest, state.all_runs, state.terms)),
     )
 
 
@@ -244,8 +243,8 @@ def _searched(search: Search, residuals: Residuals) -> CurrentDiagnosis:
 def _above_noise(currents: CurrentDiagnosis) -> bool:
     """Whether the residual of any joint is above the noise, in fitted or in held-out recordings."""
     state = currents.state
-    sides = zip((state.fitted.fit, state.fitted.held_out), state.data)
-    return any(joints_above_noise(residual, side, currents.arm) for residual, side in sides)
+    parts = zip(state.residual, state.data)
+    return any(joints_above_noise(residual, part, currents.arm) for residual, part in parts)
 
 
 def _searched_given(search: Search, residuals: Residuals, axis: AxisSide | None) -> CurrentDiagnosis:

@@ -14,7 +14,6 @@ import numpy as np
 from daq.recording import Recording
 from diagnosis.cause import Signal
 from diagnosis.measurements.currents.limits import LIMITS
-from diagnosis.remainder.fitted_only import IN_FIT
 from diagnosis.result import Diagnosis
 from identification.selection import Split
 
@@ -26,25 +25,27 @@ def other_roles(found: Diagnosis, fit: Sequence[Recording], held_out: Sequence[R
 
     It is the one that shows the joint second best, so that the best one is fitted.
     """
-    names = [r.path.name for r in (*fit, *held_out)]
+    every, names = [*fit, *held_out], [r.path.name for r in (*fit, *held_out)]
     if len(set(names)) < len(names) or {run.name for run in found.fit} != set(names[: len(fit)]):
         return None
-    if not _fit_alone(found):
+    if (joint := _joint_in_fit_alone(found)) is None:
         return None
-    joint = found.unexplained[0].joint or 1
-    left = np.split(found.residual.fit.reshape(len(found.arm), -1)[joint - 1], np.cumsum([len(r.t) for r in found.fit]))
-    shown = {run.name: float(np.mean(own**2)) for run, own in zip(found.fit, left)}
-    loud = sorted((name for name in shown if shown[name] > LIMITS.above_noise**2), key=lambda name: -shown[name])
-    if len(loud) < 2:
+    residual = found.residual.fit.reshape(len(found.arm), -1)[joint - 1]
+    by_recording = np.split(residual, np.cumsum([len(run.t) for run in found.fit]))
+    squares = {run.name: float(np.mean(own**2)) for run, own in zip(found.fit, by_recording)}
+    above_noise = [name for name, square in squares.items() if square > LIMITS.above_noise**2]
+    if len(above_noise) < 2:
         return None
-    every = [*fit, *held_out]
-    return Split([r for r in every if r.path.name != loud[1]], [r for r in every if r.path.name == loud[1]])
+    _, second, *_ = sorted(above_noise, key=lambda name: -squares[name])
+    return Split([r for r in every if r.path.name != second], [r for r in every if r.path.name == second])
 
 
-def _fit_alone(found: Diagnosis) -> bool:
-    """Whether all that is unexplained is the current of one joint, in fitted recordings alone."""
-    joints = {one.joint for one in found.unexplained if one.signal is Signal.CURRENT and one.size.endswith(IN_FIT)}
-    return len(joints) == 1 and len(found.unexplained) == 1
+def _joint_in_fit_alone(found: Diagnosis) -> int | None:
+    """The joint whose current is all that is unexplained, in fitted recordings alone; None otherwise."""
+    if len(found.unexplained) != 1:
+        return None
+    (one,) = found.unexplained
+    return one.joint if one.signal is Signal.CURRENT and one.fit_only else None
 
 
 def better(found: Diagnosis, other: Diagnosis) -> Diagnosis:

@@ -33,9 +33,7 @@ def friction_near_rest(currents: CurrentDiagnosis, recordings: Recordings, exclu
     for one in currents.selection.unexplained.structures:
         if one.joint is not None and one.against in TWO_FACED:
             nuisance.setdefault(one.joint, []).append(Variable(one.against))
-    at_rest = friction_causes(
-        state.data.map(lambda part: part.runs), state.terms, taken, tuple(currents.library), nuisance
-    )
+    at_rest = friction_causes(state.runs, state.terms, taken, tuple(currents.library), nuisance)
     if currents.arm.uncertainty is not None:
         return at_rest
     in_loop = _in_loop(currents, recordings, [*taken, *(cause.key for cause in at_rest.causes)])
@@ -47,7 +45,7 @@ def _in_loop(currents: CurrentDiagnosis, recordings: Recordings, taken: Sequence
 
     What the search by currents named there is judged again, and estimated from both.
     """
-    runs = [run for part in currents.state.data for run in part.runs]
+    runs = currents.state.all_runs
     joints = [j for j in range(1, len(currents.arm) + 1) if all(coarse(run, j) for run in runs)]
     if not joints:
         return []
@@ -112,4 +110,4 @@ def gaps(currents: CurrentDiagnosis, excluded: Set[EffectKey]) -> tuple[Cause, .
     if currents.arm.uncertainty is not None or not currents.library:
         return chosen_gaps
     state, taken = currents.state, {*excluded, *(cause.key for cause in currents.causes)}
-    return (*chosen_gaps, *chattering_gaps(state.data.map(lambda part: part.runs), state.terms, taken))
+    return (*chosen_gaps, *chattering_gaps(state.runs, state.terms, taken))

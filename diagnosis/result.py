@@ -10,7 +10,7 @@ from arm_model import Arm
 from arm_model.effects import Instrument
 from daq.recording import Recording
 from diagnosis.cause import Cause, Structure, Undetectable
-from diagnosis.closed_loop.comparison import Compared, faithful
+from diagnosis.closed_loop.comparison import LoopPair, faithful
 from diagnosis.measurements.currents.shortage import Shortage
 from diagnosis.measurements.link_encoders.causes import LinkSide
 from diagnosis.measurements.single_axis.causes import AxisSide
@@ -27,8 +27,8 @@ class Diagnosis:
 
     arm, extended  the model, and the model with every cause as an effect
     fit, held_out  the recordings with their residual currents; residual: (N,) whitened, with all causes in the model
-    compared       of "fit" and "held_out", each recording's closed loop by the model and by the extended one
-    along          ... and (n,) A rms of its residual under both along the measured motion
+    closed_loops   each recording's closed loop by the model and by the extended one
+    along_motion   (n,) A rms of each recording's residual under both along the measured motion
     judged         whether the currents were compared: not with a model that predicts none
     shortage       what the held-out recordings are too short for
     known_to       (n,) times the noise that held-out residuals may be by what the model says of its own uncertainty
@@ -44,8 +44,8 @@ class Diagnosis:
     causes: list[Cause]
     undetectable: list[Undetectable]
     unexplained: list[Structure]
-    compared: dict[str, list[tuple[Compared, Compared]]] = field(repr=False)
-    along: dict[str, list[tuple[Array, Array]]]
+    closed_loops: Split[list[LoopPair]] = field(repr=False)
+    along_motion: Split[list[tuple[Array, Array]]]
     encoder_noise: Array
     link: LinkSide | None = None
     tracked: Tracked | None = None
@@ -60,7 +60,7 @@ class Diagnosis:
     @property
     def in_closed_loop(self) -> bool:
         """Whether current errors are those of the closed loop on the same demands; else along the measured motion."""
-        return faithful(self.compared["held_out"], self.along["held_out"])
+        return faithful(self.closed_loops.held_out, self.along_motion.held_out)
 
     @property
     def verdict(self) -> str:

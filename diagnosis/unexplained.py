@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
+from arm_model import Arm
+from daq.recording import Recording
 from diagnosis.cause import Signal, Structure, Undetectable
 from diagnosis.closed_loop.clear_errors import clear_errors
-from diagnosis.closed_loop.comparison import Compared, faithful
+from diagnosis.closed_loop.comparison import LoopComparison, LoopPair, faithful
 from diagnosis.closed_loop.model_errors import left_over_rms, spreads
 from diagnosis.closed_loop.oscillation import with_oscillations
 from diagnosis.current_diagnosis import CurrentDiagnosis, Recordings
@@ -17,6 +20,7 @@ from diagnosis.measurements.currents.detectability import (
 )
 from diagnosis.other_instruments import OtherInstruments
 from diagnosis.remainder.fitted_only import in_fit_alone, known_to
+from diagnosis.residual.run import Run
 from diagnosis.residual.run_setup import has_demand
 from diagnosis.screening.cleaned import Screened
 from diagnosis.selection.design import Dataset
@@ -62,24 +66,20 @@ def _in_loop(
     verified: Verified, recordings: Recordings, data: Split[Dataset], reported: Sequence[int | None]
 ) -> list[Structure]:
     """What the closed loop leaves above the noise and the model's own uncertainty, if its controller is the arm's."""
-    if not faithful(verified.compared["held_out"], verified.along["held_out"]):
+    loops, extended, runs = verified.closed_loops, verified.extended, data.map(lambda part: part.runs)
+    if not faithful(loops.held_out, verified.along_motion.held_out):
         return []
-    extended, runs = verified.extended, {"fit": data.fit.runs, "held_out": data.held_out.runs}
-    sides = {"fit": recordings.fit, "held_out": recordings.held_out}
+    fit, held_out = (partial(_sampled_loops, extended, *part) for part in zip(recordings, runs, loops))
+    errors = clear_errors(loops, runs, reported, Split(fit, held_out), left_over_rms(extended))
+    return with_oscillations(errors, (after for pairs in loops for _, after in pairs), extended)
 
-    def spread(side: str) -> list[list[Compared]]:
-        looped = [(r, run) for r, run in zip(sides[side], runs[side]) if has_demand(r)]
-        return spreads(
-            extended,
-            [r for r, _ in looped],
-            [run for _, run in looped],
-            [after for _, after in verified.compared[side]],
-        )
 
-    errors = clear_errors(verified.compared, runs, reported, spread, left_over_rms(extended))
-    return with_oscillations(
-        errors, (after for several in verified.compared.values() for _, after in several), extended
-    )
+def _sampled_loops(
+    extended: Arm, recordings: Sequence[Recording], runs: Sequence[Run], loops: Sequence[LoopPair]
+) -> list[list[LoopComparison]]:
+    """The loops of arms drawn from the uncertainty of the extended model, of recordings that have setpoints."""
+    looped = [(recording, run) for recording, run in zip(recordings, runs) if has_demand(recording)]
+    return spreads(extended, [r for r, _ in looped], [run for _, run in looped], [after for _, after in loops])
 
 
 def undetectable(instruments: OtherInstruments, currents: CurrentDiagnosis) -> list[Undetectable]:

@@ -7,7 +7,7 @@ seconds with errors of ten times the noise where nothing is wrong.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,14 +16,14 @@ from scipy.interpolate import CubicSpline
 
 from arm_io.types import Array
 from diagnosis.cause import NO_VARIABLE, Signal, Structure
-from diagnosis.closed_loop.comparison import Compared
+from diagnosis.closed_loop.comparison import LoopComparison, LoopPair
 from diagnosis.closed_loop.loop_errors import band_sections, white_noise_share
 from diagnosis.closed_loop.setpoint_phase import lag_of
 from diagnosis.residual.filters import COMPARE_BAND, TRANSIENT, rate_kept, rate_of
 from diagnosis.residual.noise.channels import current_noise
 from diagnosis.residual.run import Run
 from identification.preprocessing import zero_phase
-from identification.selection import Thresholds
+from identification.selection import Split, Thresholds
 
 HIGHEST = 100.0
 """Hz: above it, a model of servos and rotors without amplifiers says nothing."""
@@ -31,7 +31,9 @@ LEAST_SHARE = 0.2
 """Of the rows of a block that must be compared for it to count."""
 LEAST_BLOCKS = 4
 """Of which a median is taken."""
-SIDES = {"fit": "fitted", "held_out": "held-out"}
+PARTS = {"fit": "fitted", "held_out": "held-out"}
+"""Words for the fitted and the held-out recordings."""
+Pairs = Sequence[LoopPair]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,77 +56,83 @@ LIMITS = VerdictLimits()
 LeftOver = tuple[Array, Array]
 """(n,) A rms: what an identified model left beyond the noise on healthy recordings, below and above COMPARE_BAND."""
 
+SampledLoops = Callable[[], Sequence[Sequence[LoopComparison]]]
+"""Simulates the loops of arms drawn from the uncertainty of the model: of each arm, those of all recordings."""
+
+EXACT_MODEL: Split[SampledLoops] = Split(list, list)
+"""Of a model without uncertainty no arms are drawn."""
+
 
 def clear_errors(
-    compared: Mapping[str, Sequence[tuple[Compared, Compared]]],
-    runs: Mapping[str, Sequence[Run]],
+    loops: Split[Sequence[LoopPair]],
+    runs: Split[Sequence[Run]],
     reported: Sequence[int | None],
-    sampled: Callable[[str], Sequence[Sequence[Compared]]] = lambda _: (),
+    sampled: Split[SampledLoops] = EXACT_MODEL,
     left_over: LeftOver | None = None,
 ) -> list[Structure]:
     """Closed-loop errors clearly above the noise, at joints (from 1) that are not ``reported`` already.
 
-    compared, runs: by "fit" and "held_out", each recording in closed loop without the causes and with all of them, and
-    all recordings. sampled: of a side, what the uncertainty of the model makes of the loops with all causes
-    (``model_errors.spreads``); left_over: what it left on healthy recordings. Limits are above the noise
-    and these together.
+    runs: all recordings, also those without a closed loop. sampled: what the uncertainty of the model makes of the
+    loops with all causes (``model_errors.spreads``); left_over: what the model left on healthy recordings. Limits are
+    above the noise and these together. Of fitted and held-out recordings, those with the larger error are named.
     """
-    clear: dict[tuple[int, str], tuple[float, str]] = {}
-    for side, several in compared.items():
-        if not several:
-            continue
-        noise = (
-            np.mean([run.loop_noise for run in runs[side]], axis=0),
-            [current_noise(one.current, one.measured("current")) for _, one in several],
-        )
-        ratios = _ratios(several, *noise)
-        if not any(np.any(ratio > most) for _, most, ratio in ratios):
-            continue
-        drawn = [_ratios([(one, one) for one in loops], *noise) for loops in sampled(side)]
-        for band, (against, most, of_joints) in enumerate(ratios):
-            squares = [one[band][2] ** 2 for one in drawn]
-            healthy = (
-                np.zeros(len(of_joints)) if left_over is None else left_over[band] / _noise_of(band, several, *noise)
-            )
-            allowed = np.sqrt(1.0 + healthy**2 + (np.mean(squares, axis=0) if squares else 0.0))
-            for joint, (ratio, times) in enumerate(zip(of_joints.tolist(), allowed.tolist()), 1):
-                key = joint, against
-                if joint not in reported and ratio > max(most * times, clear.get(key, (0.0, ""))[0]):
-                    clear[key] = ratio, side
+    largest: dict[tuple[int, str], tuple[float, str]] = {}
+    for (part, pairs), of_part, drawn in zip(loops.items(), runs, sampled):
+        for joint, against, ratio in _clear_in(pairs, of_part, drawn, left_over):
+            if joint not in reported and ratio > largest.get((joint, against), (0.0, ""))[0]:
+                largest[joint, against] = ratio, part
     return [
-        Structure(Signal.CLOSED_LOOP, joint, against, 0.0, f"{ratio:.1f} times the noise, in {SIDES[side]} recordings")
-        for (joint, against), (ratio, side) in sorted(clear.items())
+        Structure(Signal.CLOSED_LOOP, joint, against, 0.0, f"{ratio:.1f} times the noise, in {PARTS[part]} recordings")
+        for (joint, against), (ratio, part) in sorted(largest.items())
     ]
 
 
-Pairs = Sequence[tuple[Compared, Compared]]
+def _clear_in(
+    pairs: Pairs, runs: Sequence[Run], sampled: SampledLoops, left_over: LeftOver | None
+) -> Iterator[tuple[int, str, float]]:
+    """Joint (from 1), band and size, over the noise, of every clear error; arguments as of ``clear_errors``."""
+    if not pairs:
+        return
+    noise = (
+        np.mean([run.loop_noise for run in runs], axis=0),
+        [current_noise(one.current, one.measured("current")) for _, one in pairs],
+    )
+    bands = _ratios(pairs, *noise)
+    if not any(np.any(ratio > limit) for _, limit, ratio in bands):
+        return
+    drawn = [_ratios([(one, one) for one in loops], *noise) for loops in sampled()]
+    for k, (against, limit, ratio) in enumerate(bands):
+        by_uncertainty = np.mean([of_arm[k][2] ** 2 for of_arm in drawn], axis=0) if drawn else 0.0
+        healthy = 0.0 if left_over is None else left_over[k] / _noise_of(k, pairs, *noise)
+        for j in np.flatnonzero(ratio > limit * np.sqrt(1.0 + healthy**2 + by_uncertainty)):
+            yield int(j) + 1, against, float(ratio[j])
 
 
-def _noise_of(band: int, several: Pairs, noise: Array, white: Sequence[Array]) -> Array:
+def _noise_of(band: int, pairs: Pairs, noise: Array, white: Sequence[Array]) -> Array:
     """(n,) A: noise below COMPARE_BAND (band 0), and from there to HIGHEST (band 1); arguments as of ``_ratios``."""
     if band == 0:
         return noise
-    rates = [rate_of(one.t) for _, one in several]
+    rates = [rate_of(one.t) for _, one in pairs]
     return np.asarray(np.mean([_in_band(level, _sections(rate)) for level, rate in zip(white, rates)], axis=0))
 
 
-def _ratios(several: Pairs, noise: Array, white: Sequence[Array]) -> list[tuple[str, float, Array]]:
+def _ratios(pairs: Pairs, noise: Array, white: Sequence[Array]) -> list[tuple[str, float, Array]]:
     """For both bands: name, limit, and (n,) the median error of each joint over the noise.
 
     noise: (n,) A, below COMPARE_BAND; white: (n,) A per recording, of a row of its measured currents.
     """
     return [
-        (NO_VARIABLE, LIMITS.loop, _medians(_below(after, noise) for _, after in several)),
-        (f"frequencies of {COMPARE_BAND:.0f} to {HIGHEST:.0f} Hz", LIMITS.loop_band, _above_medians(several, white)),
+        (NO_VARIABLE, LIMITS.loop, _medians(_below(after, noise) for _, after in pairs)),
+        (f"frequencies of {COMPARE_BAND:.0f} to {HIGHEST:.0f} Hz", LIMITS.loop_band, _above_medians(pairs, white)),
     ]
 
 
-def _above_medians(several: Pairs, white: Sequence[Array]) -> Array:
+def _above_medians(pairs: Pairs, white: Sequence[Array]) -> Array:
     """(n,) medians from COMPARE_BAND to HIGHEST: the simulation moved as a whole, or what it has without the causes.
 
     Setpoints that come later move transients. What follows the angles, as cogging does, stays where it is.
     """
-    whole, parts = zip(*(_above(*pair, own) for pair, own in zip(several, white)))
+    whole, parts = zip(*(_above(*pair, own) for pair, own in zip(pairs, white)))
     return np.minimum(_medians(iter(whole)), _medians(iter(parts)))
 
 
@@ -138,13 +146,13 @@ def _medians(parts: Iterator[Array]) -> Array:
     return np.asarray(np.sqrt(np.nanmedian(known, axis=0)))
 
 
-def _below(one: Compared, noise: Array) -> Array:
+def _below(one: LoopComparison, noise: Array) -> Array:
     """(blocks, n) mean square of the error below COMPARE_BAND over the noise (n,), at the rows that are compared."""
     error = one.error("current") / noise
     return _of_blocks(error, one.known[: len(error)], round(rate_kept(rate_of(one.t))))
 
 
-def _above(before: Compared, one: Compared, white: Array) -> tuple[Array, Array]:
+def _above(before: LoopComparison, one: LoopComparison, white: Array) -> tuple[Array, Array]:
     """(blocks, n) mean squares of the error from COMPARE_BAND to HIGHEST over the noise of a row, ``white`` (n,) A.
 
     At rows that were measured. The instants of the setpoints are not recorded: the simulation is moved to where its

@@ -56,8 +56,8 @@ def identity(values: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class Compared:
-    """One recording and its simulation: t (m,) s, currents (m, n) A and angles (m, n) rad.
+class LoopComparison:
+    """One recording and the closed loop of a model on its demands: t (m,) s, currents (m, n) A and angles (m, n) rad.
 
     known: (r, n) rows of the run that are compared; less_folded: of values (r, n) A, as ``Run.less_folded``;
     unmeasured: where there is no sample, as ``Run.unmeasured``.
@@ -116,16 +116,19 @@ class Compared:
         return rms_where(self.error(signal), self.known)
 
 
+LoopPair = tuple[LoopComparison, LoopComparison]
+"""One recording with the closed loop of the model, and with that of the extended model."""
+
 Case = tuple[Recording, Arm, Run]
 """A recording, the model of its closed loop, and its residual along the measured motion."""
 
 
-def compare(recording: Recording, arm: Arm, run: Run) -> Compared | None:
+def compare(recording: Recording, arm: Arm, run: Run) -> LoopComparison | None:
     """A recording and the closed loop of the model on its demands; None without demand, controller or stable loop."""
     return compare_all([(recording, arm, run)])[0]
 
 
-def compare_all(cases: Sequence[Case]) -> list[Compared | None]:
+def compare_all(cases: Sequence[Case]) -> list[LoopComparison | None]:
     """``compare`` of several, their loops simulated on all cores."""
     return [
         None if shown is None else _compared(recording, run, *shown)
@@ -148,14 +151,23 @@ def _simulated(case: Case) -> tuple[Array, Array] | None:
     return shown.current, shown.q
 
 
-def _compared(recording: Recording, run: Run, current: Array, angle: Array) -> Compared:
-    signals = recording.i, current, recording.q, angle
-    return Compared(recording.path.name, recording.t, *signals, comparable_rows(run), run.less_folded, run.unmeasured)
+def _compared(recording: Recording, run: Run, current: Array, angle: Array) -> LoopComparison:
+    return LoopComparison(
+        name=recording.path.name,
+        t=recording.t,
+        current=recording.i,
+        simulated_current=current,
+        angle=recording.q,
+        simulated_angle=angle,
+        known=comparable_rows(run),
+        less_folded=run.less_folded,
+        unmeasured=run.unmeasured,
+    )
 
 
 def before_and_after(
     recordings: Sequence[Recording], runs: Sequence[Run], arm: Arm, extended: Arm
-) -> list[tuple[Compared, Compared] | None]:
+) -> list[LoopPair | None]:
     """Recordings in closed loop by the model, and by the extended one with the causes of each recording alone."""
     bare: list[Case] = [(r, arm, replace(run, own=())) for r, run in zip(recordings, runs)]
     more: list[Case] = [(r, extended, run) for r, run in zip(recordings, runs) if extended is not arm or run.own]
@@ -176,7 +188,7 @@ def along_motion(run: Run, before: Arm, after: Arm) -> tuple[Array, Array]:
     return rms_where(residual_under(bare, before.effects), rows), rms_where(residual_under(run, after.effects), rows)
 
 
-def faithful(pairs: Sequence[tuple[Compared, Compared]], along: Sequence[tuple[Array, Array]]) -> bool:
+def faithful(pairs: Sequence[LoopPair], along: Sequence[tuple[Array, Array]]) -> bool:
     """Whether the closed loop of the extended model follows the recordings as well as the model their motion."""
     if not pairs or len(pairs) != len(along):
         return False

@@ -16,7 +16,7 @@ from arm_io.types import Array
 from arm_model import Arm, parameter, with_parameters
 from daq.recording import Recording
 from diagnosis.another_day import known_on_another_day
-from diagnosis.closed_loop.comparison import Compared, compare
+from diagnosis.closed_loop.comparison import LoopComparison, compare
 from diagnosis.residual.run import Run
 
 DRAWS = 8
@@ -39,8 +39,8 @@ def sampled_arms(arm: Arm, count: int = DRAWS) -> list[Arm]:
 
 
 def spreads(
-    arm: Arm, recordings: Sequence[Recording], runs: Sequence[Run], nominal: Sequence[Compared]
-) -> list[list[Compared]]:
+    arm: Arm, recordings: Sequence[Recording], runs: Sequence[Run], nominal: Sequence[LoopComparison]
+) -> list[list[LoopComparison]]:
     """For each drawn arm: every recording's closed loop by ``arm``, compared with that by the drawn arm.
 
     nominal: the loops of ``arm``. An arm whose loop is not stable is left out.

@@ -11,7 +11,7 @@ from arm_io.types import Array
 from arm_model import Arm
 from diagnosis.cause import NO_VARIABLE, Signal, Structure
 from diagnosis.closed_loop.clear_errors import HIGHEST
-from diagnosis.closed_loop.comparison import Compared
+from diagnosis.closed_loop.comparison import LoopComparison
 from diagnosis.residual.filters import COMPARE_BAND, rate_of
 from diagnosis.selection.waves import SECONDS, SLOWEST, peak
 from diagnosis.units import readable, rounded
@@ -29,7 +29,7 @@ class Oscillation:
     angle: float
 
 
-def with_oscillations(structures: Sequence[Structure], compared: Iterable[Compared], arm: Arm) -> list[Structure]:
+def with_oscillations(structures: Sequence[Structure], compared: Iterable[LoopComparison], arm: Arm) -> list[Structure]:
     """The structures, with frequency and amplitudes where a structure is mostly one oscillation."""
     loops, found = list(compared), []
     for one in structures:
@@ -41,7 +41,7 @@ def with_oscillations(structures: Sequence[Structure], compared: Iterable[Compar
     return found
 
 
-def oscillation(compared: Sequence[Compared], joint: int, band: tuple[float, float]) -> Oscillation | None:
+def oscillation(compared: Sequence[LoopComparison], joint: int, band: tuple[float, float]) -> Oscillation | None:
     """The oscillation in a ``band`` (Hz) of a joint (from 1) that its simulated loop lacks; None: no line stands out.
 
     Only recordings with the sampling rate of the first one that measured this joint are used.
@@ -61,15 +61,15 @@ def oscillation(compared: Sequence[Compared], joint: int, band: tuple[float, flo
     return Oscillation(at, current, angle)
 
 
-def _rate(one: Compared) -> float:
+def _rate(one: LoopComparison) -> float:
     return rate_of(one.t)
 
 
-def _segment(one: Compared) -> int:
+def _segment(one: LoopComparison) -> int:
     return round(SECONDS * _rate(one))
 
 
-def _power(compared: Sequence[Compared], of: str, joint: int) -> Array:
+def _power(compared: Sequence[LoopComparison], of: str, joint: int) -> Array:
     """Mean power density of a joint's ``current`` or ``angle`` errors over all recordings, weighted by duration."""
     of_each = [one.spectrum(of, joint, _segment(one))[1] for one in compared]
     return np.asarray(np.average(of_each, axis=0, weights=[one.measured(of)[:, joint - 1].sum() for one in compared]))

@@ -71,7 +71,7 @@ class ValuesPerRecording:
 
 def contradicted(state: State) -> Candidate | None:
     """The chosen candidate whose values by single recordings contradict each other most; None where all agree."""
-    chosen, runs = state.chosen, [run for part in state.data for run in part.runs]
+    chosen, runs = state.chosen, state.all_runs
     if not chosen or len(runs) < 2 or state.data.two_fold:
         return None
     columns = _of_runs([*(state.model.columns(c) for c in chosen), *state.model.free], state)
@@ -118,8 +118,8 @@ def promising(
 
 def noise_alone(state: State) -> bool:
     """Whether no joint has more than ``QUIET`` times the noise left, in fitted and in held-out recordings."""
-    sides = ((state.data.fit, state.fitted.fit), (state.data.held_out, state.fitted.held_out))
-    return all(one.ratio <= QUIET for side, left in sides for one in ratios(side.runs, left))
+    parts = zip(state.runs, state.residual)
+    return all(one.ratio <= QUIET for runs, residual in parts for one in ratios(runs, residual))
 
 
 def exists_in_all(own: ValuesPerRecording, state: State) -> bool:
@@ -262,7 +262,7 @@ def _mean(several: Sequence[Estimate]) -> Estimate:
 
 def _runs(state: State) -> list[Run]:
     """Every recording without its own values of causes, the fitted ones first."""
-    return [with_own(with_free(run, None), ()) for part in state.data for run in part.runs]
+    return [with_own(with_free(run, None), ()) for run in state.all_runs]
 
 
 def _term(c: Candidate, values: Array) -> EffectTerm:

@@ -15,9 +15,6 @@ from diagnosis.selection.waves import wave_of
 from diagnosis.units import recorded_quantity
 from identification.selection import Split
 
-IN_FIT = "in fitted recordings"
-"""End of ``Structure.size`` of what no held-out recording shows."""
-
 
 def known_to(state: State) -> Split[Array]:
     """(n,) residual, in units of the noise, that the stated uncertainty of the model allows; 1 if it is exact."""
@@ -26,13 +23,12 @@ def known_to(state: State) -> Split[Array]:
 
 def in_fit_alone(state: State, structures: Sequence[Structure], allowed: Array) -> list[Structure]:
     """``structures_of_fit`` of what a search leaves; allowed (n,): ``known_to`` of the fitted recordings."""
-    residuals = Split(state.fitted.fit, state.fitted.held_out)
 
     def variable_of(joint: int) -> str | None:
-        likely = likely_variable(state.data, residuals, state.model.arm, joint)
+        likely = likely_variable(state.data, state.residual, state.model.arm, joint)
         return None if likely is None else likely.variable
 
-    return structures_of_fit(state.fitted.fit, state.data.fit, structures, allowed, variable_of)
+    return structures_of_fit(state.residual.fit, state.data.fit, structures, allowed, variable_of)
 
 
 def structures_of_fit(
@@ -54,7 +50,8 @@ def structures_of_fit(
             joint,
             variable_of(joint) or wave_of(residual, fit, joint) or NO_VARIABLE,
             0.0,
-            f"{ratio:.1f} times the noise, {IN_FIT}",
+            f"{ratio:.1f} times the noise, in fitted recordings",
+            fit_only=True,
         )
         for joint, ratio in _above_in_fit(residual, fit, structures, allowed).items()
     ]

@@ -120,7 +120,7 @@ def allowed_residuals(state: State, structures: Sequence[Structure]) -> list[All
     variables = known.against or ("",) * len(model.arm)
     reported, bases = {structure.joint for structure in structures}, Bases(*state.data)
     for joint, (remaining, before) in enumerate(zip(model.uncertain.left_over.tolist(), variables), 1):
-        sides = zip(state.data, (state.fitted.fit, state.fitted.held_out))
+        sides = zip(state.data, state.residual)
         if joint in reported or max(noise_ratio(y, side, joint) for side, y in sides) <= LIMITS.above_noise:
             continue
         against = _variable(structures_at(joint, state.data, bases, state.fitted, model.arm, exact)[0])

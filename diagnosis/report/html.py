@@ -105,8 +105,8 @@ def _names(files: Sequence[str]) -> str:
 
 def _simulated(result: Diagnosis) -> Iterator[tuple[str, Chart]]:
     """Closed-loop simulation next to the measurement, for some recordings of either set."""
-    for side, words in (("held_out", "held out"), ("fit", "fitted")):
-        pairs = result.compared.get(side) or []
+    fit, held_out = result.closed_loops
+    for side, words, pairs in (("held_out", "held out", held_out), ("fit", "fitted", fit)):
         for number, (before, after) in enumerate(pairs[: MOST_CHARTS[side]], 1):
             chart = side_by_side(before, after, bool(result.causes), result.arm, f"simulated_{side}_{number}")
             yield f"{before.name} ({words})", chart

@@ -12,10 +12,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from diagnosis.cause import Signal
-from diagnosis.closed_loop.clear_errors import SIDES
+from diagnosis.closed_loop.clear_errors import PARTS
 from diagnosis.remainder.against_noise import ratios
 from diagnosis.remainder.of_identification import AllowedResidual
 from diagnosis.result import Diagnosis
+from identification.selection import Split
 
 NOISE = 1.3
 """Rms over the noise floor up to which a residual is noise along the motion: the floor is known no better."""
@@ -51,7 +52,7 @@ class Remaining:
             if above:
                 worst = max(above, key=lambda side: above[side])
                 yield (
-                    f"joint {self.joint}{where} at {above[worst]:.1f} times the noise in {SIDES[worst]} recordings"
+                    f"joint {self.joint}{where} at {above[worst]:.1f} times the noise in {PARTS[worst]} recordings"
                     f"{known}"
                 )
 
@@ -78,15 +79,16 @@ def remaining(result: Diagnosis) -> list[Remaining]:
     """Every joint; empty where no currents were judged."""
     if not result.judged:
         return []
+    runs = Split(result.fit, result.held_out)
     along = {
-        "fit": {one.joint: one.ratio for one in ratios(result.fit, result.residual.fit)},
-        "held_out": {one.joint: one.ratio for one in ratios(result.held_out, result.residual.held_out)},
+        part: {one.joint: one.ratio for one in ratios(of_part, residual)}
+        for (part, of_part), residual in zip(runs.items(), result.residual)
     }
     in_loop = {}
-    for side, pairs in result.compared.items() if result.in_closed_loop else ():
-        noise = np.mean([run.loop_noise for run in (result.fit if side == "fit" else result.held_out)], axis=0)
+    for (part, of_part), pairs in zip(runs.items(), result.closed_loops) if result.in_closed_loop else ():
+        noise = np.mean([run.loop_noise for run in of_part], axis=0)
         errors = [after.error_rms("current") ** 2 for _, after in pairs]
-        in_loop[side] = np.sqrt(np.mean(errors, axis=0)) / noise if errors else np.zeros(len(result.arm))
+        in_loop[part] = np.sqrt(np.mean(errors, axis=0)) / noise if errors else np.zeros(len(result.arm))
     return [
         Remaining(
             joint=joint,

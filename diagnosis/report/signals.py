@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -26,7 +25,7 @@ def signal_rows(result: Diagnosis) -> list[dict[str, Any]]:
 def _currents(result: Diagnosis) -> list[dict[str, Any]]:
     """In closed loop, or else along the measured motion; with the residual's ratio to the noise, and structure."""
     in_loop = result.in_closed_loop
-    errors = _of_loop(result, "current") if in_loop else result.along if result.judged else {}
+    errors = _of_loop(result, "current") if in_loop else result.along_motion
     noise = np.mean([run.noise for run in result.held_out], axis=0)
     rows = _of_joints(result, "current", "A", errors, noise, "demands" if in_loop else "measured motion")
     if not result.judged:
@@ -46,38 +45,36 @@ def _positions(result: Diagnosis) -> list[dict[str, Any]]:
     return _of_joints(result, "position", "rad", _of_loop(result, "angle"), result.encoder_noise, "demands")
 
 
-def _of_loop(result: Diagnosis, signal: str) -> dict[str, list[tuple[Array, Array]]]:
+def _of_loop(result: Diagnosis, signal: str) -> Split[list[tuple[Array, Array]]]:
     """(n,) rms errors before and after of every recording, as ``closed_loop`` compares them."""
-    return {
-        half: [(b.error_rms(signal), a.error_rms(signal)) for b, a in pairs] for half, pairs in result.compared.items()
-    }
+    return result.closed_loops.map(lambda pairs: [(b.error_rms(signal), a.error_rms(signal)) for b, a in pairs])
 
 
 def _of_joints(
     result: Diagnosis,
     signal: str,
     unit: str,
-    errors: Mapping[str, Sequence[tuple[Array, Array]]],
+    errors: Split[list[tuple[Array, Array]]],
     noise: Array,
     along: str,
 ) -> list[dict[str, Any]]:
     """A row per joint of a signal in ``unit``: its rms errors over all recordings of either side, and its noise."""
-    halves = {half: pairs for half, pairs in errors.items() if pairs}
+    compared = {part: pairs for part, pairs in errors.items() if pairs}
     return [
         {
             "signal": signal,
             "joint": j + 1,
             "unit": joint.unit(unit),
             "error_rms": {
-                half: {
+                part: {
                     when: float(np.sqrt(np.mean([pair[k][j] ** 2 for pair in pairs]))) for k, when in enumerate(WHEN)
                 }
-                for half, pairs in halves.items()
+                for part, pairs in compared.items()
             },
             "noise_rms": float(noise[j]),
             "along": along,
         }
-        for j, joint in enumerate(result.arm.joints if halves else ())
+        for j, joint in enumerate(result.arm.joints if compared else ())
     ]
 
 

@@ -31,14 +31,13 @@ nothing from chance. The more coefficients, the more of another law an effect fo
 class Fitted:
     """Columns fitted together.
 
-    fit, held_out  (N,), (M,) residuals
+    residual       (N,) of the fit set, (M,) of the held-out set
     basis          (N, r) basis of the columns in the fit set, orthonormal but for what is ``known`` of coefficients;
                    to_held_out (M, r): the same combinations in the held-out set
     coefficients   of all columns, in their order
     """
 
-    fit: Array
-    held_out: Array
+    residual: Split[Array]
     basis: Array
     to_held_out: Array
     coefficients: Array
@@ -49,7 +48,7 @@ def fit_together(data: Split[Dataset], chosen: Iterable[Pair]) -> Fitted:
     pairs, (fit, held_out) = list(chosen), data
     if not pairs:
         empty = np.empty((len(fit.y), 0)), np.empty((len(held_out.y), 0))
-        return Fitted(fit.y, held_out.y, *empty, np.empty(0))
+        return Fitted(Split(fit.y, held_out.y), *empty, np.empty(0))
     a = np.hstack([pair.fit.dense(len(fit.y)) for pair in pairs])
     a_held_out = np.hstack([pair.held_out.dense(len(held_out.y)) for pair in pairs])
     # the eigenvalues of a^T a, scaled, are the squares of the singular values, at a third of the time
@@ -62,7 +61,8 @@ def fit_together(data: Split[Dataset], chosen: Iterable[Pair]) -> Fitted:
     basis = a @ back
     projected = basis.T @ fit.y
     to_held_out = a_held_out @ back
-    return Fitted(fit.y - basis @ projected, held_out.y - to_held_out @ projected, basis, to_held_out, back @ projected)
+    residual = Split(fit.y - basis @ projected, held_out.y - to_held_out @ projected)
+    return Fitted(residual, basis, to_held_out, back @ projected)
 
 
 def fit_gain(columns: Columns, fitted: Fitted) -> tuple[float, Array]:
@@ -70,7 +70,7 @@ def fit_gain(columns: Columns, fitted: Fitted) -> tuple[float, Array]:
     inside = columns.dot(fitted.basis)
     scale = _lengths(columns.gram)
     gram = (columns.gram - inside @ inside.T) / np.outer(scale, scale)
-    toward = columns.dot(fitted.fit) / scale
+    toward = columns.dot(fitted.residual.fit) / scale
     values, vectors = np.linalg.eigh(gram)
     keep = values > INDEPENDENT**2
     along = vectors[:, keep].T @ toward
@@ -113,7 +113,7 @@ def chance(pair: Pair, c: Array, fall: Array, fitted: Fitted, held_out: Dataset,
     large = min(LARGE * np.count_nonzero(c), LARGEST) * held_out.rows
     if p > SPARSE_P and gain > 0.0 and (sparse or gain > large):
         predicted = pair.held_out.contribution(c, len(held_out.y))
-        p = min(p, shift_p_value(by_recording(predicted, held_out), by_recording(fitted.held_out, held_out)))
+        p = min(p, shift_p_value(by_recording(predicted, held_out), by_recording(fitted.residual.held_out, held_out)))
     return p
 
 
@@ -126,14 +126,14 @@ def by_recording(values: Array, side: Dataset) -> list[Array]:
 def gain_of(pair: Pair, fitted: Fitted, held_out: Dataset) -> tuple[Array, Array]:
     """Coefficients (k,) of columns conditional on those fitted, and the fall of the squared held-out residual."""
     _, c = fit_gain(pair.fit, fitted)
-    return c, fitted.held_out**2 - residual_with(pair, c, fitted, held_out) ** 2
+    return c, fitted.residual.held_out**2 - residual_with(pair, c, fitted, held_out) ** 2
 
 
 def residual_with(pair: Pair, c: Array, fitted: Fitted, held_out: Dataset) -> Array:
     """(M,) held-out residual with columns of coefficients c (k,) added and the fitted ones refitted."""
     inside = pair.fit.dot(fitted.basis).T @ c
-    residual: Array = fitted.held_out - pair.held_out.contribution(c, len(held_out.y)) + fitted.to_held_out @ inside
-    return residual
+    without: Array = fitted.residual.held_out
+    return without - pair.held_out.contribution(c, len(held_out.y)) + fitted.to_held_out @ inside
 
 
 def best_of_each(
@@ -175,16 +175,16 @@ def at_joint(columns: Columns, joint: int | None, side: Dataset) -> Columns:
 def with_columns(fitted: Fitted, pairs: Sequence[Pair]) -> Fitted:
     """The fit with more columns, fitted to its residual."""
     for pair in pairs:
-        x, x_held_out = pair.fit.dense(len(fitted.fit)), pair.held_out.dense(len(fitted.held_out))
+        x, x_held_out = pair.fit.dense(len(fitted.residual.fit)), pair.held_out.dense(len(fitted.residual.held_out))
         inside = fitted.basis.T @ x
         x, x_held_out = x - fitted.basis @ inside, x_held_out - fitted.to_held_out @ inside
         u, s, vt = np.linalg.svd(x, full_matrices=False)
         keep = s > 1e-4 * s[0]
         basis, to_held_out = u[:, keep], x_held_out @ (vt[keep].T / s[keep])
-        projected = basis.T @ fitted.fit
+        projected = basis.T @ fitted.residual.fit
+        fit, held_out = fitted.residual
         fitted = Fitted(
-            fitted.fit - basis @ projected,
-            fitted.held_out - to_held_out @ projected,
+            Split(fit - basis @ projected, held_out - to_held_out @ projected),
             np.hstack([fitted.basis, basis]),
             np.hstack([fitted.to_held_out, to_held_out]),
             fitted.coefficients,

@@ -33,7 +33,7 @@ def beyond_folding(state: State) -> tuple[int, ...]:
 
     Conditional on the causes of the state.
     """
-    runs = [run for part in state.data for run in part.runs if not unbounded(run.setpoints, rate_of(run.raw[0]))]
+    runs = [run for run in state.all_runs if not unbounded(run.setpoints, rate_of(run.raw[0]))]
     hiding = [run for run in runs if run.folded.any() and not run.resolved]
     if len(hiding) < RECORDINGS:
         return ()

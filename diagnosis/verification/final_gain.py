@@ -74,7 +74,7 @@ def left_where_it_acts(columns: Columns, coefficients: Array, without: State) ->
 
     columns: its own, whitened; coefficients (k,). 0 of an effect that predicts nothing.
     """
-    residual = without.fitted.held_out
+    residual = without.residual.held_out
     weight = columns.contribution(coefficients, len(residual)) ** 2
     return float(np.sqrt(weight @ residual**2 / max(float(weight.sum()), 1e-300)))
 

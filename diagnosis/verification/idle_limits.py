@@ -10,7 +10,7 @@ import numpy as np
 from arm_model import Arm
 from daq.recording import Recording
 from diagnosis.cause import Cause, EffectKey
-from diagnosis.closed_loop.comparison import Compared, compare
+from diagnosis.closed_loop.comparison import LoopComparison, compare
 from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.residual.generation import CREEP
 from diagnosis.residual.run import Run
@@ -61,7 +61,7 @@ def held_at_standstill(cause: Cause, runs: Sequence[Run]) -> bool:
     return any(rows.any() for rows in at_limit) and not any((a & b).any() for a, b in zip(at_limit, moving))
 
 
-def shows_nothing(cause: Cause, without: Compared, having: Compared, noise: float) -> bool:
+def shows_nothing(cause: Cause, without: LoopComparison, having: LoopComparison, noise: float) -> bool:
     """Whether a closed loop is as near to a recording without a cause of one joint as with it.
 
     noise: A, of the residual current of that joint.

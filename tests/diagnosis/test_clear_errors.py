@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -19,18 +20,19 @@ from daq.recording import Recording, open_recording
 from daq.recording.parts import Attachments
 from daq.recording.tables.table import write_table
 from diagnosis.cause import NO_VARIABLE, Signal, Structure
-from diagnosis.closed_loop.clear_errors import LIMITS, clear_errors
-from diagnosis.closed_loop.comparison import Compared
+from diagnosis.closed_loop.clear_errors import LIMITS, SampledLoops, clear_errors
+from diagnosis.closed_loop.comparison import LoopComparison, LoopPair
 from diagnosis.closed_loop.model_errors import sampled_arms
 from diagnosis.closed_loop.oscillation import oscillation, with_oscillations
 from diagnosis.closed_loop.setpoint_phase import lag_of
 from diagnosis.residual.filters import kept_rows, rate_of
 from diagnosis.residual.generation import residual_run
+from identification.selection import Split
 
 RATE, NOISE = 500.0, 0.01
 
 
-def _compared(wrong: np.ndarray, seed: int = 1) -> Compared:
+def _compared(wrong: np.ndarray, seed: int = 1) -> LoopComparison:
     """20 s of two joints; ``wrong`` (m,) A more current of joint 2 than simulated."""
     t = np.arange(0.0, 20.0, 1 / RATE)
     rng = np.random.default_rng(seed)
@@ -38,10 +40,10 @@ def _compared(wrong: np.ndarray, seed: int = 1) -> Compared:
     current[:, 1] += wrong
     still = np.zeros((len(t), 2))
     rows = len(t[kept_rows(rate_of(t))])
-    return Compared("a", t, current, still, still + 1e-9 * t[:, None], still, np.ones((rows, 2), bool))
+    return LoopComparison("a", t, current, still, still + 1e-9 * t[:, None], still, np.ones((rows, 2), bool))
 
 
-def _twice(compared: Compared) -> tuple[Compared, Compared]:
+def _twice(compared: LoopComparison) -> LoopPair:
     """Without and with causes, of which there are none."""
     return compared, compared
 
@@ -49,23 +51,25 @@ def _twice(compared: Compared) -> tuple[Compared, Compared]:
 T = np.arange(0.0, 20.0, 1 / RATE)
 BELOW = NOISE * np.sqrt(20.0 / (RATE / 2))
 """A: white noise below 20 Hz."""
-RUNS = {side: cast(Any, [SimpleNamespace(loop_noise=np.full(2, BELOW))]) for side in ("fit", "held_out")}
+RUN = cast(Any, SimpleNamespace(loop_noise=np.full(2, BELOW)))
+RUNS = Split([RUN], [RUN])
 
 
 def test_noise_and_a_few_seconds_of_breaking_away_are_nothing() -> None:
     few = 30 * BELOW * np.sin(20 * T) * (T > 15.0)
-    compared = {"fit": [_twice(_compared(few))], "held_out": [_twice(_compared(0.0 * T, 2))]}
+    compared = Split([_twice(_compared(few))], [_twice(_compared(0.0 * T, 2))])
     assert clear_errors(compared, RUNS, []) == []
 
 
-@pytest.mark.parametrize("side", ["fit", "held_out"])
+@pytest.mark.parametrize("part", ["fit", "held_out"])
 @pytest.mark.parametrize(("hertz", "against"), [(5.0, NO_VARIABLE), (47.0, "frequencies of 20 to 100 Hz")])
-def test_what_lasts_is_told_with_its_band_and_size(side: str, hertz: float, against: str) -> None:
-    compared = {one: [_twice(_compared(0.0 * T, 2))] for one in RUNS}
-    compared[side] = [_twice(_compared(0.1 * np.sin(2 * np.pi * hertz * T)))]
+def test_what_lasts_is_told_with_its_band_and_size(part: str, hertz: float, against: str) -> None:
+    noise = [_twice(_compared(0.0 * T, 2))]
+    wave = [_twice(_compared(0.1 * np.sin(2 * np.pi * hertz * T)))]
+    compared = Split(wave, noise) if part == "fit" else Split(noise, wave)
     (found,) = clear_errors(compared, RUNS, [])
     assert (found.signal, found.joint, found.against) == (Signal.CLOSED_LOOP, 2, against)
-    assert "times the noise, in " + {"fit": "fitted", "held_out": "held-out"}[side] in found.size
+    assert "times the noise, in " + {"fit": "fitted", "held_out": "held-out"}[part] in found.size
     assert float(found.size.split()[0]) > max(LIMITS.loop, LIMITS.loop_band)
     assert clear_errors(compared, RUNS, [2]) == []  # reported already
 
@@ -80,23 +84,24 @@ def test_what_sampling_folds_is_no_clear_error(root: Path) -> None:
     angle = np.round(np.column_stack([wave, wave]) / 1e-6) * 1e-6
     run = residual_run("a", arm, T, angle, one.current)
     folds = replace(one, less_folded=run.less_folded)
-    assert clear_errors({"fit": [_twice(folds)], "held_out": []}, RUNS, []) == []
+    assert clear_errors(Split([_twice(folds)], []), RUNS, []) == []
     assert float(folds.error_rms("current")[1]) < 2 * BELOW
     # what goes with something else stays
     other = replace(_compared(20 * BELOW * np.sin(2 * np.pi * 1.7 * T)), less_folded=run.less_folded)
     for seen in (one, other):
-        assert [found.joint for found in clear_errors({"fit": [_twice(seen)], "held_out": []}, RUNS, [])] == [2]
+        assert [found.joint for found in clear_errors(Split([_twice(seen)], []), RUNS, [])] == [2]
 
 
 @pytest.mark.parametrize("hertz", [5.0, 47.0])
 def test_what_the_model_may_be_off_by_is_no_clear_error(hertz: float) -> None:
     """Loops of arms that the model may be: as far from its own as the error, or a tenth of that."""
     wave = 0.1 * np.sin(2 * np.pi * hertz * T)
-    compared = {side: [_twice(_compared(wave))] for side in RUNS}
+    compared = RUNS.map(lambda _: [_twice(_compared(wave))])
     for share, told in ((1.0, 0), (0.1, 1)):
         sampled_arms = [_compared(share * k * wave, seed=k + 2) for k in (-1, 1)]
         quiet = [[replace(one, current=one.current * [0.0, 1.0])] for one in sampled_arms]
-        assert len(clear_errors(compared, RUNS, [], lambda _, loops=quiet: loops)) == told
+        drawn: SampledLoops = partial(list, quiet)
+        assert len(clear_errors(compared, RUNS, [], Split(drawn, drawn))) == told
 
 
 def test_arms_are_drawn_as_the_model_says(root: Path) -> None:
@@ -146,19 +151,19 @@ def _transients(t: np.ndarray) -> np.ndarray:
     return total
 
 
-def _noisy(measured: np.ndarray, simulated: np.ndarray) -> Compared:
+def _noisy(measured: np.ndarray, simulated: np.ndarray) -> LoopComparison:
     noise = NOISE * np.random.default_rng(5).normal(size=(len(T), 2))
     still, known = np.zeros((len(T), 2)), np.ones((len(T[kept_rows(rate_of(T))]), 2), bool)
-    return Compared("a", T, measured + noise, simulated, still, still, known)
+    return LoopComparison("a", T, measured + noise, simulated, still, still, known)
 
 
 @pytest.mark.parametrize("lag", [-0.0135, -1e-3, 0.0, 0.4e-3, 7.7e-3])
 def test_setpoints_at_other_instants_are_no_error(lag: float) -> None:
     """Transients are simulated, and measured later by ``lag``."""
     measured, simulated = _transients(T - lag), _transients(T)
-    found = clear_errors({"fit": [_twice(_noisy(measured, simulated))], "held_out": []}, RUNS, [])
+    found = clear_errors(Split([_twice(_noisy(measured, simulated))], []), RUNS, [])
     assert [one for one in found if "20" in one.against] == []
-    found = clear_errors({"fit": [_twice(_noisy(measured, 0.6 * simulated))], "held_out": []}, RUNS, [])
+    found = clear_errors(Split([_twice(_noisy(measured, 0.6 * simulated))], []), RUNS, [])
     assert {one.joint for one in found if "20" in one.against} == {1, 2}
 
 
@@ -167,10 +172,10 @@ def test_cogging_stays_with_the_angles_where_setpoints_come_later() -> None:
     cogging = np.column_stack([0.0 * T, 0.3 * np.sin(2 * np.pi * 45.0 * T + np.sin(T))])
     measured, without = _transients(T - 1e-3) + cogging, _noisy(_transients(T), _transients(T))
     pair = without, _noisy(measured, _transients(T) + cogging)
-    found = clear_errors({"fit": [pair], "held_out": []}, RUNS, [])
+    found = clear_errors(Split([pair], []), RUNS, [])
     assert [one for one in found if "20" in one.against] == []
     wrong = without, _noisy(measured, _transients(T) + 0.6 * cogging)
-    found = clear_errors({"fit": [wrong], "held_out": []}, RUNS, [])
+    found = clear_errors(Split([wrong], []), RUNS, [])
     assert {one.joint for one in found if "20" in one.against} == {2}
 
 

@@ -198,7 +198,7 @@ def test_currents_are_judged_by_the_arm_that_its_encoders_show(root: Path, arm: 
     assert [(c.effect, c.joint, c.signal) for c in found.causes] == [("gear_ripple", 3, "link angle")]
     assert [term.name for term in found.extended.effects] == ["gear_ripple"]
     assert found.verdict == "explained"
-    before, after = (np.mean([pair[k] for pair in found.along["held_out"]], axis=0)[2] for k in (0, 1))
+    before, after = (np.mean([pair[k] for pair in found.along_motion.held_out], axis=0)[2] for k in (0, 1))
     assert after < 0.5 * before
 
 

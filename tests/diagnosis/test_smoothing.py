@@ -72,6 +72,6 @@ def test_noise_of_fast_moves_says_nothing_of_smoothing_where_a_joint_is_slow(roo
         free = [Split(*pair) for pair in zip(free_columns(data.fit, arm), free_columns(data.held_out, arm))]
         data, free = bounded(data, free)
         state = Currents(arm, data, Library((), data), free).start()
-        before, after = (float(np.mean(y**2)) for y in (data.held_out.y, state.fitted.held_out))
+        before, after = (float(np.mean(y**2)) for y in (data.held_out.y, state.residual.held_out))
         assert len(state.free) == kept
         assert after < 1.1 * before if noise else after < 0.5 * before

@@ -72,7 +72,7 @@ def _judged(friction: Friction, stiffness: float, folder: Path) -> tuple[float, 
     bristles = Candidate("presliding_friction", 1, (("stiffness", stiffness), ("damping", 0.0)))
     model = Currents(fit[0].arm, data, Library((bristles,), data), [])
     state = model.refitted([bristles], {bristles.key: []})
-    left, before = (float(np.sum(of[data.held_out.of(1)] ** 2)) for of in (state.fitted.held_out, data.held_out.y))
+    left, before = (float(np.sum(of[data.held_out.of(1)] ** 2)) for of in (state.residual.held_out, data.held_out.y))
     return left / before, other_smoothing(state, causes_of(Selection(state, Unexplained([], [], {}))))
 
 
@@ -130,6 +130,6 @@ def test_loops_of_a_healthy_arm_turn_round_as_its_friction_does_before_they_coun
     monkeypatch.setattr("diagnosis.closed_loop.clear_errors.LIMITS", VerdictLimits(loop=0.5))
     other = verified()
     assert [joint.sign_velocity for joint in other.extended.joints] == pytest.approx([0.003, 0.003])
-    for before, after in other.compared["held_out"]:
+    for before, after in other.closed_loops.held_out:
         left = [np.mean((one.current - one.simulated_current) ** 2, axis=0) for one in (before, after)]
         assert np.all(left[1] < 0.9 * left[0])

@@ -14,12 +14,13 @@ import pytest
 import armscope
 from diagnosis.cause import Signal
 from diagnosis.closed_loop.clear_errors import clear_errors
-from diagnosis.closed_loop.comparison import Compared, compare
+from diagnosis.closed_loop.comparison import LoopComparison, compare
 from diagnosis.closed_loop.oscillation import oscillation
 from diagnosis.residual.generation import residual_run
 from diagnosis.residual.noise.channels import scatter
 from diagnosis.screening.lost_rows.unmeasured_rows import SMEARED, without_weight
 from drivers.protocols import Quality
+from identification.selection import Split
 from tests.diagnosis.test_blank_samples import _flagged
 from tests.diagnosis.test_clear_errors import NOISE, RUNS, _compared, _transients, _twice
 
@@ -30,8 +31,8 @@ SPANS = tuple((start, end, 2) for start, end in HOLDS)
 ABOVE = "frequencies of 20 to 100 Hz"
 
 
-def _found(one: Compared) -> list[tuple[int | None, str]]:
-    return [(found.joint, found.against) for found in clear_errors({"fit": [_twice(one)], "held_out": []}, RUNS, [])]
+def _found(one: LoopComparison) -> list[tuple[int | None, str]]:
+    return [(found.joint, found.against) for found in clear_errors(Split([_twice(one)], []), RUNS, [])]
 
 
 def test_an_error_in_rows_that_were_not_measured_is_none() -> None:
@@ -54,7 +55,7 @@ def test_an_error_beside_them_keeps_its_size(frequency: float) -> None:
     assert power[1].mean() == pytest.approx(power[0].mean(), rel=0.1) == pytest.approx(NOISE**2 / 250.0, rel=0.1)
 
 
-def _all_lost(one: Compared) -> Compared:
+def _all_lost(one: LoopComparison) -> LoopComparison:
     """Without the samples of any channel in the holds."""
     return replace(one, unmeasured=tuple((start, end, None) for start, end in HOLDS))
 

@@ -33,12 +33,13 @@ BY_DIRECTION = {"positive", "negative", "viscous_positive", "viscous_negative"}
 
 def of_candidate(candidate: Candidate, values: list[Estimate], state: State) -> Cause:
     """A chosen candidate as a cause, with its evidence and ambiguity group."""
-    model, held_out, all_fitted = state.model, state.data.held_out, state.fitted
+    model, held_out = state.model, state.data.held_out
     others = model.without(candidate, state).fitted
+    residuals = others.residual.held_out, state.residual.held_out
     conditional = score(candidate, model.columns(candidate), others, held_out)
-    joint = candidate.joint or _most_felt(others.held_out, all_fitted.held_out, held_out)
+    joint = candidate.joint or _most_felt(*residuals, held_out)
     drive = model.arm.joints[joint - 1]
-    before, after = (_rms_in_amperes(residual, held_out, joint) for residual in (others.held_out, all_fitted.held_out))
+    before, after = (_rms_in_amperes(residual, held_out, joint) for residual in residuals)
     turn = in_words(candidate, drive)
     better, compared = (int(np.sum(blocks)) for blocks in (conditional.blocks > 0, conditional.blocks != 0))
     sentence = (
@@ -70,7 +71,7 @@ def _ambiguity_group(candidate: Candidate, others: Fitted, state: State) -> tupl
     """
     definition = candidate.definition
     aliases = [*definition.aliases]
-    if all(run.powered for part in state.data for run in part.runs):
+    if all(run.powered for run in state.all_runs):
         aliases += definition.observed_by[Instrument.CURRENT].aliases
     keys = [
         candidate.key,
@@ -102,16 +103,14 @@ def _refuted(rival: Candidate, candidate: Candidate, others: Fitted, state: Stat
     In the place of the candidate, in the exact model, it leaves a joint above the noise that the candidate does not.
     """
     model, arm = state.model, state.model.arm
-    if not any(run.without_noise for part in state.data for run in part.runs):
+    if not any(run.without_noise for run in state.all_runs):
         return False
     sharp = refined(rival, others, model.data.fit)
     chosen = [sharp if c is candidate else c for c in state.chosen]
     in_place = model.refitted(chosen, {**state.rivals, sharp.key: ()})
     return any(
         set(joints_above_noise(of_rival, side, arm)) - set(joints_above_noise(own, side, arm))
-        for of_rival, own, side in zip(
-            (in_place.fitted.fit, in_place.fitted.held_out), (state.fitted.fit, state.fitted.held_out), state.data
-        )
+        for of_rival, own, side in zip(in_place.residual, state.residual, state.data)
     )
 
 

@@ -73,11 +73,11 @@ def covariance_of(state: State) -> tuple[Array, list[slice]]:
     design = np.hstack(x)
     covariance = cluster_covariance(
         design,
-        (state.fitted.fit, model.limits.systematic * explained),
+        (state.residual.fit, model.limits.systematic * explained),
         fit.block,
         independent=model.limits.independent,
         unknown=np.concatenate([*unknown, np.zeros(len(model.free))]),
-        variance=_slow_variance(state.fitted.fit, fit),
+        variance=_slow_variance(state.residual.fit, fit),
     )
     directions = [] if model.uncertain is None else [model.uncertain.stated]
     if (folded := _folded(fit)).size:

@@ -128,7 +128,7 @@ def leakage(held_out: Dataset, fitted: Fitted) -> Array:
 
     Squared held-out residual of each joint that the chosen causes may have left for every coefficient of another.
     """
-    explained = held_out.by_joint(held_out.y**2 - fitted.held_out**2)
+    explained = held_out.by_joint(held_out.y**2 - fitted.residual.held_out**2)
     return LIMITS.leakage * explained + LIMITS.leakage_of_corrected * held_out.corrected
 
 

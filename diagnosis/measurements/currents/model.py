@@ -73,7 +73,7 @@ class Currents(MeasurementModel[Candidate, State]):
 
     def scores(self, state: State) -> list[Score[Candidate]]:
         """Every effect at every joint, at the nonlinear parameters that fit best; the largest gain first."""
-        self._add_ripples(state.fitted.fit)
+        self._add_ripples(state.residual.fit)
         long = self._long_delays(state)
         self.library.compute_grids()
         every = [c for c in self.library if not c.about or c in long]
@@ -194,11 +194,11 @@ class Currents(MeasurementModel[Candidate, State]):
 
     def stalled(self, state: State) -> State | None:
         """The state with two effects that enter together because each hides the other, or with a cause exchanged."""
-        joints = joints_above_noise(state.fitted.held_out, state.data.held_out, self.arm)
+        joints = joints_above_noise(state.residual.held_out, state.data.held_out, self.arm)
         both = pair_of(self.library, state.fitted, state.data, joints, self.taken(state))
         if not both:
             # a residual that one law leaves in the fitted recordings only may also be explained by another law
-            in_fit = joints_above_noise(state.fitted.fit, state.data.fit, self.arm)
+            in_fit = joints_above_noise(state.residual.fit, state.data.fit, self.arm)
             return self._swapped(state, {*joints, *in_fit}) or exchanged(state)
         held_out = state.data.held_out
         alone = {c.key: [score(c, self.library[c], state.fitted, held_out)] for c in both}

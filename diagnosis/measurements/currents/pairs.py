@@ -51,7 +51,7 @@ def pair_of(
         gains = [gain_of(pair, fitted, held_out) for pair in both]
         chances = [chance(pair, *gain, fitted, held_out) for pair, gain in zip(both, gains)]
         q = stats.false_discovery_control(np.array(chances))
-        least = LIMITS.pair_share * float(np.sum(fitted.held_out[held_out.of(joint)] ** 2))
+        least = LIMITS.pair_share * float(np.sum(fitted.residual.held_out[held_out.of(joint)] ** 2))
         admissible = []
         for (one, other), (c, fall), q_pair in zip(pairs, gains, q):
             first = library[one].fit.x.shape[1]

@@ -81,4 +81,4 @@ def gauss_newton_refined(state: State) -> State:
         value = dict(better[k].shape)[name]
         better[k] = better[k].at(name, float(np.clip(value + by, value / 2, 2 * value)))
     as_is, moved_on = (model.refitted(chosen, state.rivals) for chosen in (state.chosen, better))
-    return moved_on if np.sum(moved_on.fitted.fit**2) < np.sum(as_is.fitted.fit**2) else state
+    return moved_on if np.sum(moved_on.residual.fit**2) < np.sum(as_is.residual.fit**2) else state

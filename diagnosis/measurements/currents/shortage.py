@@ -55,7 +55,7 @@ def shortage(selection: Selection) -> Shortage | None:
         return None
     scores = model.scores(state)
     q = stats.false_discovery_control(np.array([score.p for score in scores]))
-    energy = state.data.held_out.by_joint(state.fitted.held_out**2)
+    energy = state.data.held_out.by_joint(state.residual.held_out**2)
     short = [
         (score, chance, joints)
         for score, chance in zip(scores, q.tolist())

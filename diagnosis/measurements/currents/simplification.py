@@ -305,4 +305,4 @@ def _tenable(candidate: Candidate, state: State) -> bool:
 
 def _residual_energy(state: State, joint: int) -> float:
     """Squared residual of the fitted rows of a joint, in units of the noise variance."""
-    return float(np.sum(state.fitted.fit[state.data.fit.of(joint)] ** 2))
+    return float(np.sum(state.residual.fit[state.data.fit.of(joint)] ** 2))

@@ -21,6 +21,7 @@ from arm_model import EffectTerm
 from diagnosis.cause import EffectKey
 from diagnosis.measurements.currents.design_matrix import dataset_with
 from diagnosis.measurements.currents.model_errors import Significance
+from diagnosis.residual.run import Run
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Columns, Dataset, Pair
 from diagnosis.selection.regression import Fitted, fit_together
@@ -56,7 +57,7 @@ class State:
         return [
             pair
             for pair, c in zip(self.model.free, unrestricted.coefficients)
-            if _harm(pair.held_out.x[:, 0] * c, unrestricted.held_out[pair.held_out.where]) < allowed
+            if _harm(pair.held_out.x[:, 0] * c, unrestricted.residual.held_out[pair.held_out.where]) < allowed
         ]
 
     @cached_property
@@ -72,6 +73,21 @@ class State:
         return fit_together(self.data, [*free, *(self.model.columns(c) for c in self.chosen)])
 
     @property
+    def residual(self) -> Split[Array]:
+        """(n * rows,) each: whitened, as all chosen candidates and the free columns leave it."""
+        return self.fitted.residual
+
+    @property
+    def runs(self) -> Split[tuple[Run, ...]]:
+        """The recordings."""
+        return self.data.map(lambda part: part.runs)
+
+    @property
+    def all_runs(self) -> list[Run]:
+        """The fitted recordings, then the held-out ones."""
+        return [run for part in self.runs for run in part]
+
+    @property
     def coefficients(self) -> list[Array]:
         """(k,) of each chosen candidate."""
         widths = [self.model.columns(c).fit.x.shape[1] for c in self.chosen]
@@ -81,7 +97,7 @@ class State:
     @property
     def energy(self) -> Split[float]:
         """Squared residual, in units of the noise variance."""
-        return Split(float(np.sum(self.fitted.fit**2)), float(np.sum(self.fitted.held_out**2)))
+        return self.residual.map(lambda part: float(np.sum(part**2)))
 
     @property
     def terms(self) -> list[EffectTerm]:
@@ -129,7 +145,7 @@ def corrected(state: State) -> State:
         except InputError:
             return state
         trial = replace(state, data=data)
-        if np.sum(trial.fitted.fit**2) > model.limits.worse * np.sum(state.fitted.fit**2):
+        if np.sum(trial.residual.fit**2) > model.limits.worse * np.sum(state.residual.fit**2):
             return state
         before, state = state, trial
         if _settled(before, state):

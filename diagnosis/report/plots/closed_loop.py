@@ -10,7 +10,7 @@ from arm_io.types import Array
 from arm_model import Joint
 from arm_report import Chart, Panel, Series, Zone
 from arm_report.palette import AFTER, BEFORE, SHADE
-from diagnosis.closed_loop.comparison import Compared
+from diagnosis.closed_loop.comparison import LoopComparison, LoopPair
 from diagnosis.closed_loop.loop_errors import BAND
 from diagnosis.residual.filters import rate_of
 from diagnosis.units import recorded_quantity
@@ -19,7 +19,7 @@ SEGMENT = 1.0
 """s: length of the segments over which the spectrum is averaged."""
 
 
-def loop_chart(name: str, pairs: Sequence[tuple[Compared, Compared]], joint: int, drive: Joint) -> Chart:
+def loop_chart(name: str, pairs: Sequence[LoopPair], joint: int, drive: Joint) -> Chart:
     """Amplitude density of measured minus simulated current of a joint (from 1), in its unit per root hertz.
 
     pairs: held-out loops (before, after); drive: that joint.
@@ -41,7 +41,7 @@ def loop_chart(name: str, pairs: Sequence[tuple[Compared, Compared]], joint: int
     return Chart(name=name, title=title, panels=(panel,), height=2.9)
 
 
-def _spectrum(loops: Sequence[Compared], joint: int) -> tuple[Array, Array]:
+def _spectrum(loops: Sequence[LoopComparison], joint: int) -> tuple[Array, Array]:
     rate = rate_of(loops[0].t)
     rows = min(round(SEGMENT * rate), *(len(one.t) for one in loops))
     each = [one.spectrum("current", joint, rows) for one in loops]

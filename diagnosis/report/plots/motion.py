@@ -24,7 +24,7 @@ def motion_of(result: Diagnosis) -> Motion:
     """The arm, and how it moved: all held-out recordings together, and each that is simulated by its name."""
     q = np.concatenate([run.q for run in result.held_out])
     clips = {HELD_OUT: clip_of(held_out_time(result), q, "held out", "time, s")}
-    for pairs in result.compared.values():
+    for pairs in result.closed_loops:
         for before, _ in pairs:
             clips[before.name] = clip_of(before.t, before.angle, before.name)
     return Motion(arm=chain_of(result.arm).to_json(), clips=clips)

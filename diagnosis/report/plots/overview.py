@@ -87,7 +87,7 @@ def cause_chart(result: Diagnosis, cause: Cause, number: int) -> Chart:
     if result.link is not None and cause.signal is Signal.LINK_ANGLE:
         return link_chart(picture, result.link, result.arm, cause.effect, joint)
     if cause.signal is Signal.CLOSED_LOOP:
-        return loop_chart(picture, result.compared["held_out"], joint, result.arm.joints[joint - 1])
+        return loop_chart(picture, result.closed_loops.held_out, joint, result.arm.joints[joint - 1])
     if result.axis is not None and any(one.effect == cause.effect for one in result.axis.causes):
         return axis_chart(picture, result.axis, cause.effect, result.arm.joints[0])
     chart = near_rest_chart(picture, result, joint) if CATALOGUE[cause.effect].near_rest else None

@@ -15,7 +15,7 @@ from arm_report.chart import robust_range
 from arm_report.palette import AFTER, BEFORE, MEASURED, PALE_AFTER, PALE_BEFORE
 from daq.recording import Recording
 from diagnosis.binned_means import quantile_edges
-from diagnosis.closed_loop.comparison import Compared
+from diagnosis.closed_loop.comparison import LoopComparison
 from diagnosis.measurements.currents.design_matrix import dataset_of
 from diagnosis.measurements.currents.structure.shared_bases import variables
 from diagnosis.report.plots.motion import HELD_OUT, held_out_time
@@ -157,7 +157,7 @@ def _with_unit(result: Diagnosis, joint: int, name: str) -> str:
     return f"{words}, {unit}" if unit else words
 
 
-def side_by_side(before: Compared, after: Compared, extended: bool, arm: Arm, picture: str) -> Chart:
+def side_by_side(before: LoopComparison, after: LoopComparison, extended: bool, arm: Arm, picture: str) -> Chart:
     """One recording: measured and simulated current of every joint, and the error of the simulated position."""
     rate = rate_of(before.t)
     sides = [(before, BEFORE, "simulated, before" if extended else "simulated")]

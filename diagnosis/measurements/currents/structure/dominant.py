@@ -64,15 +64,10 @@ def explained_alone(own: Sequence[Candidate], state: State) -> float:
     joint = own[0].joint
     assert joint is not None
     others = tuple(c for c in state.chosen if c.joint not in (joint, None))
-    without = replace(state, chosen=others).fitted
-    alone = replace(state, chosen=(*others, *own)).fitted
+    without, alone = replace(state, chosen=others), replace(state, chosen=(*others, *own))
     shares = []
-    allowed = state.significance.allowed
-    for side, before, after, times in (
-        (state.data.fit, without.fit, alone.fit, allowed.fit[joint - 1]),
-        (state.data.held_out, without.held_out, alone.held_out, allowed.held_out[joint - 1]),
-    ):
-        excess, remaining = (_excess(y, side, joint, times) for y in (before, after))
+    for part, before, after, allowed in zip(state.data, without.residual, alone.residual, state.significance.allowed):
+        excess, remaining = (_excess(y, part, joint, allowed[joint - 1]) for y in (before, after))
         shares.append(1.0 - remaining / excess if excess > 0.0 else 0.0)
     return min(shares)
 
@@ -80,10 +75,9 @@ def explained_alone(own: Sequence[Candidate], state: State) -> float:
 def remainder_of(candidate: Candidate, state: State) -> float:
     """Rms of the excess that all causes leave at its joint, over that without the candidate; held out."""
     assert candidate.joint is not None
-    without = state.model.without(candidate, state).fitted
-    side = state.data.held_out
+    without, held_out = state.model.without(candidate, state), state.data.held_out
     allowed = state.significance.allowed.held_out[candidate.joint - 1]
-    excess, remaining = (_excess(y, side, candidate.joint, allowed) for y in (without.held_out, state.fitted.held_out))
+    excess, remaining = (_excess(one.residual.held_out, held_out, candidate.joint, allowed) for one in (without, state))
     return float(np.sqrt(remaining / excess)) if excess > 0.0 else 0.0
 
 

@@ -68,7 +68,7 @@ def _of_another_order(state: State, other: Candidate | None) -> tuple[list[Candi
             if significant and equal and not model.is_next_order(of_term, reduced):
                 without = model.without(c, reduced)
                 gain = of_term.gain + model.conditional(c, without, reduced).gain
-                share = gain / float(np.sum(without.fitted.held_out[held_out.of(c.joint)] ** 2))
+                share = gain / float(np.sum(without.residual.held_out[held_out.of(c.joint)] ** 2))
                 against = str(c.definition.observed_by[Instrument.CURRENT].against)
                 withdrawn = [c] if other is None else [c, other]
                 return withdrawn, Structure(Signal.CURRENT, c.joint, against, share)
@@ -118,7 +118,7 @@ def _share_beside(
             return None
         return model.limits.superfluous * explained_alone([candidate], state)
     if any(structure.joint == joint and not structure.share for structure in unexplained.structures):
-        return model.limits.superfluous * alone / float(np.sum(state.fitted.held_out[held_out.of(joint)] ** 2))
+        return model.limits.superfluous * alone / float(np.sum(state.residual.held_out[held_out.of(joint)] ** 2))
     return None
 
 
@@ -132,7 +132,7 @@ def _outdone(state: State, kept: Container[Candidate], bases: Bases) -> list[Can
     for joint in sorted({c.joint for c in state.chosen if c.joint}):
         own = [c for c in state.chosen if c.joint == joint]
         reduced = replace(state, chosen=tuple(c for c in state.chosen if c not in own))
-        before, after = (float(np.sum(s.fitted.held_out[held_out.of(joint)] ** 2)) for s in (reduced, state))
+        before, after = (float(np.sum(s.residual.held_out[held_out.of(joint)] ** 2)) for s in (reduced, state))
         allowed = 0.0
         coefficients = sum(at_joint(model.columns(c).fit, joint, state.data.fit).determined for c in own)
         if len(own) > 1 and (coefficients >= limits.many or len(own) >= limits.many_causes):
@@ -144,7 +144,7 @@ def _outdone(state: State, kept: Container[Candidate], bases: Bases) -> list[Can
         times = state.significance.allowed.held_out[joint - 1]
         better = {name: gain for name, gain in better.items() if allowed or gain > (times**2 - 1.0) * held_out.rows}
         missed = limits.structure_share * (before - after)
-        left = noise_ratio(state.fitted.held_out, held_out, joint)
+        left = noise_ratio(state.residual.held_out, held_out, joint)
         within = model.uncertain is not None and left <= limits.above_noise * times
         clearly = [] if within else [variable for variable, gain in better.items() if gain > missed]
         if better and (outdone := [c for c in own if not (c in kept and of_own_variable(c, clearly))]):
@@ -174,7 +174,7 @@ def _compensating(state: State) -> list[Candidate]:
 def _cancelling(own: Sequence[Candidate], state: State) -> float:
     """Sum of the energies of the contributions of some candidates over the energy of their sum; 1 if independent."""
     contributions = [
-        state.model.columns(c).fit.contribution(coefficients, len(state.fitted.fit))
+        state.model.columns(c).fit.contribution(coefficients, len(state.residual.fit))
         for c, coefficients in zip(state.chosen, state.coefficients)
         if c in own
     ]

@@ -74,7 +74,7 @@ def structures_at(
     pairs: list[Pair] = []
     fit, held_out = data
     judged = np.ones(held_out.rows, bool)
-    shapes = list(shapes_of(bases, fitted.fit, arm, joint))
+    shapes = list(shapes_of(bases, fitted.residual.fit, arm, joint))
     for _ in range(LIMITS.structures):
         best = _strongest(shapes, with_columns(fitted, pairs), data, joint, significance, judged, bases.unseen)
         if best is None:
@@ -84,22 +84,22 @@ def structures_at(
         pairs.append(shape.pair)
         judged &= shape.known
         shapes = [one for one in shapes if one.name != shape.name]
-    conditional = with_columns(fitted, pairs).held_out
+    conditional = with_columns(fitted, pairs).residual.held_out
     ratio = noise_ratio(conditional, held_out, joint)
     of_fit, of_held_out = (LIMITS.above_noise * times[joint - 1] for times in significance.allowed)
     quiet = ratio <= of_held_out
-    if quiet and (pairs or noise_ratio(fitted.fit, fit, joint) <= of_fit):
+    if quiet and (pairs or noise_ratio(fitted.residual.fit, fit, joint) <= of_fit):
         return structures, pairs, None
-    likely = likely_variable(data, Split(fitted.fit, fitted.held_out), arm, joint)
+    likely = likely_variable(data, fitted.residual, arm, joint)
     if quiet:
         return [], [], likely
     if likely is not None:
         rows = held_out.of(joint)
-        remaining = float(np.sum(conditional[rows] ** 2)) / float(np.sum(fitted.held_out[rows] ** 2))
+        remaining = float(np.sum(conditional[rows] ** 2)) / float(np.sum(fitted.residual.held_out[rows] ** 2))
         if not pairs or 1.0 - likely.share < LIMITS.swapped * remaining:
             return [Structure(Signal.CURRENT, joint, likely.variable, likely.share)], [], likely
     if not pairs:
-        against = wave_of(fitted.held_out, held_out, joint) or NO_VARIABLE
+        against = wave_of(fitted.residual.held_out, held_out, joint) or NO_VARIABLE
         structures.append(Structure(Signal.CURRENT, joint, against, 0.0, f"{ratio:.1f} times the noise"))
     return structures, pairs, None
 
@@ -117,11 +117,11 @@ def better_than_causes(
     """
     held_out = bases.held_out
     rows, better = held_out.of(joint), dict[str, float]()
-    for shape in shapes_of(bases, without.fit, arm, joint):
+    for shape in shapes_of(bases, without.residual.fit, arm, joint):
         pair = shape.pair
         _, c = fit_gain(pair.fit, without)
         by_function = residual_with(pair, c, without, held_out)
-        improvement = (with_causes.held_out**2 - by_function**2)[rows] * shape.known
+        improvement = (with_causes.residual.held_out**2 - by_function**2)[rows] * shape.known
         blocks = np.bincount(held_out.block[rows], weights=improvement).astype(float)
         gain = float(blocks.sum())
         significant = gain > LIMITS.structure_gain * held_out.rows and p_value(blocks) < LIMITS.structure_p
@@ -156,11 +156,11 @@ def _strongest(
             gains.append(np.zeros(1))
             continue
         pair = Split(in_fit, shape.functions.held_out.columns, data.two_fold)
-        fall = fitted.held_out**2 - residual_with(pair, c, fitted, held_out) ** 2
+        fall = fitted.residual.held_out**2 - residual_with(pair, c, fitted, held_out) ** 2
         fall[rows] *= shape.known & known
         gains.append(held_out.by_block(fall))
     q = stats.false_discovery_control(np.array([p_value(gain) for gain in gains]))
-    before = float(np.sum(fitted.held_out[rows] ** 2 * known))
+    before = float(np.sum(fitted.residual.held_out[rows] ** 2 * known))
     of_causes = float(np.sum(held_out.y[rows] ** 2 * known)) - before
     enough = max(LIMITS.structure_gain * held_out.rows, LIMITS.structure_share * of_causes)
     significant = [k for k, gain in enumerate(gains) if q[k] < LIMITS.structure_p and gain.sum() > enough]
