@@ -20,8 +20,10 @@ from diagnosis.screening.current_limit import AVERAGED, current_limits
 
 TOP = 0.999
 """Share of the rows of a side below its largest current."""
-BEYOND, SHARE = 4.0, 0.02
-"""Deviations, and share of a limit, by which currents of the other side must exceed it."""
+BEYOND = 4.0
+"""Deviations of a limit by which currents of the other side must exceed it."""
+SHARE = 0.02
+"""Share of a limit by which they must exceed it, if that is more."""
 
 
 def limit_changes(before: Sequence[Recording], after: Sequence[Recording], arm: Arm) -> list[Change]:

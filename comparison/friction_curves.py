@@ -22,8 +22,10 @@ SHARES = (0.0, 0.12, 0.3, 0.6, 1.0)
 """Places of the compared speeds within the common range, as shares of the time spent in it."""
 SPAN = 2.0
 """Fastest common speed over the slowest, at least, for a curve; below it friction is compared at one speed."""
-SLOWER, FASTER = 1.3, 1.02
-"""A recording that is slower or faster than the common range by these factors gets a point of its own there."""
+SLOWER = 1.3
+"""A recording that is slower than the common range by this factor gets a point of its own there."""
+FASTER = 1.02
+"""A recording that is faster than the common range by this factor gets one there."""
 TAIL = 0.02
 """Share of the time of a direction that is left out at the lower end of its range."""
 EXCURSIONS = 2

@@ -46,7 +46,8 @@ ROUNDS = 2
 """Times that each of several springs is estimated, with the damping that the others then have."""
 SIGNIFICANT = 2.0
 """Std of a damping below which link encoders do not show it."""
-DAMPING, STIFFNESS = "damping", "stiffness"
+DAMPING = "damping"
+STIFFNESS = "stiffness"
 
 Errors = Callable[[Array, float], Array]
 """(k, m) errors at some times with each of the dampings (k,), and a stiffness."""

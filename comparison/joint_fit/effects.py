@@ -35,9 +35,10 @@ HALF_GAPS = (5e-4, 2e-3)
 """rad (m) at which a gap is tried: what it does is in proportion, but for the time in which the link crosses it."""
 NEAR = 0.1
 """Relative difference of the orders of two ripples of which one looks like the other."""
-ABOVE, LINES = 10.0, 9
-"""Power of an acceleration over that of its noise up to which it is a motion, by the median of so many lines of the
-spectrum: rates of it are in proportion at every frequency."""
+ABOVE = 10.0
+"""Power of an acceleration over that of its noise up to which it is a motion."""
+LINES = 9
+"""Lines of the spectrum whose median is that power: rates of it are in proportion at every frequency."""
 STEP = 1e-3
 """Of an angle (rad) and its rates: of the central differences by which an error of an angle moves the torques."""
 NOTHING = 1e-9

@@ -16,8 +16,10 @@ from comparison.joint_fit.tested import Tested, residuals_of, shared_values, tes
 
 SIGNIFICANT = 1e-3
 """Probability by chance, times the number of hypotheses, of a certain change; of one that explains more, its own."""
-SLACK, NEARLY = 3.0, 0.2
-"""Deviations, and share of its change, by which a value that cannot be negative may seem so."""
+SLACK = 3.0
+"""Deviations by which a value that cannot be negative may seem so."""
+NEARLY = 0.2
+"""Share of its change by which it may seem so, if that is more."""
 STIFFER = 4.0
 """Deviations by which the stiffness of a spring must change, beside the constant torque that it may have."""
 LAW = 0.25

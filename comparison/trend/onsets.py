@@ -24,8 +24,10 @@ from comparison.trend.terms import LEAST_RESULTS, Fit
 POINTS = {1: 200, 2: 40, 3: 12}
 """Onsets of each drift that are tried, by the number of drifts; ``FEWEST_POINTS`` of more."""
 FEWEST_POINTS = 6
-COARSE, ZOOMS = 64, 8
-"""Onsets that the search for the best one tries at a time, and how often it narrows its range."""
+COARSE = 64
+"""Onsets that the search for the best one tries at a time."""
+ZOOMS = 8
+"""Times that the search narrows its range."""
 FAR = 25.0
 """Onsets that fit worse than the best by this much in weighted squares (5 deviations) do not count."""
 

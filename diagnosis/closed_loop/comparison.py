@@ -42,9 +42,11 @@ FAITHFUL = 1.5
 """Ratio to the error along the measured motion above which the controller of the model is not that of the arm."""
 SMOOTHING = np.array([0.12, 0.2, 0.3, 0.45, 0.65, 1.0, 1.6, 2.5])
 """Candidate Coulomb smoothing velocities, as multiples of the model's own; one lane of the engine each."""
-STEEP, GENTLE = slice(0, 4), slice(4, None)
-"""Of these: a closed loop with the first takes three times as long as with all others, as friction changes so quickly.
+STEEP = slice(0, 4)
+"""The steepest of ``SMOOTHING``: friction changes so quickly that their loops take three times as long as all others.
 They are tried where the steepest of the others is the best at a joint, and reduces its squared error to ``STEEPER``."""
+GENTLE = slice(4, None)
+"""All others of ``SMOOTHING``."""
 STEEPER = 0.99
 REDUCED = 0.9
 """Share of a joint's squared error in closed loop that another smoothing velocity may leave to replace the model's."""

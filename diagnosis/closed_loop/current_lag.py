@@ -30,8 +30,10 @@ END = 0.5
 """s at either end of a recording that filters spoil."""
 LONGEST = 0.014
 """s: longest lag that is looked for."""
-COARSE, FINE = 1e-3, 1e-4
-"""s between lags at which errors are computed, ten per period of the highest frequency, and interpolated."""
+COARSE = 1e-3
+"""s between lags at which errors are computed: ten per period of the highest frequency."""
+FINE = 1e-4
+"""s between the lags that errors are interpolated to."""
 MOVES = 0.01
 """rad (m) that a joint must move to count."""
 SAME_ANGLES = 0.2

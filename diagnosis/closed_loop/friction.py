@@ -38,10 +38,16 @@ from identification.preprocessing import demand_of_run
 from identification.selection import Thresholds, p_value
 from identification.selection.cluster_covariance import cluster_covariance
 
-STIFFNESSES, DAMPINGS = 10, np.array([0.0, 0.5, 2.0, 8.0])
-"""Number of stiffnesses that are tried, each with these dampings, as multiples of friction over the highest speed."""
-STEPS, STEP, FARTHEST = 4, 0.05, 0.5
-"""Gauss-Newton steps from the best lane; relative step of a derivative; largest change of a logarithm in a step."""
+STIFFNESSES = 10
+"""Number of stiffnesses that are tried, each with all ``DAMPINGS``."""
+DAMPINGS = np.array([0.0, 0.5, 2.0, 8.0])
+"""Dampings that are tried, as multiples of friction over the highest speed."""
+STEPS = 4
+"""Gauss-Newton steps from the best lane."""
+STEP = 0.05
+"""Relative change of a parameter for a derivative."""
+FARTHEST = 0.5
+"""Largest change of the logarithm of a parameter in a Gauss-Newton step."""
 RESOLVES = 1.0 / (2 * np.pi * COMPARE_BAND)
 """s: delays of a loop that the band of comparison does not resolve. A stiffness that is late is a damping less."""
 

@@ -29,8 +29,10 @@ from identification.preprocessing import demand_of_run, zero_phase
 
 BAND = (10.0, 100.0)
 """Hz: up to here the model in closed loop follows measured currents to the transducers' noise."""
-BELOW_NYQUIST, FREQUENCIES = 0.9, 2000
-"""Share of the Nyquist frequency up to which a band-pass can reach, and frequencies that its gain is averaged over."""
+BELOW_NYQUIST = 0.9
+"""Share of the Nyquist frequency up to which a band-pass can reach."""
+FREQUENCIES = 2000
+"""Number of frequencies that the gain of a filter is averaged over."""
 
 
 @dataclass(frozen=True)

@@ -21,8 +21,12 @@ from arm_model.servo import fixed_gains, servo_gains
 from daq.recording import Recording
 from diagnosis.closed_loop.loop_errors import delay_between, loop_errors, loop_of
 
-STEPS, STEP, FARTHEST = 4, 0.05, 0.4
-"""Gauss-Newton steps; change of a logarithm for a derivative, and the largest in a step."""
+STEPS = 4
+"""Gauss-Newton steps."""
+STEP = 0.05
+"""Change of the logarithm of a gain for a derivative."""
+FARTHEST = 0.4
+"""Largest change of the logarithm of a gain in a Gauss-Newton step."""
 MOST = 4.0
 """Times the model's that a gain may be, or its inverse: beyond it is another servo."""
 

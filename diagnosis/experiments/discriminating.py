@@ -30,8 +30,11 @@ Distances = dict[tuple[EffectKey, EffectKey], float]
 ENOUGH = 10.0
 """Std of the noise by which predictions must differ: errors of the model reduce the distance in a real motion."""
 
-NOTHING, ONE_IN = 0.1, 3
-"""Std below which predictions are equal; if they are in every third motion of a kind, the others are not tried."""
+NOTHING = 0.1
+"""Std below which predictions are equal."""
+ONE_IN = 3
+"""Of this number of motions of a kind one is tried first; if predictions are equal in all of these, the others are
+not tried."""
 
 HOPELESS = 3.0
 """Std below which motions that exceed the recorded positions are not tried."""

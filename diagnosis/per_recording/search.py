@@ -32,8 +32,10 @@ from diagnosis.residual.other_effects import with_own
 from diagnosis.residual.run import Run, with_free
 from diagnosis.selection.candidate import Candidate
 
-MOST, STARTS = 3, 3
-"""Causes with values per recording, and effects of which the search may begin."""
+MOST = 3
+"""Causes with values per recording, at most."""
+STARTS = 3
+"""Effects of which the search may begin, at most."""
 SETTLED = 0.9
 """Share of the squared residual to which a further cause with such values must bring it."""
 ROUNDS = 2

@@ -17,8 +17,10 @@ from diagnosis.residual.filters import COMPARE_BAND, Samples, low_pass, rate_of
 from identification.preprocessing import Setpoints, drifting, folded_along, lines_beside_zero
 from identification.preprocessing.folding import folding_line, unbounded
 
-LOW_LINE, FOLDED = 10, 0.5
-"""Line of the setpoints, and share of the noise: of higher lines, what sampling folds counts from that share on."""
+LOW_LINE = 10
+"""Line of the setpoints up to which what sampling folds counts, however small it is."""
+FOLDED = 0.5
+"""Share of the noise above which what sampling folds of higher lines counts."""
 AHEAD = 0.02
 """s by which setpoints are ahead of the motion: the delay of a servo with a bandwidth of 8 Hz."""
 DIRECTIONS = 6

@@ -32,11 +32,13 @@ PRINTED = 0.01
 sines divide a count, seldom by more."""
 JUMP_OVER_OTHERS = 2.4
 """Ratio to the 99 % quantile of the differences between rows that a jump must exceed."""
-BESIDE, USUAL_BESIDE = 0.15, 3.5
-"""Share of a jump, and times the usual std, by which the angle may turn more than at its trend in the rows beside.
+BESIDE = 0.15
+"""Share of a jump by which the angle may turn more than at its trend in the rows beside.
 
 The teeth of a gap that closes make the motor fast, too, but no row alone.
 """
+USUAL_BESIDE = 3.5
+"""Times the usual deviation from that trend by which it may, if that is more."""
 STAYS = 0.3
 """Share of a jump by which the angles before and after may differ from it."""
 MOST = 0.7

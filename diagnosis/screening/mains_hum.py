@@ -26,8 +26,10 @@ ALIASED = 3
 """Sampling rates up to which lines of setpoints are searched for."""
 COMB = 2
 """Lines as strong beside it, of which a line near the mains is one: of torque pulses, say, that follow one another."""
-MODULATED, SURE = 0.25, 3.0
-"""Variance of the power of a line over its square that is none of the mains, and std by which it must be so."""
+MODULATED = 0.25
+"""Variance of the power of a line, over the square of its mean, from which on it is none of the mains."""
+SURE = 3.0
+"""Std by which the variance must be above that, or below it."""
 
 
 def mains_hum(recordings: Sequence[Recording], lines_of: Mapping[int, Sequence[Line]], arm: Arm) -> list[Event]:

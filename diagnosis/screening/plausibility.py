@@ -20,8 +20,10 @@ STANDSTILL = 0.005
 """rad (m): smaller motion of a joint is standstill."""
 BEYOND = 4.0
 """Ratio to the limits of a joint above which angles are degrees."""
-ALIKE, OPPOSITE = 0.8, -0.5
-"""Correlations of measured and expected currents: equal but for their size; of opposite sign."""
+ALIKE = 0.8
+"""Correlation of measured and expected currents from which on they are equal but for their size."""
+OPPOSITE = -0.5
+"""Correlation up to which they are of opposite sign."""
 OTHER_UNIT = 5.0
 """Ratio to the expected current, or its inverse, above which the unit is wrong."""
 ABOVE_NOISE = 10.0

@@ -26,10 +26,14 @@ AS_STRONG = 0.25
 """Power of a line over that of the strongest, from which it counts as another beside it."""
 BLOCK = 0.5
 """s over which the amplitude of the line is followed."""
-STANDS, SURE = 0.5, 5.0
-"""Share of the amplitude of a line that it has while the arm stands, and std that it is then above the noise."""
-HANN_AMPLITUDE, HANN_PULSATION = 35 / 18, 28.1
-"""Of a Hann window w over a duration of 1: int w^4 / (int w^2)^2, and int w^2 t^2 / (int w t^2)^2 about its middle."""
+STANDS = 0.5
+"""Share of its amplitude that a line must have while the arm stands."""
+SURE = 5.0
+"""Std of the noise that it must exceed then."""
+HANN_AMPLITUDE = 35 / 18
+"""int w^4 / (int w^2)^2 of a Hann window w over a duration of 1."""
+HANN_PULSATION = 28.1
+"""int w^2 t^2 / (int w t^2)^2 of that window, t from its middle."""
 NEIGHBOURHOOD = (5.0, 7.0)
 """Hz from the line, on either side, where the noise of its amplitude is taken."""
 

@@ -34,14 +34,18 @@ ABOVE_MOVING = 5.0
 
 Of joints without an oscillation 0.01 to 2.0: motion adds to the noise, and takes nothing of it.
 """
-QUIETEST, STRETCHES = 0.2, 5
-"""Share of the moving stretches that are the quietest, and how many there must be."""
+QUIETEST = 0.2
+"""Share of the moving stretches that are the quietest."""
+STRETCHES = 5
+"""Quietest stretches that there must be."""
 STARTS = 1e-4
 """Share of a joint's range by which its demand must leave the first one for a motion to begin."""
 MOSTLY = 0.5
 """The share where the arm is only asked to stand: a motion that begins before its demand is no wave (0.2 at most)."""
-MOVES, PARTS = 8.0, 10
-"""Noise of an angle that a joint must turn by in each of so many parts of a stretch to be moving throughout."""
+MOVES = 8.0
+"""Noise of an angle that a joint must turn by in each of the ``PARTS`` of a stretch to be moving throughout."""
+PARTS = 10
+"""Parts of a stretch in each of which a joint must turn."""
 
 
 @dataclass(frozen=True)

@@ -21,10 +21,14 @@ INDEPENDENT = 1e-3
 """Relative singular value of columns of unit length below which they are dependent: rounding and model errors."""
 SPARSE_P = 1e-4
 """p-value from blocks above which the instants of a sparse effect, or of a large one, are tested as well."""
-LARGE, LARGEST = 0.25, 1.0
-"""Gain over the noise energy of a joint, for every coefficient and at most, from which an effect is large, in however
-few blocks it acts: a joint that moves once in a recording is quick for a second or two, and signs of so few blocks tell
-nothing from chance. The more coefficients, the more of another law an effect follows at the same instants."""
+LARGE = 0.25
+"""Gain over the noise energy of a joint, for every coefficient, from which an effect is large, in however few blocks.
+
+A joint that moves once in a recording is quick for a second or two, and signs of so few blocks tell nothing from
+chance. The more coefficients, the more of another law an effect follows at the same instants.
+"""
+LARGEST = 1.0
+"""That gain at most, however many coefficients there are."""
 
 
 @dataclass(frozen=True)

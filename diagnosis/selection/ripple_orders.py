@@ -23,9 +23,10 @@ from identification.ripples import LEAST_CYCLES
 STRONGEST = 5
 """Orders kept for each way in which a ripple acts: as a torque, by the acceleration of the link, by the load it lifts.
 """
-STRONGEST_OF_SHAFTS, LEAST_GAIN = 3, 0.05
-"""Of those per turn of the joint and of shafts between: how many are kept, and what each must gain at its joint at
-least, as a share of the noise; half of what a cause must gain (``LIMITS.min_gain``).
+STRONGEST_OF_SHAFTS = 3
+"""Ripples per turn of the joint and of shafts between that are kept."""
+LEAST_GAIN = 0.05
+"""What each of these must gain at its joint, as a share of the noise: half of what a cause must (``LIMITS.min_gain``).
 """
 FEW = 4
 """Effects of so few orders are candidates at all of them."""
@@ -33,8 +34,10 @@ TEETH = (10, 100)
 """Orders per turn of the joint, and of a shaft between whose teeth are not known: those of wheels."""
 RUN_OUT = (1, 2)
 """Orders of a shaft that is bent, or of an encoder that sits eccentric or tilted on its shaft."""
-HARMONICS, SIDE_BANDS = 3, 2
-"""Of the engagements of known teeth: multiples, and side bands on each side, by whole turns of either wheel."""
+HARMONICS = 3
+"""Multiples of the engagements of known teeth."""
+SIDE_BANDS = 2
+"""Side bands on each side of these, by whole turns of either wheel."""
 SAME_STEP = 1e-12
 """Difference below which two steps between orders are the same: the rounding of orders."""
 

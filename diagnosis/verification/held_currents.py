@@ -19,8 +19,10 @@ from diagnosis.residual.filters import rate_of
 from diagnosis.residual.run import Run
 from diagnosis.units import recorded_signals
 
-INSTANTS, SLOW = 24, 1.0
-"""Instants of a hold at which rows show it, at most; and Hz below which they stay there for a recording."""
+INSTANTS = 24
+"""Instants of a hold at which rows show it, at most."""
+SLOW = 1.0
+"""Hz of the difference of both rates, below which rows stay at the same instant of a hold for a whole recording."""
 CERTAIN = 2.0
 """Std by which a delay must be longer."""
 

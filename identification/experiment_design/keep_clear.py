@@ -14,8 +14,10 @@ RESERVE = 1e-3
 """M beyond what must be kept, so that a check of the same motion agrees."""
 DRAWN = 64
 """Start poses that are drawn for a candidate; the first that is clear, and that the motors hold, is taken."""
-SHRINK, SMALLEST = 0.8, 0.1
-"""Factor by which a motion is shrunk about its start pose until it is clear, and the share at which it is given up."""
+SHRINK = 0.8
+"""Factor by which a motion is shrunk about its start pose, again and again until it is clear."""
+SMALLEST = 0.1
+"""Share of a motion at which it is given up."""
 
 
 def clear_poses(pairs: Pairs, poses: Array) -> NDArray[np.bool_]:

@@ -12,7 +12,10 @@ from arm_io import InputError
 from arm_io.types import Array
 from arm_model import Arm
 
-SPEED, ACCELERATION = 1.0, 3.0  # rad/s, rad/s2 where a model states no limit: a careful laboratory arm
+SPEED = 1.0
+"""rad/s (m/s) where a model states no limit: a careful laboratory arm."""
+ACCELERATION = 3.0
+"""rad/s2 (m/s2) where a model states no limit."""
 
 
 @dataclass(frozen=True)

@@ -18,8 +18,10 @@ from identification.selection.least_squares import scaled_lstsq
 
 INDEPENDENT = 1e-4
 """Singular value of the scaled columns below which a direction counts as not excited."""
-MOST_STEPS, SETTLED = 8, 1e-4
-"""Steps of a fit with dead zones, and the step (N and the like) after which it ends."""
+MOST_STEPS = 8
+"""Steps of a fit with dead zones, at most."""
+SETTLED = 1e-4
+"""Step (N and the like) after which a fit ends."""
 
 
 def fitted(rows: Rows, start: Array, free: Sequence[int], scale: Array) -> Array:

@@ -13,9 +13,10 @@ from identification.regression.conclusion import SPLIT
 from identification.regression.equations import Equations, joined
 from identification.selection import p_value
 
-STRETCH, FOLDS = 5.0, 4
-"""s of a recording that are predicted as a whole, at most, many times what filters correlate; every so many-th of these
-stretches together."""
+STRETCH = 5.0
+"""s of a recording that are predicted as a whole, at most: many times what filters correlate."""
+FOLDS = 4
+"""Every so many-th of these stretches is predicted together."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -38,9 +38,10 @@ MOST = float(CATALOGUE[EFFECT].parameters[0].most)
 """s: a longer one is no lag, it is currents that do not belong to this motion."""
 SIGNIFICANT_STDS = 4.0
 """Standard deviations from zero of a lag that stays, and without the joint that shows it most."""
-ALIKE, ALIKE_STD = 0.5, 2.5
-"""Difference of the joint that shows the lag most from the others together, at most: a share of the lag, or standard
-deviations of the difference."""
+ALIKE = 0.5
+"""Share of the lag by which the joint that shows it most may differ from the others together."""
+ALIKE_STD = 2.5
+"""Std of the difference by which it may differ instead, if that is more."""
 REDUCED = 0.01
 """Of the rms error over the noise on held-out rows: what the lag must take away to stay."""
 

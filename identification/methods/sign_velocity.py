@@ -41,8 +41,10 @@ SHARPEST = 0.2
 """Of the model's velocity: a smaller one changes nothing at speeds at which a joint is known to slide."""
 LEAST = 0.3
 """Of what a sharp sign has more: less leaves the velocity as it is."""
-STEPS, SETTLED = 5, 0.05
-"""Steps at most; one in which no velocity changes by more than this share of itself is the last."""
+STEPS = 5
+"""Steps, at most."""
+SETTLED = 0.05
+"""A step in which no velocity changes by more than this share of itself is the last."""
 REDUCED = 0.01
 """Of the rms error of a joint on held-out rows: what a sharper sign must take away to stay."""
 OWN_CHANCE = 0.05

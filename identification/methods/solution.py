@@ -19,8 +19,10 @@ from identification.regression.problem import Problem
 from identification.regression.uncertainty import FitUncertainty, fit_uncertainty
 from identification.regression.weak_directions import regularised_to_model
 
-# Gauss-Newton steps of an arm with effects, at most; a step of fewer standard deviations is the last.
-STEPS, SETTLED = 8, 0.1
+STEPS = 8
+"""Gauss-Newton steps of an arm with effects, at most."""
+SETTLED = 0.1
+"""A step of fewer standard deviations is the last."""
 SHORTEST = 1 / 16  # smallest share of a step in the line search
 LEAST_FRICTION = 0.02
 """Of the rms torque of a joint: the size of friction that smoothness is measured by, at least."""

@@ -10,8 +10,10 @@ import numpy as np
 
 from arm_io.types import Array
 
-SLOWEST, FEWEST = 5.0, 2.2
-"""Hz of setpoints, and rows per setpoint: of two, the pulses follow one another without a row between."""
+SLOWEST = 5.0
+"""Hz: setpoints that are slower are not looked for."""
+FEWEST = 2.2
+"""Rows per setpoint: of two, the pulses follow one another without a row between."""
 SHARP = 0.5
 """Share of the pulses that must be in step with the line of their rate: of 2.5 rows per setpoint 0.57 are, of more
 rows more."""

@@ -36,8 +36,10 @@ from identification.regression.uncertainty import FitUncertainty
 
 POINTS = 18
 """Speeds of a curve, at most."""
-SLOWEST, FASTEST = 0.01, 0.999
-"""Quantiles of the speeds at which a joint surely slides that the curve spans: first and last speed."""
+SLOWEST = 0.01
+"""Quantile of the speeds at which a joint surely slides that is the first speed of the curve."""
+FASTEST = 0.999
+"""The same of its last speed."""
 SPAN = 4.0
 """Fastest over slowest speed, at least: less shows no shape."""
 SHARE = 0.003

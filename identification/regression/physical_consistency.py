@@ -34,8 +34,10 @@ OF_ONE_SPEED = 0.04  # weight of the friction at one speed: the 25 of a directio
 SMALLEST = 1e-6  # share of the mean link's mass (size) that is given to a prior link without mass (size)
 NEVER_NEGATIVE = ("rotor_inertia", "drag", *COEFFICIENTS, *LINK_FRICTION)
 """Parameters of a joint or of its link's cylinder that must not be negative, each for itself."""
-BODY, RADIUS = 0.05, 0.05
-"""Of the arm's mean link, and m: body of a link that the model has without one, if the data contradict that."""
+BODY = 0.05
+"""Mass, as a share of that of the arm's mean link, of a body that a link gets if the model has it without one."""
+RADIUS = 0.05
+"""m: radius of that body."""
 EDGE = 1e-12
 """Least eigenvalue of a body's pseudo-inertia over the largest, as of one that is a micrometre thick: below it, whether
 it is a body at all is rounding. Data that no body explains lead there."""

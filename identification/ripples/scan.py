@@ -16,8 +16,10 @@ from numpy.typing import NDArray
 from arm_io.types import Array
 from identification.preprocessing.signals import Motion, equation_rows, equation_weight, parallel_filter
 
-WIDE, WITHIN = 20.0, 0.7
-"""Hz of the band in which ripples are looked for, within so much of that in which the motion is known."""
+WIDE = 20.0
+"""Hz: band in which ripples are looked for."""
+WITHIN = 0.7
+"""Share of the band in which the motion is known that this band does not exceed."""
 APART = 1.2
 """Samples per second of that band, over the least whose folding its low-pass removes."""
 LEAST_CYCLES = 1.5

@@ -29,8 +29,10 @@ from diagnosis.residual.run import Run
 from diagnosis.residual.signals import signals_of
 from diagnosis.selection.candidate import Candidate
 
-STEP, ROUNDING = 1e-4, 1e-10
-"""Of finite differences: in units of the parameter; and what rounding leaves of a current, relative to its largest."""
+STEP = 1e-4
+"""Step of finite differences, in units of the parameter."""
+ROUNDING = 1e-10
+"""Change of a current, relative to its largest, that is rounding."""
 
 
 def at_own_joint(candidate: Candidate, arm: Arm) -> bool:

@@ -79,9 +79,12 @@ def _joints_apart(side: Dataset) -> bool:
     return all(run.own_directions is None for run in side.runs)
 
 
-SHARPEST, IMPOSSIBLE, SMOOTHING_STDS = 0.5, 2.0, 5.0
-"""Coefficients of ``free_columns``: 0.5 makes friction a step at rest, to first order; what is above 2 by more than
-SMOOTHING_STDS standard deviations is no smoothing, but a hump of friction, or another effect."""
+SHARPEST = 0.5
+"""Largest coefficient of ``free_columns``: it makes friction a step at rest, to first order."""
+IMPOSSIBLE = 2.0
+"""Coefficient of ``free_columns`` above which they are no smoothing, but a hump of friction, or another effect."""
+SMOOTHING_STDS = 5.0
+"""Std by which a coefficient must be above ``IMPOSSIBLE``."""
 
 
 def bounded(data: Split[Dataset], free: Sequence[Split[Columns]]) -> tuple[Split[Dataset], list[Split[Columns]]]:

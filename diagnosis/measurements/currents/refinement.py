@@ -16,8 +16,10 @@ from diagnosis.selection.candidate import RELATIVE_STEP, Candidate
 from diagnosis.selection.design import Dataset
 from diagnosis.selection.regression import Fitted, fit_gain
 
-FINE, COARSE = 1.5, 3.0
-"""Factors to both sides of a value of a search grid, between whose values the first reaches, or does not."""
+FINE = 1.5
+"""Factor to both sides of a value of a fine search grid: it reaches the next value."""
+COARSE = 3.0
+"""The same of a coarse grid, whose next value it does not reach."""
 
 
 def refined(candidate: Candidate, fitted: Fitted, fit: Dataset) -> Candidate:

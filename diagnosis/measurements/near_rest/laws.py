@@ -17,8 +17,12 @@ from diagnosis.selection.candidate import Candidate
 
 WIDTHS = np.array([0.03, 0.1, 0.2, 0.3, 0.45, 0.65, 0.8, 1.0, 1.25, 1.6, 2.0, 2.5])
 """Smoothing velocities that are tried, as multiples of the model's own."""
-STIFFNESSES, REFINED, BETWEEN = 9, 2, 5
-"""Stiffnesses of bristles that are tried; how often values are tried about the best so far, and how many of each."""
+STIFFNESSES = 9
+"""Number of stiffnesses of bristles that are tried."""
+REFINED = 2
+"""Times that values are tried about the best so far."""
+BETWEEN = 5
+"""Number of values of each parameter that are tried then."""
 SOFTEST = 0.2
 """Share of the travel over which the softest bristles that are tried build up their friction."""
 RESOLVED = 2.0

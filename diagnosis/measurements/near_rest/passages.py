@@ -43,13 +43,18 @@ TURN = 0.3
 v / hypot(v, w), differ by less once their widths agree."""
 SLIDES = 6.0 * CREEP
 """rad/s (m/s): a joint that is faster slides, and the search judges its friction."""
-STANDS, STANDS_FOR = CREEP / 2.0, 0.12
-"""rad/s (m/s) and s: a joint that is slower for longer stands."""
-SMEARED, AFTER_REST = 0.03, 0.04
-"""s before and after a slow instant that filters spread it over; s about a standstill that are left out."""
-SPEED_NOISE, COARSE = STANDS, STANDS / 3.0
-"""rad/s (m/s): std of the speed by the encoder above which a joint is not judged near rest; above which closed loops
-judge it as well."""
+STANDS = CREEP / 2.0
+"""rad/s (m/s): a joint that is slower for ``STANDS_FOR`` stands."""
+STANDS_FOR = 0.12
+"""s for which a joint must be slower than ``STANDS`` to stand."""
+SMEARED = 0.03
+"""s before and after a slow instant that filters spread it over."""
+AFTER_REST = 0.04
+"""s about a standstill that are left out."""
+SPEED_NOISE = STANDS
+"""rad/s (m/s): std of the speed by the encoder above which a joint is not judged near rest."""
+COARSE = STANDS / 3.0
+"""rad/s (m/s): the same above which closed loops judge it as well."""
 BENDS = 9
 """Knots of a function of one variable: straight between them, so that the magnitude of a load is such a function."""
 UNMEASURED = 1e4

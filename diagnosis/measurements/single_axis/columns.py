@@ -26,14 +26,18 @@ from diagnosis.residual.noise.channels import angle_noise
 from diagnosis.selection.candidate import Candidate
 from identification.selection import Index
 
-MOTION_BAND, COMPARE_BAND = 100.0, 60.0
-"""Hz: pass-bands of the motion behind the expected current, and of the comparison."""
+MOTION_BAND = 100.0
+"""Hz: pass-band of the motion behind the expected current."""
+COMPARE_BAND = 60.0
+"""Hz: pass-band in which measured and expected current are compared."""
 ENDS = 0.3
 """s at either end of a recording that filters spoil."""
 ROWS_PER_SECOND = 200
 """Rows that are kept: more than three per period of COMPARE_BAND."""
-PLACES, SPEEDS = 8, 15
-"""Parts of the travel and of the range of speed; rows in the same parts are one observation."""
+PLACES = 8
+"""Parts of the travel."""
+SPEEDS = 15
+"""Parts of the range of speed; rows in the same part of both are one observation."""
 FEWEST_WAVES = 8
 """Waves of one length in the travel: fewer cannot be distinguished from a smooth bend."""
 

@@ -25,8 +25,10 @@ from identification.kinematics.models import Parameters, chain_of, parallel_next
 
 GEOMETRY = {p.name: p.chain for p in LINK_GEOMETRY.parameters}
 """Value of the kinematic chain that each geometric error of a link moves."""
-FRAME, TARGET = 3e-4, 3e-4
-"""Prior std of the tracker's frame (m, rad) and of the target's position (m) from a rig file."""
+FRAME = 3e-4
+"""m, rad: prior std of the tracker's frame from a rig file."""
+TARGET = 3e-4
+"""m: prior std of the target's position from a rig file."""
 ANYWHERE = 10.0
 """Prior std of the frame of a tracker whose pose, or of a target whose position, no rig file gives."""
 BY_CHANCE = 0.01

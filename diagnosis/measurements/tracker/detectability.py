@@ -18,8 +18,10 @@ from diagnosis.measurements.tracker.points import Side
 from diagnosis.measurements.tracker.regression import Linear, columns_of, good, linear
 from identification.kinematics.estimation import stacked
 
-BINS, SHUFFLES = 24, 200
-"""Bins of a variable, with equal numbers of points; random signs of blocks that the chance of a share is counted by."""
+BINS = 24
+"""Bins of a variable, with equal numbers of points."""
+SHUFFLES = 200
+"""Random signs of blocks that the chance of a share is counted by."""
 
 
 def no_tracker(placed: bool, fitted: bool) -> list[Undetectable]:

@@ -21,8 +21,10 @@ from identification.selection import BLOCK_SECONDS
 
 LEAST = 0.35
 """Rms of a wave or a drift over the noise of a coordinate from which it is told: an eighth of the noise's energy."""
-NEIGHBOURS, OVER_FLOOR = 61, 20.0
-"""Bins around a line whose median power is the floor, and the power over it: a bin of noise exceeds it in e^-14."""
+NEIGHBOURS = 61
+"""Bins around a line whose median power is its floor."""
+OVER_FLOOR = 20.0
+"""Power of a line over its floor: a bin of noise exceeds it with a probability of e^-14."""
 SHARP = 4.0
 """Std by which a drift must exceed what blocks of one second scatter about it."""
 

@@ -18,14 +18,22 @@ from diagnosis.residual.noise.encoder_step import encoder_step, found_once
 from identification.preprocessing import UNKNOWN, Setpoints, zero_phase
 from identification.selection import MAD_TO_STD
 
-QUIET_ROWS, QUIET_BLOCKS = 60, 5
-"""Rows that a block must have, and blocks that there must be."""
+QUIET_ROWS = 60
+"""Rows that a quiet block must have."""
+QUIET_BLOCKS = 5
+"""Quiet blocks that there must be."""
 END_SECONDS = 0.1
 """Beginning of a recording that is excluded: filter transient and start of the drives."""
-TOP, SEGMENT = 0.7, 128
-"""Share of the Nyquist frequency from which on noise is looked for, and rows of a spectrum: half a second at 250 Hz."""
-CLIPPED, ROUNDS, SETTLED = 4.0, 20, 0.999
-"""Times the mean power from which on a power is no noise (2 % of noise are), and when their iteration has an end."""
+TOP = 0.7
+"""Share of the Nyquist frequency from which on noise is looked for."""
+SEGMENT = 128
+"""Rows of a spectrum: half a second at 250 Hz."""
+CLIPPED = 4.0
+"""Times the mean power from which on a power is no noise; 2 % of noise are."""
+ROUNDS = 20
+"""Times that the mean is computed again without these powers, at most."""
+SETTLED = 0.999
+"""Share of the mean before from which on it is settled."""
 STILL_SECONDS = 0.2
 """Shortest standstill of the whole arm from which noise is estimated."""
 

@@ -22,8 +22,10 @@ SAME = 1e-12
 """Of the largest value: values that differ by less are one."""
 MOST = 4096
 """Shortest distances that decide."""
-STARTS, DIVISORS = 8, 64
-"""Shortest distances that are divided for a first step, and the largest divisor."""
+STARTS = 8
+"""Shortest distances that are divided for a first step."""
+DIVISORS = 64
+"""Largest divisor of such a distance."""
 SCREENED = 64
 """Shortest distances by which steps are screened."""
 EXACT = 0.03
@@ -35,8 +37,10 @@ ROUNDED = 0.13
 last digit of 0.45 steps are."""
 REFITTED = 3
 """Times that a step is fitted to all values: the shortest distances are those that rounding made shorter."""
-FEWEST, MANY = 40, 200
-"""Distances that decide alone, exact and rounded: fewer of a motion at nearly constant speed are nearly equal."""
+FEWEST = 40
+"""Exact distances that decide alone: fewer of a motion at nearly constant speed are nearly equal."""
+MANY = 200
+"""Rounded distances that decide alone."""
 REPEATED = 4
 """Times on average that rows repeat every value, of which any number decides."""
 

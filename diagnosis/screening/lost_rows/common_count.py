@@ -28,8 +28,10 @@ LONGEST = 0.012
 """s: longest change that is looked for here."""
 SKEWS = 0.002
 """s between the time skews that all recordings may have besides; about them, the lag of each joint is free."""
-SURE, OTHERS = 24.5, 8.0
-"""Evidence for the number in all recordings, and in the joints without any one of them: seven and four std."""
+SURE = 24.5
+"""Evidence for the number in all recordings: seven std."""
+OTHERS = 8.0
+"""Evidence for the number in the joints without any one of them: four std."""
 ODDS = 3.0
 """Evidence by which one recording has lost rows, or by which some joints contradict a number: 20 to 1."""
 WHOLE = 0.3
@@ -38,8 +40,10 @@ PLACED = 1.0
 """s: largest std of an instant that counts; an error that grows slowly has none."""
 RECORDINGS = 2
 """Recordings, at least, that must have lost rows."""
-APART, INSTANTS = 0.04, 500
-"""s between the instants that are compared, more where a recording would have more of them than this."""
+APART = 0.04
+"""s between the instants that are compared, more where a recording would have more than ``INSTANTS``."""
+INSTANTS = 500
+"""Instants of a recording that are compared, at most."""
 FEWEST = 4
 """Rows of the shortest run that is interpolated."""
 

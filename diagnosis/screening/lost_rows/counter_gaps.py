@@ -40,8 +40,10 @@ MISFIT = 9.0
 """Rows over which a misfit of the polynomial is correlated."""
 SHARE = 0.5
 """Of the guessed number of rows by which the number may differ from it."""
-SURE, FIXED = 0.4, 0.02
-"""Rows: std of the number that a jump shows, up to which it stands; and the std that then holds it."""
+SURE = 0.4
+"""Rows: std of the number that a jump shows, up to which it stands."""
+FIXED = 0.02
+"""Rows: std by which a number that stands is held."""
 LEAST_STD = 0.1
 """Rows: least standard deviation of the number that a jump shows."""
 SKEW = 0.01

@@ -20,8 +20,10 @@ PIECE = 0.25
 """s: length of the pieces for which a lag is estimated."""
 OTHERS = 4.0
 """Std that the change at the joints other than the most certain one must exceed, and within which it must agree."""
-COLOURED, FILTERED = 16.0, 0.02
-"""Rows over which other errors correlate the residual, and s by which filters smear an instant."""
+COLOURED = 16.0
+"""Rows over which other errors correlate the residual."""
+FILTERED = 0.02
+"""s by which filters smear an instant."""
 BALANCED = 0.03
 """Least ratio of the weights before and after the change at a joint that shows it."""
 APART = 2e-4

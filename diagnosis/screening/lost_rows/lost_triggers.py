@@ -29,8 +29,10 @@ SIGNIFICANT_STDS = 7.0
 CANDIDATE_STDS = 3.0
 """Std of it before the currents are put back: of more than some 10 ms, the first-order effect shows every joint another
 part, by how abruptly its current changes, and the joints agree only once they are put back."""
-REFINEMENTS, SETTLED = 8, 0.1
-"""Times that a change is estimated again at most, and the share of its std by which the last one may move it."""
+REFINEMENTS = 8
+"""Times that a change is estimated again, at most."""
+SETTLED = 0.1
+"""Share of its std by which the last estimate may move a change."""
 FIRST_ORDER = 0.02
 """s of a change up to which the first-order effect of a lag shows its instant."""
 MOST_ROWS = 12

@@ -22,12 +22,20 @@ HOLDS = (
     "other units in the names (q1 [deg], x [mm]); t, i1, .. and others may be there"
 )
 """What a table of poses must hold, for messages and help."""
-LARGEST_ANGLE, LARGEST_LENGTH = 30.0, 100.0
-"""rad and m: more is degrees, or mm."""
-POINT, PLACE = ("x", "y", "z"), ("target_x", "target_y", "target_z")
-"""Columns of the tracked point, and of the reflector's place in the frame of the last link, m."""
-QUATERNION, VECTOR, ANGLES = ("qw", "qx", "qy", "qz"), ("rx", "ry", "rz"), ("roll", "pitch", "yaw")
-"""Columns of an orientation: unit quaternion; rotation vector, rad; Rot(z, yaw) Rot(y, pitch) Rot(x, roll), rad."""
+LARGEST_ANGLE = 30.0
+"""rad: larger angles are degrees."""
+LARGEST_LENGTH = 100.0
+"""m: larger lengths are mm."""
+POINT = ("x", "y", "z")
+"""Columns of the tracked point, m."""
+PLACE = ("target_x", "target_y", "target_z")
+"""Columns of the reflector's place in the frame of the last link, m."""
+QUATERNION = ("qw", "qx", "qy", "qz")
+"""Columns of an orientation: a unit quaternion."""
+VECTOR = ("rx", "ry", "rz")
+"""The same as a rotation vector, rad."""
+ANGLES = ("roll", "pitch", "yaw")
+"""The same as Rot(z, yaw) Rot(y, pitch) Rot(x, roll), rad."""
 _NUMBERED = re.compile(r"x([1-9][0-9]?)")
 
 

@@ -24,8 +24,10 @@ _LEAST_Z = 8.0
 """Standard deviations that a step must exceed: it is the largest of all places."""
 _MOST_ROWS = 3
 """Rows of a constant delay: a longer one is of the tracker."""
-_OFF_WHOLE, _LEAST_CERTAIN = 0.2, 0.1
-"""Rows by which a constant delay may miss a whole number, and its largest std."""
+_OFF_WHOLE = 0.2
+"""Rows by which a constant delay may miss a whole number."""
+_LEAST_CERTAIN = 0.1
+"""Rows: largest std of such a delay."""
 _BETTER = 0.75
 """Share of the median distance of the points that a shift may leave: errors of the model are not as large."""
 _BLOCK = 10_000

@@ -24,8 +24,10 @@ from identification.kinematics.models.parameters import UNKNOWN_TARGET, Target, 
 
 NEEDED = 0.3
 """Error with couplings over that without, below which the couplings are believed."""
-NEIGHBOUR, OWN = (-0.7, 0.7), (-2.0, -0.5, 1.0)
-"""Starting values: added to a zero entry, and to the 1 of the joint's own angle (ratios -1, 0.5 and 2)."""
+NEIGHBOUR = (-0.7, 0.7)
+"""Starting values that are added to a zero entry."""
+OWN = (-2.0, -0.5, 1.0)
+"""Starting values that are added to the 1 of the joint's own angle: ratios of -1, 0.5 and 2."""
 _SCALE = 0.5
 """Prior standard deviation of an entry about its starting value."""
 _SMALLER = 0.9
@@ -43,8 +45,10 @@ _FITS = 3e-4
 """m rms of the distance: as near as a tracker's points may be; the search is over."""
 _ROUGH = 6
 """Iterations for a hypothesis: the right one is near by then."""
-_POINTS, _ENTRIES = 120, 4
-"""Points that a hypothesis is fitted to, evenly chosen, and entries of the matrix that are searched for at most."""
+_POINTS = 120
+"""Points that a hypothesis is fitted to, evenly chosen."""
+_ENTRIES = 4
+"""Entries of the matrix that are searched for, at most."""
 _TRIMMED = 0.95
 """Share of the points that is judged: single wrong points do not decide, a sweep or a region does."""
 

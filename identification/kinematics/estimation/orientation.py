@@ -18,8 +18,10 @@ from identification.kinematics.data.runs import Run
 from identification.kinematics.models.chain import Chain, forward
 from identification.selection import MEDIAN_OF_NORM
 
-_LEAST, _MOST = 1e-3, 1e2
-"""m: limits of a lever, where positions or orientations have no noise."""
+_LEAST = 1e-3
+"""m: smallest lever, where positions have no noise."""
+_MOST = 1e2
+"""m: largest lever, where orientations have no noise."""
 
 
 def aimed(chain: Chain, points: Points) -> dict[int, Array]:

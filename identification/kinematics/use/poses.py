@@ -24,10 +24,14 @@ from identification.kinematics.use.correction import limits_of
 
 ENOUGH = np.sqrt(1.1**2 - 1.0)
 """A model error of 0.458 of the tracker's noise adds a tenth to the rms of a measured point: that counts as reached."""
-FLOOR, COLUMN = 0.05, 0.25
-"""m: least height above the floor (0 in the base frame), and distance of the target from the axis of joint 1."""
-HOLD, SPEED = 0.6, 0.5
-"""s for which the arm stands at each pose, and share of the full speed at which it goes there."""
+FLOOR = 0.05
+"""m: least height above the floor (0 in the base frame)."""
+COLUMN = 0.25
+"""m: least distance of the target from the axis of joint 1."""
+HOLD = 0.6
+"""s for which the arm stands at each pose."""
+SPEED = 0.5
+"""Share of the full speed at which the arm goes from pose to pose."""
 
 
 @dataclass(frozen=True)
