@@ -62,21 +62,30 @@ SETTLED = 0.2
 class Search:
     """One search for causes in the currents of recordings.
 
-    model, known_causes  the model, and causes that are known before the search
-    excluded      effects that it may not choose
+    model          without any cause
+    given          causes that encoders and tracker have shown
+    near_rest, transmissions  causes that were found outside the stepwise selection (``CurrentDiagnosis``)
+    excluded       effects that the search may not choose
     """
 
     model: Arm
-    known_causes: tuple[Cause, ...]
+    given: tuple[Cause, ...]
+    near_rest: tuple[Cause, ...] = ()
+    transmissions: tuple[Cause, ...] = ()
     excluded: frozenset[EffectKey]
     recordings: Recordings
     screened: Screened
     progress: Progress
 
     @cached_property
+    def known(self) -> tuple[Cause, ...]:
+        """All causes that are known before the search."""
+        return (*self.given, *self.near_rest, *self.transmissions)
+
+    @cached_property
     def arm(self) -> Arm:
         """The model with the known causes."""
-        return extend(self.model, self.known_causes) if self.known_causes else self.model
+        return extend(self.model, self.known) if self.known else self.model
 
     def residuals(self) -> Residuals:
         """Residuals of the recordings with ``arm`` as the model."""
@@ -86,9 +95,18 @@ class Search:
         """The same with simulated closed loops of that arm for recordings without noise."""
         return replace(self, screened=with_simulated_loops(self.screened, arm))
 
-    def knowing(self, causes: Sequence[Cause], excluded: Iterable[EffectKey]) -> Search:
-        """The same search with more known causes, and more effects that it may not choose."""
-        return replace(self, known_causes=(*self.known_causes, *causes), excluded=self.excluded.union(excluded))
+    def excluding(self, effects: Iterable[EffectKey]) -> Search:
+        """The same with more effects that it may not choose."""
+        return replace(self, excluded=self.excluded.union(effects))
+
+    def with_near_rest(self, friction: Sequence[Cause]) -> Search:
+        """The same with friction near rest as known causes."""
+        return replace(self, near_rest=tuple(friction)).excluding(cause.key for cause in friction)
+
+    def with_transmissions(self, found: Sequence[Cause]) -> Search:
+        """The same with more springs and gaps as known causes: of their joints, no other is chosen."""
+        every = replace(self, transmissions=(*self.transmissions, *found))
+        return every.excluding((effect, cause.joint) for effect in transmissions() for cause in found)
 
 
 def find_causes(
@@ -97,13 +115,13 @@ def find_causes(
     """Causes that the currents show conditional on the ``known`` ones of encoders and tracker."""
     search = Search(
         model=model,
-        known_causes=tuple(known),
+        given=tuple(known),
         excluded=frozenset(cause.key for cause in known if not cause.by_tracker),
         recordings=recordings,
         screened=screened,
         progress=progress,
     )
-    currents = _with_loops(search)
+    currents = _with_simulated_loops(search)
     held = as_held(currents.causes, currents.state.all_runs)
     currents = replace(currents, held=tuple(held), causes=[cause for cause in currents.causes if cause not in held])
     if currents.axis or currents.arm.uncertainty is not None:
@@ -116,7 +134,7 @@ def find_causes(
     )
 
 
-def _with_loops(search: Search) -> CurrentDiagnosis:
+def _with_simulated_loops(search: Search) -> CurrentDiagnosis:
     """The search; for recordings without noise repeated with the causes in the simulated loops.
 
     Without noise, the error of the method itself exceeds that of the instruments; a closed loop of the model on the
@@ -144,60 +162,63 @@ def _loops_differ(before: Screened, after: Screened, runs: Sequence[Run]) -> boo
 
 def _repeated_search(search: Search) -> CurrentDiagnosis:
     """The search, repeated with every cause that is found outside it."""
-    recordings, progress, given = search.recordings, search.progress, search.excluded
-    currents = _with_confirmed_triggers(search)
-    while currents.axis is None and (smoothing := other_smoothing(currents.state, currents.causes)) is not None:
-        # search again with that smoothing velocity, and without the effect that only imitated it
-        search = replace(search, model=smoothing.of(search.model), excluded=search.excluded | {smoothing.cause})
+    excluded = search.excluded
+    search, currents = _with_smoothing_velocities(search)
+    search.progress("judging friction near rest")
+    friction = friction_near_rest(currents, search.recordings, excluded)
+    if friction.causes:
+        search = search.with_near_rest(friction.causes)
         currents = _with_confirmed_triggers(search)
-    progress("judging friction near rest")
-    friction = friction_near_rest(currents, recordings, given)
-    near_rest, undetermined = tuple(friction.causes), tuple(friction.undetermined)
-    if near_rest:
-        # search again for the other causes, with that friction in the model
-        search = search.knowing(near_rest, (cause.key for cause in near_rest))
-        currents = replace(_with_confirmed_triggers(search), near_rest=near_rest)
     if (of_recordings := _by_recording(search, currents)) is not None:
         # resonances are not searched for: that needs closed loops of one arm in all recordings
         return of_recordings
     search, currents = _with_lost_rows(search, currents)
-    progress("searching for transmission resonances in closed loop")
-    found = list[Cause]()
-    while has_dynamics(search.model) and (one := resonance_in_loop(currents, recordings, found)) is not None:
-        found.append(one)
-        search, currents = _knowing_transmissions(search, currents, [one])
-    if len(found) > 1:
-        search, currents, found = _estimated_together(search, currents, found)
+    search, currents = _with_resonances(search, currents)
     # with the gap in the arm, the noise of the residual includes the uncertain instants of contact
-    if not found and (found := list(gaps(currents, search.excluded))):
-        search, currents = _knowing_transmissions(search, currents, found)
-    if not found:
-        return replace(currents, undetermined=undetermined)
-    return replace(currents, near_rest=near_rest, transmissions=tuple(found))
+    if not search.transmissions and (found := gaps(currents, search.excluded)):
+        search, currents = _with_transmissions(search, currents, found)
+    return currents if search.transmissions else replace(currents, undetermined=tuple(friction.undetermined))
 
 
-def _knowing_transmissions(
+def _with_smoothing_velocities(search: Search) -> tuple[Search, CurrentDiagnosis]:
+    """The search, repeated with another smoothing velocity while an effect that it chose only imitates one."""
+    currents = _with_confirmed_triggers(search)
+    while currents.axis is None and (smoothing := other_smoothing(currents.state, currents.causes)) is not None:
+        search = replace(search, model=smoothing.of(search.model)).excluding([smoothing.cause])
+        currents = _with_confirmed_triggers(search)
+    return search, currents
+
+
+def _with_resonances(search: Search, currents: CurrentDiagnosis) -> tuple[Search, CurrentDiagnosis]:
+    """Both, repeated with every spring and gap that closed loops show."""
+    search.progress("searching for transmission resonances in closed loop")
+    recordings = search.recordings
+    while has_dynamics(search.model):
+        if (found := resonance_in_loop(currents, recordings, search.transmissions)) is None:
+            break
+        search, currents = _with_transmissions(search, currents, [found])
+    return _estimated_together(search, currents) if len(search.transmissions) > 1 else (search, currents)
+
+
+def _with_transmissions(
     search: Search, currents: CurrentDiagnosis, found: Sequence[Cause]
 ) -> tuple[Search, CurrentDiagnosis]:
-    """The search again with these transmissions as known causes, and what it finds."""
-    search = search.knowing(found, ((effect, one.joint) for effect in transmissions() for one in found))
-    terms = [term for term in currents.state.terms if (term.name, term.joint) not in {one.key for one in found}]
-    residuals = confirmed(realigned(search.residuals(), terms), terms)
-    return search, _searched(search, residuals)
+    """The search with these springs and gaps as known causes too, and what it finds."""
+    search, keys = search.with_transmissions(found), {cause.key for cause in found}
+    terms = [term for term in currents.state.terms if (term.name, term.joint) not in keys]
+    return search, _searched(search, confirmed(realigned(search.residuals(), terms), terms))
 
 
-def _estimated_together(
-    search: Search, currents: CurrentDiagnosis, found: Sequence[Cause]
-) -> tuple[Search, CurrentDiagnosis, list[Cause]]:
+def _estimated_together(search: Search, currents: CurrentDiagnosis) -> tuple[Search, CurrentDiagnosis]:
     """Springs and gaps, each estimated again with all others known: joints oscillate together."""
-    found = list(found)
-    for place, cause in enumerate(found):
-        others = [one for one in search.known_causes if one is not cause]
+    for place, cause in enumerate(search.transmissions):
+        others = [one for one in search.known if one is not cause]
         again = transmission_in_place(extend(search.model, [*others, *currents.causes]), search.recordings, cause)
         if again is not None:
-            found[place] = again
-            search = replace(search, known_causes=(*others, again))
-    return *_knowing_transmissions(search, currents, ()), found
+            estimated = [*search.transmissions]
+            estimated[place] = again
+            search = replace(search, transmissions=tuple(estimated))
+    return _with_transmissions(search, currents, ())
 
 
 def _with_lost_rows(search: Search, currents: CurrentDiagnosis) -> tuple[Search, CurrentDiagnosis]:
@@ -207,7 +228,7 @@ def _with_lost_rows(search: Search, currents: CurrentDiagnosis) -> tuple[Search,
         return search, currents
     event = replace(event_of(lost.losses, currents.residuals.runs), gain=lost.gain)
     search = replace(search, screened=with_rows_put_back(search.screened, lost.losses, event))
-    return search, replace(_with_confirmed_triggers(search), near_rest=currents.near_rest)
+    return search, _with_confirmed_triggers(search)
 
 
 def _with_confirmed_triggers(search: Search) -> CurrentDiagnosis:
@@ -223,9 +244,10 @@ def _with_confirmed_triggers(search: Search) -> CurrentDiagnosis:
 
 def _searched(search: Search, residuals: Residuals) -> CurrentDiagnosis:
     """One search in the residuals of the recordings (held-out ones last), on a single axis also at the full rate."""
-    arm, first, parts = search.arm, len(search.recordings.fit), search.recordings.two_fold
-    warm = [run.arm.temperatures for run in residuals.runs]
-    axis = axis_side(arm, (residuals.samples[:first], residuals.samples[first:]), two_fold=parts, temperatures=warm)
+    fitted, two_fold = len(search.recordings.fit), search.recordings.two_fold
+    samples = residuals.samples[:fitted], residuals.samples[fitted:]
+    temperatures = [run.arm.temperatures for run in residuals.runs]
+    axis = axis_side(search.arm, samples, two_fold=two_fold, temperatures=temperatures)
     if axis is None:
         return _searched_given(search, residuals, None)
     by_axis = _searched_given(search, residuals, axis)
@@ -264,12 +286,12 @@ def _searched_given(search: Search, residuals: Residuals, axis: AxisSide | None)
 
 def _searched_once(search: Search, residuals: Residuals, axis: AxisSide | None) -> CurrentDiagnosis:
     """One search conditional on the causes of a single ``axis``."""
-    arm, recordings, excluded, progress = search.arm, search.recordings, search.excluded, search.progress
-    first, parts = len(recordings.fit), recordings.two_fold
-    progress("computing the columns of every effect")
+    arm, recordings = search.arm, search.recordings
+    fitted = len(recordings.fit)
+    search.progress("computing the columns of every effect")
     every = _candidates(search, residuals)
     ripples = tuple(c for c in every if order_of(c) is not None)
-    runs, data = residuals.runs, _datasets(residuals.runs, first, parts)
+    runs, data = residuals.runs, _datasets(residuals.runs, recordings)
     library = Library((c for c in every if order_of(c) is None), data)
     of_axis, base = [from_axis(cause, arm) for cause in axis.causes] if axis else [], arm
     if axis and of_axis:
@@ -277,12 +299,12 @@ def _searched_once(search: Search, residuals: Residuals, axis: AxisSide | None) 
         base = replace(arm, joints=axis.held_out.arm.joints)
         runs = [replace(run, arm=replace(base, temperatures=run.arm.temperatures)) for run in runs]
         terms = extend(base, of_axis).effects[len(arm.effects) :]
-        data = _datasets(runs, first, parts).map(lambda part: replace(part, y=dataset_with(part, terms)))
+        data = _datasets(runs, recordings).map(lambda part: replace(part, y=dataset_with(part, terms)))
     free = [Split(*pair) for pair in zip(free_columns(data.fit, arm), free_columns(data.held_out, arm))]
     data, free = bounded(data, free)
     searched, ripples = (library, ripples) if axis is None else (Library((), data), ())
-    model = Currents(arm, data, searched, free, ripples, excluded, model_uncertainty(arm, data))
-    selection, causes = tenable_causes(model, recordings, runs[first:], progress)
+    model = Currents(arm, data, searched, free, ripples, search.excluded, model_uncertainty(arm, data))
+    selection, causes = tenable_causes(model, recordings, runs[fitted:], search.progress)
     return CurrentDiagnosis(
         arm=arm,
         residuals=residuals,
@@ -293,15 +315,17 @@ def _searched_once(search: Search, residuals: Residuals, axis: AxisSide | None) 
         axis=axis,
         causes=with_harmonics(causes, arm) + of_axis,
         shortage=shortage(selection) if axis is None else None,
+        near_rest=search.near_rest,
+        transmissions=search.transmissions,
     )
 
 
 def _candidates(search: Search, residuals: Residuals) -> list[Candidate]:
     """Candidates that may be chosen; those that depend on temperature only if recordings can show it."""
-    arm, first = search.arm, len(search.recordings.fit)
+    arm, fitted = search.arm, len(search.recordings.fit)
     if not has_dynamics(arm):
         return []
-    cold = {j for j in range(1, len(arm) + 1) if not_warmed(residuals.runs[:first], residuals.runs[first:], j)}
+    cold = {j for j in range(1, len(arm) + 1) if not_warmed(residuals.runs[:fitted], residuals.runs[fitted:], j)}
     every = [c for c in (*candidates(arm), *of_shafts(arm)) if c.key not in search.excluded]
     return [c for c in every if not (is_of_gravity(c, arm) or (depends(c.effect) and c.joint in cold))]
 
@@ -314,7 +338,7 @@ def _by_recording(search: Search, currents: CurrentDiagnosis) -> CurrentDiagnosi
     def again(runs: Sequence[Run], taken: Set[EffectKey]) -> CurrentDiagnosis:
         search.progress("comparing the recordings with each other")
         refused = taken | set(currents.selection.refuted)
-        return _searched(search.knowing((), refused), replace(currents.residuals, runs=list(runs)))
+        return _searched(search.excluding(refused), replace(currents.residuals, runs=list(runs)))
 
     if (result := per_recording(currents, currents.residuals.runs, again)) is None:
         return None
@@ -323,5 +347,6 @@ def _by_recording(search: Search, currents: CurrentDiagnosis) -> CurrentDiagnosi
     return replace(trial, per_recording=tuple(cause_of(one, values, state, others) for one in values))
 
 
-def _datasets(runs: Sequence[Run], first: int, two_fold: bool) -> Split[Dataset]:
-    return Split(dataset_of(runs[:first]), dataset_of(runs[first:]), two_fold)
+def _datasets(runs: Sequence[Run], recordings: Recordings) -> Split[Dataset]:
+    fitted = len(recordings.fit)
+    return Split(dataset_of(runs[:fitted]), dataset_of(runs[fitted:]), recordings.two_fold)

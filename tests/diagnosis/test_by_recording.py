@@ -13,6 +13,8 @@ import pytest
 
 import armscope
 from arm_model import Arm, EffectTerm
+from diagnosis.cause import Cause, Estimate
+from diagnosis.measurements.near_rest.friction import Friction
 from diagnosis.per_recording.search import _all_exist
 from diagnosis.remainder.against_noise import runs_of
 from diagnosis.residual.run import with_free
@@ -49,6 +51,28 @@ def test_a_load_mounted_differently_is_one_payload_with_two_sizes(arm: Arm, tmp_
     (row,) = result.to_json()["causes"]
     assert [one["file"] for one in row["recordings"]] == ["A.mcap", "B.mcap"]
     assert not result.extended.effects  # no load is the arm's
+
+
+def test_friction_near_rest_keeps_its_name_beside_values_per_recording(
+    arm: Arm, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It was in the model then, but no longer among the causes."""
+    friction = Cause(
+        effect="stribeck_friction",
+        joint=1,
+        parameters=[Estimate("breakaway", 1e-3, 1e-4, "N m"), Estimate("stribeck_velocity", HUMP, 0.01, "rad/s")],
+        confidence=0.9,
+        before=0.02,
+        after=0.01,
+        group=(("stribeck_friction", 1),),
+        evidence="",
+        felt_at=1,
+        unit="A",
+    )
+    monkeypatch.setattr("diagnosis.find_causes.friction_near_rest", lambda *_: Friction([friction], []))
+    result = _diagnosed(arm, tmp_path, Day(load=(3.0, 0.05, 0.0)), Day(load=(2.8, 0.02, 0.03)))
+    assert {cause.key for cause in result.causes} == {friction.key, ("payload", None)}
+    assert [term.name for term in result.extended.effects] == ["stribeck_friction"]
 
 
 def test_the_same_load_in_both_is_one_value(arm: Arm, tmp_path: Path) -> None:
