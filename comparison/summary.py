@@ -147,12 +147,36 @@ def _seen(fits: Sequence[Fitted], is_before: NDArray[np.bool_], changes: Sequenc
     return _Changes(places, [changes[int(k)] for k in places], change, covariance * widened[:, None] * widened)
 
 
-def _fitted(x: Array, seen: _Changes) -> tuple[Array, Array, float, float, int]:
-    """Generalised least squares of the changes by columns x (v, k).
+@dataclass(frozen=True, kw_only=True)
+class _Explanation:
+    """Generalised least squares of v changes by the k columns of one cause.
 
-    Coefficients (k,), covariance (k, k) (infinite where undetermined: a huge number), mean square before, mean square
-    after, and the number of columns that are independent.
+    coefficients (k,), covariance (k, k)  of columns that the changes do not determine: 0, and a huge variance
+    before, left  sum of the squared changes, in deviations, without the cause and with it
+    rank          number of its independent columns
+    changes       v
     """
+
+    coefficients: Array
+    covariance: Array
+    before: float
+    left: float
+    rank: int
+    changes: int
+
+    @property
+    def mean_left(self) -> float:
+        """Mean square of what the cause leaves, in deviations: 1 if it explains all but chance."""
+        return self.left / max(self.changes - self.rank, 1)
+
+    def is_stated(self, candidates: int) -> bool:
+        """Whether, of so many candidates, the changes of the cause are significant, and what it leaves is not."""
+        chance = float(stats.chi2.sf((self.before - self.left) / max(self.mean_left, 1.0), self.rank))
+        return candidates * chance < SIGNIFICANT and self.mean_left < EXPLAINED and self.changes > self.rank
+
+
+def _explanation(x: Array, seen: _Changes) -> _Explanation:
+    """The changes by the columns x (v, k) of a cause."""
     root = linalg.cholesky(seen.covariance + 1e-12 * np.diag(np.diag(seen.covariance)), lower=True)
     a = linalg.solve_triangular(root, x, lower=True)
     y = linalg.solve_triangular(root, seen.change, lower=True)
@@ -160,19 +184,15 @@ def _fitted(x: Array, seen: _Changes) -> tuple[Array, Array, float, float, int]:
     size[size == 0.0] = 1.0
     u, s, vt = np.linalg.svd(a / size, full_matrices=False)
     independent = s > DEPENDENT * s[0]
-    coefficients = (vt[independent].T @ ((u[:, independent].T @ y) / s[independent])) / size
     inverse = np.where(independent, 1.0 / np.maximum(s, 1e-300), 1e12) ** 2
-    covariance = (vt.T * inverse) @ vt / np.outer(size, size)
-    before, after = float(y @ y), float(np.sum((y - u[:, independent] @ (u[:, independent].T @ y)) ** 2))
-    rank = int(independent.sum())
-    return coefficients, covariance, before / len(y), after / max(len(y) - rank, 1), rank
-
-
-def _explained(before: float, after: float, rows: int, rank: int, candidates: int) -> bool:
-    """Whether the changes are significant, and their residual is not."""
-    fall = before * rows - after * max(rows - rank, 1)
-    chance = float(stats.chi2.sf(fall / max(after, 1.0), rank))
-    return candidates * chance < SIGNIFICANT and after < EXPLAINED and rows > rank
+    return _Explanation(
+        coefficients=(vt[independent].T @ ((u[:, independent].T @ y) / s[independent])) / size,
+        covariance=(vt.T * inverse) @ vt / np.outer(size, size),
+        before=float(y @ y),
+        left=float(np.sum((y - u[:, independent] @ (u[:, independent].T @ y)) ** 2)),
+        rank=int(independent.sum()),
+        changes=len(y),
+    )
 
 
 def _payload(structure: Structure, seen: _Changes, significant: Sequence[Change], candidates: int) -> Summary | None:
@@ -188,15 +208,15 @@ def _payload(structure: Structure, seen: _Changes, significant: Sequence[Change]
     explains = tuple(one.quantity.name for one in significant if one.quantity.name in names)
     if len(own.change) < 3 or not explains:
         return None
-    c, covariance, before, after, rank = _fitted(made[of_body], own)
-    std = float(np.sqrt(covariance[0, 0]))
-    if abs(c[0]) < SIGNIFICANT_STDS * std or not _explained(before, after, len(own.change), rank, candidates):
+    by_body = _explanation(made[of_body], own)
+    c, std = by_body.coefficients, float(np.sqrt(by_body.covariance[0, 0]))
+    if abs(c[0]) < SIGNIFICANT_STDS * std or not by_body.is_stated(candidates):
         return None
     parameters = {"mass": (float(c[0]), std, "kg")}
     for axis, moment, k in zip("xyz", c[1:4], range(1, 4)):
         slope = np.zeros(len(c))
         slope[0], slope[k] = -moment / c[0] ** 2, 1.0 / c[0]
-        doubt = float(np.sqrt(slope @ covariance @ slope))
+        doubt = float(np.sqrt(slope @ by_body.covariance @ slope))
         if doubt < 0.5:
             parameters[axis] = (float(moment / c[0]), doubt, "m")
     verb = "more" if c[0] > 0 else "less"
@@ -226,21 +246,22 @@ def _current_scale(
 
     exact: as the joint fit found it
     """
-    c, covariance, before, after, rank = _fitted(column[seen.places][:, None], seen)
-    if not _explained(before, after, len(seen.change), rank, candidates):
+    by_scale = _explanation(column[seen.places][:, None], seen)
+    if not by_scale.is_stated(candidates):
         return None
     curve = [
         float(quantity.quantity.kind == "curve" and quantity.quantity.joint == joint + 1)
         for quantity in seen.quantities
     ]
-    *_, by_friction, _ = _fitted(np.array(curve)[:, None], seen)
-    if (by_friction - after) * (len(seen.change) - 1) < MARGIN:
+    by_friction = _explanation(np.array(curve)[:, None], seen)
+    if (by_friction.mean_left - by_scale.mean_left) * (len(seen.change) - 1) < MARGIN:
         return None
     names = [one.quantity.name for one in significant]
     if exact is not None:
         return _scale_found(joint + 1, exact, names, 0)
-    # c is the change over the value after, so the value before is 1 - c
-    scale, std = float(c[0] / (1.0 - c[0])), float(np.sqrt(covariance[0, 0]) / (1.0 - c[0]) ** 2)
+    # the coefficient is the change over the value after, of which the value before is this share
+    (coefficient,), before = by_scale.coefficients, 1.0 - float(by_scale.coefficients[0])
+    scale, std = float(coefficient) / before, float(np.sqrt(by_scale.covariance[0, 0])) / before**2
     return _scale(joint + 1, scale, std, names, 0)
 
 
