@@ -16,7 +16,7 @@ import numpy as np
 from arm_io.types import Array, Progress
 from arm_model import Arm, EffectTerm
 from arm_model.effects import CATALOGUE, Signals, Values, solved, units
-from diagnosis.cause import Cause, Signal, extend
+from diagnosis.cause import Cause, Estimate, Signal, extend
 from diagnosis.measurements.link_encoders.columns import Rows
 from diagnosis.other_instruments import OtherInstruments
 from diagnosis.residual.other_effects import block_numbers, weighted_with
@@ -89,29 +89,39 @@ def _estimated_by_both(cause: Cause, runs: Sequence[Run]) -> Cause:
     effect = CATALOGUE[cause.effect]
     held = {p.name: p.value for p in cause.parameters if effect[p.name].whole}
     amplitude, phase = (p for p in cause.parameters if p.name not in held)
-    along = np.array([np.cos(phase.value), np.sin(phase.value)])
-    c, step = amplitude.value * along, STEP * amplitude.value
+    by_links, of_links = _coefficients(amplitude, phase)
 
-    def residual(of: Array) -> Array:
-        term = EffectTerm(cause.effect, cause.joint, solved(effect, held, of.tolist()))
+    def residual(c: Array) -> Array:
+        term = EffectTerm(cause.effect, cause.joint, solved(effect, held, c.tolist()))
         return np.concatenate([weighted_with(run, [term]).ravel() for run in runs])
 
-    at_estimate = residual(c)
-    columns = np.stack([(residual(c + step * one) - at_estimate) / step for one in np.eye(2)], axis=1)
+    at_estimate, step = residual(by_links), STEP * amplitude.value
+    columns = np.stack([(residual(by_links + step * unit) - at_estimate) / step for unit in np.eye(2)], axis=1)
     change = -np.linalg.lstsq(columns, at_estimate, rcond=None)[0]
     of_currents = cluster_covariance(columns, [at_estimate + columns @ change], block_numbers(runs))
-    turned = np.column_stack([along, [-along[1], along[0]]])
-    of_links = turned @ np.diag([amplitude.std**2, (amplitude.value * phase.std) ** 2]) @ turned.T
-    both = np.linalg.inv(np.linalg.inv(of_currents) + np.linalg.inv(of_links))
-    c = c + both @ np.linalg.solve(of_currents, change)
-    values = solved(effect, held, c.tolist())
-    along = c / np.hypot(*c)
-    std = float(np.sqrt(along @ both @ along)), float(np.sqrt(along[::-1] * [-1, 1] @ both @ (along[::-1] * [-1, 1])))
+    of_both = np.linalg.inv(np.linalg.inv(of_currents) + np.linalg.inv(of_links))
+    c = by_links + of_both @ np.linalg.solve(of_currents, change)
+    values, directions = solved(effect, held, c.tolist()), _directions(c)
+    std = np.sqrt(np.diag(directions.T @ of_both @ directions))
     better = {
-        amplitude.name: replace(amplitude, value=values[amplitude.name], std=std[0]),
-        phase.name: replace(phase, value=values[phase.name], std=std[1] / values[amplitude.name]),
+        amplitude.name: replace(amplitude, value=values[amplitude.name], std=float(std[0])),
+        phase.name: replace(phase, value=values[phase.name], std=float(std[1]) / values[amplitude.name]),
     }
     return replace(cause, parameters=[better.get(p.name, p) for p in cause.parameters])
+
+
+def _coefficients(amplitude: Estimate, phase: Estimate) -> tuple[Array, Array]:
+    """(2,) a (cos p, sin p) of a wave of amplitude a and phase p, and their covariance (2, 2)."""
+    c = amplitude.value * np.array([np.cos(phase.value), np.sin(phase.value)])
+    directions = _directions(c)
+    variances = np.array([amplitude.std**2, (amplitude.value * phase.std) ** 2])
+    return c, directions * variances @ directions.T
+
+
+def _directions(c: Array) -> Array:
+    """(2, 2) columns: unit vectors in which coefficients c (2,) change with the amplitude, and with the phase."""
+    along = c / np.hypot(*c)
+    return np.column_stack([along, [-along[1], along[0]]])
 
 
 def _squared_residual(runs: Sequence[Run], terms: Sequence[EffectTerm]) -> Array:

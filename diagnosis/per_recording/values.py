@@ -147,34 +147,46 @@ def _values(
     """``values_per_recording``; missed: as ``_missed`` gives it."""
     pairs = [state.model.columns(c) for c in several]
     widths = [pair.fit.x.shape[1] for pair in pairs]
-    edges = np.cumsum([0, *widths])
-    places = [slice(a, b) for a, b in itertools.pairwise(edges.tolist())]
+    places = [slice(a, b) for a, b in itertools.pairwise(np.cumsum([0, *widths]).tolist())]
     unknown = np.array([c.largest(k) for c, width in zip(several, widths) for k in range(width)])
     bends = [_bends(c, pair, state) for c, pair in zip(several, pairs)]
     found: list[list[_OfRecording]] = [[] for _ in several]
-    for k, (run, x) in enumerate(zip(_runs(state), _of_runs(pairs, state))):
-        y = first = missed[k]
-        for _ in range(CORRECTIONS):
-            values = scaled_lstsq(x, y, INDEPENDENT)
-            terms = [_term(c, values[place]) for c, place in zip(several, places)]
-            try:
-                y = _flat(with_own(run, (*others, *terms))) + x @ values
-            except InputError:
-                break
-        projected, block = _alone(run, x, y, unknown), np.tile(run.block, run.q.shape[1])
+    for k, (run, x, first) in enumerate(zip(_runs(state), _of_runs(pairs, state), missed)):
+        y = _corrected(run, x, first, list(zip(several, places)), others)
+        together = _alone(run, x, y, unknown)
         for own, place, bend in zip(found, places, bends):
-            rest = np.delete(x, np.arange(x.shape[1])[place], axis=1)
+            rest = np.delete(x, place, axis=1)
             # of what was there to explain: the corrections of values that nothing has are large
             without = first - rest @ scaled_lstsq(rest, first, INDEPENDENT)
-            alone = SingleEstimate(run.name, projected.values[place], projected.covariance[place, place])
+            alone = SingleEstimate(run.name, together.values[place], together.covariance[place, place])
             covariance = alone.covariance
             if bend:
                 slopes = np.column_stack([by[k] @ alone.values for _, by in bend])
                 wider = _alone(run, np.hstack([x, slopes]), y, np.append(unknown, [value for value, _ in bend]))
                 those = [*range(x.shape[1])[place], *range(x.shape[1], x.shape[1] + len(bend))]
                 covariance = wider.covariance[np.ix_(those, those)]
-            own.append(_OfRecording(alone, covariance, _predicted_gains(x, y, without, block)))
+            gains = _predicted_gains(x, y, without, np.tile(run.block, run.q.shape[1]))
+            own.append(_OfRecording(alone, covariance, gains))
     return [_values_of(c, own, state) for c, own in zip(several, found)]
+
+
+def _corrected(
+    run: Run, x: Array, missed: Array, several: Sequence[tuple[Candidate, slice]], others: Sequence[EffectTerm]
+) -> Array:
+    """(n * rows,) of one recording: residual of the exact model with its values, plus first-order columns x times them.
+
+    As ``diagnosis.measurements.currents.state`` corrects. missed (n * rows,): residual with ``others`` alone; several:
+    candidates with the places of their columns in x. Values of which there is no arm correct nothing.
+    """
+    y = missed
+    for _ in range(CORRECTIONS):
+        values = scaled_lstsq(x, y, INDEPENDENT)
+        terms = [_term(c, values[place]) for c, place in several]
+        try:
+            y = _flat(with_own(run, (*others, *terms))) + x @ values
+        except InputError:
+            break
+    return y
 
 
 @dataclass(frozen=True)
