@@ -12,9 +12,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from arm_io import InputError
-from daq.acquisition.ledger import Loss, LossReason
+from daq.acquisition.ledger import LedgerSummary, Loss, LossReason
 from daq.recording import Recording, open_recording
 from daq.recording.messages.row_format import format_of
+from daq.recording.missing_rows import FoundRows, reconciled
 from daq.recording.parts import Attachments
 from daq.recording.recorder import Recorder
 from daq.recording.recover import recover
@@ -201,3 +202,11 @@ def test_it_never_writes_over_its_source_or_another_file(original: Original) -> 
     with pytest.raises(InputError, match="exists already"):
         recover(source, other)
     assert source.read_bytes() == original.unfinished and other.read_bytes() == original.finished
+
+
+def test_rows_that_the_ledger_counts_and_nothing_places_are_lost_after_the_last_one() -> None:
+    """The chunks and the progress of the recorder are damaged, the ledger behind them is not."""
+    found = FoundRows(np.array([[0, 89, 0]]), finished=True)
+    ledger, certain = reconciled(found, LedgerSummary(triggers=100, latched=100, recorded=100), None)
+    assert certain and ledger.balanced
+    assert [(loss.first, loss.rows, loss.reason) for loss in ledger.losses] == [(90, 10, LossReason.DAMAGED)]

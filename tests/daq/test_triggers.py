@@ -84,6 +84,7 @@ def test_an_extra_edge_does_not_shift_the_rows_after_it(cut: int) -> None:
     indexer = Indexer(1e6)
     index, keep = _run(indexer, (np.arange(201), host, np.append(tick, 0)), [cut])
     assert np.array_equal(index[keep], true[true >= 0])
+    assert np.array_equal(keep, true >= 0)  # of the two rows on one index, the one that lies on the grid
     assert indexer.extra == 1
 
 
