@@ -65,6 +65,7 @@ def test_parameters_base_parameters_and_joints(found: armscope.Identification) -
 
 
 def test_predictions_have_a_column_per_joint(found: armscope.Identification) -> None:
+    assert {one.held_out for one in found.predictions} == {False, True}
     for one in found.predictions:
         table = one.to_pandas()
         assert table.index.is_monotonic_increasing and table.attrs["held_out"] == one.held_out

@@ -148,7 +148,9 @@ def test_our_bytes_are_those_that_rosbags_makes(file: Path) -> None:
 
     any_reader = pytest.importorskip("rosbags.highlevel").AnyReader
     with any_reader([file]) as reader, open(file, "rb") as stream:
-        for schema, _, message in make_reader(stream).iter_messages():
+        messages = list(make_reader(stream).iter_messages())
+        assert {channel.topic for _, channel, _ in messages} == {one.topic for one in reader.connections}
+        for schema, _, message in messages:
             decoded = reader.deserialize(message.data, schema.name)
             assert bytes(reader.typestore.serialize_cdr(decoded, schema.name)) == message.data
 

@@ -84,7 +84,11 @@ def test_the_motion_asked_for_shows_it(one_joint: Run, arm: Arm) -> None:
     unseen = _unseen(one_joint, arm)
     asked = [unseen["viscous_friction", 2], unseen["load_friction", 2]]
     stage = Stage(arm, one_joint.q[0], one_joint.q[:1], room(arm))
-    for showing in detection_experiments(cast(Diagnosis, Judged(arm, (one_joint,), asked))):
+    showings = detection_experiments(cast(Diagnosis, Judged(arm, (one_joint,), asked)))
+    assert [(one.undetectable.effect, one.undetectable.joint) for one in showings] == [
+        (one.effect, one.joint) for one in asked
+    ]
+    for showing in showings:
         assert showing.experiment is not None
         assert "the workspace is clear" in showing.experiment.description
         moved = predicted_run(Trial("", showing.experiment, (2,)), stage, one_joint.noise)

@@ -115,6 +115,7 @@ def test_straight_friction_stays_straight(tmp_path: Path) -> None:
     assert result.chosen_on_held_out == [] and "were chosen by" not in str(result)
     result.write(tmp_path / "out")
     assert "friction of joint 1: Coulomb and viscous (a curve is not" in (tmp_path / "out/report.html").read_text()
+    assert len(result.extra["friction_trials"]) == 3
     for trial in result.extra["friction_trials"]:
         assert bool(trial["why"]) == (trial["curve"] < 0.95 * trial["straight"])
 
@@ -126,6 +127,7 @@ def test_a_curve_that_halves_the_error_stays_though_few_seconds_are_held_out(
     _, folder = curved
     held_out = recording(folder / "short.mcap", humped, 3, seconds=6.0)
     result = armscope.identify(folder / "1.mcap", folder / "model.toml", held_out=held_out)
+    assert len(result.extra["friction_trials"]) == 3
     for trial in result.extra["friction_trials"]:
         assert trial["curve"] < 0.5 * trial["straight"]
         assert trial["p"] < 1e-4
