@@ -98,3 +98,12 @@ def test_arrival_stamps_become_increasing_times_that_follow_the_trigger(
     made, wanted = np.concatenate(times), np.concatenate(true)
     assert (np.diff(made) > 0).all()
     assert np.median(np.abs(made - wanted)[len(made) // 2 :]) < 1.0 * 1e6
+
+
+def test_a_block_that_comes_late_puts_no_later_block_before_it() -> None:
+    """A host that was busy at first: its times are 20 ms late, and are led back by half a period a block."""
+    clock, arrivals = ArrivalClock(1e6), [25_000_000] + [5_000_000 * (k + 1) for k in range(1, 60)]
+    blocks = [clock.times(np.arange(5 * k, 5 * k + 5), np.full(5, arrival)) for k, arrival in enumerate(arrivals)]
+    assert (np.diff(np.concatenate(blocks)) > 0).all()
+    late = [int(block[-1]) - 5_000_000 * (k + 1) for k, block in enumerate(blocks)]
+    assert late[0] == 20_000_000 and late[-1] == 0
