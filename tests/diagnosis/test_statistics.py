@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy import signal, stats
 
 from diagnosis.selection.aliasing import confusability, span_of
-from identification.selection.significance import p_value
+from identification.selection.significance import DRAWS, p_value, shift_p_value
 
 
 def _coloured(rng: np.random.Generator, seconds: float, correlation: float, rate: float = 100.0) -> np.ndarray:
@@ -49,6 +49,29 @@ def test_p_values_are_never_smaller_than_the_exact_ones(gains: list[int]) -> Non
     signs = np.array(list(itertools.product((-1, 1), repeat=len(values))))
     exact = np.mean(signs @ np.abs(values) >= values.sum() - 1e-9)
     assert p_value(values) >= exact * (1 - 1e-3) or values.sum() <= 0
+
+
+def _events(rows: int) -> np.ndarray:
+    """(rows, 1) three events of 20 rows."""
+    at = np.arange(rows)
+    return sum((np.exp(-(((at - start) / 8.0) ** 2)) for start in (400, 1500, 2100)), np.zeros(rows))[:, None]
+
+
+def test_events_at_other_times_gain_as_much_by_chance_alone() -> None:
+    """In coloured noise, over two recordings: the level is kept, and what is really there is found."""
+    rng, absent, there = np.random.default_rng(2), [], []
+    for _ in range(200):
+        noise = [_coloured(rng, 30, 0.2)[:, None] for _ in range(2)]
+        predicted = [float(rng.normal()) * _events(3000), np.zeros((3000, 1))]
+        absent.append(shift_p_value(predicted, noise))
+        there.append(shift_p_value([4.0 * _events(3000)] * 2, [one + 4.0 * _events(3000) for one in noise]))
+    assert np.mean(np.array(absent) < 0.05) < 0.09
+    # counted over so many shifts, a chance is not known to be smaller
+    assert np.median(there) < 1e-3 and min(there) >= 1 / (1 + DRAWS)
+
+
+def test_a_prediction_that_is_larger_than_the_residual_gains_nothing() -> None:
+    assert shift_p_value([3.0 * _events(3000)], [_events(3000)]) == 1.0
 
 
 @settings(max_examples=25)

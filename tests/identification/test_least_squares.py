@@ -100,3 +100,14 @@ def test_triangles_of_joints_stand_for_all_rows() -> None:
     assert np.allclose(fit.values, by_hand[0])
     scaled = columns * fit.weight[:, None]
     assert np.isclose(fit.condition, np.linalg.cond(scaled / np.linalg.norm(scaled, axis=0)))
+
+
+def test_blocks_that_agree_by_chance_are_no_surer_than_white_noise() -> None:
+    """Errors of alternate sign cancel in every block: the blocks do not scatter at all."""
+    n = 1200
+    equations = rows((-1.0) ** np.arange(n), np.ones((n, 1)), np.array([2.0]))
+    fit = least_squares(equations.columns, equations.torque, equations.joint, "ols")
+    uncertainty = fit_uncertainty(equations.columns, equations, fit)
+    np.testing.assert_allclose(uncertainty.std_formula, 1 / np.sqrt(n), rtol=0.01)
+    np.testing.assert_allclose(uncertainty.std, uncertainty.std_formula)
+    np.testing.assert_allclose(np.sqrt(np.diag(uncertainty.covariance)), uncertainty.std)
