@@ -192,11 +192,15 @@ def along_motion(run: Run, before: Arm, after: Arm) -> tuple[Array, Array]:
 
 def faithful(pairs: Sequence[LoopPair], along: Sequence[tuple[Array, Array]]) -> bool:
     """Whether the closed loop of the extended model follows the recordings as well as the model their motion."""
-    if not pairs or len(pairs) != len(along):
+    return _follow([after for _, after in pairs], [after for _, after in along])
+
+
+def _follow(loops: Sequence[LoopComparison], along: Sequence[Array]) -> bool:
+    """Whether closed loops follow recordings as well as the same model their motion; along: (n,) A rms of each."""
+    if not loops or len(loops) != len(along):
         return False
-    loop = np.sqrt(np.mean([after.error_rms("current") ** 2 for _, after in pairs], axis=0))
-    motion = np.sqrt(np.mean([after**2 for _, after in along], axis=0))
-    return bool(np.all(loop < FAITHFUL * motion))
+    in_loop = np.sqrt(np.mean([one.error_rms("current") ** 2 for one in loops], axis=0))
+    return bool(np.all(in_loop < FAITHFUL * np.sqrt(np.mean([rms**2 for rms in along], axis=0))))
 
 
 def with_smoothing_velocities(arm: Arm, recordings: Sequence[Recording]) -> Arm:
@@ -269,20 +273,23 @@ def refuted(
     effect. A cause must hold in both comparisons: the residual along the measured motion, by which it was found, and
     the closed loop on held-out recordings.
     """
-    of_full = zip(recordings, runs, compare_all([(r, full, run) for r, run in zip(recordings, runs)]))
-    compared = [(r, run, pair) for r, run, pair in of_full if pair is not None]
-    with_all = [pair for _, _, pair in compared]
-    motion = [(run_rms, run_rms) for _, run, _ in compared for run_rms in [along_motion(run, run.arm, full)[1]]]
-    if not faithful([(pair, pair) for pair in with_all], motion):
+    every: list[Case] = [(recording, full, run) for recording, run in zip(recordings, runs)]
+    cases = [(case, loop) for case, loop in zip(every, compare_all(every)) if loop is not None]
+    with_all = [loop for _, loop in cases]
+    if not _follow(with_all, [along_motion(run, run.arm, full)[1] for (_, _, run), _ in cases]):
         return None
-    worst: tuple[float, int] | None = None
-    of_less = iter(compare_all([(r, arm, run) for arm in less for r, run, _ in compared]))
-    for index, joint in enumerate(felt_at):
-        pairs = [next(of_less) for _ in compared]
-        without, complete = (
-            sum(float(pair.error_rms("current")[joint - 1] ** 2) for pair in several if pair is not None)
-            for several in (pairs, with_all)
-        )
-        if without < complete and (worst is None or without / complete < worst[0]):
-            worst = without / complete, index
-    return worst[1] if worst else None
+    loops = iter(compare_all([(recording, arm, run) for arm in less for (recording, _, run), _ in cases]))
+    ratios = []
+    for joint in felt_at:
+        without = [next(loops) for _ in cases]
+        # an arm that is not stable without a cause needs it
+        error = sum(np.inf if one is None else _squared_error(one, joint) for one in without)
+        complete = sum(_squared_error(one, joint) for one in with_all)
+        ratios.append(error / complete if complete > 0.0 else np.inf)
+    least = int(np.argmin(ratios))
+    return least if ratios[least] < 1.0 else None
+
+
+def _squared_error(loop: LoopComparison, joint: int) -> float:
+    """A2: mean squared error of the current of a joint (from 1)."""
+    return float(loop.error_rms("current")[joint - 1] ** 2)

@@ -121,7 +121,7 @@ def test_loops_of_a_healthy_arm_turn_round_as_its_friction_does_before_they_coun
     recordings = [_moved(tmp_path, true, 0.3, seed) for seed in (0, 1)]
     runs = [residual_run(str(k), model, r.t, r.q, r.i) for k, r in enumerate(recordings)]
     data = Split(dataset_of(runs[:1]), dataset_of(runs[1:]))
-    currents = cast(Any, SimpleNamespace(state=SimpleNamespace(data=data)))
+    currents = cast(Any, SimpleNamespace(state=SimpleNamespace(runs=data.map(lambda part: part.runs))))
 
     def verified() -> Verified:
         return verify(model, model, [], Split(recordings[:1], recordings[1:]), currents, judged=True)

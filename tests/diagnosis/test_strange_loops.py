@@ -16,8 +16,9 @@ from arm_model.servo import fixed_gains
 from armscope.model_text.summary import summary, summary_text
 from daq.recording import Recording
 from diagnosis.closed_loop import resonance
-from diagnosis.closed_loop.comparison import with_smoothing_velocities
+from diagnosis.closed_loop.comparison import compare, refuted, with_smoothing_velocities
 from diagnosis.closed_loop.loop_errors import left_over_in_loop, loop_of
+from diagnosis.residual.generation import residual_run
 from diagnosis.verification.not_simulated import not_simulated
 
 
@@ -62,15 +63,32 @@ def test_a_joint_that_moves_no_inertia_is_named(arm: Arm, root: Path) -> None:
         armscope.simulate(replace(arm, joints=(*arm.joints[:-1], idle)), root / "config/starters/csv/fit.toml")
 
 
-def test_a_loop_that_leaves_all_bounds_leaves_the_friction_as_it_is(arm: Arm, recording: Recording) -> None:
-    held = fixed_gains(replace(arm, joints=tuple(replace(one, coulomb=(0.1, 0.1)) for one in arm.joints)))
+def _driven_away(arm: Arm) -> Arm:
+    """With a servo that pushes the arm away from where it should be."""
+    held = fixed_gains(arm)
     assert held.controller is not None
-    # pushes the arm away from where it should be
     gains = tuple(-1e6 * abs(gain) for gain in held.controller.position_gain or ())
-    lost = replace(held, controller=replace(held.controller, kind="gains", position_gain=gains))
+    return replace(held, controller=replace(held.controller, kind="gains", position_gain=gains))
+
+
+def test_a_loop_that_leaves_all_bounds_leaves_the_friction_as_it_is(arm: Arm, recording: Recording) -> None:
+    lost = _driven_away(replace(arm, joints=tuple(replace(one, coulomb=(0.1, 0.1)) for one in arm.joints)))
     late = lost.with_effect("time_skew", delay=0.002)
     for one in (lost, late):
         assert with_smoothing_velocities(one, [recording]) == one
+
+
+def test_a_smaller_error_without_a_cause_refutes_it_and_a_loop_that_is_not_stable_does_not(
+    arm: Arm, recording: Recording
+) -> None:
+    noisy = replace(recording, i=recording.i + 0.01 * np.random.default_rng(1).normal(size=recording.i.shape))
+    run = residual_run("run", arm, noisy.t, noisy.q, noisy.i)
+    right = fixed_gains(arm)
+    wrong = right.with_effect("current_offset", 1, offset=0.02)
+    unlimited = _driven_away(replace(arm, joints=tuple(replace(one, torque_limit=None) for one in arm.joints)))
+    assert compare(noisy, unlimited, run) is None
+    assert refuted(wrong, [unlimited, right], [1, 1], [noisy], [run]) == 1
+    assert refuted(right, [unlimited, wrong], [1, 1], [noisy], [run]) is None
 
 
 def test_a_loop_that_grows_without_end_is_not_stable_though_its_numbers_are_finite(
