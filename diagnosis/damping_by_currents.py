@@ -28,7 +28,7 @@ from diagnosis.residual.run import Run
 from diagnosis.residual.run_setup import has_demand
 from diagnosis.screening.cleaned import Screened
 from diagnosis.screening.residuals import residuals_of
-from identification.selection import BLOCK_SECONDS
+from identification.selection import BLOCK_SECONDS, numbered_on
 from identification.selection.cluster_covariance import cluster_covariance
 
 RELAXATIONS = np.geomspace(2e-4, 2e-2, 8)
@@ -146,11 +146,8 @@ def _by_loops(cause: Cause, arm: Arm, fit: Sequence[Recording]) -> tuple[float, 
         trials = [Trial(cause.effect, joint, one) for one in values]
         return np.concatenate([loop_errors(arm, r, trials, at=at)[:, :, 0] for r in fit], axis=1)
 
-    blocks, first = list[NDArray[np.intp]](), 0
-    for recording, error in zip(fit, without):
-        blocks.append(first + np.arange(len(error)) // round(BLOCK_SECONDS / recording.dt))
-        first = int(blocks[-1][-1]) + 1
-    value, std, left = _smallest(errors, _of(cause, STIFFNESS), np.concatenate(blocks))
+    blocks = [np.arange(len(error)) // round(BLOCK_SECONDS / r.dt) for r, error in zip(fit, without)]
+    value, std, left = _smallest(errors, _of(cause, STIFFNESS), numbered_on(blocks))
     explains = left < (1.0 - EXPLAINED) * sum(float(np.sum(e**2)) for e in without)
     return (value, std) if explains else None
 

@@ -27,7 +27,7 @@ from diagnosis.closed_loop.loop_errors import BAND, Trial, loop_errors, noise_fl
 from diagnosis.closed_loop.servo_gains import with_servo_gains
 from diagnosis.residual.run_setup import has_demand
 from diagnosis.units import fall, recorded_quantity
-from identification.selection import BLOCK_SECONDS, Thresholds, p_value
+from identification.selection import BLOCK_SECONDS, Thresholds, numbered_on, p_value
 from identification.selection.cluster_covariance import cluster_covariance
 
 SEARCHED_IN = 2
@@ -269,15 +269,14 @@ def _estimates(arm: Arm, trial: Trial, fit: Sequence[Recording], noise: Array) -
     """The parameters with std, by the sensitivities of the loop; errors of different blocks are independent."""
     j, names, step = trial.joint - 1, list(trial.values), 0.03
     moved = [trial] + [replace(trial, values={**trial.values, n: trial.values[n] * (1 + step)}) for n in names]
-    sensitivity, residual, block, first = [], [], [], 0
+    sensitivity, residual, blocks = [], [], []
     for r in fit:
         errors = loop_errors(arm, r, moved, at=[j])[:, :, 0] / noise[j]
         # (m, k), by a relative change
         sensitivity.append((errors[0] - errors[1:]).T / step)
         residual.append(errors[0])
-        block.append(first + np.arange(len(errors[0])) // round(BLOCK_SECONDS / r.dt))
-        first = int(block[-1][-1]) + 1
-    covariance = cluster_covariance(np.concatenate(sensitivity), [np.concatenate(residual)], np.concatenate(block))
+        blocks.append(np.arange(len(errors[0])) // round(BLOCK_SECONDS / r.dt))
+    covariance = cluster_covariance(np.concatenate(sensitivity), [np.concatenate(residual)], numbered_on(blocks))
     relative = np.sqrt(np.diag(covariance) + LIMITS.systematic**2)
     units = {p.name: p.unit for p in CATALOGUE[trial.effect].parameters}
     return [

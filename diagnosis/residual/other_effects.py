@@ -15,7 +15,7 @@ from diagnosis.residual.expected_current import springs_at, terms_of
 from diagnosis.residual.filters import COMPARE_BAND, Motion, kept_rows, rate_of
 from diagnosis.residual.integration import in_series, swings
 from diagnosis.residual.run import Run
-from identification.selection import BLOCK_SECONDS
+from identification.selection import BLOCK_SECONDS, numbered_on
 
 LASTS = 0.5
 """s: of a swing that falls by less than 1 / e in it, a recording shows the beginning."""
@@ -60,11 +60,8 @@ def weighted_with(run: Run, terms: Sequence[EffectTerm]) -> Array:
 
 def block_numbers(runs: Sequence[Run]) -> NDArray[np.intp]:
     """(rows * n,) number of the block of time of every residual current, of one recording after the other."""
-    numbers: list[NDArray[np.intp]] = []
-    for run in runs:
-        seconds = (np.arange(len(run.t)) // round(BLOCK_SECONDS * run.per_second)).astype(np.intp)
-        numbers.append(np.repeat(seconds + (int(numbers[-1][-1]) + 1 if numbers else 0), len(run.arm)))
-    return np.concatenate(numbers)
+    blocks = [np.arange(len(run.t)) // round(BLOCK_SECONDS * run.per_second) for run in runs]
+    return numbered_on([np.repeat(own, len(run.arm)) for own, run in zip(blocks, runs)])
 
 
 def _expected(run: Run, effects: Sequence[EffectTerm]) -> Array:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy import signal, stats
 
 from diagnosis.selection.aliasing import confusability, span_of
-from identification.selection.significance import DRAWS, p_value, shift_p_value
+from identification.selection.significance import DRAWS, numbered_on, p_value, shift_p_value
 
 
 def _coloured(rng: np.random.Generator, seconds: float, correlation: float, rate: float = 100.0) -> np.ndarray:
@@ -49,6 +49,11 @@ def test_p_values_are_never_smaller_than_the_exact_ones(gains: list[int]) -> Non
     signs = np.array(list(itertools.product((-1, 1), repeat=len(values))))
     exact = np.mean(signs @ np.abs(values) >= values.sum() - 1e-9)
     assert p_value(values) >= exact * (1 - 1e-3) or values.sum() <= 0
+
+
+def test_blocks_of_several_recordings_are_numbered_one_after_the_other() -> None:
+    blocks = [np.array([0, 0, 1]), np.array([0, 2]), np.array([0])]
+    assert numbered_on(blocks).tolist() == [0, 0, 1, 2, 4, 5]
 
 
 def _events(rows: int) -> np.ndarray:

@@ -21,7 +21,7 @@ from diagnosis.cause import Estimate
 from diagnosis.residual.noise.channels import angle_noise
 from diagnosis.residual.signals import direction_of
 from diagnosis.screening.event import Event, Gain
-from identification.selection import BLOCK_SECONDS, Thresholds, block_sums, p_value, scaled_lstsq
+from identification.selection import BLOCK_SECONDS, Thresholds, block_sums, numbered_on, p_value, scaled_lstsq
 from identification.selection.cluster_covariance import cluster_covariance
 
 Index = NDArray[np.intp]
@@ -164,7 +164,7 @@ def _coupled_axis(fit: Sequence[Recording], held_out: Sequence[Recording], axis:
 
 def _rows(recordings: Sequence[Recording], axis: int, motors: Sequence[int]) -> _Rows:
     """All recordings one after the other, each with its mean removed: a constant is an offset, not a coupling."""
-    differences, columns, blocks, first = [], [], [], 0
+    differences, columns, blocks = [], [], []
     for r in recordings:
         assert r.qref is not None
         demand = r.qref[:, axis - 1]
@@ -174,9 +174,8 @@ def _rows(recordings: Sequence[Recording], axis: int, motors: Sequence[int]) -> 
         y = r.q[:, axis - 1] - demand
         columns.append(x - x.mean(axis=0))
         differences.append(y - y.mean())
-        blocks.append(((r.t - r.t[0]) // BLOCK_SECONDS).astype(np.intp) + first)
-        first = int(blocks[-1][-1]) + 1
-    return _Rows(np.concatenate(differences), np.concatenate(columns), np.concatenate(blocks))
+        blocks.append(((r.t - r.t[0]) // BLOCK_SECONDS).astype(np.intp))
+    return _Rows(np.concatenate(differences), np.concatenate(columns), numbered_on(blocks))
 
 
 def _solved(x: Array, y: Array) -> Array:

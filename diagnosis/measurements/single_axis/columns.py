@@ -24,7 +24,7 @@ from diagnosis.residual.filters import low_pass, motion_of, rate_along, rate_of
 from diagnosis.residual.integration import integrated
 from diagnosis.residual.noise.channels import angle_noise
 from diagnosis.selection.candidate import Candidate
-from identification.selection import Index
+from identification.selection import Index, numbered_on
 
 MOTION_BAND = 100.0
 """Hz: pass-band of the motion behind the expected current."""
@@ -88,7 +88,7 @@ class Rows:
 
 def rows_of(arm: Arm, recordings: Sequence[AxisSamples], block_seconds: float) -> Rows:
     """The rows of recordings of a one-joint arm, each with its motor as warm as it was."""
-    parts, kept, first, noises = [], [], 0, []
+    parts, kept, blocks, noises = [], [], [], []
     drive = arm.joints[0]
     constant = described(arm).joints[0].drive_constant
     for one in recordings:
@@ -114,14 +114,13 @@ def rows_of(arm: Arm, recordings: Sequence[AxisSamples], block_seconds: float) -
         parts.append((s, rate))
         keep = _kept(rate)
         stamps = (t - t[0])[keep]
-        block = ((stamps - stamps[0]) // block_seconds).astype(np.intp) + first
-        first = int(block[-1]) + 1
+        blocks.append(((stamps - stamps[0]) // block_seconds).astype(np.intp))
         residual = low_pass(i[:, 0] - expected, _bands(rate)[1], rate)[keep]
         slope = low_pass(rate_along(s.current, 1.0 / rate), _bands(rate)[1], rate)[keep]
-        kept.append((residual, slope, angle[keep, 0], v[keep, 0], block))
+        kept.append((residual, slope, angle[keep, 0], v[keep, 0]))
         noises.append(_noise(arm, q[:, 0], rate))
-    residual, slope, q, v, block = (np.concatenate(column) for column in zip(*kept))
-    return Rows(arm, tuple(parts), residual, slope, q, v, block, float(np.mean(noises)))
+    residual, slope, q, v = (np.concatenate(column) for column in zip(*kept))
+    return Rows(arm, tuple(parts), residual, slope, q, v, numbered_on(blocks), float(np.mean(noises)))
 
 
 def _bands(rate: float) -> tuple[float, float]:

@@ -34,7 +34,7 @@ from identification.selection import MAD_TO_STD, Split
 ALTERNATIONS = 30
 """Fits of frame and target in turn, where neither is known: what is left of 0.1 m is below a micrometre."""
 FINEST = 1e-9
-"""M: noise of a coordinate that no tracker goes below; points of a simulation have none at all."""
+"""m: noise of a coordinate that no tracker goes below; points of a simulation have none at all."""
 OTHER_POSES = "more varied poses: armscope calibrate --poses 40"
 
 
