@@ -56,19 +56,16 @@ def fewest_changes(
     chances = _chances(structure, joint, found)
     values, covariance = shared_values(joint.fit, _model(structure, joint.added), found)
     maps = _maps(structure, np.diag(covariance), len(values), _by_scale(recorded))
-    involved = np.zeros((len(found), len(changes)), bool)
-    for affected, one in zip(involved, found):
-        sizes, errors = one.seen_by(maps)
-        affected[:] = np.abs(sizes) > 2.0 * errors
+    seen = [one.seen_by(maps) for one in found]
+    involved = np.array([np.abs(sizes) > 2.0 * errors for sizes, errors in seen], bool).reshape(-1, len(changes))
     decided = [
         change if by else _confirmed(change, chances, joint.every)
         for change, by in zip(changes, involved.any(axis=0) & _possible(changes))
     ]
     decided = _with_reasons(decided, changes, structure, joint)
     std = np.sqrt(np.maximum(np.sum(maps @ covariance * maps, axis=1), 0.0))
-    for affected, one in zip(involved, found):
+    for affected, one, (sizes, errors) in zip(involved, found, seen):
         if one.hypothesis.added is None:
-            sizes, errors = one.seen_by(maps)
             k = _most_significant(one, decided, sizes, errors, structure.size)
             before, after = (float(maps[k] @ values), float(std[k])), (float(sizes[k]), float(errors[k]))
             decided[k] = _conditional(decided[k], before, after, one, joint.every)
