@@ -29,8 +29,8 @@ def test_coefficients_and_residuals_are_those_of_least_squares() -> None:
     expected = np.linalg.lstsq(dense, data.fit.y, rcond=None)[0]
     found = fit_together(data, pairs)
     np.testing.assert_allclose(found.coefficients, expected, rtol=1e-9)
-    np.testing.assert_allclose(found.fit, data.fit.y - dense @ expected, atol=1e-11)
-    np.testing.assert_allclose(found.held_out, data.held_out.y - 2.0 * dense @ expected, atol=1e-11)
+    np.testing.assert_allclose(found.residual.fit, data.fit.y - dense @ expected, atol=1e-11)
+    np.testing.assert_allclose(found.residual.held_out, data.held_out.y - 2.0 * dense @ expected, atol=1e-11)
     np.testing.assert_allclose(found.basis.T @ found.basis, np.eye(3), atol=1e-10)
 
 

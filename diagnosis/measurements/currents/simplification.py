@@ -170,7 +170,7 @@ def _with_rivals(state: State, kept: Sequence[Candidate]) -> State:
 
 def _predicts_more(state: State, other: State) -> bool:
     """Whether a state predicts held-out rows better than another by more than blocks differ by chance."""
-    fall = other.fitted.held_out**2 - state.fitted.held_out**2
+    fall = other.residual.held_out**2 - state.residual.held_out**2
     return p_value(state.data.held_out.by_block(fall)) < LIMITS.ambiguity_p
 
 
