@@ -28,8 +28,8 @@ from diagnosis.residual.run import Run
 from diagnosis.residual.run_setup import has_demand
 from diagnosis.screening.cleaned import Screened
 from diagnosis.screening.residuals import residuals_of
-from identification.selection import BLOCK_SECONDS, numbered_on
-from identification.selection.cluster_covariance import cluster_covariance
+from identification.selection import BLOCK_SECONDS
+from identification.selection.cluster_covariance import cluster_covariance, numbered_on
 
 RELAXATIONS = np.geomspace(2e-4, 2e-2, 8)
 """s: damping over stiffness of the trials; damping ratios of 0.001 to 0.1 at 10 rad/s, of 0.1 to 10 at 1000 rad/s."""

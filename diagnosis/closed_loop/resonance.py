@@ -27,8 +27,8 @@ from diagnosis.closed_loop.loop_errors import BAND, Trial, loop_errors, noise_fl
 from diagnosis.closed_loop.servo_gains import with_servo_gains
 from diagnosis.residual.run_setup import has_demand
 from diagnosis.units import fall, recorded_quantity
-from identification.selection import BLOCK_SECONDS, Thresholds, numbered_on, p_value
-from identification.selection.cluster_covariance import cluster_covariance
+from identification.selection import BLOCK_SECONDS, Thresholds, p_value
+from identification.selection.cluster_covariance import cluster_covariance, numbered_on
 
 SEARCHED_IN = 2
 """Recordings of the fit set in which values are searched: those with the largest closed-loop error."""

@@ -15,7 +15,8 @@ from diagnosis.residual.expected_current import springs_at, terms_of
 from diagnosis.residual.filters import COMPARE_BAND, Motion, kept_rows, rate_of
 from diagnosis.residual.integration import in_series, swings
 from diagnosis.residual.run import Run
-from identification.selection import BLOCK_SECONDS, numbered_on
+from identification.selection import BLOCK_SECONDS
+from identification.selection.cluster_covariance import numbered_on
 
 LASTS = 0.5
 """s: of a swing that falls by less than 1 / e in it, a recording shows the beginning."""

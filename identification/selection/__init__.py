@@ -15,7 +15,6 @@ if TYPE_CHECKING:
         BLOCK_SECONDS,
         Index,
         block_sums,
-        numbered_on,
         p_value,
         shift_p_value,
     )
@@ -36,7 +35,6 @@ __all__ = [
     "Thresholds",
     "block_sums",
     "eliminate",
-    "numbered_on",
     "p_value",
     "scaled",
     "scaled_lstsq",

@@ -23,6 +23,12 @@ from identification.selection.least_squares import scaled
 from identification.selection.significance import Index
 
 
+def numbered_on(blocks: Sequence[Index]) -> Index:
+    """(sum of m,) numbers of the blocks of several recordings, (m,) each from 0, one recording after the other."""
+    firsts = np.cumsum([0, *(int(own[-1]) + 1 for own in blocks)])
+    return np.concatenate([own + first for own, first in zip(blocks, firsts)])
+
+
 def cluster_covariance(
     columns: Array,
     residuals: Sequence[Array],

@@ -23,12 +23,6 @@ DRAWS = 20000
 """Random shifts that the chance of a prediction is counted over."""
 
 
-def numbered_on(blocks: Sequence[Index]) -> Index:
-    """(sum of m,) numbers of the blocks of several recordings, (m,) each from 0, one recording after the other."""
-    firsts = np.cumsum([0, *(int(own[-1]) + 1 for own in blocks)])
-    return np.concatenate([own + first for own, first in zip(blocks, firsts)])
-
-
 def block_sums(values: Array, block: Index, blocks: int) -> Array:
     """Sums of ``values`` (n,) over blocks numbered by ``block`` (n,) in 0..blocks-1; returns (blocks,)."""
     sums: Array = np.bincount(block, weights=values, minlength=blocks).astype(float)

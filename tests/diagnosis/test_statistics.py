@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from scipy import signal, stats
 
 from diagnosis.selection.aliasing import confusability, span_of
-from identification.selection.significance import DRAWS, numbered_on, p_value, shift_p_value
+from identification.selection.cluster_covariance import numbered_on
+from identification.selection.significance import DRAWS, p_value, shift_p_value
 
 
 def _coloured(rng: np.random.Generator, seconds: float, correlation: float, rate: float = 100.0) -> np.ndarray:

@@ -21,8 +21,8 @@ from diagnosis.cause import Estimate
 from diagnosis.residual.noise.channels import angle_noise
 from diagnosis.residual.signals import direction_of
 from diagnosis.screening.event import Event, Gain
-from identification.selection import BLOCK_SECONDS, Thresholds, block_sums, numbered_on, p_value, scaled_lstsq
-from identification.selection.cluster_covariance import cluster_covariance
+from identification.selection import BLOCK_SECONDS, Thresholds, block_sums, p_value, scaled_lstsq
+from identification.selection.cluster_covariance import cluster_covariance, numbered_on
 
 Index = NDArray[np.intp]
 

@@ -24,7 +24,8 @@ from diagnosis.residual.filters import low_pass, motion_of, rate_along, rate_of
 from diagnosis.residual.integration import integrated
 from diagnosis.residual.noise.channels import angle_noise
 from diagnosis.selection.candidate import Candidate
-from identification.selection import Index, numbered_on
+from identification.selection import Index
+from identification.selection.cluster_covariance import numbered_on
 
 MOTION_BAND = 100.0
 """Hz: pass-band of the motion behind the expected current."""
