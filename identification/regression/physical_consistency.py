@@ -9,9 +9,9 @@ Wensing, Park, IEEE T-RO 36(3), 2020), which needs no units to be balanced:
          - log(g) ]
 
 over links and what must not be negative, g (the same divergence of one number: where no data speaks, the prior's own
-value is the nearest), with S the inverse covariance of beta. Friction is one g per speed and direction: the total of a
-joint opposes its motion (``arm_model.effects.dissipation``), whatever the sign of one coefficient. Convex and
-self-concordant: damped Newton steps reach it from the prior.
+value g0 is the nearest; else g0 is at least what the data say), with S the inverse covariance of beta. Friction is one
+g per speed and direction: the total of a joint opposes its motion (``arm_model.effects.dissipation``), whatever the
+sign of one coefficient. Convex and self-concordant: damped Newton steps reach it from the prior.
 """
 
 from __future__ import annotations
@@ -150,7 +150,9 @@ class _Problem:
         self.centre = centre
         # what must not be negative: rows (k, p) of the parameters, the prior's values (k,), and the weight of each
         self.rows = np.concatenate([np.eye(len(names))[single], friction])
-        self.prior = self.rows @ centre
+        # a model without friction, as from URDF, has a thousandth here, which would draw 100 N m towards it
+        told = np.linalg.lstsq(grouping, base, rcond=None)[0]
+        self.prior = np.maximum(self.rows @ centre, self.rows @ told)
         self.weight = np.concatenate([np.ones(len(single)), np.full(len(friction), OF_ONE_SPEED)])
         self.inverse = [np.linalg.inv(pseudo_inertia(centre[k : k + 10])) for k in self.links]
         self.quadratic = grouping.T @ information @ grouping

@@ -31,3 +31,13 @@ def test_less_coulomb_friction_does_not_leave_a_viscous_friction_that_drives() -
     found = _estimated(1.0, (3.0, -2.0))
     assert found[0] == pytest.approx(1.0, abs=1e-3)
     assert (AT_REST_AND_AT_1_RAD_PER_S @ found).min() >= 0.0
+
+
+@pytest.mark.parametrize("size", [1.0, 1e3])
+def test_a_model_without_friction_draws_none_of_it_away(size: float) -> None:
+    """As from URDF. Of 150 N m that are known to 1 N m, two were missing; of a gantry's 150 kN, two thousand."""
+    speeds = np.linspace(0.0, 1.0, 25)
+    rows = np.tile(np.column_stack([np.ones(25), speeds]), (2, 1))
+    true = size * np.array([150.0, 40.0])
+    found = consistent_parameters(np.eye(2), true, np.eye(2) / size**2, np.zeros(2), NAMES, friction=rows)
+    assert np.abs(found - true).max() < 0.01 * size
