@@ -10,12 +10,15 @@ function wide(word) {
   return RULER.measureText(word).width;
 }
 
-/** A word that fits into some pixels; of a longer one its beginning. */
+/** A word that fits into some pixels; a longer one without the brackets at its end, then without its middle: names differ at their ends. */
 function fitted(word, room) {
   if (wide(word) <= room) return word;
-  let kept = word.length;
-  while (kept > 1 && wide(`${word.slice(0, kept)}…`) > room) kept--;
-  return `${word.slice(0, kept).trimEnd()}…`;
+  const bare = word.replace(/ \([^()]*\)$/, "");
+  if (bare !== word && wide(`${bare} …`) <= room) return `${bare} …`;
+  let kept = bare.length;
+  const cut = () => `${bare.slice(0, Math.ceil(kept / 2)).trimEnd()}…${bare.slice(bare.length - Math.floor(kept / 2)).trimStart()}`;
+  while (kept > 2 && wide(cut()) > room) kept--;
+  return cut();
 }
 
 /** Series of a panel on one x axis, as uPlot takes them: [x, y1, y2, ...], with the instant of every dot. */

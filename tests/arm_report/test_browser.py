@@ -276,10 +276,18 @@ def test_names_of_bars_have_the_room_that_they_need(browser: Any, tmp_path: Path
         room = left - page.evaluate("document.querySelector('.plot').getBoundingClientRect().left")
         wide, kept = page.evaluate(f"(name) => {{ {scripts}; return [wide(name), fitted(name, 100)]; }}", names[0])
         assert wide < room < wide + 30.0
-        assert (
-            names[0].startswith(kept.rstrip("…"))
-            and page.evaluate(f"() => {{ {scripts}; return wide('{kept}') }}") <= 100.0
-        )
+        begin, _, end = kept.partition("…")
+        assert names[0].startswith(begin) and names[0].endswith(end) and len(begin) - len(end) in (-2, -1, 0, 1)
+        assert page.evaluate(f"() => {{ {scripts}; return wide('{kept}') }}") <= 100.0
+        # names that differ in their last character only are told apart, and brackets go first
+        for number in "12":
+            name = f"constant torque or friction asymmetry of joint {number}"
+            cut = f"(name) => {{ {scripts}; return fitted(name, 150); }}"
+            assert page.evaluate(cut, name).endswith(f"joint {number}")
+            assert (
+                page.evaluate(cut, f"inertia of link {number} (with 3 more parameters)")
+                == f"inertia of link {number} …"
+            )
 
 
 ENDS = """() => {
