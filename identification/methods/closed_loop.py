@@ -57,7 +57,7 @@ def identify_closed_loop(
     for number in range(ITERATIONS):
         taken = number + 1
         progress(Step(method, number, detail=f"simulation {taken}"))
-        arm = with_values(problem, physical_values(problem, fit, uncertainty.information))
+        arm = with_values(problem, physical_values(problem, fit, uncertainty.of_rows))
         if arm.effects:
             problem = problem.around(arm)
             columns, torque = _regression(problem, problem.rows)

@@ -77,7 +77,7 @@ def solve(problem: Problem, method: Method, progress: Progress) -> Solution:
             )
             break
         before = best.values
-        values = _towards(problem, values, physical_values(problem, best, uncertainty.information), best)
+        values = _towards(problem, values, physical_values(problem, best, uncertainty.of_rows), best)
         problem, known = problem.around(with_values(problem, values)), len(problem.excited)
         if len(problem.excited) > known:
             prior, scale = _prior(problem, method)
@@ -86,7 +86,7 @@ def solve(problem: Problem, method: Method, progress: Progress) -> Solution:
 
 def fitted_arm(fit: Solution) -> Arm:
     """The physically consistent arm nearest to a fit."""
-    return with_values(fit.problem, physical_values(fit.problem, fit.best, fit.uncertainty.information))
+    return with_values(fit.problem, physical_values(fit.problem, fit.best, fit.uncertainty.of_rows))
 
 
 def settled(before: Array | None, fit: Fit, uncertainty: FitUncertainty) -> bool:

@@ -43,6 +43,9 @@ SPLIT = 0.7  # share of the time that is fitted where no recording is held out
 def physical_values(problem: Problem, fit: Fit, information: Array) -> Array:
     """(p,) standard parameters of the physically consistent arm nearest to a fit.
 
+    ``information`` (b, b) is that by the noise of the rows (``FitUncertainty.of_rows``), so that the arm predicts them
+    nearly as the fit does. Systematic errors are in the deviations of the fit: no reason to predict the rows worse.
+
     Of a joint that lifts, gravity's constant force is taken for mass and what else is accelerated for a rotor. Of
     others, a rotor that the model has none of is what the fit has beyond the model's links: else a link would take it,
     two times too heavy, which no motion shows but a tilt of the base would.
@@ -158,7 +161,7 @@ def conclude(
     warnings = list(problem.warnings)
     if method not in UNBIASED:
         warnings += attenuation_warnings(problem.motions)
-    physical = physical_values(problem, best, uncertainty.information)
+    physical = physical_values(problem, best, uncertainty.of_rows)
     identified = with_values(problem, physical)
     predictions, compared, held_names = _predictions(problem, best, identified, uncertainty, solve, warnings)
     warnings += _unexplained_channels(problem, best)
@@ -261,7 +264,7 @@ def _predictions(
         return found, (fitted, float("nan")), "split"
     # The first part may leave a direction unexcited that the whole run excites: then least norm.
     first = solve(problem.rows.of(early))
-    earlier = with_values(problem, physical_values(problem, first, uncertainty.information))
+    earlier = with_values(problem, physical_values(problem, first, uncertainty.of_rows))
     rows = problem.judged.of(late)
     found += predictions_of(rows, shown_rows(earlier, problem.arm, judged)[late], problem.fit, True)
     return found, (fitted, _error(problem, rows, first)), "split"

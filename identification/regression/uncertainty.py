@@ -37,6 +37,9 @@ class FitUncertainty:
     whole. Unlike the blocks' own covariance, whose rank is at most their number, it can be inverted and is what a
     further fit may lean on.
 
+    by_noise (b, b): the same without the systematic errors of the rows; None: there are none. It says what a value is
+    worth to the prediction of the rows, whatever their errors are; an arm that could exist is sought with it.
+
     normal: W^T W (blocks, b, b) and W^T e (blocks, b) of each block. prior (b, b): what the fit was regularised by, as
     if further rows had shown it (``regularised``).
     """
@@ -49,6 +52,12 @@ class FitUncertainty:
     blocks: int
     normal: tuple[Array, Array]
     prior: Array | None = None
+    by_noise: Array | None = None
+
+    @property
+    def of_rows(self) -> Array:
+        """(b, b) ``by_noise``, or the information where that is the same."""
+        return self.information if self.by_noise is None else self.by_noise
 
     @cached_property
     def std_bootstrap(self) -> Array:
@@ -104,13 +113,14 @@ def fit_uncertainty(
     covariance = covariance * raised[:, None] * raised
     too_sure = float(np.exp(np.mean(np.log(np.maximum(std, 1e-300) / np.maximum(formula, 1e-300)))))
     information = root.T @ root / (variance * max(too_sure, 1.0) ** 2)
+    by_noise = None if rows.systematic is None else information
     if rows.systematic is not None:
         shift = _systematic(total, by.T @ (weight**2 * rows.systematic))
         covariance = covariance + shift @ shift.T
         std = np.sqrt(np.diag(covariance))
         seen = information @ shift  # Woodbury: the inverse of the inverse plus shift shift^T
         information = information - seen @ np.linalg.solve(np.eye(shift.shape[1]) + shift.T @ seen, seen.T)
-    return FitUncertainty(covariance, std, formula, information, length, count, (grams, scores), held)
+    return FitUncertainty(covariance, std, formula, information, length, count, (grams, scores), held, by_noise)
 
 
 def _jackknife(total: Array, grams: Array, scores: Array, pull: Array | float) -> Array:

@@ -12,6 +12,7 @@ import pytest
 import armscope
 from arm_model import read_model, write_model
 from identification.methods.sign_velocity import with_sign_velocities
+from identification.methods.solution import fitted_arm, solve
 from identification.regression.problem import prepare
 from tests.diagnosis.numpy_arm import REST, Friction, NumpyArm, model, straight
 
@@ -79,3 +80,16 @@ def test_equations_are_those_of_the_sharper_arm(tmp_path: Path, friction: Litera
     assert found.held is not None and wanted.held is not None
     for ours, theirs in ((found.rows, wanted.rows), (found.judged, wanted.judged), (found.held, wanted.held)):
         np.testing.assert_allclose(ours.columns, theirs.columns, atol=1e-9)
+
+
+def test_an_error_that_is_allowed_for_is_no_reason_to_predict_the_rows_worse(tmp_path: Path) -> None:
+    """A body that the data do not quite allow must not be bought with friction that no recording shows."""
+    run = NumpyArm(FRICTION).record(tmp_path / "1.mcap", 1, seconds=10.0)
+    arm = model([(8.0, 8.0), (5.0, 5.0)], [7.0, 4.0])
+    problem = prepare([run], arm)
+    rows = problem.rows
+    level = np.where(rows.joint == 1, rows.columns[:, rows.names.index("joint2.coulomb")], 0.0)
+    plain, doubted = (solve(one, "ols", lambda _: None) for one in (problem, problem.doubting(50.0 * level)))
+    np.testing.assert_allclose(doubted.best.values, plain.best.values)
+    assert doubted.uncertainty.std.max() > 10 * plain.uncertainty.std.max()
+    assert fitted_arm(doubted) == fitted_arm(plain)
