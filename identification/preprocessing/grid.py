@@ -15,6 +15,7 @@ from arm_io.types import Array
 Mask = NDArray[np.bool_]
 
 JITTER = 0.01  # share of the period within which stamps count as evenly spaced
+CUBIC = 4  # samples that a cubic spline needs
 HOLE = 2.5  # periods between two samples from which there is a hole, not only jitter
 
 
@@ -27,7 +28,8 @@ def uniform_grid(t: Array) -> tuple[Array, float]:
 def on_grid(t: Array, samples: Array, grid: Array, dt: float) -> tuple[Array, NDArray[np.float32]]:
     """Samples (n, J), NaN where missing, at the grid's instants (m, J), and their distance to real samples.
 
-    Distances (m, J) s are to the nearest real sample, in holes only.
+    Distances (m, J) s are to the nearest real sample, in holes only. A column with fewer samples than a cubic needs, as
+    of a joint without a link encoder, stays NaN, and is infinitely far.
     """
     on = len(grid) == len(t) and float(np.max(np.abs(t - grid))) < JITTER * dt
     values, distance = np.empty((len(grid), samples.shape[1])), np.zeros((len(grid), samples.shape[1]), np.float32)
@@ -35,6 +37,9 @@ def on_grid(t: Array, samples: Array, grid: Array, dt: float) -> tuple[Array, ND
         there = np.isfinite(column)
         if on and there.all():
             values[:, j] = column
+            continue
+        if there.sum() < CUBIC:
+            values[:, j], distance[:, j] = np.nan, np.inf
             continue
         known, column = (t, column) if there.all() else (t[there], column[there])
         values[:, j] = make_interp_spline(known, column, k=3)(np.clip(grid, known[0], known[-1]))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -116,3 +117,13 @@ def test_a_recording_with_more_holes_than_rows_is_refused(tmp_path: Path, root: 
     with pytest.raises(InputError, match=r"3000 rows are missing, more than its 750 \(none from 0.396 to 12.400 s\)"):
         filled(recording, holes_of(recording.t))
     assert holes_of(recording.t) == (Hole(100, 3000, pytest.approx(0.396), pytest.approx(12.4)),)
+
+
+def test_a_link_encoder_at_one_joint_alone_is_filled_there(tmp_path: Path, root: Path) -> None:
+    """The other joints' columns have no sample at all: a spline through none ended in a traceback."""
+    recording = _recorded(tmp_path / "run.mcap", puma(root, 2), 1, LOST)
+    link = np.column_stack([recording.q[:, 0], np.full(len(recording.t), np.nan)])
+    whole = filled(replace(recording, ql=link), holes_of(recording.t))
+    assert whole.ql is not None and len(whole.ql) == 3750
+    np.testing.assert_allclose(whole.ql[:, 0], whole.q[:, 0], atol=1e-12)
+    assert np.isnan(whole.ql[:, 1]).all()
