@@ -32,11 +32,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-from math import inf, isfinite
+from math import isfinite
 from typing import Any
 
 import numpy as np
 
+from arm_io.plain_data import LARGEST
 from arm_model.effects.observation import Excitation, Instrument, Observation, Scale, Span
 
 
@@ -81,7 +82,7 @@ class Parameter:
     derived        follows from the joint where it is not given (``arm_model.system.step_size``); searched in closed
                    loop only
     inverse        the effect is largest where this is least
-    most           largest magnitude that is physically admissible
+    most           largest magnitude that is physically admissible, and that a model file holds
     scale, shares  on an axis of any size and unit, the search is at these shares of that scale instead
     own            0, or a value that the joint's own friction has: both are tried, and nothing between
     term           the next-order term of the law that it belongs to, 0 unless what the law leaves asks for it; "": it
@@ -109,7 +110,7 @@ class Parameter:
     span: Span | None = None
     derived: bool = False
     inverse: bool = False
-    most: float = inf
+    most: float = LARGEST
     scale: Scale | None = None
     shares: tuple[float, ...] = ()
     own: bool = False

@@ -44,6 +44,13 @@ def test_a_link_has_no_negative_mass(arm: Arm) -> None:
     assert impossible(arm, [_cause("link_inertia", 3, mass=(-100.0, 1.0))]) == 0
 
 
+def test_a_parameter_beyond_what_a_model_file_holds_is_no_cause(arm: Arm) -> None:
+    """Torques of 1e-5 N m without noise had a quintic coefficient of 6e19, in a file that no command read."""
+    curved = EffectTerm("current_nonlinearity", 3, {"cubic": -2.9e10, "quintic": 6.4e19})
+    assert not exists(arm, [curved])
+    assert exists(arm, [EffectTerm("current_nonlinearity", 3, {"cubic": -0.01, "quintic": 1e-4})])
+
+
 def test_a_moment_of_inertia_is_neither_negative_nor_larger_than_the_other_two(arm: Arm) -> None:
     good = _cause("link_inertia", 3, mass=(1.0, 0.1), ixx=(0.02, 0.001), iyy=(0.02, 0.001), izz=(0.02, 0.001))
     assert impossible(arm, [good]) is None

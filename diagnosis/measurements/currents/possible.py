@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy as np
 from arm_io import InputError
 from arm_io.types import Array
 from arm_model import Arm, EffectTerm, Joint
-from arm_model.effects import described
+from arm_model.effects import CATALOGUE, described
 from arm_model.rigid_body.inertia import PARAMETERS, barycentric, tensor
 from diagnosis.cause import Cause, extend
 from diagnosis.selection.candidate import Candidate
@@ -34,8 +34,13 @@ def is_physical(candidate: Candidate, coefficients: Array) -> bool:
     return all(candidate.definition.admits(name, value) for name, value in values.items())
 
 
-def exists(arm: Arm, terms: Iterable[EffectTerm]) -> bool:
-    """Whether the arm can be described with these effects: no negative mass, no negative torque constant."""
+def exists(arm: Arm, terms: Sequence[EffectTerm]) -> bool:
+    """Whether the arm can be described with these effects: no negative mass, no negative torque constant.
+
+    A parameter may be no larger than an effect has it, and a model file holds it.
+    """
+    if any(abs(value) > CATALOGUE[term.name][key].most for term in terms for key, value in term.parameters.items()):
+        return False
     try:
         described(replace(arm, effects=(*arm.effects, *terms)))
     except InputError:
