@@ -38,7 +38,9 @@ def uncertainty(calibration: Calibration, gravity: Gravity | None) -> dict[str, 
     chain, free = calibration.chain, calibration.parameters.free
     columns = linear_in(chain, points, calibration.fit.extension if calibration.extensions else None)[1][:, :, free]
     covariance = calibration.fit.covariance[: len(free), : len(free)] * calibration.correlated
-    fitted = float(np.sqrt(np.einsum("nij,jk,nik->ni", columns, covariance, columns).mean()))
+    # below zero by rounding, where the points hardly determine a parameter and have no noise
+    variance = max(float(np.einsum("nij,jk,nik->ni", columns, covariance, columns).mean()), 0.0)
+    fitted = float(np.sqrt(variance))
     noise, zeros = calibration.fit.noise, calibration.zero_error
     error = float(np.nan_to_num(calibration.after["held_out"].rms_inliers))
     promised = noise**2 + fitted**2 + zeros**2

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import csv
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import armscope
+from identification.kinematics.report.budget import uncertainty
 
 sys.path.insert(0, str(Path(__file__).parent))
 from foreign_arm import DESCRIPTION, NOISE, ForeignArm
@@ -50,6 +52,14 @@ def test_the_stated_uncertainty_covers_held_out_points(found: armscope.Calibrati
     assert 0.2 * NOISE < parts["estimated parameters"] < NOISE
     assert parts["excess of held-out points"] < 0.5 * NOISE
     assert stated["combined"] == pytest.approx(np.sqrt(sum(std**2 for std in parts.values())))
+
+
+def test_a_covariance_below_zero_by_rounding_states_no_uncertainty(found: armscope.Calibration) -> None:
+    """Of points without noise that hardly determine a parameter: its root was not a number, and nothing was written."""
+    fit = found.details.fit
+    rounded = replace(found.details, fit=replace(fit, covariance=-1e-22 * np.eye(len(fit.covariance))))
+    parts = {one["source"]: one["std"] for one in uncertainty(rounded, None)["components"]}
+    assert parts["estimated parameters"] == 0.0
 
 
 def test_every_point_has_its_residual(found: armscope.Calibration, tmp_path: Path) -> None:
