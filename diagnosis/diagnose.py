@@ -83,15 +83,7 @@ def _for_other_days(found: Diagnosis, arm: Arm, fit: Sequence[Recording], held_o
     """
     known = arm.uncertainty
     if known is not None and found.causes:
-        left = left_over(replace(found.extended, uncertainty=known), held_out, fit)
-        known = replace(
-            known,
-            left_over=left.along,
-            in_loop=left.in_loop,
-            against=left.against,
-            near_rest=left.near_rest,
-            ripple=left.ripple,
-        )
+        known = left_over(replace(found.extended, uncertainty=known), held_out, fit).added_to(known)
     return replace(found, arm=arm, extended=replace(found.extended, uncertainty=known))
 
 

@@ -90,16 +90,8 @@ def _against_noise(
         return replace(result, notes=[*result.notes, f"not compared with the noise of the instruments: {error}"])
     arm, known = result.arm, result.arm.uncertainty
     if known is not None:
-        known = replace(
-            known,
-            left_over=more.along,
-            in_loop=more.in_loop,
-            against=more.against,
-            near_rest=more.near_rest,
-            ripple=more.ripple,
-            recordings=tuple(digest(one) for one in (*recordings, *others)),
-        )
-        arm = replace(arm, uncertainty=known)
+        used = tuple(digest(one) for one in (*recordings, *others))
+        arm = replace(arm, uncertainty=replace(more.added_to(known), recordings=used))
     return replace(result, arm=arm, noise=noise)
 
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from arm_model import Arm
+from arm_model.tables import Uncertainty
 from daq.recording import Recording
 from diagnosis.cause import NO_VARIABLE, Structure
 from diagnosis.closed_loop.loop_errors import left_over_in_loop
@@ -45,6 +46,17 @@ class LeftOver:
     against: tuple[str, ...]
     near_rest: tuple[float | None, ...]
     ripple: tuple[float, ...]
+
+    def added_to(self, known: Uncertainty) -> Uncertainty:
+        """The uncertainty ``known`` of a model, with this as what the model leaves."""
+        return replace(
+            known,
+            left_over=self.along,
+            in_loop=self.in_loop,
+            against=self.against,
+            near_rest=self.near_rest,
+            ripple=self.ripple,
+        )
 
 
 def left_over(arm: Arm, recordings: Sequence[Recording], others: Sequence[Recording] = ()) -> LeftOver:

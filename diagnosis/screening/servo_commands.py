@@ -129,9 +129,8 @@ def _commands(laws: Sequence[_Rows], small: Sequence[NDArray[np.bool_]]) -> list
 
     None where too few rows show it.
     """
-    width, several = laws[0].columns.shape[1], len(laws)
     every = [
-        np.column_stack([law.columns, *(np.full(len(law.given), float(k == own)) for k in range(several))])
+        np.column_stack([law.columns, *(np.full(len(law.given), float(k == own)) for k in range(len(laws)))])
         for own, law in enumerate(laws)
     ]
     if sum(int(rows.sum()) * law.period for law, rows in zip(laws, small)) < 1.0 or not all(r.any() for r in small):
@@ -140,5 +139,4 @@ def _commands(laws: Sequence[_Rows], small: Sequence[NDArray[np.bool_]]) -> list
     scale = np.linalg.norm(a, axis=0)
     scale[scale == 0.0] = 1.0
     gains = np.linalg.lstsq(a / scale, np.concatenate([law.given[rows] for law, rows in zip(laws, small)]))[0] / scale
-    assert len(gains) == width + several
     return [one @ gains for one in every]
