@@ -38,8 +38,8 @@ def command(
     out: Annotated[
         Path | None,
         typer.Option(
-            help="file to write (.toml or .urdf); with --into: the copy of that file; with --equations: their text, for "
-            "any other ending (rates.m)"
+            help="file to write (.toml or .urdf); with --into: the copy of that file; with --equations: their text, "
+            "for any other ending (rates.m)"
         ),
     ] = None,
     equations: Annotated[
