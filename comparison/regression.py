@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from arm_io.types import Array
 from arm_model import Arm
+from arm_model.rigid_body.inertia import PARAMETERS
 from comparison.friction_curves import Curve, common_curves, hats, knots_of, model_friction
 from comparison.load_friction import EFFECT, load_columns, loaded_joints, mean_loads
 from identification.preprocessing.signals import Motion, equation_rows, equation_weight, low_passed, parallel_filter
@@ -28,8 +29,6 @@ from identification.regression.uncertainty import fit_uncertainty, student_facto
 
 EXCITED = 1e-3
 """Share of a column that no other explains; below it, a recording says nothing about the parameter."""
-BODY = ("mass", "mx", "my", "mz", "ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-"""Parameters of the body of a link: kg, kg m, kg m2."""
 UNKNOWN = 0.1
 """Least uncertainty of a value taken from the model, over the largest value of its unit."""
 
@@ -115,11 +114,11 @@ class Structure:
         return np.concatenate([base, *points, np.zeros(len(loaded_joints(self.loads)))])
 
     def by_body(self, link: int) -> Array:
-        """(c, 10) change of the values by the parameters BODY of a link (from 1).
+        """(c, 10) change of the values by the inertial PARAMETERS of a link (from 1).
 
         Where a joint slides and bears weight, a mass is a constant force, which the points of its friction curve show.
         """
-        columns = [self.base.names.index(f"link{link}.{name}") for name in BODY]
+        columns = [self.base.names.index(f"link{link}.{name}") for name in PARAMETERS]
         change = np.zeros((self.size, len(columns)))
         change[: len(self.rows)] = self.base.grouping[self.rows][:, columns]
         levels = {self.base.names[column]: row for row, column in enumerate(self.base.kept)}

@@ -27,6 +27,24 @@ def tensor(entries: Array) -> Array:
     return full
 
 
+def second_moments(inertia: Array) -> Array:
+    """(..., 3, 3) kg m2: int x x^T dm of inertia tensors (..., 3, 3) about the same point: tr(I) / 2 1 - I."""
+    return np.asarray(np.trace(inertia, axis1=-2, axis2=-1)[..., None, None] / 2 * np.eye(3) - inertia)
+
+
+def pseudo_inertia(parameters: Array) -> Array:
+    """(..., 4, 4) [[second moments, h], [h^T, m]] of parameters (..., 10), h the first moment.
+
+    Positive definite for every body (Wensing, Kim, Slotine, IEEE RA-L 3(1), 2018).
+    """
+    parameters = np.asarray(parameters, float)
+    matrix = np.empty((*parameters.shape[:-1], 4, 4))
+    matrix[..., :3, :3] = second_moments(tensor(parameters[..., 4:]))
+    matrix[..., :3, 3] = matrix[..., 3, :3] = parameters[..., 1:4]
+    matrix[..., 3, 3] = parameters[..., 0]
+    return matrix
+
+
 def _pack(mass: Array, moment: Array, about_origin: Array) -> Array:
     return np.concatenate(
         [mass[..., None], moment, np.stack([about_origin[..., i, j] for i, j in _UPPER], axis=-1)], axis=-1

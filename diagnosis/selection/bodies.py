@@ -11,10 +11,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from arm_io.types import Array
 from arm_model import Arm
 from arm_model.effects import CATALOGUE
-from arm_model.rigid_body.inertia import tensor
+from arm_model.rigid_body.inertia import PARAMETERS, second_moments, tensor
 from diagnosis.cause import Estimate
 from diagnosis.selection.candidate import Candidate
 
@@ -40,19 +39,9 @@ def is_body(values: list[Estimate], deviations: float) -> bool:
 
     Its mass is positive by more than ``deviations``, its principal second moments of mass are not negative by more.
     """
-    of, std = ({p.name: number for p, number in zip(values, several)} for several in _numbers(values))
-    if of["mass"] <= deviations * std["mass"]:
+    by_name = {p.name: p for p in values}
+    mass, entries = by_name["mass"], [by_name[name] for name in PARAMETERS[4:]]
+    if mass.value <= deviations * mass.std:
         return False
-    names = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-    moments, doubt = _second_moments(np.array([of[name] for name in names])), np.linalg.norm([std[n] for n in names])
-    return bool(moments.min() >= -deviations * doubt)
-
-
-def _numbers(values: list[Estimate]) -> tuple[list[float], list[float]]:
-    return [p.value for p in values], [p.std for p in values]
-
-
-def _second_moments(entries: Array) -> Array:
-    """(3,) kg m2: principal values of the second moments int r r^T dm, of an inertia xx, xy, xz, yy, yz, zz (6,)."""
-    inertia = tensor(entries)
-    return np.asarray(np.linalg.eigvalsh(np.trace(inertia) / 2 * np.eye(3) - inertia))
+    principal = np.linalg.eigvalsh(second_moments(tensor(np.array([p.value for p in entries]))))
+    return bool(principal.min() >= -deviations * np.linalg.norm([p.std for p in entries]))

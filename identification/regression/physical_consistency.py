@@ -1,9 +1,8 @@
 """From base parameters to an arm that could exist: every link's mass distribution real, friction that dissipates.
 
-A rigid body exists if its 4x4 pseudo-inertia  P = [[tr(I)/2 1 - I, h], [h^T, m]]  is positive definite (Wensing, Kim,
-                                               Slotine, IEEE RA-L
-3(1), 2018). Base parameters leave many arms; the one nearest to a prior in Bregman's log-det divergence is taken (Lee,
-Wensing, Park, IEEE T-RO 36(3), 2020), which needs no units to be balanced:
+A rigid body exists if its pseudo-inertia P is positive definite (``arm_model.rigid_body.inertia``). Base parameters
+leave many arms; the one nearest to a prior in Bregman's log-det divergence is taken (Lee, Wensing, Park, IEEE T-RO
+36(3), 2020), which needs no units to be balanced:
 
     min  1/2 |K delta - beta|^2_S  +  regularisation * sum_links [ tr(P0^-1 P) - logdet(P) ]  +  barrier * sum [ g / g0
          - log(g) ]
@@ -25,7 +24,7 @@ from arm_model import Arm
 from arm_model.effects import CATALOGUE, effect_friction, speeds
 from arm_model.friction_split import unit_departure
 from arm_model.rigid_body import COEFFICIENTS, LINK_FRICTION
-from arm_model.rigid_body.inertia import PARAMETERS
+from arm_model.rigid_body.inertia import PARAMETERS, pseudo_inertia
 from identification.regression.effect_columns import definition, is_effect
 
 REGULARISATION = 1e-2  # a divergence of 1 (a mass 2.1 times the prior's) weighs like a tenth of a standard deviation
@@ -43,33 +42,8 @@ EDGE = 1e-12
 it is a body at all is rounding. Data that no body explains lead there."""
 CONTRADICTED = 20.0
 """Squared deviations (of one covariance) by which a body for such a link must reduce the misfit: two per parameter."""
-
-
-def pseudo_inertia(parameters: Array) -> Array:
-    """(..., 4, 4) of barycentric parameters (..., 10)."""
-    return np.asarray(np.tensordot(parameters, _UNITS, 1))
-
-
-def _unit_pseudo_inertias() -> Array:
-    """(10, 4, 4) the pseudo-inertia's derivatives by each parameter."""
-    units = np.zeros((10, 4, 4))
-    for k, name in enumerate(PARAMETERS):
-        if name == "mass":
-            units[k, 3, 3] = 1.0
-        elif name in ("mx", "my", "mz"):
-            axis = "xyz".index(name[1])
-            units[k, axis, 3] = units[k, 3, axis] = 1.0
-        else:
-            row, column = ("xyz".index(c) for c in name[1:])
-            units[k, row, column] -= 1.0
-            if row == column:
-                units[k, :3, :3] += np.eye(3) / 2
-            else:
-                units[k, column, row] -= 1.0
-    return units
-
-
-_UNITS = _unit_pseudo_inertias()
+_UNITS = pseudo_inertia(np.eye(len(PARAMETERS)))
+"""(10, 4, 4) derivatives of the pseudo-inertia by each parameter."""
 
 
 def consistent_parameters(

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from arm_model.rigid_body.inertia import PARAMETERS
-from identification.regression.physical_consistency import consistent_parameters, pseudo_inertia
+from arm_model.rigid_body.inertia import PARAMETERS, pseudo_inertia
+from identification.regression.physical_consistency import consistent_parameters
 
 NAMES = [f"link1.{name}" for name in PARAMETERS]
 PRIOR = np.array([1.0, 0.0, 0.0, 0.0, 0.01, 0.0, 0.0, 0.01, 0.0, 0.01])

@@ -11,7 +11,7 @@ from arm_io import InputError
 from arm_io.types import Array
 from arm_model import Arm, EffectTerm, Joint
 from arm_model.effects import CATALOGUE, described
-from arm_model.rigid_body.inertia import PARAMETERS, barycentric, tensor
+from arm_model.rigid_body.inertia import PARAMETERS, barycentric, pseudo_inertia
 from diagnosis.cause import Cause, extend
 from diagnosis.selection.candidate import Candidate
 
@@ -75,23 +75,13 @@ def _misses(now: Joint, changed: Joint, std: dict[str, float]) -> bool:
 
     The smallest eigenvalue of its pseudo-inertia, with the std of that by the parameters of the cause.
     """
-    before, after = (np.linalg.eigh(_pseudo_inertia(_barycentric(joint))) for joint in (now, changed))
+    before, after = (np.linalg.eigh(_pseudo_inertia(joint)) for joint in (now, changed))
     along = after.eigenvectors[:, 0]
-    slopes = np.array([along @ _pseudo_inertia(unit) @ along for unit in np.eye(len(PARAMETERS))])
+    slopes = np.array([along @ unit @ along for unit in pseudo_inertia(np.eye(len(PARAMETERS)))])
     doubt = float(np.linalg.norm(slopes * [std.get(name, 0.0) for name in PARAMETERS]))
     least = min(float(before.eigenvalues[0]), 0.0)  # a published set that no body has is not the fault of a cause
     return bool(after.eigenvalues[0] < least - DEVIATIONS * doubt - DUST * float(np.abs(before.eigenvalues).max()))
 
 
-def _barycentric(joint: Joint) -> Array:
-    return np.asarray(barycentric(joint.mass, joint.com, joint.inertia), float)
-
-
-def _pseudo_inertia(parameters: Array) -> Array:
-    """(4, 4) of barycentric parameters (10,): [[tr(I)/2 1 - I, h], [h^T, m]]."""
-    about = np.asarray(tensor(parameters[4:]), float)
-    matrix = np.zeros((4, 4))
-    matrix[:3, :3] = np.trace(about) / 2 * np.eye(3) - about
-    matrix[:3, 3] = matrix[3, :3] = parameters[1:4]
-    matrix[3, 3] = parameters[0]
-    return matrix
+def _pseudo_inertia(link: Joint) -> Array:
+    return pseudo_inertia(barycentric(link.mass, link.com, link.inertia))
