@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from arm_io.types import Array
 from arm_model import Arm
 from arm_model.rigid_body import curve_at
-from identification.preprocessing.signals import Motion
+from identification.preprocessing.signals import Motion, stretches_of
 
 SHARES = (0.0, 0.12, 0.3, 0.6, 1.0)
 """Places of the compared speeds within the common range, as shares of the time spent in it."""
@@ -61,11 +61,11 @@ def speeds_of(motion: Motion, joint: int, direction: float) -> Array:
 def peak_speed(motion: Motion, joint: int, direction: float) -> float:
     """The speed that a joint (from 0) reaches in EXCURSIONS separate movements in a direction; 0 with fewer."""
     velocity = direction * motion.qd[:, joint] * motion.certain[:, joint]
-    moving = np.concatenate([[False], velocity > 0, [False]])
-    edges = np.flatnonzero(np.diff(moving.astype(np.int8))).reshape(-1, 2)
     # uncertain rows interrupt a movement too, so peaks must be some distance apart
     separation = int(0.1 / motion.dt)
-    peaks = sorted(float(velocity[start:stop].max()) for start, stop in edges if stop - start > separation)
+    peaks = sorted(
+        float(velocity[start:stop].max()) for start, stop in stretches_of(velocity > 0) if stop - start > separation
+    )
     return peaks[-EXCURSIONS] if len(peaks) >= EXCURSIONS else 0.0
 
 

@@ -53,7 +53,7 @@ class Clipped:
     recordings: tuple[int, ...]
 
 
-def clipped_by_command(recordings: Sequence[Recording], arm: Arm | None, j: int) -> Clipped | None:
+def clipped_by_command(recordings: Sequence[Recording], arm: Arm, j: int) -> Clipped | None:
     """The level at which the current of joint j (from 0) is clipped; None where no servo asked for more than it got.
 
     arm: whose gravity may be fed forward.
@@ -98,7 +98,7 @@ class _Rows:
     period: float
 
     @classmethod
-    def of(cls, recording: Recording, arm: Arm | None, j: int) -> _Rows:
+    def of(cls, recording: Recording, arm: Arm, j: int) -> _Rows:
         """Those of joint j (from 0), without the filter's transients at both ends."""
         rate = 1.0 / recording.dt
         end = round(TRANSIENT * rate)
@@ -113,15 +113,14 @@ class _Rows:
         return np.asarray(ndimage.minimum_filter1d(np.abs(self.given) < level, away))
 
 
-def _terms(recording: Recording, arm: Arm | None, j: int) -> Iterator[Array]:
+def _terms(recording: Recording, arm: Arm, j: int) -> Iterator[Array]:
     """(m,) each: what a servo's command may be a sum of."""
     assert recording.qref is not None
     demand, q, period = recording.qref[:, j], recording.q[:, j], recording.dt
     rate = np.gradient(demand, period)
     yield from (demand - q, rate, np.gradient(q, period), np.cumsum(demand - q) * period, q, np.gradient(rate, period))
-    if arm is not None and arm.joints[j].mass is not None:
-        still = np.zeros_like(recording.qref)
-        yield rigid_torque(set_up(arm, recording), recording.qref, still, still)[:, j]
+    still = np.zeros_like(recording.qref)
+    yield rigid_torque(set_up(arm, recording), recording.qref, still, still)[:, j]
 
 
 def _commands(laws: Sequence[_Rows], small: Sequence[NDArray[np.bool_]]) -> list[Array] | None:

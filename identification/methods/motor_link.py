@@ -23,13 +23,12 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import linalg, signal
 from scipy.integrate import cumulative_trapezoid
 
 from arm_io.types import Array
 from identification.preprocessing.setpoint_ripple import drifting
-from identification.preprocessing.signals import Motion, smooth_motion
+from identification.preprocessing.signals import Motion, longest_stretch, smooth_motion
 from identification.regression.equations import Equations
 from identification.regression.least_squares import Fit, least_squares
 from identification.regression.uncertainty import FitUncertainty, fit_uncertainty
@@ -122,7 +121,7 @@ def motor_link_rows(
     terms = {"gravity_cos": np.cos(q), "gravity_sin": np.sin(q)} if gravity else {}
     terms |= {"coulomb_positive": (sign > 0).astype(float), "coulomb_negative": -(sign < 0).astype(float)}
     # A filter with a memory longer than one motion would leave no row that is free of standstill.
-    stretch = _longest(motion.usable[:, joint]) * motion.dt
+    stretch = longest_stretch(motion.usable[:, joint]) * motion.dt
     widest = 2 * MEMORY / (2 * np.pi * stretch) if stretch > 0 else 0.0
     bandwidth = bandwidth or max(motion.band.parallel, widest)
     step = max(1, int(1 / (5 * bandwidth * motion.dt)))
@@ -151,12 +150,6 @@ def motor_link_rows(
     return Equations(
         np.stack(columns, axis=1)[kept], torque[kept], index, index, motion.t[kept], names, systematic=unseen
     )
-
-
-def _longest(flags: NDArray[np.bool_]) -> int:
-    """Length of the longest run of True."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.view(np.int8), [0]])))
-    return int(np.max(edges[1::2] - edges[::2])) if len(edges) else 0
 
 
 def _window(x: Array, step: int) -> Array:

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from identification.preprocessing.readiness import Readiness
     from identification.preprocessing.setpoint_ripple import drifting, folded_along, lines_beside_zero
     from identification.preprocessing.setpoints import UNKNOWN, Setpoints, setpoints_of, stated_period
+    from identification.preprocessing.signals import longest_stretch, stretches_of
 else:
     __getattr__ = lazy(__name__)
 
@@ -24,8 +25,10 @@ __all__ = [
     "drifting",
     "folded_along",
     "lines_beside_zero",
+    "longest_stretch",
     "setpoints_of",
     "stated_period",
+    "stretches_of",
     "tracked_as_recorded",
     "zero_phase",
 ]

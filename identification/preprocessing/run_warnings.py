@@ -67,9 +67,7 @@ def _consequence(motions: Sequence[Motion]) -> str:
         )
     return (
         "the response of the servos to each setpoint looks like an inertia, and a joint's own inertia may be wrong; "
-        f"{known}; "
-        f"record at "
-        f"{rate_instead(period, rate):.5g} Hz, or average currents over each row, to avoid it"
+        f"{known}; record at {rate_instead(period, rate):.5g} Hz, or average currents over each row, to avoid it"
     )
 
 

@@ -239,6 +239,16 @@ def slowest_certain_speed(q: Array, qd: Array, band: Band, dt: float) -> Array:
     return np.maximum.reduce([step * band.motion, 3 * noise, CREEP * np.max(np.abs(qd), axis=0), still])
 
 
+def stretches_of(marked: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """(k, 2) the first row of every stretch of ``marked`` rows (m,), and the row after its last."""
+    return np.flatnonzero(np.diff(marked, prepend=False, append=False)).reshape(-1, 2)
+
+
+def longest_stretch(marked: NDArray[np.bool_]) -> int:
+    """Number of rows of the longest stretch of ``marked`` rows (m,); 0 where none is."""
+    return int(np.max(np.diff(stretches_of(marked)), initial=0))
+
+
 def flat_tops(channel: Array, q: Array) -> Mask:
     """Rows (n, J) of at least FLAT equal samples at the channel's extreme value while the joint moves."""
     flat = np.zeros(channel.shape, bool)
@@ -248,8 +258,7 @@ def flat_tops(channel: Array, q: Array) -> Mask:
         low, high = np.nanmin(column), np.nanmax(column)
         for extreme in (low, high):
             at = (column == extreme) & (high > low)
-            edges = np.flatnonzero(np.diff(np.concatenate([[False], at, [False]]).astype(np.int8)))
-            for start, stop in edges.reshape(-1, 2):
+            for start, stop in stretches_of(at):
                 if stop - start >= FLAT and np.ptp(q[start:stop, j]) > 0:
                     flat[start:stop, j] = True
     return flat
@@ -283,8 +292,7 @@ def _lasting(marked: Mask, rows: int) -> Mask:
     """Only those runs of ``marked`` (m, J) that last longer than ``rows``: a reversal at speed is not a standstill."""
     lasting = np.zeros_like(marked)
     for j, column in enumerate(marked.T):
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], column, [False]]).astype(np.int8)))
-        for start, stop in edges.reshape(-1, 2):
+        for start, stop in stretches_of(column):
             lasting[start:stop, j] = stop - start > rows
     return lasting
 

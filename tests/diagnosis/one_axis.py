@@ -25,6 +25,10 @@ def vertical_joint(rotor: float, coulomb: float, viscous: float, smoothing: floa
     )
 
 
+FREE = Arm("free", (vertical_joint(0.0, 0.0, 0.0, 0.01),))
+"""Without masses and friction."""
+
+
 def currents(arm: Arm, q: Array, qd: Array, qdd: Array) -> Array:
     """(m, J) A that an arm without effects needs: rigid links, rotors, and friction at the motors by direction."""
     torque = rigid_torque(arm, q, qd, qdd)

@@ -21,6 +21,7 @@ from daq.recording.parts import Attachments
 from daq.recording.tables.table import write_table
 from diagnosis.screening.current_limit import current_limits
 from tests.comparison.second_day import puma, record
+from tests.diagnosis.one_axis import FREE
 
 
 def _recorded(path: Path, current: np.ndarray, noise: float, seed: int) -> Recording:
@@ -45,7 +46,7 @@ def _motion(seed: int) -> np.ndarray:
 def test_a_limit_is_found_with_its_value(tmp_path: Path, noise: float, seed: int) -> None:
     free = _motion(seed)
     limit = 0.75 * float(np.abs(free).max())
-    (event,) = current_limits([_recorded(tmp_path / "a.mcap", np.clip(free, -limit, limit), noise, seed)])
+    (event,) = current_limits([_recorded(tmp_path / "a.mcap", np.clip(free, -limit, limit), noise, seed)], FREE)
     (parameter,) = event.parameters
     assert abs(parameter.value - limit) < 2 * parameter.std < 0.1 * limit
 
@@ -57,7 +58,7 @@ def test_peaks_and_slow_tops_are_no_limit(tmp_path: Path, seed: int) -> None:
     # constant acceleration against viscous friction: a flat-looking top that rises by 5 %, the same in every stroke
     strokes = 3.0 * np.sign(np.sin(2 * np.pi * 0.5 * t)) * (1.0 + 0.05 * np.mod(t, 1.0)) * (np.mod(t, 1.0) < 0.3)
     for name, current in (("peaks", free), ("strokes", strokes)):
-        assert current_limits([_recorded(tmp_path / f"{name}.mcap", current, 0.005, seed)]) == []
+        assert current_limits([_recorded(tmp_path / f"{name}.mcap", current, 0.005, seed)], FREE) == []
 
 
 @pytest.mark.parametrize("limit", [None, 1.2])
@@ -72,7 +73,7 @@ def test_a_current_that_a_standing_joint_holds_is_no_limit(tmp_path: Path, limit
     i = np.round((i + rng.normal(0.0, 0.005, len(t))) / 0.01) * 0.01
     signals = {"q": q[:, None], "i": i[:, None], "qref": q[:, None]}
     write_table(tmp_path / "run.mcap", t, signals, Attachments())
-    found = current_limits([open_recording(tmp_path / "run.mcap")])
+    found = current_limits([open_recording(tmp_path / "run.mcap")], FREE)
     assert [one.effect for one in found] == ([] if limit is None else ["current_limit"])
 
 
@@ -94,7 +95,7 @@ def test_a_current_that_others_exceed_is_no_limit_though_the_joint_lags_meanwhil
         table = {"q": q[:, None], "i": i[:, None], "qref": (q + lag)[:, None]}
         write_table(tmp_path / f"{name}.mcap", t, table, Attachments())
         recordings.append(open_recording(tmp_path / f"{name}.mcap"))
-    found = [(one.effect, one.recordings) for one in current_limits(recordings)]
+    found = [(one.effect, one.recordings) for one in current_limits(recordings, FREE)]
     assert found == ([] if limit is None else [("current_limit", (0, 1))])
 
 
@@ -107,7 +108,7 @@ def test_coulomb_friction_in_noise_is_no_limit(tmp_path: Path) -> None:
     i = np.round(i / 0.01) * 0.01
     signals = {"q": q[:, None], "i": i[:, None], "qref": q[:, None]}
     write_table(tmp_path / "run.mcap", t, signals, Attachments())
-    assert current_limits([open_recording(tmp_path / "run.mcap")]) == []
+    assert current_limits([open_recording(tmp_path / "run.mcap")], FREE) == []
 
 
 RATE, NOISE = 125.0, 0.012

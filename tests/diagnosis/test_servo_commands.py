@@ -11,6 +11,7 @@ from daq.recording import Recording, open_recording
 from daq.recording.parts import Attachments
 from daq.recording.tables.table import write_table
 from diagnosis.screening.current_limit import current_limits
+from tests.diagnosis.one_axis import FREE
 
 RATE, STEP, COUNT = 1000.0, 1e-3, 2e-5
 """Hz, s, and rad of an encoder's count."""
@@ -69,7 +70,7 @@ def test_a_limit_that_holds_for_moments_shows_by_what_the_servo_asks(tmp_path: P
     limit = 0.95 * largest
     met = np.abs(np.abs(_driven(servo, FAST, limit, 0)[2]) - limit) < 0.012
     assert 0.01 < met.sum() * STEP < 0.25
-    (event,) = current_limits(_recordings(tmp_path, servo, limit))
+    (event,) = current_limits(_recordings(tmp_path, servo, limit), FREE)
     assert (event.joint, event.recordings) == (1, (1,))
     (parameter,) = event.parameters
     assert abs(parameter.value - limit) < 2 * parameter.std < 0.02 * limit
@@ -79,4 +80,4 @@ def test_a_limit_that_holds_for_moments_shows_by_what_the_servo_asks(tmp_path: P
 @pytest.mark.parametrize("cubic", [0.0, 0.02])
 def test_no_limit_is_found_where_the_servo_got_what_it_asked_for(tmp_path: Path, servo: str, cubic: float) -> None:
     """Nor where a transducer shows less and less of a current: what it shows does not stay the same."""
-    assert current_limits(_recordings(tmp_path, servo, np.inf, cubic)) == []
+    assert current_limits(_recordings(tmp_path, servo, np.inf, cubic), FREE) == []

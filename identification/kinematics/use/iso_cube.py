@@ -20,6 +20,7 @@ from experiment import Experiment
 from experiment.segments import Hold, Move, Segment
 from identification.kinematics.data.runs import Run
 from identification.kinematics.use.correction import Corrected, corrected_inverse, limits_of, within_limits
+from identification.preprocessing import stretches_of
 
 NAME = "iso_cube"
 """Name of the experiment, by which a recording is known to be of the cube."""
@@ -146,9 +147,8 @@ def standstills(run: Run) -> list[tuple[int, int]]:
     for start in range(0, len(run.t) - size + 1, size):
         part = run.q[start : start + size]
         still[start : start + size] = np.fmax.reduce(np.fmax.reduce(part) - np.fmin.reduce(part)) < _STANDING
-    edges = np.flatnonzero(np.diff(np.r_[False, still, False]))
     stops: list[tuple[int, int]] = []
-    for first, last in edges.reshape(-1, 2):
+    for first, last in stretches_of(still):
         same = stops and np.nanmax(np.abs(run.q[first] - run.q[stops[-1][1] - 1])) < _SLIP
         if same:
             stops[-1] = (stops[-1][0], int(last))
