@@ -1,32 +1,20 @@
-"""What belongs to an effect that is chosen: next-order terms of its law, and further orders of a ripple.
+"""Next-order terms of the law of an effect that is chosen, such as the hardening of a spring.
 
 An effect that was chosen and leaves what a term of its own law explains is that effect with the term, not two effects.
 A term is a candidate once its effect is chosen. It has a column of its own, and refers to the phase or the rest
-position that its effect has by then. A ripple is periodic, and seldom a pure sine: the same effect at a small multiple
-of its order is its harmonic. A wheel whose teeth differ over its turn, or that sits eccentrically, makes side bands:
-the same effect at an order that is a turn or two of a slower shaft away. Another wheel, or a second error of the same
-one, makes a ripple of an order of its own.
+position that its effect has by then.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 
 from arm_io.types import Array
-from arm_model import Arm
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Columns, Pair
-from diagnosis.selection.ripple_orders import side_band
-
-HIGHEST = 3
-"""Multiples that belong to a ripple; higher ones have origins of their own (a motor's poles, the teeth of a wheel)."""
-SAME = 0.01
-"""Relative difference of two orders that are multiples."""
-SAME_ORDER = 1e-6
-"""Relative difference below which two orders are the same: their rounding."""
 
 
 def next_orders(chosen: Candidate, coefficients: Array, seconds: float) -> Iterator[Candidate]:
@@ -65,46 +53,3 @@ def small_term(candidate: Candidate, parts: Array, limit: float) -> bool:
 def term_share(candidate: Candidate) -> float:
     """Largest share of what the candidate explains that its last term may explain."""
     return candidate.definition.of_term(candidate.terms[-1]).term_share
-
-
-def further_orders(chosen: Sequence[Candidate], library: Iterable[Candidate]) -> Iterator[Candidate]:
-    """Candidates that are ripples of another order than those chosen of the same effect and joint."""
-    for c in library:
-        if is_further_order(c, chosen):
-            yield c
-
-
-def is_further_order(candidate: Candidate, chosen: Sequence[Candidate]) -> bool:
-    """Whether a candidate is a ripple of which other orders are chosen, and not its own."""
-    same_key = [c for c in chosen if c.key == candidate.key]
-    if not (same_key and candidate.definition.wave):
-        return False
-    order = _order(candidate)
-    return all(abs(_order(c) - order) > SAME_ORDER * order for c in same_key)
-
-
-def is_of_ripple(candidate: Candidate, chosen: Sequence[Candidate], arm: Arm) -> bool:
-    """Whether a candidate is a ripple of which another order is chosen: its harmonic, or a side band of it."""
-    return any(_of_one_ripple(candidate, c, arm) for c in chosen)
-
-
-def _of_one_ripple(candidate: Candidate, ripple: Candidate, arm: Arm) -> bool:
-    if candidate.key != ripple.key or candidate.amplitude != ripple.amplitude or not candidate.definition.wave:
-        return False
-    order, carrier = _order(candidate), _order(ripple)
-    return (
-        are_multiples(order, carrier) or side_band(order, carrier, arm.joints[(candidate.joint or 1) - 1]) is not None
-    )
-
-
-def _order(ripple: Candidate) -> float:
-    """Cycles per turn of the motor."""
-    return ripple.definition.cycles(dict(ripple.shape))
-
-
-def are_multiples(order: float, other: float) -> bool:
-    """Whether one of two orders is twice or three times the other."""
-    if not (order and other):
-        return False
-    multiple = max(order / other, other / order)
-    return 2 <= round(multiple) <= HIGHEST and abs(multiple / round(multiple) - 1.0) < SAME

@@ -23,15 +23,8 @@ from diagnosis.measurements.currents.structure.noise_ratio import joints_above_n
 from diagnosis.selection.bodies import body_of, link_of
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Dataset, Pair
-from diagnosis.selection.next_order import (
-    further_orders,
-    is_further_order,
-    is_of_ripple,
-    next_orders,
-    of_last_term,
-    small_term,
-    term_share,
-)
+from diagnosis.selection.harmonics import is_further_order, is_of_ripple
+from diagnosis.selection.next_order import next_orders, of_last_term, small_term, term_share
 from diagnosis.selection.regression import best_of_each, fit_gain, score
 from diagnosis.selection.ripple_orders import detectable, joint_of_ripple
 from diagnosis.selection.unseen_inertia import explained, unseen_inertia
@@ -98,8 +91,8 @@ class Currents(MeasurementModel[Candidate, State]):
         ]
         scores += [
             score(c, self.library[c], state.fitted, state.data.held_out)
-            for c in further_orders(state.chosen, self.library)
-            if c.key not in self.excluded
+            for c in self.library
+            if is_further_order(c, state.chosen) and c.key not in self.excluded
         ]
         return sorted(
             scores, key=lambda score: -score.gain * (1.0 + self.limits.family * self._of_chosen(score, state))
