@@ -187,11 +187,6 @@ def _residuals(runs: Sequence[Run], columns: Sequence[Array], arm: Arm) -> list[
     a constant parameter.
     """
     side = dataset_of([run.without_ripple for run in runs])
-    ends = np.cumsum([len(run.t) for run in runs])[:-1]
-
-    def by_run(values: Array) -> list[Array]:
-        return np.split(values.reshape(-1, side.rows).T, ends)
-
     # near standstill the parameter has no column: its effect there would be taken for the free columns'
     comparable = _flat(comparable_rows(run).astype(float) for run in runs)
     y, none = comparable * side.y, np.empty((len(side.y), 0))
@@ -200,14 +195,14 @@ def _residuals(runs: Sequence[Run], columns: Sequence[Array], arm: Arm) -> list[
     always = free @ np.linalg.lstsq(np.column_stack([own, free]), y, rcond=None)[0][1:]
     hidden = np.zeros_like(y)
     for _ in range(ROUNDS if own.any() else 0):
-        steps = [_steps(*one) for one in zip(runs, by_run(y - always - hidden), columns)]
+        steps = [_steps(*one) for one in zip(runs, side.by_recording(y - always - hidden), columns)]
         ratio, _ = strength(steps)
         walk = _flat(
             column * _at_rows(run, smoothed(*step, ratio)[0]) for run, step, column in zip(runs, steps, columns)
         )
-        hidden = _flat(run.hidden_in(one) for run, one in zip(runs, by_run(y - walk - always)))
+        hidden = _flat(run.hidden_in(one) for run, one in zip(runs, side.by_recording(y - walk - always)))
         always = free @ np.linalg.lstsq(free, y - walk - hidden, rcond=None)[0]
-    return by_run(y - always - hidden)
+    return side.by_recording(y - always - hidden)
 
 
 def _flat(parts: Iterable[Array]) -> Array:

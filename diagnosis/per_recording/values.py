@@ -290,23 +290,15 @@ def _of_runs(pairs: Sequence[Pair], state: State) -> list[Array]:
     """(n * rows, k) columns of each recording, the fitted ones first."""
     parts = []
     for part, columns in zip(state.model.data, zip(*pairs)):
-        columns_of_all = np.hstack([own.dense(len(part.y)) for own in columns]).reshape(-1, part.rows, _width(pairs))
-        ends = np.cumsum([len(run.t) for run in part.runs])[:-1]
-        parts += [rows.reshape(-1, rows.shape[2]) for rows in np.split(columns_of_all, ends, axis=1)]
+        every = np.hstack([own.dense(len(part.y)) for own in columns])
+        by_joint = every.reshape(-1, part.rows, every.shape[1])
+        parts += [rows.reshape(-1, every.shape[1]) for rows in part.split(by_joint, axis=1)]
     return parts
-
-
-def _width(pairs: Sequence[Pair]) -> int:
-    return sum(pair.fit.x.shape[1] for pair in pairs)
 
 
 def _residuals(state: State) -> list[Array]:
     """(n * rows,) of each recording: its residual as the chosen are fitted to it."""
-    residuals = []
-    for part in state.data:
-        ends = np.cumsum([len(run.t) for run in part.runs])[:-1]
-        residuals += [rows.ravel() for rows in np.split(part.y.reshape(-1, part.rows), ends, axis=1)]
-    return residuals
+    return [rows.T.ravel() for part in state.data for rows in part.by_recording(part.y)]
 
 
 def _alone(run: Run, x: Array, y: Array, unknown: Array) -> SingleEstimate:

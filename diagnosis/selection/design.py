@@ -41,8 +41,15 @@ class Dataset:
 
     def whitened(self, values: Array, joint: int) -> Array:
         """(rows, k): values (rows, k) A at a joint (1-based), over their std as its residual is (``Run.whiten``)."""
-        ends = np.cumsum([len(run.t) for run in self.runs])[:-1]
-        return np.concatenate([run.whiten_at(part, joint) for run, part in zip(self.runs, np.split(values, ends))])
+        return np.concatenate([run.whiten_at(part, joint) for run, part in zip(self.runs, self.split(values))])
+
+    def split(self, values: Array, axis: int = 0) -> list[Array]:
+        """Values whose ``axis`` is the rows of a joint, cut into those of each recording."""
+        return np.split(values, np.cumsum([len(run.t) for run in self.runs])[:-1], axis)
+
+    def by_recording(self, values: Array) -> list[Array]:
+        """Values (n * rows,) as (m, n) of each recording."""
+        return self.split(values.reshape(-1, self.rows).T)
 
     def comparable(self, joint: int) -> NDArray[np.bool_]:
         """(rows,) where the residual of a joint (1-based) is compared; see ``comparable_rows``."""

@@ -117,14 +117,9 @@ def chance(pair: Pair, c: Array, fall: Array, fitted: Fitted, held_out: Dataset,
     large = min(LARGE * np.count_nonzero(c), LARGEST) * held_out.rows
     if p > SPARSE_P and gain > 0.0 and (sparse or gain > large):
         predicted = pair.held_out.contribution(c, len(held_out.y))
-        p = min(p, shift_p_value(by_recording(predicted, held_out), by_recording(fitted.residual.held_out, held_out)))
+        residual = fitted.residual.held_out
+        p = min(p, shift_p_value(held_out.by_recording(predicted), held_out.by_recording(residual)))
     return p
-
-
-def by_recording(values: Array, side: Dataset) -> list[Array]:
-    """Values (n * rows,) as (m, n) of each recording."""
-    ends = np.cumsum([len(run.t) for run in side.runs])
-    return np.split(values.reshape(-1, side.rows).T, ends[:-1])
 
 
 def gain_of(pair: Pair, fitted: Fitted, held_out: Dataset) -> tuple[Array, Array]:

@@ -9,7 +9,6 @@ from scipy import ndimage, signal
 from arm_io.types import Array
 from diagnosis.residual.filters import COMPARE_BAND, rate_of
 from diagnosis.selection.design import Dataset
-from diagnosis.selection.regression import by_recording
 
 SLOWEST = 2.0
 """Hz: below it, a residual may follow the motion."""
@@ -27,7 +26,7 @@ SECONDS = 4.0
 def wave_of(residual: Array, side: Dataset, joint: int) -> str | None:
     """``a wave of 5.0 Hz`` in the whitened residual (n * rows,) of a joint (from 1) of all recordings; else None."""
     power, frequency = np.zeros(0), np.arange(0.0, COMPARE_BAND + SLOWEST, 1.0 / SECONDS)
-    for values, run in zip(by_recording(residual, side), side.runs, strict=True):
+    for values, run in zip(side.by_recording(residual), side.runs, strict=True):
         rows = round(SECONDS * (rate := rate_of(run.t)))
         if len(values) >= rows:
             frequencies, density = signal.welch(values[:, joint - 1], rate, nperseg=rows)

@@ -27,6 +27,9 @@ class Recorded:
     def rows(self) -> int:
         return 2 * len(self.t)
 
+    def by_recording(self, values: np.ndarray) -> list[np.ndarray]:
+        return np.split(values.reshape(2, self.rows).T, 2)
+
 
 def _oscillating(rng: np.random.Generator, frequency: float) -> np.ndarray:
     """(ROWS,) a wave that stops and starts again at another phase every 2 s."""

@@ -93,11 +93,10 @@ def _slow_variance(residual: Array, fit: Dataset) -> Array:
     """(N,) of a whitened residual (N,): near standstill its std is that of friction, and it is next to nothing."""
     alike = max(run.alike for run in fit.runs)
     longest = round(CORRELATED * min(run.per_second for run in fit.runs))
-    ends = np.cumsum([len(run.t) for run in fit.runs])[:-1]
     of_joints = []
     for joint in range(1, len(residual) // fit.rows + 1):
         share = fit.at_joint("instruments", joint) / fit.at_joint("deviation", joint)
-        values, shares = (np.split(one, ends) for one in (residual[fit.of(joint)], share))
+        values, shares = map(fit.split, (residual[fit.of(joint)], share))
         of_joints.append(slow_variance(values, shares, longest, alike))
     return np.concatenate(of_joints)
 
