@@ -22,6 +22,7 @@ Conventions (all SI, angles rad; prismatic joints m and N where revolute ones ha
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import field, replace
 from html import escape
 from math import prod
@@ -299,6 +300,11 @@ class Arm:
     def joint_array(self, name: str) -> Array:
         """(n,) an attribute of every joint, in order."""
         return np.array([getattr(joint, name) for joint in self.joints], float)
+
+    def with_sign_velocities(self, velocities: Iterable[float]) -> Arm:
+        """The arm with these Coulomb smoothing velocities (n,), rad/s (m/s), of its joints."""
+        pairs = zip(self.joints, velocities, strict=True)
+        return replace(self, joints=tuple(replace(joint, sign_velocity=float(v)) for joint, v in pairs))
 
     def to_pandas(self) -> pandas.DataFrame:
         """A row per joint, from 1: name, type, limits, mass of the link, gear, rotor inertia and friction.

@@ -221,12 +221,12 @@ def with_smoothing_velocities(arm: Arm, recordings: Sequence[Recording]) -> Arm:
         steep = _smoothing_errors(arm, usable, moving, STEEP)
         if steep is not None:
             tried, errors = SMOOTHING, np.concatenate([steep, errors])
-    joints = list(arm.joints)
+    velocities = arm.joint_array("sign_velocity")
     for j in moving:
         best = int(np.argmin(errors[:, j]))
         if errors[best, j] < REDUCED * unchanged[j]:
-            joints[j] = replace(joints[j], sign_velocity=float(joints[j].sign_velocity * tried[best]))
-    return replace(arm, joints=tuple(joints))
+            velocities[j] *= tried[best]
+    return arm.with_sign_velocities(velocities)
 
 
 _errors_found: WeakKeyDictionary[Recording, dict[int, tuple[Arm, Array | None]]] = WeakKeyDictionary()

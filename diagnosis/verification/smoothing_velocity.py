@@ -38,10 +38,9 @@ class OtherSmoothing:
 
     def of(self, arm: Arm) -> Arm:
         """The arm with that smoothing velocity."""
-        joints = list(arm.joints)
-        j = (self.cause[1] or 1) - 1
-        joints[j] = replace(joints[j], sign_velocity=self.velocity)
-        return replace(arm, joints=tuple(joints))
+        velocities = arm.joint_array("sign_velocity")
+        velocities[(self.cause[1] or 1) - 1] = self.velocity
+        return arm.with_sign_velocities(velocities)
 
 
 def other_smoothing(state: State, causes: Sequence[Cause]) -> OtherSmoothing | None:
@@ -70,11 +69,10 @@ def _energies(runs: Sequence[Run], terms: Sequence[EffectTerm], joint: int) -> A
 
 def _energy(run: Run, terms: Sequence[EffectTerm], joint: int, factor: float) -> float:
     """The same of one recording, with ``factor`` times the joint's smoothing velocity."""
-    joints = list(run.arm.joints)
-    joints[joint - 1] = replace(joints[joint - 1], sign_velocity=factor * joints[joint - 1].sign_velocity)
-    arm = replace(run.arm, joints=tuple(joints), effects=(*run.arm.effects, *terms, *run.own))
-    t, q = run.raw
-    expected = low_pass(predicted_current(arm, t, q, powered=run.powered), COMPARE_BAND, rate_of(t))[
-        kept_rows(rate_of(t))
-    ]
+    velocities = run.arm.joint_array("sign_velocity")
+    velocities[joint - 1] *= factor
+    arm = run.arm.with_sign_velocities(velocities)
+    arm = replace(arm, effects=(*arm.effects, *terms, *run.own))
+    (t, q), rate = run.raw, rate_of(run.raw[0])
+    expected = low_pass(predicted_current(arm, t, q, powered=run.powered), COMPARE_BAND, rate)[kept_rows(rate)]
     return float(np.sum(run.whiten(run.current - expected) ** 2 * comparable_rows(run)))

@@ -122,9 +122,8 @@ def _settled(before: Mapping[int, float], after: Mapping[int, float]) -> bool:
 
 def with_sign_velocities(problem: Problem, wanted: Mapping[int, float]) -> Problem:
     """The problem with these sign velocities (rad/s, m/s) at joints (from 0)."""
-    joints = list(problem.arm.joints)
-    for j, velocity in wanted.items():
-        joints[j] = replace(joints[j], sign_velocity=velocity)
+    velocities = problem.arm.joint_array("sign_velocity")
+    velocities[list(wanted)] = list(wanted.values())
 
     def sharper(rows: Equations, motions: Sequence[Motion]) -> Equations:
         columns = rows.columns.copy()
@@ -142,7 +141,7 @@ def with_sign_velocities(problem: Problem, wanted: Mapping[int, float]) -> Probl
 
     return replace(
         problem,
-        arm=replace(problem.arm, joints=tuple(joints)),
+        arm=problem.arm.with_sign_velocities(velocities),
         rows=sharper(problem.rows, problem.motions),
         judged=sharper(problem.judged, list(map(with_reversals, problem.motions))),
         held=None if problem.held is None else sharper(problem.held, problem.held_motions),

@@ -143,7 +143,7 @@ def structural_base(arm: Arm, friction: Friction = "symmetric", *, negligible: f
     negligible as ``base_parameters`` has it.
     """
     # A smooth sign would make Coulomb friction per direction and an offset distinguishable: use a sharp one.
-    arm = replace(arm, joints=tuple(replace(joint, sign_velocity=1e-7) for joint in arm.joints))
+    arm = arm.with_sign_velocities(np.full(len(arm), 1e-7))
     names = column_names(arm, friction)
     random, count = np.random.default_rng(1), 4 * len(names)
     limits = [joint.limits or ((-np.pi, np.pi) if joint.revolute else (-1.0, 1.0)) for joint in arm.joints]

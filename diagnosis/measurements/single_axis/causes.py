@@ -6,7 +6,7 @@ A wave over position that only one run shows is reported as structure, not named
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -94,8 +94,8 @@ def with_sharp_friction(arm: Arm, recordings: Sequence[Samples]) -> Arm:
     speed = max(
         float(np.max(np.abs(np.diff(low_pass(q, 20.0, rate_of(t)), axis=0)))) * rate_of(t) for t, q, _ in recordings
     )
-    joint = arm.joints[0]
-    return replace(arm, joints=(replace(joint, sign_velocity=min(joint.sign_velocity, max(TURN * speed, 1e-9))),))
+    sharp = np.minimum(arm.joint_array("sign_velocity"), max(TURN * speed, 1e-9))
+    return arm.with_sign_velocities(sharp)
 
 
 def axis_side(
