@@ -318,8 +318,7 @@ def _skew(tested: Tested, explains: Sequence[str], of: int) -> Summary:
         explains=tuple(explains),
         sentence=(
             f"Currents are read {with_two_std(1e3 * abs(delay), 1e3 * std)} ms {when} than before, relative to the "
-            "angles: "
-            f"explains {_all(len(explains), of)}"
+            f"angles: explains {_all(len(explains), of)}"
         ),
     )
 

@@ -326,3 +326,8 @@ def extend(arm: Arm, causes: Sequence[Cause]) -> Arm:
     """The model with every cause as an additional effect."""
     terms = [term for cause in causes if cause.of_arm for term in cause.terms]
     return replace(fixed_gains(arm), effects=(*arm.effects, *terms))
+
+
+def without_cause(extended: Arm, cause: Cause) -> Arm:
+    """An extended model without the effects of a cause."""
+    return replace(extended, effects=tuple(term for term in extended.effects if term not in cause.terms))

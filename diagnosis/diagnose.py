@@ -34,7 +34,7 @@ from diagnosis.measurements.single_axis.remarks import remarks
 from diagnosis.other_held_out import better, other_roles
 from diagnosis.other_instruments import OtherInstruments, measure
 from diagnosis.remainder.against_noise import ratios
-from diagnosis.remainder.fitted_only import known_to, not_held_out
+from diagnosis.remainder.fitted_only import not_held_out
 from diagnosis.remainder.of_identification import allowed_residuals, left_over
 from diagnosis.residual.folding_warnings import folding_warnings
 from diagnosis.residual.noise.channels import angle_noise
@@ -123,7 +123,7 @@ def _with_held_out(arm: Arm, fit: Sequence[Recording], held_out: Sequence[Record
         axis=currents.axis,
         judged=instruments.judged,
         shortage=currents.shortage if instruments.judged else None,
-        known_to=known_to(state).held_out if state.model.uncertain else None,
+        known_to=state.significance.allowed.held_out if state.model.uncertain else None,
         allowed_residuals=allowed_residuals(state, unexplained) if instruments.judged else [],
         warnings=(
             *cleaned.remarks,
@@ -219,9 +219,9 @@ def _warnings(arm: Arm, instruments: OtherInstruments, currents: CurrentDiagnosi
     """What a reader of the result should know about the recordings and the model."""
     state, of_currents = currents.state, unexplained_of_currents(instruments, currents)
     if instruments.judged:
-        yield from mixed_up([*state.data.fit.runs, *state.data.held_out.runs])
-        yield from folding_warnings([*state.data.fit.runs, *state.data.held_out.runs])
-        yield from not_held_out(state.residual.fit, state.data.fit, of_currents, known_to(state).fit)
+        yield from mixed_up(state.all_runs)
+        yield from folding_warnings(state.all_runs)
+        yield from not_held_out(state.residual.fit, state.data.fit, of_currents, state.significance.allowed.fit)
         if of_currents and (sentence := without_rotors(arm)):
             yield sentence
     else:

@@ -19,7 +19,7 @@ from diagnosis.measurements.currents.detectability import (
     undetectable_without_warming,
 )
 from diagnosis.other_instruments import OtherInstruments
-from diagnosis.remainder.fitted_only import in_fit_alone, known_to
+from diagnosis.remainder.fitted_only import in_fit_alone
 from diagnosis.residual.run import Run
 from diagnosis.residual.run_setup import has_demand
 from diagnosis.screening.cleaned import Screened
@@ -39,7 +39,7 @@ def unexplained_structure(
     state, of_currents = currents.state, unexplained_of_currents(instruments, currents)
     structures = [
         *(one for one in of_currents if currents.shortage is None or one.joint not in currents.shortage.joints),
-        *(in_fit_alone(state, of_currents, known_to(state).fit) if instruments.judged else []),
+        *(in_fit_alone(state, of_currents) if instruments.judged else []),
         *(instruments.link.unexplained if instruments.link else []),
         *instruments.tracked.unexplained,
         *(

@@ -11,7 +11,7 @@ import numpy as np
 from arm_io.types import Array
 from arm_model import Arm
 from daq.recording import Recording
-from diagnosis.cause import Cause
+from diagnosis.cause import Cause, without_cause
 from diagnosis.closed_loop.clear_errors import clear_errors
 from diagnosis.closed_loop.comparison import (
     LoopComparison,
@@ -89,10 +89,10 @@ def _shown_in_loop(
     joint = cause.felt_at
     if joint is None or cause.before != cause.after or len(loops) != len(recordings):
         return cause
-    others = tuple(term for term in extended.effects if term not in cause.terms)
-    without = [compare(r, replace(extended, effects=others), run) for r, run in zip(recordings, runs)]
+    fewer = without_cause(extended, cause)
+    loops_without = [compare(r, fewer, run) for r, run in zip(recordings, runs)]
     before, after = (
         float(np.sqrt(np.mean([one.error_rms("current")[joint - 1] ** 2 for one in several if one])))
-        for several in (without, loops)
+        for several in (loops_without, loops)
     )
-    return replace(cause, before=before, after=after) if all(without) else cause
+    return replace(cause, before=before, after=after) if all(loops_without) else cause

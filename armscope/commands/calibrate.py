@@ -219,9 +219,8 @@ def _write_poses(there: Path, arm: Arm, plan: PosePlan, experiment: Experiment, 
     heading = (
         f"{len(plan.q)} D-optimal poses for {arm.name}: {plan.identifiable} parameters identifiable; {enough}.\n"
         f"Expected model error {1e3 * plan.error[-1]:.4f} mm rms per coordinate, {1e3 * plan.random:.4f} mm with "
-        "random poses, "
-        f"for a tracker noise of {1e3 * noise:.4f} mm.\nSupervise the first run: only collisions with the floor and "
-        "the arm's column are avoided."
+        f"random poses, for a tracker noise of {1e3 * noise:.4f} mm.\nSupervise the first run: only collisions with "
+        "the floor and the arm's column are avoided."
     )
     write_experiment(there / POSES, experiment, heading=heading)
     return {

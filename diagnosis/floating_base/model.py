@@ -16,7 +16,7 @@ import numpy as np
 from arm_io.types import Array
 from diagnosis.selection.candidate_model import CandidateModel
 from identification.floating_base import Rows, Sides, fitted
-from identification.selection import Index, Limits, Score, block_sums, p_value
+from identification.selection import Index, Limits, Score, p_value
 
 LIMITS = Limits(max_causes=12, fdr=0.01, min_gain=0.02, kept_gain=0.01, ambiguity=0.8, block_seconds=3.0)
 """min_gain, kept_gain: of the held-out residual that is left without the candidate. systematic: a change that makes a
@@ -80,7 +80,7 @@ class BaseWrench(CandidateModel[str]):
         """One candidate conditional on those chosen, on held-out rows; its share of their squared residual."""
         block, without, name = self.block, tuple(chosen), candidate
         before, after = ((self.residual(state) ** 2).sum(axis=1) for state in (without, entered(name, without)))
-        blocks = block_sums(before - after, block, int(block.max()) + 1)
+        blocks = np.bincount(block, weights=before - after).astype(float)
         share = float(blocks.sum()) / max(float(before.sum()), 1e-300)
         return Score(
             candidate=name,

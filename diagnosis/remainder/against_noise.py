@@ -43,12 +43,8 @@ def runs_of(arm: Arm, recordings: Sequence[Recording], others: Sequence[Recordin
     for recording, none in zip(recordings, blanks):
         holes = holes_of(recording.t)
         r = filled(recording, holes)
-        setup, samples = setup_of(r), even_samples((r.t, r.q, r.i))
-        powered, noise = (
-            not setup.drives_off,
-            KnownNoise(still=still, setpoints=known_setpoints(arm, r), demands=r.qref),
-        )
-        known = known_noise(r.t, r.q, noise)
+        samples, powered = even_samples((r.t, r.q, r.i)), not setup_of(r).drives_off
+        known = known_noise(r.t, r.q, KnownNoise(still=still, setpoints=known_setpoints(arm, r), demands=r.qref))
         run = residual_run(r.path.name, set_up(arm, r), *samples, powered=powered, known=known)
         runs.append(unweighted(without_skipped(run, holes), none))
     return runs

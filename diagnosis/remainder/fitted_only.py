@@ -13,21 +13,16 @@ from diagnosis.measurements.currents.structure.noise_ratio import noise_ratio
 from diagnosis.selection.design import Dataset
 from diagnosis.selection.waves import wave_of
 from diagnosis.units import recorded_quantity
-from identification.selection import Split
 
 
-def known_to(state: State) -> Split[Array]:
-    """(n,) residual, in units of the noise, that the stated uncertainty of the model allows; 1 if it is exact."""
-    return state.significance.allowed
-
-
-def in_fit_alone(state: State, structures: Sequence[Structure], allowed: Array) -> list[Structure]:
-    """``structures_of_fit`` of what a search leaves; allowed (n,): ``known_to`` of the fitted recordings."""
+def in_fit_alone(state: State, structures: Sequence[Structure]) -> list[Structure]:
+    """``structures_of_fit`` of what a search leaves."""
 
     def variable_of(joint: int) -> str | None:
         likely = likely_variable(state.data, state.residual, state.model.arm, joint)
         return None if likely is None else likely.variable
 
+    allowed = state.significance.allowed.fit
     return structures_of_fit(state.residual.fit, state.data.fit, structures, allowed, variable_of)
 
 
@@ -41,8 +36,8 @@ def structures_of_fit(
     """Joints whose residual exceeds the noise in the fitted recordings alone, as unexplained structure.
 
     residual (n * rows,): of the fitted recordings, whitened; structures: those that are reported already; allowed
-    (n,): residual over the noise that is not reported (``known_to``); variable_of: joint -> the variable on which its
-    residual in all recordings depends (``likely_variable``), or None.
+    (n,): residual over the noise that is not reported (``Significance.allowed``); variable_of: joint -> the variable on
+    which its residual in all recordings depends (``likely_variable``), or None.
     """
     return [
         Structure(

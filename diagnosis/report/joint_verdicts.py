@@ -12,16 +12,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from diagnosis.cause import Signal
+from diagnosis.closed_loop.clear_errors import LIMITS as LOOP_LIMITS
 from diagnosis.closed_loop.clear_errors import PARTS
+from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.remainder.against_noise import ratios
 from diagnosis.remainder.of_identification import AllowedResidual
 from diagnosis.result import Diagnosis
 from identification.selection import Split
-
-NOISE = 1.3
-"""Rms over the noise floor up to which a residual is noise along the motion: the floor is known no better."""
-IN_LOOP = 2.5
-"""The same in closed loop: the noise that it is held against is that along the motion, in another band."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,8 +42,8 @@ class Remaining:
         """``joint 2 at 1.7 times the noise in held-out recordings``, of everything above it."""
         along = self._known + _compared(self.remainder)
         for sizes, most, where, known in (
-            (self.along, NOISE, "", along),
-            (self.in_loop, IN_LOOP, " in closed loop", self._known),
+            (self.along, LIMITS.noise, "", along),
+            (self.in_loop, LOOP_LIMITS.loop, " in closed loop", self._known),
         ):
             above = {side: size for side, size in sizes.items() if size > most}
             if above:

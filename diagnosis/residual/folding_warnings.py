@@ -38,7 +38,6 @@ def folding_warnings(runs: Sequence[Run]) -> Iterator[str]:
             f"{', '.join(dict.fromkeys(run.name for run in alike))}: {rate:.5g} Hz is "
             f"{'' if times == '1 times ' else times}the rate of the controller's setpoints (every {period * 1e3:.3g} "
             f"ms{setpoints.as_shown}): the response of the servos to each setpoint looks like an inertia; {far}; "
-            "record at "
-            f"{rate_instead(period, rate):.5g} Hz, or average the {recorded_signals(alike[0].arm)} "
+            f"record at {rate_instead(period, rate):.5g} Hz, or average the {recorded_signals(alike[0].arm)} "
             "over each row, to detect them"
         )

@@ -64,8 +64,7 @@ def reference_taken(model: Arm, named: Iterable[EffectKey], runs: Sequence[Run])
             degc = runs[0].arm.joints[joint - 1].temperature
             yield (
                 f"the model does not state the temperature of its friction at joint {joint}: the dependence is "
-                "relative "
-                f"to {degc:g} degC, the mean of the fitted recordings"
+                f"relative to {degc:g} degC, the mean of the fitted recordings"
             )
 
 

@@ -24,8 +24,6 @@ class Span:
 
     def remove(self, columns: Array) -> Array:
         """P columns: the part of ``columns`` (n, m) or (n,) that is not in the span."""
-        if self.q.shape[1] == 0:
-            return columns
         outside = columns - self.q @ (self.q.T @ columns)
         return outside - self.q @ (self.q.T @ outside)  # twice is enough (Kahan): orthogonal to working precision
 
@@ -43,11 +41,7 @@ def span_of(columns: Array) -> Span:
 
 def confusability(span: Span, first: Array, second: Array) -> float:
     """Largest canonical correlation of P first (n, m1) and P second (n, m2): at 1 they are indistinguishable."""
-    a, b = (span_of(span.remove(_two_dimensional(columns))).q for columns in (first, second))
+    a, b = (span_of(span.remove(columns)).q for columns in (first, second))
     if a.shape[1] == 0 or b.shape[1] == 0:
         return 0.0
     return min(1.0, float(np.linalg.svd(a.T @ b, compute_uv=False)[0]))
-
-
-def _two_dimensional(columns: Array) -> Array:
-    return columns[:, None] if columns.ndim == 1 else columns

@@ -18,6 +18,7 @@ from diagnosis.measurements.currents.state import State
 from diagnosis.residual.filters import rate_of
 from diagnosis.residual.other_effects import residual_with
 from diagnosis.residual.run import Run
+from diagnosis.verification.slope_by_blocks import slope_by_blocks
 from identification.preprocessing.folding import unbounded
 
 BEYOND = 3.0
@@ -53,11 +54,5 @@ def resolved(runs: Sequence[Run], joints: Sequence[int]) -> list[Run]:
 
 def _shown(run: Run, residual: Array) -> Array:
     """(n,) std of what may fold that a residual (m, n) A shows with certainty at least; NaN where nothing folds."""
-    folded, y = run.folded / run.deviation, residual / run.deviation
-    size = np.sum(folded**2, axis=0)
-    size[size == 0.0] = np.nan
-    shown = np.sum(folded * y, axis=0) / size
-    scores = folded * (y - folded * shown)
-    blocks = np.array([np.bincount(run.block, column) for column in scores.T])
-    deviation = np.sqrt(np.sum(blocks**2, axis=1)) / size
+    shown, deviation = slope_by_blocks([(run.folded / run.deviation, residual / run.deviation, run.block)])
     return np.asarray(np.sign(shown) * np.maximum(np.abs(shown) - CERTAIN * deviation, 0.0))

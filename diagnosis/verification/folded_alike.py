@@ -21,6 +21,7 @@ from diagnosis.residual.filters import rate_of
 from diagnosis.residual.other_effects import residual_with
 from diagnosis.residual.run import Run
 from diagnosis.selection.unseen_inertia import FOLDS, mean_inertia, setpoints_unknown
+from diagnosis.verification.slope_by_blocks import slope_by_blocks
 from identification.preprocessing import Setpoints
 
 JOINTS = 3
@@ -38,7 +39,7 @@ def folded_alike(state: State) -> float | None:
 
     Conditional on the causes of the state but inertias.
     """
-    runs = [run for part in state.data for run in part.runs if setpoints_unknown(run)]
+    runs = [run for run in state.all_runs if setpoints_unknown(run)]
     if not runs:
         return None
     share, std = _shares(runs, [term for term in state.terms if not _is_inertia(term)])
@@ -73,15 +74,6 @@ def _is_inertia(term: EffectTerm) -> bool:
 
 def _shares(runs: Sequence[Run], terms: Sequence[EffectTerm]) -> tuple[Array, Array]:
     """(n,) each: share of its own inertia that each joint lacks or has too much of, and its std by blocks."""
-    size, shown, square = (np.zeros(len(runs[0].arm)) for _ in range(3))
-    pairs = [(run, run.whiten(mean_inertia(run)), run.whiten(residual_with(run, terms))) for run in runs]
-    for _, inertial, residual in pairs:
-        size += np.sum(inertial**2, axis=0)
-        shown += np.sum(inertial * residual, axis=0)
-    size[size == 0.0] = np.nan
-    share = shown / size
-    for run, inertial, residual in pairs:
-        scores = np.nan_to_num(inertial * (residual - inertial * share))
-        blocks = np.array([np.bincount(run.block, column) for column in scores.T])
-        square += np.sum(blocks**2, axis=1)
-    return share, np.sqrt(square) / size
+    return slope_by_blocks(
+        (run.whiten(mean_inertia(run)), run.whiten(residual_with(run, terms)), run.block) for run in runs
+    )

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from arm_model import Arm
 from daq.recording import Recording
-from diagnosis.cause import Cause, EffectKey
+from diagnosis.cause import Cause, EffectKey, without_cause
 from diagnosis.closed_loop.comparison import LoopComparison, compare
 from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.residual.generation import CREEP
@@ -28,16 +27,13 @@ def idle_limits(
 
     extended: the model with all ``causes``.
     """
-    all_recordings, runs, keys = (
-        [*recordings.fit, *recordings.held_out],
-        [run for side in data for run in side.runs],
-        [],
-    )
+    every = [*zip(recordings.fit, data.fit.runs), *zip(recordings.held_out, data.held_out.runs)]
+    runs, keys = [run for _, run in every], list[EffectKey]()
     for cause in causes:
         if limit_of(cause) is None or cause.joint is None:
             continue
-        without = replace(extended, effects=tuple(term for term in extended.effects if term not in cause.terms))
-        pairs = [(compare(r, without, run), compare(r, extended, run)) for r, run in zip(all_recordings, runs)]
+        fewer = without_cause(extended, cause)
+        pairs = [(compare(r, fewer, run), compare(r, extended, run)) for r, run in every]
         compared = [(a, b) for a, b in pairs if a is not None and b is not None]
         noise = float(np.mean([run.noise[cause.joint - 1] for run in runs]))
         if all(shows_nothing(cause, a, b, noise) for a, b in compared) if compared else held_at_standstill(cause, runs):

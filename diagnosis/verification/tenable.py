@@ -22,14 +22,14 @@ from diagnosis.measurements.currents.estimates import estimates_of, together
 from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.measurements.currents.model import Currents
 from diagnosis.measurements.currents.possible import exists, impossible
-from diagnosis.measurements.currents.search import Selection, search, without, without_spurious
+from diagnosis.measurements.currents.search import Selection, refitted_without, search, without_spurious
 from diagnosis.measurements.currents.state import State
 from diagnosis.measurements.currents.structure.dominant import dominant, remainder_of
 from diagnosis.measurements.currents.structure.shared_bases import Bases
 from diagnosis.measurements.currents.structure.unexplained import Unexplained
 from diagnosis.residual.run import Run
 from diagnosis.selection.candidate import Candidate
-from diagnosis.selection.next_order import is_further_order
+from diagnosis.selection.harmonics import is_further_order
 from diagnosis.verification.final_gain import disproved, negligible, with_significance, within_model
 from identification.selection import Split
 
@@ -39,9 +39,7 @@ def tenable_causes(
 ) -> tuple[Selection, list[Cause]]:
     """Causes that the search finds and closed loops on held-out ``recordings`` do not refute.
 
-    runs: residuals of the held-out ones.
-
-    In the place of a refuted one it searches again.
+    In the place of a refuted one it searches again. runs: residuals of the held-out ones.
     """
     refused, bases = list[EffectKey](), Bases(*model.data)
     selection = _selected(_searched(model, refused, progress), bases, progress)
@@ -49,25 +47,19 @@ def tenable_causes(
         progress("estimating parameters")
         causes = causes_of(selection)
         progress("judging in closed loop")
-        removed = _needless(selection.state, causes)
-        if removed is not None:
-            selection = without_spurious(
-                without(selection.state, selection.state.chosen[removed]), bases, selection.refuted
-            )
-            continue
-        removed = _untenable(selection.state, causes, recordings, runs)
+        state = selection.state
+        needless = _needless(state, causes)
+        removed = _untenable(state, causes, recordings, runs) if needless is None else needless
         if removed is None:
-            return selection, with_significance(selection.state, causes)
-        candidate = selection.state.chosen[removed]
-        if is_further_order(candidate, [c for c in selection.state.chosen if c is not candidate]):
-            selection = without_spurious(without(selection.state, candidate), bases, selection.refuted)
-            continue
-        refused.append(candidate.key)
-        if len(refused) <= LIMITS.searched_again:
-            # another effect may explain the same
-            selection = _selected(_searched(model, refused, progress), bases, progress)
-        else:
-            selection = without_spurious(without(selection.state, candidate), bases, selection.refuted)
+            return selection, with_significance(state, causes)
+        candidate, others = state.chosen[removed], [*state.chosen[:removed], *state.chosen[removed + 1 :]]
+        if needless is None and not is_further_order(candidate, others):
+            refused.append(candidate.key)
+            if len(refused) <= LIMITS.searched_again:
+                # another effect may explain the same
+                selection = _selected(_searched(model, refused, progress), bases, progress)
+                continue
+        selection = without_spurious(refitted_without(state, candidate), bases, selection.refuted)
 
 
 def _significant_together(state: State, index: int) -> bool:
@@ -97,7 +89,7 @@ def _selected(state: State, bases: Bases, progress: Progress) -> Selection:
     progress("searching for unexplained structure")
     nothing, fewer = Unexplained([], [], {}), state
     while (removed := _needless(fewer, causes_of(Selection(fewer, nothing)))) is not None:
-        fewer = without(fewer, fewer.chosen[removed])
+        fewer = refitted_without(fewer, fewer.chosen[removed])
     selection = without_spurious(fewer, bases)
     if fewer is state or (selection.state is fewer and not selection.unexplained.structures):
         return selection
@@ -163,10 +155,6 @@ def _untenable(
     if index is not None and not _significant_together(state, index):
         return index
     full = with_smoothing_velocities(extend(arm, causes), recordings.fit)
-    velocities = [joint.sign_velocity for joint in full.joints]
-    without_each = [extend(arm, [other for other in causes if other is not cause]) for cause in causes]
-    smoothed = [
-        replace(fewer, joints=tuple(replace(joint, sign_velocity=v) for joint, v in zip(fewer.joints, velocities)))
-        for fewer in without_each
-    ]
-    return refuted(full, smoothed, [cause.felt_at or 1 for cause in causes], recordings.held_out, runs)
+    smoothed = arm.with_sign_velocities(full.joint_array("sign_velocity"))
+    without_each = [extend(smoothed, [other for other in causes if other is not cause]) for cause in causes]
+    return refuted(full, without_each, [cause.felt_at or 1 for cause in causes], recordings.held_out, runs)

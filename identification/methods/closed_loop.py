@@ -123,8 +123,7 @@ def simulated_motion(arm: Arm, recording: Recording, motion: Motion) -> Motion:
         raise InputError(
             recording.path,
             f"the simulated joint {joint} departs from the recorded motion; the model's controller is not that of "
-            "this run"
-            " (methods ols, wls and irls do without it)",
+            "this run (methods ols, wls and irls do without it)",
         )
     return smooth_motion(motion.t, run.qm, run.torque, band=motion.band)
 

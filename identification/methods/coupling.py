@@ -53,8 +53,7 @@ class Coupling:
         return (
             f"joint {self.joint}: {self.share:.0%} of the residual of the motor-link pair ({self.residual_rms:.2g} -> "
             f"{self.residual_rms_without:.2g} rms) is coupling torque of the other links, mostly of joint {most}, "
-            "which "
-            "biases the pair's inertia and friction"
+            "which biases the pair's inertia and friction"
         )
 
 

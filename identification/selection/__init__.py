@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from identification.selection.significance import (
         BLOCK_SECONDS,
         Index,
-        block_sums,
         p_value,
         shift_p_value,
     )
@@ -33,7 +32,6 @@ __all__ = [
     "Score",
     "Split",
     "Thresholds",
-    "block_sums",
     "eliminate",
     "p_value",
     "scaled",

@@ -23,12 +23,6 @@ DRAWS = 20000
 """Random shifts that the chance of a prediction is counted over."""
 
 
-def block_sums(values: Array, block: Index, blocks: int) -> Array:
-    """Sums of ``values`` (n,) over blocks numbered by ``block`` (n,) in 0..blocks-1; returns (blocks,)."""
-    sums: Array = np.bincount(block, weights=values, minlength=blocks).astype(float)
-    return sums
-
-
 def p_value(gains: Array) -> float:
     """Probability of a total gain at least this large if every block could as well have lost what it gained.
 

@@ -12,7 +12,7 @@ from arm_io.types import Array
 from arm_model import Arm
 from diagnosis.measurements.currents.design_matrix import Library, columns_of, dataset_of
 from diagnosis.measurements.currents.model import Currents
-from diagnosis.measurements.currents.search import without, without_spurious
+from diagnosis.measurements.currents.search import refitted_without, without_spurious
 from diagnosis.measurements.currents.structure.basis_functions import shapes_of
 from diagnosis.measurements.currents.structure.likely_variable import _predicted, likely_variable, share_kept
 from diagnosis.measurements.currents.structure.shared_bases import KNOTS, Bases, bends_of, splines_at
@@ -117,6 +117,6 @@ def test_when_a_cause_goes_those_that_stay_are_judged_anew(kind: str) -> None:
     own, other = Candidate(effect, 1), Candidate("rotor_inertia", 1)
     model = Currents(AXIS, data, Library((own, other), data), [])
     state = model.refitted([own, other], {own.key: [], other.key: []})
-    found = without_spurious(without(state, other), Bases(*data))
+    found = without_spurious(refitted_without(state, other), Bases(*data))
     assert found.state.chosen == ((own,) if stays else ())
     assert bool(found.unexplained.structures) is not stays

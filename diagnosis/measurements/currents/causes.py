@@ -85,7 +85,7 @@ def _ambiguity_group(candidate: Candidate, others: Fitted, state: State) -> tupl
 def _indistinguishable(candidate: Candidate, others: Fitted, state: State) -> list[EffectKey]:
     """Rivals whose columns this data does not distinguish from the candidate's, conditional on all others."""
     model, rows = state.model, len(state.data.fit.y)
-    basis = span_of(others.basis) if others.basis.shape[1] else span_of(np.zeros((rows, 1)))
+    basis = span_of(others.basis)
     own = model.columns(candidate).fit.dense(rows)
     return [
         rival.candidate.key

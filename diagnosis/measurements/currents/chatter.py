@@ -99,9 +99,8 @@ def _of_joint(effect: Effect, joint: int, runs: Split[Sequence[Run]], terms: Seq
     blocks = held_out.by_block
     evidence = (
         f"{held_out.explained:.0%} of the squared residual above the noise are where the load changes sign, where "
-        "teeth "
-        f"meet at instants that no law predicts, in "
-        f"{int(np.sum(blocks > LEAST_GAIN))} of {len(blocks)} one-second blocks"
+        f"teeth meet at instants that no law predicts, in {int(np.sum(blocks > LEAST_GAIN))} of {len(blocks)} "
+        "one-second blocks"
     )
     return Cause(
         effect=effect.name,

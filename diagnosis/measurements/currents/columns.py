@@ -20,7 +20,7 @@ from arm_model.effects import CATALOGUE, Effect, Instrument, Signals, Values
 from arm_model.effects.definition import Law
 from arm_model.system import inverse_dynamics
 from diagnosis.residual.expected_current import delayed, springs_at, terms_of
-from diagnosis.residual.filters import COMPARE_BAND, kept_rows, low_pass
+from diagnosis.residual.filters import COMPARE_BAND, Motion, kept_rows, low_pass
 from diagnosis.residual.gap import AS_FOUND, Teeth, gap_of, through_gap
 from diagnosis.residual.integration import in_series, integrated, spring_of, spring_twist
 from diagnosis.residual.noise.instruments import residual_gain
@@ -113,7 +113,7 @@ def _law(run: Run, candidate: Candidate, p: Values, s: Signals, at: slice) -> Ar
         # link angle = motor angle - deflection
         elastic = effect.spring is not None
         rates = _twisted(run, j, effect, p) if elastic else _rates(effect.deflection, p, s, drive.ratio, run)
-        change = _moved(run, j, at, *(-rate for rate in rates))
+        change = run.moved(j, at, _opposite(rates))
         if (spring := spring_of(effect, p)) is not None:
             in_all = in_series([*springs_at(terms_of(arm), j + 1), spring])
             change += swinging_beside(run, j, in_all, change, at)
@@ -123,14 +123,14 @@ def _law(run: Run, candidate: Candidate, p: Values, s: Signals, at: slice) -> Ar
     elif effect.angle is not None:
         # true angle = reading - error, of motor and link
         error, speed, acceleration = _rates(effect.angle, p, s, drive.ratio, run)
-        change = _moved(run, j, at, -error, -speed, -acceleration)
+        change = run.moved(j, at, (-error, -speed, -acceleration))
         change[:, place] -= drive.ratio**2 * drive.rotor_inertia * acceleration / drive.drive_constant
     if effect.wave:
         change *= _through(effect, p, drive, s)[:, None]
     return change
 
 
-def _rates(law: Law, p: Values, s: Signals, ratio: float, run: Run) -> tuple[Array, Array, Array]:
+def _rates(law: Law, p: Values, s: Signals, ratio: float, run: Run) -> Motion:
     """Value, rate and second rate (m,) of an angle that a law gives.
 
     One that follows the motor angle may turn faster than there are rows: its rates come by the chain rule, d/dt = ratio
@@ -147,7 +147,7 @@ def _rates(law: Law, p: Values, s: Signals, ratio: float, run: Run) -> tuple[Arr
     return value, slope * ratio * s.v, bend * (ratio * s.v) ** 2 + slope * ratio * s.a
 
 
-def _twisted(run: Run, j: int, effect: Effect, p: Values) -> tuple[Array, Array, Array]:
+def _twisted(run: Run, j: int, effect: Effect, p: Values) -> Motion:
     """Twist (m,) of a joint with a spring or with play, and its rates; at rest at the start of every recording.
 
     Of a spring in series with springs of the model: by how much it twists more than they alone.
@@ -162,7 +162,7 @@ def _twisted(run: Run, j: int, effect: Effect, p: Values) -> tuple[Array, Array,
     return twist, speed, acceleration
 
 
-def _wound_up(run: Run, j: int, springs: Sequence[tuple[float, float]]) -> tuple[Array, Array, Array]:
+def _wound_up(run: Run, j: int, springs: Sequence[tuple[float, float]]) -> Motion:
     """Twist (m,) of a joint with springs in series, and its rates."""
     load, inertia, spring = run.brisk_rigid[:, j], run.inertia[:, j], in_series(springs)
     eased = run.eased(j)
@@ -174,7 +174,7 @@ def _wound_up(run: Run, j: int, springs: Sequence[tuple[float, float]]) -> tuple
     return twist, speed, acceleration
 
 
-def _lost_motion(run: Run, j: int, half_gap: float, teeth: Teeth) -> tuple[Array, Array, Array]:
+def _lost_motion(run: Run, j: int, half_gap: float, teeth: Teeth) -> Motion:
     """Twist (m,) of a joint with backlash, and its rates; from raw rows, as a free flight takes few thinned rows."""
     gaps = []
     for flying in run.recordings or (run,):
@@ -188,8 +188,12 @@ def _lost_motion(run: Run, j: int, half_gap: float, teeth: Teeth) -> tuple[Array
 
 def column_of_gap(run: Run, joint: int, half_gap: float, teeth: Teeth) -> Array:
     """(m, 1) A: change of the current of a joint (from 1) by play of ``half_gap`` rad (m), as its ``teeth`` meet."""
-    motion = (-rate for rate in _lost_motion(run, joint - 1, half_gap, teeth))
-    return _moved(run, joint - 1, slice(joint - 1, joint), *motion)
+    return run.moved(joint - 1, slice(joint - 1, joint), _opposite(_lost_motion(run, joint - 1, half_gap, teeth)))
+
+
+def _opposite(motion: Motion) -> Motion:
+    angle, speed, acceleration = motion
+    return -angle, -speed, -acceleration
 
 
 def _states(effect: Effect, p: Values, s: Signals, run: Run) -> Array:
@@ -207,11 +211,6 @@ def _slope(law: Law, p: Values, s: Signals) -> Array:
     up, down = (np.asarray(law(p, replace(s, motor=s.motor + sign * step)), float) for sign in (1.0, -1.0))
     slope: Array = (up - down) / (2 * step)
     return slope
-
-
-def _moved(run: Run, j: int, at: slice, angle: Array, speed: Array, acceleration: Array) -> Array:
-    """(m, j) A: change of the expected currents of the joints ``at`` if link j is displaced by ``angle`` (m,) rad."""
-    return run.moved(j, at, (angle, speed, acceleration))
 
 
 def _changed(run: Run, arm: Arm, effect: Effect, joint: int | None, unit: Values) -> Array:
@@ -255,7 +254,7 @@ def _coupled(run: Run, arm: Arm, unit: Values) -> Array:
         # rotation of the motors that rotates link i alone
         for k in np.flatnonzero(back[:, i]):
             by = value * back[k, i]
-            change += _moved(run, int(k), all_joints, by * run.q[:, j], by * run.v[:, j], by * run.a[:, j])
+            change += run.moved(int(k), all_joints, (by * run.q[:, j], by * run.v[:, j], by * run.a[:, j]))
         change[:, j] += value * at_links[:, i] / constant[j]
     return change
 

@@ -66,7 +66,7 @@ def _in_place(state: State, chosen: Sequence[Candidate], last: Candidate, rivals
     return state.model.refitted(chosen, {**state.rivals, last.key: rivals})
 
 
-def without(state: State, removed: Candidate) -> State:
+def refitted_without(state: State, removed: Candidate) -> State:
     """A state less one candidate, the others fitted anew."""
     return state.model.refitted([c for c in state.chosen if c is not removed], state.rivals)
 

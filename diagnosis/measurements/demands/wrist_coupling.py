@@ -21,7 +21,7 @@ from diagnosis.cause import Estimate
 from diagnosis.residual.noise.channels import angle_noise
 from diagnosis.residual.signals import direction_of
 from diagnosis.screening.event import Event, Gain
-from identification.selection import BLOCK_SECONDS, Thresholds, block_sums, p_value, scaled_lstsq
+from identification.selection import BLOCK_SECONDS, Thresholds, p_value, scaled_lstsq
 from identification.selection.cluster_covariance import cluster_covariance, numbered_on
 
 Index = NDArray[np.intp]
@@ -140,7 +140,7 @@ def _coupled_axis(fit: Sequence[Recording], held_out: Sequence[Recording], axis:
     for source, target in [sides, *([sides[::-1]] if parts else [])]:
         without.append(target.difference - target.own @ _solved(source.own, source.difference))
         residual.append(target.difference - target.columns @ _solved(source.columns, source.difference))
-        gains.append(block_sums(without[-1] ** 2 - residual[-1] ** 2, target.block, int(target.block[-1]) + 1))
+        gains.append(np.bincount(target.block, weights=without[-1] ** 2 - residual[-1] ** 2))
     before, after = (float(np.sqrt(np.mean(np.concatenate(values) ** 2))) for values in (without, residual))
     p = p_value(np.concatenate(gains))
     source = sides[0]

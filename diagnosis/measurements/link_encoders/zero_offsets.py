@@ -67,8 +67,7 @@ def _zero_sentence(joint: int, each: Mapping[str, Estimate]) -> str:
         return (
             f"the motor encoder of joint {joint} reads {', '.join(readings)} than the link encoder: one of them gets "
             "a new zero at every start, so that the value differs between recordings; each held-out recording is "
-            "judged "
-            "relative to its own value"
+            "judged relative to its own value"
         )
     return (
         f"the motor encoder of joint {joint} reads {readings[0]} than the link encoder at all positions; a level or a "
