@@ -89,4 +89,5 @@ def test_only_what_is_outside_of_the_span_is_left(seed: int) -> None:
     assert np.linalg.norm(span.remove(columns @ rng.normal(size=4))) < 1e-10
     left = other - columns @ np.linalg.lstsq(columns, other, rcond=None)[0]
     np.testing.assert_allclose(span.remove(other), left, atol=1e-12)
-    assert confusability(span, left, left + columns @ rng.normal(size=4)) == pytest.approx(1.0)
+    alike = left + columns @ rng.normal(size=4)
+    assert confusability(span, left[:, None], alike[:, None]) == pytest.approx(1.0)
