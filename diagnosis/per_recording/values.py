@@ -21,8 +21,10 @@ from arm_model import EffectTerm
 from arm_model.effects import Instrument
 from diagnosis.cause import Cause, Estimate, confidence_of
 from diagnosis.measurements.currents.design_matrix import columns_of
+from diagnosis.measurements.currents.estimates import slow_variance_of
 from diagnosis.measurements.currents.possible import exists
 from diagnosis.measurements.currents.state import State
+from diagnosis.measurements.currents.structure.unseen_friction import unseen_by_joint
 from diagnosis.remainder.against_noise import ratios
 from diagnosis.residual.comparable_rows import comparable_rows, rms_where
 from diagnosis.residual.other_effects import with_own
@@ -305,13 +307,23 @@ def _alone(run: Run, x: Array, y: Array, unknown: Array) -> SingleEstimate:
     """Coefficients by one recording; ``unknown`` (k,): std of those that it says nothing of.
 
     Where a joint stands, what friction does is one unknown for as long as it stands: its rows are no evidence each.
+    Where it creeps, how friction turns round is one unknown of the joint (``unseen_friction``).
     """
-    moves = comparable_rows(run).T.ravel()
-    x, y = np.where(moves[:, None], x, 0.0), np.where(moves, y, 0.0)
+    moves = comparable_rows(run)
+    rows = moves.T.ravel()
+    x, y = np.where(rows[:, None], x, 0.0), np.where(rows, y, 0.0)
     values = scaled_lstsq(x, y, INDEPENDENT)
-    block = np.tile(run.block, run.q.shape[1])
-    covariance = cluster_covariance(x, [y - x @ values], block, independent=INDEPENDENT, unknown=unknown)
-    return SingleEstimate(run.name, values, covariance + np.diag((SAME * values) ** 2))
+    residual = y - x @ values
+    covariance = cluster_covariance(
+        x,
+        [residual],
+        np.tile(run.block, run.q.shape[1]),
+        independent=INDEPENDENT,
+        unknown=unknown,
+        variance=slow_variance_of([residual.reshape(moves.T.shape).T], [run], [moves]),
+    )
+    at_rest = scaled_lstsq(x, unseen_by_joint([run]), INDEPENDENT)
+    return SingleEstimate(run.name, values, covariance + at_rest @ at_rest.T + np.diag((SAME * values) ** 2))
 
 
 def _predicted_gains(x: Array, y: Array, without: Array, block: NDArray[np.intp]) -> Array:

@@ -29,9 +29,10 @@ WAVES, HUMP = np.array([11.0, 13.0]), 0.15
 class Day:
     """What is different in one recording: a load of kg at x, y m in the last frame; factors and more of the others.
 
-    ripple: share of all friction that waves with the angles of the joints, ``WAVES`` times per turn. hump: N m of
-    friction more at rest, of which 1/e is left at ``HUMP`` rad/s. held: N m of all friction of joint 1, which creeps
-    by a thousandth of its motion; None: it moves.
+    positive: N m of Coulomb friction more in that direction. ripple: share of all friction that waves with the angles
+    of the joints, ``WAVES`` times per turn. hump: N m of friction more at rest, of which 1/e is left at ``HUMP`` rad/s.
+    width: rad/s, of the speeds in which friction turns round. slow: share of its motion that joint 1 does. held: N m of
+    all friction of joint 1, which does not follow its speed; None: it does.
     """
 
     load: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -39,8 +40,11 @@ class Day:
     offset: tuple[float, float] = (0.0, 0.0)
     coulomb: tuple[float, float] = (0.0, 0.0)
     viscous: tuple[float, float] = (0.0, 0.0)
+    positive: tuple[float, float] = (0.0, 0.0)
     ripple: float = 0.0
     hump: tuple[float, float] = (0.0, 0.0)
+    width: float = WIDTH
+    slow: float = 1.0
     held: float | None = None
 
 
@@ -83,8 +87,9 @@ def torque(q: np.ndarray, v: np.ndarray, a: np.ndarray, day: Day) -> np.ndarray:
         for joint in range(link + 1):
             arm = own + joints[link] - joints[joint]
             total[:, joint] += mass * (arm[:, 0] * felt[:, 1] - arm[:, 1] * felt[:, 0]) + about * turn[:, link]
-    sign = v / np.hypot(v, WIDTH)
+    sign = v / np.hypot(v, day.width)
     friction = (VISCOUS + day.viscous) * v + (COULOMB + day.coulomb + day.hump * np.exp(-((v / HUMP) ** 2))) * sign
+    friction += day.positive * np.maximum(sign, 0.0)
     if day.held is not None:
         friction[:, 0] = day.held
     return total + ROTOR * a + friction * (1.0 + day.ripple * np.sin(WAVES * q))
@@ -100,9 +105,8 @@ def residual_of(arm: Arm, seed: int, day: Day, *, zeros: tuple[float, float] = (
 def recorded(path: Path, seed: int, day: Day, *, seconds: float = 12.0) -> Recording:
     """A recording of the motion ``seed`` as it was on that day."""
     t, q, v, a = motion(seed, seconds)
-    if day.held is not None:
-        q[:, 0] = q[0, 0] + 1e-3 * (q[:, 0] - q[0, 0])
-        v[:, 0], a[:, 0] = 1e-3 * v[:, 0], 1e-3 * a[:, 0]
+    q[:, 0] = q[0, 0] + day.slow * (q[:, 0] - q[0, 0])
+    v[:, 0], a[:, 0] = day.slow * v[:, 0], day.slow * a[:, 0]
     rng, step = np.random.default_rng(seed + 1), 2 * np.pi / COUNTS
     current = torque(q, v, a, day) / DRIVE * day.gain + day.offset + 0.005 * rng.normal(size=q.shape)
     write_table(path, t, {"q": np.round(q / step) * step, "i": current}, Attachments())

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
+from numpy.typing import NDArray
 from scipy import stats
 
 from arm_io.types import Array
 from diagnosis.cause import Estimate
 from diagnosis.measurements.currents.design_matrix import columns_of
 from diagnosis.measurements.currents.state import State
+from diagnosis.measurements.currents.structure.unseen_friction import unseen_by_joint
+from diagnosis.residual.run import Run
 from diagnosis.selection.candidate import RELATIVE_STEP, Candidate
 from diagnosis.selection.design import Columns, Dataset
 from diagnosis.selection.estimates import estimates
@@ -54,9 +59,9 @@ def covariance_of(state: State) -> tuple[Array, list[slice]]:
 
     It is clustered by block, with one more column for every nonlinear parameter (derivative of its
     columns). In addition to the residual, the share ``Limits.systematic`` of what is explained is uncertain,
-    independently in every block; so are the parameters of a model that says so, and what may fold at joints that show
-    more; and the residual of every joint, as if it were alike in all blocks, correlated as it is: a column that acts
-    in few of them follows what is there.
+    independently in every block; so are the parameters of a model that says so, how friction turns round near rest
+    (one unknown per joint), and what may fold at joints that show more; and the residual of every joint, as if it were
+    alike in all blocks, correlated as it is: a column that acts in few of them follows what is there.
     """
     model, fit = state.model, state.data.fit
     x, unknown, places = list[Array](), list[Array](), list[slice]()
@@ -77,28 +82,39 @@ def covariance_of(state: State) -> tuple[Array, list[slice]]:
         fit.block,
         independent=model.limits.independent,
         unknown=np.concatenate([*unknown, np.zeros(len(model.free))]),
-        variance=_slow_variance(state.residual.fit, fit),
+        variance=slow_variance_of(fit.by_recording(state.residual.fit), fit.runs),
     )
-    directions = [] if model.uncertain is None else [model.uncertain.stated]
+    directions = [unseen_by_joint(fit.runs)]
+    if model.uncertain is not None:
+        directions.append(model.uncertain.stated)
     if (folded := _folded(fit)).size:
         directions.append(folded)
     for direction in directions:
-        # error of the coefficients due to errors of the model's parameters, or to what may fold
+        # error of the coefficients due to friction near rest, to errors of the model's parameters, or to what may fold
         moved = scaled_lstsq(design, direction, model.limits.independent)
         covariance = covariance + moved @ moved.T
     return covariance, places
 
 
-def _slow_variance(residual: Array, fit: Dataset) -> Array:
-    """(N,) of a whitened residual (N,): near standstill its std is that of friction, and it is next to nothing."""
-    alike = max(run.alike for run in fit.runs)
-    longest = round(CORRELATED * min(run.per_second for run in fit.runs))
-    of_joints = []
-    for joint in range(1, len(residual) // fit.rows + 1):
-        share = fit.at_joint("instruments", joint) / fit.at_joint("deviation", joint)
-        values, shares = map(fit.split, (residual[fit.of(joint)], share))
-        of_joints.append(slow_variance(values, shares, longest, alike))
-    return np.concatenate(of_joints)
+def slow_variance_of(
+    residuals: Sequence[Array], runs: Sequence[Run], rows: Sequence[NDArray[np.bool_]] | None = None
+) -> Array:
+    """(N,) variance of every row of whitened residuals (m, n) of recordings, times the rows that count as one.
+
+    Near standstill the std of a row is that of friction, and its whitened residual is next to nothing. rows (m, n)
+    each: those that are judged, while the residual of the others is 0; None: all.
+    """
+    alike = max(run.alike for run in runs)
+    longest = round(CORRELATED * min(run.per_second for run in runs))
+    shares = [run.instruments / run.deviation for run in runs]
+    if rows is not None:
+        shares = [share * judged for share, judged in zip(shares, rows)]
+    return np.concatenate(
+        [
+            slow_variance([one[:, j] for one in residuals], [share[:, j] for share in shares], longest, alike)
+            for j in range(len(runs[0].arm))
+        ]
+    )
 
 
 def _folded(fit: Dataset) -> Array:

@@ -12,12 +12,20 @@ from collections.abc import Sequence
 import numpy as np
 
 from arm_io.types import Array
+from diagnosis.residual.comparable_rows import comparable_rows
 from diagnosis.residual.run import Run
 
 
 def unseen_friction(runs: Sequence[Run]) -> Array:
     """(n rows,) as ``Dataset.y``: one std of what friction may have near rest against the motion, over the noise."""
     return np.concatenate([_of_run(run) for run in runs]).T.ravel()
+
+
+def unseen_by_joint(runs: Sequence[Run]) -> Array:
+    """(n rows, n) ``unseen_friction`` of each joint in a column of its own, where its rows are compared."""
+    of_joints = np.concatenate([_of_run(run) * comparable_rows(run) for run in runs]).T
+    apart: Array = of_joints[:, :, None] * np.eye(len(of_joints))[:, None, :]
+    return apart.reshape(-1, len(of_joints))
 
 
 def _of_run(run: Run) -> Array:
