@@ -108,6 +108,12 @@ class Columns:
             x, known = x[:, columns], None if known is None else known[columns]
         return Columns(x, where, known)
 
+    def without(self, rows: slice) -> Columns:
+        """The columns, 0 at some of the rows ``where`` they are, by their places in ``y``."""
+        x = self.x.copy()
+        x[rows.start - self.where.start : rows.stop - self.where.start] = 0.0
+        return Columns(x, self.where, self.known)
+
     def dot(self, values: Array) -> Array:
         """x^T other, for other (N,) or (N, r)."""
         product: Array = self.x.T @ values[self.where]

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy import signal
 
 from arm_io.types import Array
 from diagnosis.measurements.currents.structure.basis_functions import _plane_wave, _play
 from diagnosis.measurements.currents.structure.shared_bases import harmonics_of
-from diagnosis.residual.noise.channels import QUIET_ROWS, quiet_noise
+from diagnosis.residual.noise.channels import QUIET_ROWS, _about_lines, is_stationary
 
 
 def _row_by_row(values: Array, width: float) -> Array:
@@ -34,15 +35,29 @@ def test_the_strongest_wave_of_two_angles_is_found() -> None:
         assert _plane_wave(wave, harmonics_of(own), harmonics_of(other)) == (c, d)
 
 
-def test_quiet_noise_is_the_scatter_about_straight_lines() -> None:
+@pytest.mark.parametrize("correlated", [0.0, 0.03, 0.1, 0.15])
+def test_noise_is_stationary_however_it_is_correlated(correlated: float) -> None:
+    """Of 15 s, a twentieth of whose rows do not count; its rms alone is up to twice that of its quietest seconds."""
+    random, keeps = np.random.default_rng(2), np.exp(-0.01 / correlated) if correlated else 0.0
+    block, stationary = np.arange(1500) // 100, 0
+    for _ in range(20):
+        noise = signal.lfilter([1.0], [1.0, -keeps], random.standard_normal(3000))[1500:]
+        rows = np.flatnonzero(random.random(1500) > 0.05)
+        stationary += is_stationary(noise, block, rows)
+        assert not is_stationary(noise * np.where(block % 3 == 0, 1.0, 0.3), block, rows)
+        assert not is_stationary(noise + 5.0 * np.std(noise) * np.linspace(-1.0, 1.0, 1500) ** 3, block, rows)
+        assert not is_stationary(noise, block, rows[:300])
+    assert stationary >= 18
+
+
+def test_deviations_are_from_straight_lines() -> None:
     random = np.random.default_rng(2)
-    residual = random.standard_normal((2000, 3)) + np.linspace(0.0, 30.0, 2000)[:, None]
-    known, block = random.random((2000, 3)) > 0.3, np.arange(2000) // 100
-    for j, found in enumerate(quiet_noise(residual, known, block)):
-        stds = []
-        for number in range(20):
-            rows = np.flatnonzero((block == number) & known[:, j])
-            if len(rows) >= QUIET_ROWS:
-                line = np.polynomial.Polynomial.fit(rows, residual[rows, j], 1)
-                stds.append(np.std(residual[rows, j] - line(rows)))
-        assert abs(found - np.quantile(stds, 0.2)) < 1e-10
+    residual = random.standard_normal(2000) + np.linspace(0.0, 30.0, 2000)
+    rows, block = np.flatnonzero(random.random(2000) > 0.3), np.arange(2000) // 100
+    stds = []
+    for number in range(20):
+        own = rows[block[rows] == number]
+        if len(own) >= QUIET_ROWS:
+            line = np.polynomial.Polynomial.fit(own, residual[own], 1)
+            stds.append(np.std(residual[own] - line(own)))
+    assert _about_lines(rows, residual[rows], block[rows]) == pytest.approx(stds)

@@ -25,13 +25,15 @@ from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Dataset, Pair
 from diagnosis.selection.harmonics import is_further_order, is_of_ripple
 from diagnosis.selection.next_order import next_orders, of_last_term, small_term, term_share
-from diagnosis.selection.regression import best_of_each, fit_gain, score
+from diagnosis.selection.regression import SPARSE_P, best_of_each, fit_gain, score
 from diagnosis.selection.ripple_orders import detectable, joint_of_ripple
 from diagnosis.selection.unseen_inertia import explained, unseen_inertia
 from identification.selection import MeasurementModel, Score, Split, p_value
 
 FIRST_ORDER = 2e-3
 """s: a delay whose change of a current at COMPARE_BAND is of the first order, 2 pi 20 Hz times it a quarter."""
+CONFIRMED = 0.05
+"""Probability of a held-out gain by chance below which it confirms what all recordings show together."""
 DELAYS = 6
 """Values at most by which the value of a long delay is approached."""
 
@@ -72,31 +74,45 @@ class Currents(MeasurementModel[Candidate, State]):
         every = [c for c in self.library if not c.about or c in long]
         best = best_of_each(every, self.library.where_shown, state.fitted, self.taken(state))
         self.library.compute(best)
-        scores = [score(c, self.library[c], state.fitted, state.data.held_out) for c in best]
+        scores = [self._scored(c, self.library[c], state) for c in best]
         scores += [
-            score(alone, self._of_column(c, k), state.fitted, state.data.held_out)
-            for c in best
-            for k, alone in enumerate(c.single_sizes())
+            self._scored(alone, self._of_column(c, k), state) for c in best for k, alone in enumerate(c.single_sizes())
         ]
         scores += [
-            score(body, self._of_inertia(body), state.fitted, state.data.held_out)
+            self._scored(body, self._of_inertia(body), state)
             for body in (body_of(c) for c in state.chosen if not c.body)
             if body is not None
         ]
         scores += [
-            score(c, of_last_term(self.columns(c)), state.fitted, state.data.held_out)
+            self._scored(c, of_last_term(self.columns(c)), state)
             for k, (chosen, own) in enumerate(zip(state.chosen, state.coefficients))
             if not is_further_order(chosen, state.chosen[:k])
             for c in next_orders(chosen, own, self.seconds)
         ]
         scores += [
-            score(c, self.library[c], state.fitted, state.data.held_out)
+            self._scored(c, self.library[c], state)
             for c in self.library
             if is_further_order(c, state.chosen) and c.key not in self.excluded
         ]
         return sorted(
             scores, key=lambda score: -score.gain * (1.0 + self.limits.family * self._of_chosen(score, state))
         )
+
+    def _scored(self, candidate: Candidate, pair: Pair, state: State) -> Score[Candidate]:
+        """A candidate of these columns conditional on those chosen.
+
+        The signs of few held-out blocks may agree by chance. Where they confirm an effect of the whole arm, its
+        probability by chance is that of all recordings together (Wald test), without the joint that shows it most: what
+        another law leaves at a joint is at no other.
+        """
+        own = score(candidate, pair, state.fitted, state.data.held_out)
+        if candidate.joint is not None or own.gain <= 0.0 or not SPARSE_P < own.p < CONFIRMED:
+            return own
+        chances = []
+        for joint in range(1, len(self.arm) + 1):
+            fit, held_out = (columns.without(side.of(joint)) for columns, side in zip(pair, self.data))
+            chances.append(state.significance.chance(Split(fit, held_out)))
+        return replace(own, p=min(own.p, max(chances)))
 
     def _of_chosen(self, score: Score[Candidate], state: State) -> bool:
         """Whether a candidate extends an effect that is already chosen; at equal gain it precedes a new effect."""
@@ -203,7 +219,7 @@ class Currents(MeasurementModel[Candidate, State]):
 
     def conditional(self, candidate: Candidate, without: State, state: State) -> Score[Candidate]:
         """One candidate conditional on all others."""
-        return score(candidate, self.columns(candidate), without.fitted, state.data.held_out)
+        return self._scored(candidate, self.columns(candidate), without)
 
     def after_round(self, state: State) -> State:
         """The data corrected by the exact model of the chosen."""
@@ -232,7 +248,7 @@ class Currents(MeasurementModel[Candidate, State]):
         trial = _replaced(state, chosen, sharp)
         for with_term in next_orders(sharp, trial.coefficients[place], self.seconds):
             own = of_last_term(self.columns(with_term))
-            if self.admissible(score(with_term, own, trial.fitted, trial.data.held_out), trial):
+            if self.admissible(self._scored(with_term, own, trial), trial):
                 return _replaced(trial, sharp, refined(with_term, others, self.data.fit))
         return trial
 

@@ -22,6 +22,7 @@ from arm_model.rigid_body.regressor import regressor
 from arm_model.system import inverse_dynamics
 from arm_model.tables import Uncertainty
 from diagnosis.another_day import friction_beyond, friction_near_rest, known_on_another_day
+from diagnosis.measurements.currents.structure.unseen_friction import unseen_by_joint
 from diagnosis.residual.run import Run
 from diagnosis.selection.beyond_model import Evidence
 from diagnosis.selection.design import Dataset, Pair
@@ -161,9 +162,12 @@ class Significance:
     def _evidence(self) -> Evidence:
         fit, held_out = self._data
         free = np.hstack([np.zeros((len(self._weight), 0)), *map(self._stack, self._others)])
-        directions = np.zeros((len(free), 0))
-        if self._known is not None:
-            directions = np.concatenate(list(self._known.directions)) * self._weight[:, None]
+        # of an identified model, friction near rest is part of what is known
+        if self._known is None:
+            of_model = self._data.map(lambda side: unseen_by_joint(side.runs))
+        else:
+            of_model = self._known.directions
+        directions = np.concatenate(list(of_model)) * self._weight[:, None]
         y = np.concatenate([side.y for side in self._data]) * self._weight
         block = np.concatenate([fit.block, held_out.block + int(fit.block.max()) + 1])
         alike = float(np.mean([run.alike for side in self._data for run in side.runs]))

@@ -22,6 +22,13 @@ QUIET_ROWS = 60
 """Rows that a quiet block must have."""
 QUIET_BLOCKS = 5
 """Quiet blocks that there must be."""
+VARIES = 1.5
+"""Rms of deviations from straight lines over that in the quietest fifth of all seconds, from which noise does not vary.
+
+Of noise correlated over 0.03 to 0.4 s it is 1.1 to 1.35.
+"""
+IN_LINES = 1.55
+"""Rms of noise over that of its deviations from straight lines of one second, where it is correlated over 0.25 s."""
 END_SECONDS = 0.1
 """Beginning of a recording that is excluded: filter transient and start of the drives."""
 TOP = 0.7
@@ -224,19 +231,19 @@ def _standstill(recording: Recording) -> slice | None:
     return slice(first, last) if last - first > STILL_SECONDS * rate else None
 
 
-def quiet_noise(residual: Array, known: NDArray[np.bool_], block: NDArray[np.intp]) -> Array:
-    """(n,) std of residual currents (m, n) about straight lines in the quietest fifth of their blocks.
+def is_stationary(residual: Array, block: NDArray[np.intp], rows: NDArray[np.intp]) -> bool:
+    """Whether a residual (m,), of which ``rows`` (k,) count, is as large in the quietest seconds as in all others.
 
-    0 for too few ``known`` rows. Noise correlated over longer than the initial standstill cannot be estimated from it.
-    The effect of an error on a current varies from second to second; noise is present in the quietest.
+    Noise is, however it is correlated; the effect of an error varies from second to second. False for too few rows.
+    Compared are deviations from straight lines; what lies in the lines is no more than noise has there.
     """
-    noise = np.zeros(residual.shape[1])
-    for j in range(residual.shape[1]):
-        rows = np.flatnonzero(known[:, j])
-        stds = _about_lines(rows, residual[rows, j], block[rows])
-        if len(stds) >= QUIET_BLOCKS:
-            noise[j] = np.quantile(stds, 0.2)
-    return noise
+    values = residual[rows]
+    stds = _about_lines(rows, values, block[rows])
+    if len(stds) < QUIET_BLOCKS:
+        return False
+    about_lines = float(np.sqrt(np.mean(stds**2)))
+    in_all = float(np.sqrt(np.mean(values**2)))
+    return about_lines <= VARIES * float(np.quantile(stds, 0.2)) and in_all <= IN_LINES * about_lines
 
 
 def _about_lines(x: NDArray[np.intp], y: Array, block: NDArray[np.intp]) -> Array:

@@ -7,11 +7,8 @@ import numpy as np
 from arm_io.types import Array
 from arm_model import Arm
 from diagnosis.measurements.currents.limits import LIMITS
-from diagnosis.residual.noise.channels import quiet_noise
+from diagnosis.residual.noise.channels import is_stationary
 from diagnosis.selection.design import Dataset
-
-VARIES = 1.5
-"""Rms of a residual over that in its quietest seconds from which it varies, as noise does not."""
 
 
 def joints_above_noise(residual: Array, side: Dataset, arm: Arm) -> list[int]:
@@ -35,5 +32,5 @@ def noise_ratio(residual: Array, side: Dataset, joint: int) -> float:
         return 1.0
     of_joint, block = residual[side.of(joint)], side.block[side.of(joint)]
     ratio = float(np.sqrt(np.mean(of_joint[comparable] ** 2)))
-    quiet = float(quiet_noise(of_joint[:, None], comparable[:, None], block)[0])
-    return ratio if ratio > LIMITS.far_above_noise or ratio > VARIES * quiet else min(ratio, 1.0)
+    far = ratio > LIMITS.far_above_noise
+    return ratio if far or not is_stationary(of_joint, block, np.flatnonzero(comparable)) else min(ratio, 1.0)
