@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from arm_io.types import Progress
-from identification.methods.friction_trial import FrictionTrial, trial_of
+from identification.methods.friction_trial import FrictionTrial, trials_of
 from identification.methods.held_out import cross_validated, held_out_residuals
 from identification.methods.load_and_temperature import Dependence, with_load_and_temperature
 from identification.methods.solution import Solution, fitted_arm, friction_sizes, solve
@@ -40,8 +40,8 @@ def with_free_friction(
     if added:
         straight = solve(with_terms(problem, fitted_arm(straight), added, degc), method, progress)
     both, sizes = (straight, wider), friction_sizes(straight.problem, straight.best)
-    held_out, every = held_out_residuals(*both), cross_validated(*both)
-    trials = [trial_of(j, held_out, every, speed[0], float(sizes[j]), len(speeds)) for j, speed in speeds.items()]
+    slowest = {j: float(speed[0]) for j, speed in speeds.items()}
+    trials = trials_of(held_out_residuals(*both), cross_validated(*both), slowest, sizes)
     trials = [replace(trial, stays=True) for trial in trials] if always else trials
     stay = {trial.joint - 1: speeds[trial.joint - 1] for trial in trials if trial.stays}
     if not stay:

@@ -16,7 +16,7 @@ import numpy as np
 from arm_io.types import Array, Progress
 from arm_model import Arm, EffectTerm
 from arm_model.effects import CATALOGUE
-from identification.methods.friction_trial import trial_of
+from identification.methods.friction_trial import trials_of
 from identification.methods.held_out import cross_validated, held_out_residuals
 from identification.methods.solution import Solution, fitted_arm, friction_sizes, solve
 from identification.preprocessing.signals import Motion
@@ -157,12 +157,11 @@ def _no_temperature(motions: Sequence[Motion], seen: Sequence[Conditions], certa
 def _justified(found: Solution, wider: Solution, tried: _Tried) -> tuple[list[EffectTerm], dict[int, str]]:
     """The effects that stay, with those coefficients alone that are clearly not zero, and per joint the reason."""
     values, joints = _estimates(wider), sorted({j for j, _ in _kinds(tried.terms)})
-    held_out, every = held_out_residuals(found, wider), cross_validated(found, wider)
-    sizes = friction_sizes(found.problem, found.best)
+    residuals = held_out_residuals(found, wider), cross_validated(found, wider)
+    slowest = {j: tried.slowest[j] for j in joints}
     stay: list[EffectTerm] = []
     why: dict[int, str] = {}
-    for j in joints:
-        trial = trial_of(j, held_out, every, tried.slowest[j], float(sizes[j]), len(joints))
+    for j, trial in zip(joints, trials_of(*residuals, slowest, friction_sizes(found.problem, found.best))):
         unit = "N m" if found.problem.arm.joints[j].revolute else "N"
         why[j] = trial.compared(unit)
         if not trial.stays:

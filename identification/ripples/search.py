@@ -1,8 +1,9 @@
 """Which ripples a model lacks, decided on held-out rows.
 
 Of what a regression leaves of a joint, the wave that stands out most of those of neighbouring orders is fitted with its
-order, and judged where nothing was fitted: it stays where it reduces the held-out squares in more blocks of time than
-chance allows, is clearly not zero, and matters beside the joint's friction. Then the next, while one stands out.
+order, and judged where nothing was fitted: it stays where the held-out residual follows it, in its phase, further than
+waves of neighbouring orders there by chance, is clearly not zero, and matters beside the joint's friction. Then the
+next, while one stands out.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
+from scipy import ndimage, stats
 
 from arm_io.progress import Step
 from arm_io.types import Array, Progress
@@ -23,7 +24,6 @@ from identification.ripples.fit import Fitted, Wave, fit_waves, with_whole_turns
 from identification.ripples.result import Ripple
 from identification.ripples.rows import WideRows, wide_rows
 from identification.ripples.scan import CLOSE, orders_of, wave_sums
-from identification.selection import p_value
 
 STANDS_OUT = 10.0
 """Times the gain that waves of neighbouring orders have on average, which a large wave raises: with noise alone, one
@@ -33,7 +33,7 @@ NEIGHBOURS = 41
 MOST = 8
 """Waves that are judged at a joint."""
 BY_CHANCE = 0.01
-"""Probability, over all that was judged, that blocks of noise gain as much on held-out rows as a law that stays."""
+"""Probability, over all that was judged, that noise does as much on held-out rows as a law that stays."""
 SIGNIFICANT_STDS = 4.0
 """Deviations from zero of the torque of a ripple that stays."""
 MATTERS = 0.005
@@ -122,8 +122,7 @@ class _Joint:
         unit = "N m" if joint.revolute else "N"
         of_joint = held.equations.joint == self.j
         one, other = (fit.residual[1][of_joint] for fit in (before, after))
-        gain = np.bincount(held.block[of_joint], weights=one**2 - other**2) if of_joint.any() else np.zeros(1)
-        p = p_value(gain[gain != 0.0].astype(float))
+        p = self._by_chance(one, other, after)
         errors = [float(np.sqrt(np.mean(each**2))) * held.noise[self.j] if len(each) else 0.0 for each in (one, other)]
         errors_said = f"held-out error {errors[0]:.3g} -> {errors[1]:.3g} {unit}"
         (torque, _, _), covariance = after.parameters(-1 % len(after.waves), joint.ratio)
@@ -138,6 +137,27 @@ class _Joint:
         if torque / np.sqrt(2.0) < MATTERS * self.friction:
             return f"less than {MATTERS:.1%} of the joint's friction; {errors_said}", False
         return errors_said, True
+
+    def _by_chance(self, before: Array, after: Array, fit: Fitted) -> float:
+        """Probability that noise follows the last wave of a fit as far, in its phase, as the held-out rows do.
+
+        before, after: (k,) held-out residual of the joint without and with that wave.
+
+        Of noise, the component along a wave is as large as along those of neighbouring orders, which have its colour
+        and act in the same seconds (Student's t, two degrees of freedom per cycle within the travel). Few seconds show
+        this of a wave of many cycles; blocks of time of them are too few to count.
+        """
+        held, wave = self.rows.held_out, before - after
+        own = orders_of(held.motions, self.j)
+        if len(own) < NEIGHBOURS // 2 or not wave.any():
+            return 1.0
+        step = float(own[1] - own[0])
+        distance = np.abs(own - fit.waves[-1].order) / step
+        near = own[(distance >= APART / CLOSE) & (distance <= max(NEIGHBOURS / 2, np.sort(distance)[NEIGHBOURS // 2]))]
+        residual = _by_motion(fit.residual[1], held.kept, held.motions)
+        both_phases = float(np.mean(_gains(held.motions, residual, self.j, near)[0]))
+        along = float(wave @ before) / float(np.linalg.norm(wave))
+        return float(stats.t.sf(along / np.sqrt(max(both_phases / 2.0, 1e-300)), 2.0 * CLOSE * len(near)))
 
     def _ripple(self, fit: Fitted, k: int, why: str, stays: bool) -> Ripple:
         k %= len(fit.waves)

@@ -107,6 +107,14 @@ def test_an_error_of_an_encoder_is_no_torque(tmp_path: Path) -> None:
     assert not [one for one in result.extra["ripples"] if one["stays"]]
 
 
+def test_a_ripple_stays_though_few_seconds_are_held_out(tmp_path: Path) -> None:
+    """Six seconds, in each of which it would gain by chance in one of two cases, have many of its cycles."""
+    fit, held_out = (RIPPLED.record(tmp_path / f"{k}.mcap", k, seconds=s) for k, s in ((1, 24.0), (2, 6.0)))
+    result = armscope.identify(fit, _start(), held_out=held_out)
+    found = {(one["joint"], one["turn"]) for one in result.extra["ripples"] if one["stays"]}
+    assert {(1, "joint"), (2, "motor")} <= found
+
+
 def test_straight_friction_looks_for_none(tmp_path: Path) -> None:
     run = RIPPLED.record(tmp_path / "1.mcap", 1, seconds=10.0)
     result = armscope.identify(run, _start(), shape="straight")
