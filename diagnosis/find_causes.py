@@ -303,7 +303,7 @@ def _searched_once(search: Search, residuals: Residuals, axis: AxisSide | None) 
     free = [Split(*pair) for pair in zip(free_columns(data.fit, arm), free_columns(data.held_out, arm))]
     data, free = bounded(data, free)
     searched, ripples = (library, ripples) if axis is None else (Library((), data), ())
-    model = Currents(arm, data, searched, free, ripples, search.excluded, model_uncertainty(arm, data))
+    model = Currents(arm, data, searched, free, ripples, search.excluded, model_uncertainty(arm, data, ripples))
     selection, causes = tenable_causes(model, recordings, runs[fitted:], search.progress)
     return CurrentDiagnosis(
         arm=arm,

@@ -68,8 +68,9 @@ def clipped_by_command(recordings: Sequence[Recording], arm: Arm, j: int) -> Cli
     if command is None:
         return None
     doubt = max(float(np.abs(law.given - asked)[rows].max()) for law, asked, rows in zip(laws, command, small))
-    # no row that shows the law departs from it as far
-    beyond = [np.where(np.abs(asked) > top + doubt, np.sign(asked), 0.0) for asked in command]
+    # no row that shows the law departs from it as far; where more is asked, a law that is wrong by a share does
+    doubts = [doubt * np.maximum(np.abs(asked) / (SMALL * top), 1.0) for asked in command]
+    beyond = [np.where(np.abs(asked) > top + far, np.sign(asked), 0.0) for asked, far in zip(command, doubts)]
     shown = [recordings[k].i[law.kept, j] * sign for k, law, sign in zip(usable, laws, beyond)]
     at_level = np.concatenate([i[sign != 0.0] for i, sign in zip(shown, beyond)])
     seconds = len(at_level) * recordings[usable[0]].dt

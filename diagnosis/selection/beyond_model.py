@@ -36,6 +36,7 @@ class Evidence:
     directions (N, r) change of y by each independent error of the model, of one standard deviation
     block      (N,) number of the block of every row, from 0: residuals of different blocks are independent
     alike      rows that count for one, as filters leave them
+    channel    (N,) from 0: rows of one channel are equally noisy, of two they need not be; None: all are of one
     """
 
     y: Array
@@ -43,6 +44,7 @@ class Evidence:
     directions: Array
     block: NDArray[np.intp]
     alike: float = 1.0
+    channel: NDArray[np.intp] | None = None
 
     @cached_property
     def _others(self) -> Array:
@@ -90,13 +92,16 @@ class Evidence:
     def _of_noise(self, perpendicular: Array, c: Array) -> Array:
         """(k, k) covariance of the coefficients c (k,) of columns ``perpendicular`` by the residual.
 
-        Clustered by block, and as if it were alike everywhere: columns that act in few blocks show little of it.
+        Clustered by block, and as if it were alike everywhere in a channel: columns that act in few blocks show little
+        of it.
         """
         remaining, clusters = self.residual - perpendicular @ c, int(self.block.max()) + 1
         scores = np.stack([np.bincount(self.block, column * remaining, clusters) for column in perpendicular.T], axis=1)
         # what the prior holds back is in all of them
         scores -= scores.mean(axis=0)
-        alike = self.alike * float(np.mean(remaining**2)) * perpendicular.T @ perpendicular
+        channel = np.zeros(len(remaining), np.intp) if self.channel is None else self.channel
+        noise = np.bincount(channel, remaining**2) / np.maximum(np.bincount(channel), 1)
+        alike = self.alike * (perpendicular * noise[channel, None]).T @ perpendicular
         return np.asarray(scores.T @ scores * clusters / max(clusters - len(c), 1) + alike)
 
 

@@ -176,6 +176,13 @@ def strongest_gain(side: Dataset, residual: Array, arm: Arm, joint: int, ripples
     return float(_gains(side, residual, arm, joint, ripples)[1].max(initial=0.0))
 
 
+def independent_orders(side: Dataset, arm: Arm, joint: int, ripples: Sequence[Candidate]) -> int:
+    """Number of orders of ripples at a joint that its travel distinguishes (a cycle within it apart); at least 1."""
+    orders = np.array(sorted({order for c in ripples if c.joint == joint and (order := order_of(c)) is not None}))
+    cycles = orders * arm.joints[joint - 1].ratio * np.ptp(side.at_joint("q", joint)) / (2 * np.pi)
+    return max(len(np.unique(np.rint(cycles[_whole(orders) | (cycles > LEAST_CYCLES)]))), 1)
+
+
 def _gains(side: Dataset, residual: Array, arm: Arm, joint: int, ripples: Sequence[Candidate]) -> tuple[Array, Array]:
     """Orders (o,), and the gain of each (o, 3) as a torque, by the acceleration, and by the load.
 

@@ -17,7 +17,7 @@ import armscope
 from arm_model import Arm, FrictionCurve, parameter, with_parameters, write_model
 from arm_model.tables import uncertainty_of
 from daq.recording import Recording
-from diagnosis.measurements.currents.model_errors import ModelUncertainty, Significance
+from diagnosis.measurements.currents.model_errors import ModelUncertainty, Significance, of_strongest
 from diagnosis.residual.comparable_rows import rest_friction
 from diagnosis.selection.design import Columns, Dataset
 from identification.selection import Split
@@ -86,6 +86,47 @@ def test_what_the_model_left_over_hides_of_a_ripple_what_ripples_explained_of_it
         known = replace(left, rippled=np.array(shares))
         chance = Significance(Split(fit, held_out), [], known).chance(pair, ripple_of)
         assert chance == pytest.approx(any_effect) if hides else chance < 0.01 * any_effect
+
+
+ORDERS = 60
+
+
+def _strongest(size: float, seed: int) -> float:
+    """Chance of the strongest of all waves in what a model leaves on another day.
+
+    There, one wave is larger by so many times the strongest that the model left when it was identified.
+    """
+    rng = np.random.default_rng(seed)
+    angle = np.linspace(0.0, 2.0 * np.pi, ROWS)
+    waves = [np.stack([np.cos(k * angle), np.sin(k * angle)], axis=1) for k in range(1, ORDERS + 1)]
+
+    def left() -> np.ndarray:
+        return np.asarray(np.hstack(waves) @ (0.4 * rng.normal(size=2 * ORDERS)))
+
+    def gains(*of: np.ndarray) -> np.ndarray:
+        return np.array([np.sum(sum(wave.T @ y for y in of) ** 2) for wave in waves]) / ROWS
+
+    before = left(), left()
+    share = float(gains(*before).max() / sum(one @ one for one in before))
+    more = size * np.sqrt(gains(*before).max() / ROWS) * waves[16][:, 0]
+    day = left() + more, left() + more
+    squares, count = np.mean(np.square(before)), np.full(JOINTS, ORDERS)
+    nothing = np.zeros((JOINTS * ROWS, 0))
+    known = ModelUncertainty(
+        Split(nothing, nothing),
+        np.array([squares, 0.0]),
+        rippled=of_strongest(np.full(JOINTS, share), count),
+        orders=count,
+    )
+    y = (np.concatenate([one, np.zeros(ROWS)]) + rng.normal(size=JOINTS * ROWS) for one in day)
+    pair = Columns(waves[int(np.argmax(gains(*day)))], slice(0, ROWS))
+    fit, held_out = map(_side, y)
+    return Significance(Split(fit, held_out), [], known).chance(Split(pair, pair), 1)
+
+
+def test_the_strongest_ripple_of_another_day_is_one_of_as_many_and_one_of_four_times_its_size_is_not() -> None:
+    assert min(_strongest(0.0, seed) for seed in range(20)) > 1e-3
+    assert max(_strongest(4.0, seed) for seed in range(20)) < 1e-3
 
 
 def test_either_side_is_allowed_what_the_model_is_known_to_there() -> None:

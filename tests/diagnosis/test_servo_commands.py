@@ -11,6 +11,7 @@ from daq.recording import Recording, open_recording
 from daq.recording.parts import Attachments
 from daq.recording.tables.table import write_table
 from diagnosis.screening.current_limit import current_limits
+from diagnosis.screening.servo_commands import clipped_by_command
 from tests.diagnosis.one_axis import FREE
 
 RATE, STEP, COUNT = 1000.0, 1e-3, 2e-5
@@ -81,3 +82,19 @@ def test_a_limit_that_holds_for_moments_shows_by_what_the_servo_asks(tmp_path: P
 def test_no_limit_is_found_where_the_servo_got_what_it_asked_for(tmp_path: Path, servo: str, cubic: float) -> None:
     """Nor where a transducer shows less and less of a current: what it shows does not stay the same."""
     assert current_limits(_recordings(tmp_path, servo, np.inf, cubic), FREE) == []
+
+
+@pytest.mark.parametrize(("share", "clipped"), [(0.1, False), (0.4, True)])
+def test_a_law_that_is_wrong_by_a_share_is_wrong_by_more_where_more_is_asked(
+    tmp_path: Path, share: float, clipped: bool
+) -> None:
+    """At some times by an eighth of what is asked; a drive that gives less by more than that is clipped."""
+    t, rng = np.arange(0.0, 12.0, STEP), np.random.default_rng(1)
+    demand = 0.3 * np.sin(0.8 * t)
+    plateau = np.clip(8.0 * np.minimum(t - 10.0, 10.6 - t), 0.0, 1.0)
+    error = np.where(t < 9.5, 0.006 * np.sin(5.0 * t), 0.0) + 0.01 * plateau
+    part = np.where(t < 9.5, 0.12 * np.sin(1.7 * t) ** 2, share)
+    i = 1000.0 * error * (1.0 - part) + 0.006 * rng.normal(size=len(t))
+    columns = {"q": (demand - error)[:, None], "i": i[:, None], "qref": demand[:, None]}
+    write_table(tmp_path / "1.mcap", t, columns, Attachments())
+    assert (clipped_by_command([open_recording(tmp_path / "1.mcap")], FREE, 0) is not None) == clipped

@@ -4,13 +4,14 @@ A model that was identified is known to a covariance (``arm_model.tables.uncerta
 with a Gaussian prior (``diagnosis.selection.beyond_model``): one direction per independent error, (currents per unit of
 the parameters) (root of their covariance). The covariance of an effect's coefficients has three parts: the noise,
 clustered by block (Liang & Zeger, 1986); the prior; and what the model left over on the recordings that it was
-identified from, of which any one effect may explain ``ALIASED_SHARE``; a ripple no more than the strongest one did.
+identified from, of which any one effect may explain ``ALIASED_SHARE``; a ripple what one of all orders does by chance,
+where the strongest did as much as it did.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -25,7 +26,9 @@ from diagnosis.another_day import friction_beyond, friction_near_rest, known_on_
 from diagnosis.measurements.currents.structure.unseen_friction import unseen_by_joint
 from diagnosis.residual.run import Run
 from diagnosis.selection.beyond_model import Evidence
+from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Dataset, Pair
+from diagnosis.selection.ripple_orders import independent_orders
 from identification.selection import Split
 
 ALIASED_SHARE = 0.1
@@ -39,7 +42,8 @@ class ModelUncertainty:
     directions  (N, r), (M, r): change of the residual for one standard deviation of each independent error, on another
                 day than that of the identification
     left_over   (n,) squared residual per row, in units of the noise, that the model left when it was identified
-    rippled     (n,) share of it that any ripple of that joint may explain; None: as any effect
+    rippled     (n,) share of it that either wave of a ripple of that joint may explain; None: as any effect
+    orders      (n,) number of orders of such ripples, of which a diagnosis takes the strongest
     of_day      (N, r) of the fitted recordings, by the stated covariance alone; None: as ``directions``
     """
 
@@ -47,6 +51,7 @@ class ModelUncertainty:
     left_over: Array
     of_day: Array | None = None
     rippled: Array | None = None
+    orders: Array | None = None
 
     @property
     def stated(self) -> Array:
@@ -59,8 +64,11 @@ class ModelUncertainty:
         return Split(fit, held_out)
 
 
-def model_uncertainty(arm: Arm, data: Split[Dataset]) -> ModelUncertainty | None:
-    """The stated uncertainty of an arm in the residuals of these recordings; None if it states none."""
+def model_uncertainty(arm: Arm, data: Split[Dataset], ripples: Sequence[Candidate]) -> ModelUncertainty | None:
+    """The stated uncertainty of an arm in the residuals of these recordings; None if it states none.
+
+    ripples: all that are searched for at its joints.
+    """
     stated, uncertainty = arm.uncertainty, known_on_another_day(arm)
     if stated is None or uncertainty is None or not (stated.parameters or any(stated.left_over)):
         return None
@@ -70,8 +78,20 @@ def model_uncertainty(arm: Arm, data: Split[Dataset]) -> ModelUncertainty | None
 
     root = stated.directions
     known = _stacked([run.whiten(_columns(run, stated.parameters) @ root) for run in data.fit.runs])
-    rippled = np.array(stated.ripple) if stated.ripple else None
-    return ModelUncertainty(data.map(felt), _left_over(uncertainty.left_over, data), known, rippled)
+    known_to = ModelUncertainty(data.map(felt), _left_over(uncertainty.left_over, data), known)
+    if not stated.ripple:
+        return known_to
+    orders = np.array([independent_orders(data.fit, arm, joint, ripples) for joint in range(1, len(arm) + 1)])
+    return replace(known_to, rippled=of_strongest(np.array(stated.ripple), orders), orders=orders)
+
+
+def of_strongest(share: Array, orders: Array) -> Array:
+    """(n,) share of squares that a sine or a cosine explains on average, of the ``share`` (n,) of the strongest wave.
+
+    The gains of waves of so many ``orders`` (n,) are exponential, each of two squares; the largest is log(orders) +
+    0.577 times their mean on average (Gumbel).
+    """
+    return np.asarray(share / (2.0 * (np.log(orders) + np.euler_gamma)))
 
 
 def parameter_std(run: Run) -> Array:
@@ -171,7 +191,8 @@ class Significance:
         y = np.concatenate([side.y for side in self._data]) * self._weight
         block = np.concatenate([fit.block, held_out.block + int(fit.block.max()) + 1])
         alike = float(np.mean([run.alike for side in self._data for run in side.runs]))
-        return Evidence(y, free, directions, block, alike)
+        joint = np.concatenate([np.repeat(np.arange(len(side.y) // side.rows), side.rows) for side in self._data])
+        return Evidence(y, free, directions, block, alike, joint)
 
     def beyond_model(self, pair: Pair, level: float, ripple_of: int | None = None) -> bool:
         """Whether columns are significant at a level with the parameters of the model free; always with it exact."""
@@ -189,9 +210,12 @@ class Significance:
     def chance(self, pair: Pair, ripple_of: int | None = None) -> float:
         """Probability that columns (k of them) look as they do without the effect that they are of.
 
-        ripple_of: the joint (from 1) of which they are a ripple.
+        ripple_of: the joint (from 1) of which they are a ripple, the strongest of all orders.
         """
-        return self._evidence.chance(self._stack(pair), lambda own: self._of_left_over(own, ripple_of))
+        chance = self._evidence.chance(self._stack(pair), lambda own: self._of_left_over(own, ripple_of))
+        if ripple_of is None or self._known is None or self._known.orders is None:
+            return chance
+        return min(chance * float(self._known.orders[ripple_of - 1]), 1.0)
 
     def _of_left_over(self, own: Array, ripple_of: int | None) -> Array:
         """(k, k) covariance of the coefficients of columns ``own`` by what the model left over."""
