@@ -1,0 +1,113 @@
+"""What a candidate must pass to be named, and the deviations of its parameters: each against an oracle of its own."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from arm_model import Arm
+from diagnosis.measurements.currents.design_matrix import Library, dataset_of
+from diagnosis.measurements.currents.estimates import covariance_of
+from diagnosis.measurements.currents.limits import LIMITS, matters
+from diagnosis.measurements.currents.model import Currents
+from diagnosis.measurements.currents.state import State
+from diagnosis.per_recording.values import contradicted, noise_alone
+from diagnosis.residual.setpoint_ripple import unseen_directions
+from diagnosis.selection.candidate import Candidate
+from diagnosis.selection.design import Dataset
+from diagnosis.selection.estimates import estimates
+from diagnosis.selection.regression import score
+from identification.preprocessing import drifting
+from identification.selection import Split
+from tests.diagnosis import two_link
+from tests.diagnosis.two_link import Day
+
+ROWS = 1000
+
+
+@pytest.fixture(scope="module")
+def arm(root: Path) -> Arm:
+    return two_link.model(root)
+
+
+def _chosen(arm: Arm, candidate: Candidate, *days: Day) -> State:
+    """The candidate alone, fitted to the first day; the second is held out."""
+    fit, held_out = (dataset_of([two_link.residual_of(arm, seed, day)]) for seed, day in enumerate(days))
+    data = Split(fit, held_out)
+    model = Currents(arm, data, Library([candidate], data), [])
+    return State(model, (candidate,), data, {candidate.key: ()})
+
+
+def test_every_coefficient_of_an_effect_may_follow_what_leaked() -> None:
+    side = Dataset((), (), np.zeros(2 * ROWS), np.zeros(2 * ROWS, np.intp), ROWS)
+    gain, leaked = np.array([1.2 * ROWS, 0.0]), np.array([0.5 * ROWS, 0.0])
+    assert matters(gain, 1, leaked, side)
+    assert matters(gain, 2, leaked, side)
+    assert not matters(gain, 3, leaked, side)
+
+
+def test_what_an_effect_loses_at_another_joint_counts() -> None:
+    side = Dataset((), (), np.zeros(2 * ROWS), np.zeros(2 * ROWS, np.intp), ROWS)
+    assert matters(np.array([0.5 * ROWS, -0.2 * ROWS]), 1, np.zeros(2), side)
+    assert not matters(np.array([0.5 * ROWS, -0.45 * ROWS]), 1, np.zeros(2), side)
+
+
+@pytest.mark.parametrize(("mass", "named"), [(2.0, True), (-2.0, False)])
+def test_a_body_of_negative_mass_does_not_enter_however_well_it_predicts(arm: Arm, mass: float, named: bool) -> None:
+    payload = Candidate("payload", None)
+    state = _chosen(arm, payload, *[Day(load=(mass, 0.05, 0.0))] * 2)
+    nothing = state.model.start()
+    found = score(payload, state.model.columns(payload), nothing.fitted, state.data.held_out)
+    assert found.coefficients[0] == pytest.approx(mass, rel=0.05) and state.model.needed(found, nothing)
+    assert state.model.admissible(found, nothing) is named
+
+
+def test_the_error_of_a_law_is_in_the_std_of_its_parameter(arm: Arm) -> None:
+    """A share of what it explains, alike within a block and independent from block to block."""
+    viscous = Candidate("viscous_friction", 1)
+    state = _chosen(arm, viscous, *[Day(viscous=(4.0, 0.0))] * 2)
+    x, (c,) = state.model.columns(viscous).fit.x[:, 0], state.coefficients
+    block = state.data.fit.block[: len(x)]
+    rng = np.random.default_rng(0)
+    wrong = LIMITS.systematic * rng.normal(size=(4000, block.max() + 1))
+    by_law = np.std(wrong[:, block] @ (x**2) * c[0] / (x @ x))
+    (variance,) = covariance_of(state)[0].ravel()
+    assert 0.9 * by_law < np.sqrt(variance) < 1.5 * by_law
+
+
+def test_amplitude_and_phase_scatter_as_the_coefficients_of_a_wave_do() -> None:
+    wave = Candidate("gear_ripple", 1, (("order", 5.0),))
+    c, covariance = np.array([3e-4, -2e-4]), 1e-10 * np.array([[1.0, 0.4], [0.4, 2.0]])
+    drawn = [wave.parameters(one.tolist()) for one in np.random.default_rng(0).multivariate_normal(c, covariance, 4000)]
+    exact = {p.name: p for p in estimates(wave, c.tolist(), covariance, None, systematic=0.0)}
+    stated = {p.name: p for p in estimates(wave, c.tolist(), covariance, None, systematic=0.1)}
+    for name in ("amplitude", "phase"):
+        assert exact[name].std == pytest.approx(np.std([values[name] for values in drawn]), rel=0.05)
+    assert stated["amplitude"].std == pytest.approx(np.hypot(exact["amplitude"].std, 0.1 * np.hypot(*c)))
+
+
+@pytest.mark.parametrize(("second", "contradict"), [(4.1, False), (6.0, True)])
+def test_values_that_differ_by_less_than_a_law_is_wrong_are_one(arm: Arm, second: float, contradict: bool) -> None:
+    viscous = Candidate("viscous_friction", 1)
+    state = _chosen(arm, viscous, Day(viscous=(4.0, 0.0)), Day(viscous=(second, 0.0)))
+    assert (contradicted(state) is viscous) is contradict
+
+
+def test_a_joint_above_the_noise_in_held_out_recordings_alone_is_not_all_noise(arm: Arm) -> None:
+    viscous, day = Candidate("viscous_friction", 1), Day(viscous=(4.0, 0.0))
+    assert noise_alone(_chosen(arm, viscous, day, day))
+    assert not noise_alone(_chosen(arm, viscous, day, Day(viscous=(4.0, 0.0), coulomb=(1.0, 0.0))))
+    assert not noise_alone(_chosen(arm, viscous, Day(viscous=(4.0, 0.0), coulomb=(0.0, 1.0)), day))
+
+
+def test_with_less_weight_along_what_folds_a_residual_that_has_it_is_white() -> None:
+    """y = n + F u of independent n and u has the covariance 1 + F F^T, and after the weighting 1."""
+    rng, t = np.random.default_rng(1), np.linspace(0.0, 10.0, 60)
+    folded, ahead = 3.0 * rng.normal(size=60), rng.normal(size=60)
+    basis, less = unseen_directions(folded, ahead, np.zeros((60, 2)), t)
+    columns = np.column_stack([drifting(folded, t), ahead])
+    weighting = np.eye(60) - basis * less @ basis.T
+    covariance = np.eye(60) + columns @ columns.T
+    np.testing.assert_allclose(weighting @ covariance @ weighting.T, np.eye(60), atol=1e-9)
