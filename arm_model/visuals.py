@@ -18,7 +18,7 @@ from arm_io.types import Array
 from arm_model import meshes
 from arm_model.meshes import mesh_file
 from arm_model.urdf.reading import numbers_of, origin_of
-from arm_model.urdf.tree import Tree, attribute, robot_of
+from arm_model.urdf.tree import Tree, link_at, robot_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,7 +59,7 @@ def _with_fixed(
     """The meshes of a link, and of what hangs on it beside the chain."""
     found = _of_link(path, tree.links[link], number, pose)
     for joint in tree.beside(link, chain):
-        child = attribute(path, joint, "child", "link")
+        child = link_at(path, joint, "child")
         found += _with_fixed(path, tree, child, chain, number, pose @ origin_of(path, joint))
     return found
 

@@ -73,16 +73,13 @@ def forces_with_base(arm: Arm, base: BaseRows, q: Array, qd: Array, qdd: Array, 
     return total
 
 
-def mass_matrix_with_base(arm: Arm, q: Array, *, rotors: bool = False) -> Array:
-    """(N, 6 + n, 6 + n) mass matrix with the added mass of base and links; reflected rotors if asked for."""
+def mass_matrix_with_base(arm: Arm, q: Array) -> Array:
+    """(N, 6 + n, 6 + n) mass matrix of base and links with their added mass, without rotors."""
     (q,) = numeric.samples(arm, q)
     bodies, wet = [tuple(body) for body in numeric.bodies(arm)], hydrodynamics.bodies_of(arm)
     rows = recursion.mass_matrix(_at(arm, q), _base_body(arm), bodies, wet)
     matrix = np.stack([numeric.stacked(row, q.shape[:1]) for row in rows], axis=-2)
     matrix[:, :DOF, :DOF] += floating(arm).added
-    if rotors:
-        reflected = arm.joint_array("ratio") ** 2 * arm.joint_array("rotor_inertia")
-        matrix[:, DOF:, DOF:] += np.diag(reflected)
     return matrix
 
 

@@ -12,7 +12,7 @@ from arm_io.plain_data import is_number
 from arm_model.branches import are, counted_as_fixed, follows, listed
 from arm_model.meshes import FORMATS, mesh_file
 from arm_model.urdf.reading import numbers_of, reductions
-from arm_model.urdf.tree import Tree, attribute, robot_of
+from arm_model.urdf.tree import Tree, link_at, robot_of
 
 
 class Use(StrEnum):
@@ -60,7 +60,7 @@ def _massless(path: Path, tip: str | None) -> list[str]:
     moving = ""
     chain = tree.chain(tip)
     for joint in chain:
-        child = attribute(path, joint, "child", "link")
+        child = link_at(path, joint, "child")
         moving = moving if joint.get("type") == "fixed" else child
         stated[moving] = stated.get(moving, False) or _has_inertial(tree, child, chain)
     return [name for name, there in stated.items() if name and not there]
@@ -68,7 +68,7 @@ def _massless(path: Path, tip: str | None) -> list[str]:
 
 def _has_inertial(tree: Tree, link: str, chain: Sequence[xml.Element]) -> bool:
     """Whether a link or something that is fixed to it beside the chain has an <inertial>."""
-    below = (attribute(tree.path, one, "child", "link") for one in tree.beside(link, chain))
+    below = (link_at(tree.path, one, "child") for one in tree.beside(link, chain))
     return tree.links[link].find("inertial") is not None or any(_has_inertial(tree, one, chain) for one in below)
 
 
@@ -80,9 +80,7 @@ def _beside(path: Path, tip: str | None) -> list[str]:
     if tip is None and (others := [name for name in tree.ends(chain) if name != tree.names(chain)[-1]]):
         found.append(f"the tool frame is {tree.names(chain)[-1]}; --tip takes {listed(others)} instead")
     for counted in (True, False):
-        moving = [
-            one for one in tree.moving_beside(chain) if tree.moves(attribute(path, one, "parent", "link")) == counted
-        ]
+        moving = [one for one in tree.moving_beside(chain) if tree.moves(link_at(path, one, "parent")) == counted]
         if not moving:
             continue
         names, end = [joint.get("name", "") for joint in moving], tree.names(chain)[-1]

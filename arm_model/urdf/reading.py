@@ -30,7 +30,7 @@ from arm_model.rigid_body.inertia import about_com, barycentric, transform, unph
 from arm_model.rigid_body.kinematics import roll_pitch_yaw, rpy_of
 from arm_model.tables.fields import Pose
 from arm_model.tables.link_shapes import Capsule
-from arm_model.urdf.tree import Tree, attribute, robot_of
+from arm_model.urdf.tree import Tree, link_at, robot_of
 
 _MOVING = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic"}
 _LIMITS = ("lower", "upper")
@@ -133,7 +133,7 @@ def _body(path: str | Path, tree: Tree, name: str, chain: Sequence[xml.Element],
     lacking = _unknown(shape, link)
     for joint in tree.beside(name, chain):
         pose = origin_of(path, joint)
-        other = _body(path, tree, attribute(path, joint, "child", "link"), chain, moves)
+        other = _body(path, tree, link_at(path, joint, "child"), chain, moves)
         inertial = inertial + transform(other.inertial, pose)
         shape = _both(shape, moved(other.shape, pose))
         lacking |= other.lacking

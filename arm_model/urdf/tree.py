@@ -49,7 +49,7 @@ class Tree:
         above: dict[str, xml.Element] = {}
         below: dict[str, list[xml.Element]] = {name: [] for name in links}
         for joint in robot.findall("joint"):
-            child, parent = (attribute(path, joint, end, "link") for end in ("child", "parent"))
+            child, parent = (link_at(path, joint, end) for end in ("child", "parent"))
             for end in (child, parent):
                 if end not in links:
                     raise InputError(path, f"joint {joint.get('name')!r}: no link {end!r}")
@@ -69,7 +69,7 @@ class Tree:
             if len(chain) == len(self.above):
                 raise InputError(self.path, f"link {link!r} is behind itself; expected a tree")
             chain.append(self.above[link])
-            link = attribute(self.path, chain[-1], "parent", "link")
+            link = link_at(self.path, chain[-1], "parent")
         return chain[::-1]
 
     def tip_of(self) -> str:
@@ -95,7 +95,7 @@ class Tree:
             )
         arm = chains[moving[0]][:count]
         if arm not in chains:
-            return attribute(self.path, chains[moving[0]][count], "parent", "link")
+            return link_at(self.path, chains[moving[0]][count], "parent")
         return self.named_end(arm)
 
     def named_end(self, moving: Sequence[xml.Element]) -> str:
@@ -115,9 +115,7 @@ class Tree:
         """The links along a chain from its root on."""
         if not chain:
             return [next(iter(self.links), "")] if self.links else []
-        return [attribute(self.path, chain[0], "parent", "link")] + [
-            attribute(self.path, joint, "child", "link") for joint in chain
-        ]
+        return [link_at(self.path, chain[0], "parent")] + [link_at(self.path, joint, "child") for joint in chain]
 
     def beside(self, link: str, chain: Sequence[xml.Element]) -> list[xml.Element]:
         """The joints below a link that are not on the chain: fixed ones, behind the arm's first joint also others."""
@@ -138,12 +136,12 @@ class Tree:
                 if _moves(joint):
                     found.append(joint)
                 else:
-                    open_links.append(attribute(self.path, joint, "child", "link"))
+                    open_links.append(link_at(self.path, joint, "child"))
         return found
 
     def behind(self, joint: xml.Element) -> list[str]:
         """All links behind a joint."""
-        link = attribute(self.path, joint, "child", "link")
+        link = link_at(self.path, joint, "child")
         return [link, *(name for one in self.below[link] for name in self.behind(one))]
 
 
@@ -158,12 +156,12 @@ def _by_name(path: str | Path, robot: xml.Element) -> dict[str, xml.Element]:
     return links
 
 
-def attribute(path: str | Path, element: xml.Element, child: str, name: str) -> str:
-    """Attribute ``name`` of the child ``child`` of an element; InputError where there is none."""
-    found = element.find(child)
-    if found is None or found.get(name) is None:
-        raise InputError(path, f"<{element.tag} name={element.get('name')!r}> needs <{child} {name}=...>")
-    return str(found.get(name))
+def link_at(path: str | Path, joint: xml.Element, end: str) -> str:
+    """Name of the link at the ``parent`` or ``child`` end of a joint; InputError where there is none."""
+    found = joint.find(end)
+    if found is None or found.get("link") is None:
+        raise InputError(path, f"<joint name={joint.get('name')!r}> needs <{end} link=...>")
+    return str(found.get("link"))
 
 
 def _moves(joint: xml.Element) -> bool:

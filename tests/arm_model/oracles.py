@@ -49,7 +49,8 @@ def energy_of(arm: Arm, q: Array, qd: Array) -> Array:
 def accelerations_with_base(arm: Arm, base: BaseRows, q: Array, qd: Array, forces: Array) -> Array:
     """(N, 6 + n) rates of (velocity, qd) under ``forces`` (N, 6 + n), with rotors, without friction of the drives."""
     bias = forces_with_base(arm, replace(base, rate=None), q, qd, np.zeros_like(qd))
-    matrix = mass_matrix_with_base(arm, q, rotors=True)
+    matrix = mass_matrix_with_base(arm, q)
+    matrix[:, DOF:, DOF:] += np.diag(arm.joint_array("ratio") ** 2 * arm.joint_array("rotor_inertia"))
     return np.asarray(np.linalg.solve(matrix, (np.asarray(forces, float) - bias)[..., None])[..., 0], float)
 
 

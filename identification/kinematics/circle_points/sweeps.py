@@ -35,10 +35,10 @@ def find_sweeps(q: Array, *, window: int = 50) -> list[Sweep]:
     owner = []
     for first in range(0, n, window):
         part = q[first : first + window]
-        travel = np.sort(np.nan_to_num(np.fmax.reduce(part) - np.fmin.reduce(part)))
-        which = int(np.nan_to_num(np.fmax.reduce(part) - np.fmin.reduce(part)).argmax()) + 1
-        alone = len(travel) == 1 or travel[-2] < ALONE * travel[-1]
-        owner.append(0 if travel[-1] < _STILL else which if alone else -1)
+        travel = np.nan_to_num(np.fmax.reduce(part) - np.fmin.reduce(part))
+        j = int(np.argmax(travel))
+        alone = np.delete(travel, j).max(initial=0.0) < ALONE * travel[j]
+        owner.append(0 if travel[j] < _STILL else j + 1 if alone else -1)
     sweeps: list[Sweep] = []
     start, current = 0, 0
     for k, joint in enumerate([*owner, -1]):
