@@ -216,6 +216,28 @@ def inverse_dynamics(
     return torques(chain, turn, q, [wrench(body, motion) for body, motion in zip(bodies, moving)])
 
 
+def unit_torques(
+    chain: Chain,
+    units: Sequence[Sequence[Body]],
+    turn: Sequence[tuple[Scalar, Scalar]],
+    q: Sequence[Scalar],
+    qd: Sequence[Scalar],
+    qdd: Sequence[Scalar],
+    gravity: Sequence[Scalar],
+) -> list[list[list[Scalar]]]:
+    """Joint torques (N m; N) that ``units``, bodies of each link, ask for: [joint][link - joint][body].
+
+    By the velocities of a link that a joint makes, which are the lever of the wrench on it (virtual work).
+    """
+    moving, levers = motions(chain, turn, q, qd, qdd, gravity), jacobians(chain, turn, q, len(chain))
+    found: list[list[list[Scalar]]] = [[] for _ in range(len(chain))]
+    for bodies, motion, of_joints in zip(units, moving, levers):
+        wrenches = [wrench(body, motion) for body in bodies]
+        for torque, (spin, velocity) in zip(found, of_joints):
+            torque.append([add(dot(spin, moment), dot(velocity, force)) for force, moment in wrenches])
+    return found
+
+
 def _carried(chain: Chain, j: int, turn: tuple[Scalar, Scalar], q: Scalar, body: Body) -> Body:
     """``body`` of joint frame j about and in joint frame j-1."""
     mass, ixx, ixy, ixz, iyy, iyz, izz = body[0], *body[4:]

@@ -19,6 +19,7 @@ from arm_model.rigid_body.hydrodynamics import COEFFICIENTS
 from arm_model.rigid_body.inertia import PARAMETERS, transform_matrix
 from arm_model.rigid_body.link_friction import LINK_FRICTION, unit_link_friction
 from arm_model.rigid_body.numeric import in_blocks, link_parameters, samples, stacked, turns
+from arm_model.rigid_body.vectors import floats
 from arm_model.tables.drive import FrictionCurve
 
 Friction = Literal["asymmetric", "symmetric"]
@@ -157,47 +158,13 @@ def _water_columns(arm: Arm, q: Array, qd: Array, qdd: Array) -> Array:
 
 
 def _link_columns(arm: Arm, q: Array, qd: Array, qdd: Array) -> Array:
-    """(N, n, 10 n) torques of unit inertial parameters, link by link carried inwards through the joints."""
-    samples_, n = q.shape
+    count, n = q.shape
     chain = newton_euler.chain_of(arm)
-    turn = turns(chain, q)
-    moving = newton_euler.motions(chain, turn, list(q.T), list(qd.T), list(qdd.T), arm.gravity)
-    columns = np.zeros((samples_, n, 10 * n))
-    for link, motion in enumerate(moving):
-        force, moment = _unit_wrenches(motion, samples_)
-        to_joint_frame = transform_matrix(chain.link[link])
-        force, moment = force @ to_joint_frame, moment @ to_joint_frame
-        of_link = slice(10 * link, 10 * link + 10)
-        for j in reversed(range(link + 1)):
-            columns[:, j, of_link] = moment[:, 2] if chain.revolute[j] else force[:, 2]
-            if j:
-                force, moment = _carry(chain, j, turn[j], q[:, j], force, moment)
+    # of the parameters in the link frames, as bodies in the joint frames
+    units = [[floats(body) for body in transform_matrix(pose).T] for pose in chain.link]
+    state = turns(chain, q), list(q.T), list(qd.T), list(qdd.T), arm.gravity
+    columns = np.zeros((count, n, 10 * n))
+    for j, of_links in enumerate(newton_euler.unit_torques(chain, units, *state)):
+        for k, torque in enumerate(one for of_link in of_links for one in of_link):
+            columns[:, j, 10 * j + k] = torque
     return columns
-
-
-def _unit_wrenches(motion: newton_euler.Motion, count: int) -> tuple[Array, Array]:
-    """(N, 3, 10) force and moment about the origin of the joint frame, for each unit inertial parameter in it."""
-    force, moment = np.zeros((count, 3, 10)), np.zeros((count, 3, 10))
-    for k in range(10):
-        unit = tuple(1.0 if k == i else 0.0 for i in range(10))
-        f, m = newton_euler.wrench(unit, motion)
-        for axis in range(3):
-            force[:, axis, k] = f[axis]
-            moment[:, axis, k] = m[axis]
-    return force, moment
-
-
-def _carry(
-    chain: newton_euler.Chain, j: int, turn: tuple[Array, Array], q: Array, force: Array, moment: Array
-) -> tuple[Array, Array]:
-    """Wrenches of joint frame j as seen in joint frame j-1."""
-    rotation = np.zeros((len(q), 3, 3))
-    c, s = turn
-    rotation[:, 0, 0] = rotation[:, 1, 1] = c
-    rotation[:, 1, 0], rotation[:, 0, 1], rotation[:, 2, 2] = s, -np.asarray(s), 1.0
-    rotation = chain.rotation[j] @ rotation
-    arm_length = np.broadcast_to(chain.shift[j], (len(q), 3))
-    if not chain.revolute[j]:
-        arm_length = arm_length + q[:, None] * chain.rotation[j][:, 2]
-    force = rotation @ force
-    return force, rotation @ moment + np.cross(arm_length[:, :, None], force, axis=1)

@@ -146,11 +146,13 @@ def _decimated(columns: Array, taps: Array, step: int) -> Array:
     band = np.zeros((min(ROWS, rows), (min(ROWS, rows) - 1) * step + len(taps)))
     for row in range(len(band)):
         band[row, row * step : row * step + len(taps)] = taps
-    kept = np.empty((rows, flat.shape[1]))
+    kept = np.zeros((rows, flat.shape[1]))
+    # what acts on one joint is zero at the others
+    used = np.flatnonzero(flat.any(axis=0))
     for first in range(0, rows, ROWS):
         count = min(ROWS, rows - first)
         width = (count - 1) * step + len(taps)
-        kept[first : first + count] = band[:count, :width] @ flat[first * step : first * step + width]
+        kept[first : first + count, used] = band[:count, :width] @ flat[first * step : first * step + width, used]
     return kept.reshape(rows, *columns.shape[1:])
 
 

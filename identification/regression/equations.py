@@ -30,6 +30,8 @@ from identification.regression.effect_columns import effect_columns, effect_para
 from identification.regression.model_parameters import Friction, column_names, described_columns, model_values
 from identification.selection import BLOCK_SECONDS
 
+STRETCH = 4096
+"""Rows whose columns are in memory together, at least: fewer take as long."""
 PER_ROW = ("columns", "torque", "joint", "run", "t", "rest", "systematic", "sliding")
 
 
@@ -169,7 +171,7 @@ def _filtered(arm: Arm, views: Sequence[Motion], moved: Motion, friction: Fricti
     window, step = parallel_window(motion)
     weights = [equation_weight(view)[..., None] for view in views]
     kept = (len(motion.t) - window) // step + 1
-    stretch = max(1, 4 * window // step)
+    stretch = max(1, max(4 * window, STRETCH) // step)
     parts: list[list[Array]] = [[] for _ in views]
     for first in range(0, kept, stretch):
         last = min(first + stretch, kept)
