@@ -16,6 +16,7 @@ from comparison.circumstances import circumstances, warmer
 from comparison.current_limits import limit_changes
 from comparison.friction_drift import assumed, friction_drift
 from comparison.joint_fit.delays import delay_between, put_back
+from comparison.joint_fit.effect_columns import EffectColumns
 from comparison.joint_fit.fewest_changes import AcceptedChange, fewest_changes
 from comparison.joint_fit.search import Recorded, first_fit
 from comparison.outcome import Comparison
@@ -122,7 +123,8 @@ def _in_joint_band(
     """The recordings in the wider band of the joint regression, and the regression of each alone in that band."""
     band = [wide(motion) for motion in motions]
     one = regressions_of(separate.structure, recordings, band, motions, separate.is_before, progress)
-    return Recorded(one.structure, band, one.rows, one.fits, one.is_before, drift)
+    columns = [EffectColumns(one.structure.arm, motion) for motion in band]
+    return Recorded(one.structure, band, one.rows, one.fits, columns, one.is_before, drift)
 
 
 def _alternatives(accepted: Sequence[AcceptedChange]) -> Iterator[str]:

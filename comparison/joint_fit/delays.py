@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from scipy import fft
 
 from arm_io.types import Array
-from comparison.joint_fit.effects import SKEW, added_rows, always, with_columns
+from comparison.joint_fit.effect_columns import with_columns
+from comparison.joint_fit.effects import SKEW, always
 from comparison.joint_fit.joint_regression import joint_regression
 from comparison.joint_fit.search import JointFit, Recorded, first_fit
 from comparison.joint_fit.selection import akaike
@@ -112,11 +113,12 @@ def _with_tried(recorded: Recorded, tried: Sequence[float]) -> list[Rows]:
     first = always(recorded.structure.arm, recorded.motions)
     first.remove(SKEW)
     found = []
-    for part, motion, before in zip(recorded.rows, recorded.motions, recorded.is_before):
-        columns = [added_rows(first, recorded.structure.arm, motion)]
+    every = zip(recorded.rows, recorded.motions, recorded.columns, recorded.is_before)
+    for part, motion, of_effects, before in every:
+        columns = [of_effects.of(first, motion.torque)]
         for delay in tried:
             now = motion if before else undelayed(motion, delay)
-            rate = added_rows([SKEW], recorded.structure.arm, now)
+            rate = of_effects.of([SKEW], now.torque)
             beyond = _in_rows(now.torque - motion.torque, motion) + delay * rate[:, 0]
             columns += [rate, beyond[:, None] if not before else np.zeros_like(rate)]
         found.append(with_columns(part, np.concatenate(columns, axis=1)))

@@ -22,9 +22,9 @@ from comparison.regression import Structure
 from comparison.wording import in_words
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Hypothesis:
-    """One possible change.
+    """One possible change; equal to itself alone.
 
     what        friction, inertia, effect or scale: those of one kind scatter alike between recordings
     joint       from 1; None: of the whole arm

@@ -17,6 +17,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +32,29 @@ LEAST_BLOCK = 0.1
 """s: shorter blocks of time cost more and say no more."""
 NONE = 1e-9
 """Of a column's square: what keeps values determined that no recording shows."""
+PIECE = 512
+"""Rows that are treated together: what they show of all hypotheses stays in the cache of the processor."""
+
+
+@dataclass(frozen=True)
+class Piece:
+    """Consecutive rows of one recording.
+
+    rows, after  their places; whether they are of the side after
+    columns, x   (k,) which columns are not zero in all of them, and (m, k) these
+    blocks, sums  (b,) their blocks of time, and (b, m) sums over the rows of each
+    """
+
+    rows: slice
+    after: bool
+    columns: NDArray[np.intp]
+    x: Array
+    blocks: NDArray[np.intp]
+    sums: sparse.csr_array
+
+    def of(self, sides: tuple[Array, Array]) -> Array:
+        """(m, ...) what changes of the values (c, ...), on the side before and after, add to the rows."""
+        return np.asarray(self.x @ sides[self.after][self.columns])
 
 
 @dataclass(frozen=True)
@@ -41,7 +65,6 @@ class JointRegression:
 
     x, y       (n, c) columns and (n,) torques less the model's, over the noise
     block      (n,) the block of time of each row; recording, after  (b,) of each block
-    total, total_after  (c, c) normal matrices of all rows, and of the side after
     drift      (c, d) changes of the values by one standard deviation each of what differs where nothing changed
     """
 
@@ -51,14 +74,34 @@ class JointRegression:
     recording: NDArray[np.intp]
     after: NDArray[np.bool_]
     scale: Array
-    total: Array
-    total_after: Array
     drift: Array
     scales: int = 0
 
     @property
     def recordings(self) -> int:
         return int(self.recording.max()) + 1
+
+    @cached_property
+    def known(self) -> dict[Any, Any]:
+        """What ``tested`` found of this fit, by the changes that are known."""
+        return {}
+
+    @cached_property
+    def total(self) -> Array:
+        """(c, c) normal matrix of all rows."""
+        return self.total_after + self._normal(after=False)
+
+    @cached_property
+    def total_after(self) -> Array:
+        """(c, c) that of the side after."""
+        return self._normal(after=True)
+
+    def _normal(self, *, after: bool) -> Array:
+        found = np.zeros((len(self.scale), len(self.scale)))
+        for piece in self.pieces:
+            if piece.after == after:
+                found[np.ix_(piece.columns, piece.columns)] += piece.x.T @ piece.x
+        return found
 
     @cached_property
     def rows_after(self) -> NDArray[np.bool_]:
@@ -85,10 +128,28 @@ class JointRegression:
         """(c,) s: the residual of the shared fit times the columns, summed over the rows of the side after."""
         return np.asarray(self.moment_after - self.information[1] @ self.moment)
 
+    def beside_shared(self, changes: Array) -> tuple[Array, Array]:
+        """(c, ...) before and after: changes of the side after, less what the shared fit has of them."""
+        shared = self.information[1].T @ changes
+        return -shared, changes - shared
+
     @cached_property
-    def shown(self) -> Array:
-        """(n, c) columns of the side after, less what the shared fit has of them: what changes add to it."""
-        return np.asarray(np.where(self.rows_after[:, None], self.x, 0.0) - self.x @ self.information[1].T)
+    def pieces(self) -> list[Piece]:
+        """All rows, in their order."""
+        recording = self.recording[self.block]
+        ends = np.flatnonzero(np.diff(recording)) + 1
+        found = []
+        for first, last in zip([0, *ends.tolist()], [*ends.tolist(), len(recording)]):
+            found += [self._piece(start, min(start + PIECE, last)) for start in range(first, last, PIECE)]
+        return found
+
+    def _piece(self, first: int, last: int) -> Piece:
+        x = self.x[first:last]
+        columns = np.flatnonzero(x.any(axis=0))
+        blocks, of = np.unique(self.block[first:last], return_inverse=True)
+        rows = np.arange(last - first)
+        sums = sparse.csr_array((np.ones(len(rows)), (of, rows)), (len(blocks), len(rows)))
+        return Piece(slice(first, last), bool(self.after[blocks[0]]), columns, x[:, columns], blocks, sums)
 
     def explained(self, common: NDArray[np.intp], changes: Array, moment: Array, moment_after: Array) -> float:
         """Squares of torques explained by some columns, alike on both sides, and changes (c, k) of the side after.
@@ -101,12 +162,6 @@ class JointRegression:
         )
         right = np.concatenate([moment[common], changes.T @ moment_after])
         return float(right @ np.linalg.solve(gram + NONE * np.eye(len(gram)), right))
-
-    @cached_property
-    def into_blocks(self) -> sparse.csr_array:
-        """(b, n) sums over the rows of each block."""
-        rows = np.arange(len(self.block))
-        return sparse.csr_array((np.ones(len(rows)), (self.block, rows)), (len(self.recording), len(rows)))
 
     @cached_property
     def information(self) -> tuple[Array, Array, Array]:
@@ -134,10 +189,11 @@ def joint_regression(
     noise = np.sqrt(np.array([np.median(of[np.isfinite(of)]) if np.isfinite(of).any() else 1.0 for of in square.T]))
     parts = [_weighted(rows, model, noise) for rows in data]
     before = _values_of([one for one, earlier in zip(parts, is_before) if earlier], model)
-    parts = [(np.concatenate([x, _scales(one, before, noise)], axis=1), y) for one, (x, y) in zip(data, parts)]
-    square = sum((x**2).sum(axis=0) for x, _ in parts)
+    x = np.concatenate([_with_scales(rows, part[:, :-1], before, joints) for rows, part in zip(data, parts)])
+    y = np.concatenate([part[:, -1] for part in parts])
     # a joint at rest, or a gap that its load never crosses, determines nothing
-    scale = 1.0 / _sizes(square)
+    scale = 1.0 / _sizes(np.einsum("nc,nc->c", x, x))
+    x *= scale
     blocks: list[NDArray[np.intp]] = []
     recording: list[int] = []
     for number, (rows, one) in enumerate(zip(data, fits)):
@@ -145,11 +201,8 @@ def joint_regression(
         blocks.append(block + len(recording))
         recording += [number] * (int(block.max()) + 1)
     of, block = np.array(recording, np.intp), np.concatenate(blocks)
-    x, y = np.concatenate([one * scale for one, _ in parts]), np.concatenate([one for _, one in parts])
-    rows_after = x[~is_before[of][block]]
     drift = np.pad(drift, ((0, size - structure.size), (0, 0))) / scale[:, None]
-    squares = x.T @ x, rows_after.T @ rows_after
-    return JointRegression(x, y, block, of, ~is_before[of], scale, *squares, drift, joints)
+    return JointRegression(x, y, block, of, ~is_before[of], scale, drift, joints)
 
 
 def _mean_squares(rows: Rows, fitted: Fitted, joints: int) -> Array:
@@ -158,26 +211,34 @@ def _mean_squares(rows: Rows, fitted: Fitted, joints: int) -> Array:
     return np.array([np.mean(residual**2) if len(residual) else np.nan for residual in residuals])
 
 
-def _weighted(rows: Rows, model: Array, noise: Array) -> tuple[Array, Array]:
-    """Columns and torques of a recording over the noise, without what its own columns explain."""
-    stacked = _without_own(rows, np.column_stack([rows.columns, rows.y - rows.columns @ model]), noise)
-    return stacked[:, :-1], stacked[:, -1]
+def _weighted(rows: Rows, model: Array, noise: Array) -> Array:
+    """(k, c + 1) columns of a recording, and its torques less the model's, as ``_without_own``."""
+    return _without_own(rows, np.column_stack([rows.columns, rows.y - rows.columns @ model]), noise)
 
 
 def _without_own(rows: Rows, columns: Array, noise: Array) -> Array:
-    """Columns (k, c) over the noise, without what the recording's own columns explain."""
-    weight = 1.0 / np.maximum(noise[rows.equations.joint], 1e-300)[:, None]
+    """Columns (k, c) over the noise, without what the recording's own columns explain.
+
+    Own columns are of one joint each, so that what is zero at a joint stays so.
+    """
+    joint = rows.equations.joint
+    weight = 1.0 / np.maximum(noise[joint], 1e-300)[:, None]
     x = np.asarray(columns * weight)
-    if rows.own.shape[1]:
-        u, size, _ = np.linalg.svd(rows.own * weight, full_matrices=False)
-        u = u[:, size > RANK_TOLERANCE * max(size[0], 1e-300)]
-        x = x - u @ (u.T @ x)
+    for j in range(len(noise)) if rows.own.shape[1] else ():
+        mine = joint == j
+        own = rows.own[mine] * weight[mine]
+        own = own[:, own.any(axis=0)]
+        if own.shape[1]:
+            u, size, _ = np.linalg.svd(own, full_matrices=False)
+            u = u[:, size > RANK_TOLERANCE * size[0]]
+            x[mine] -= u @ (u.T @ x[mine])
     return x
 
 
-def _values_of(parts: Sequence[tuple[Array, Array]], model: Array) -> Array:
+def _values_of(parts: Sequence[Array], model: Array) -> Array:
     """(c,) values that some recordings show, as of ``_weighted``; those of the model where none does."""
-    square, moment = sum(x.T @ x for x, _ in parts), sum(x.T @ y for x, y in parts)
+    both = np.sum([_products(part) for part in parts], axis=0)
+    square, moment = both[:-1, :-1], both[:-1, -1]
     size = _sizes(np.diag(square))
     return np.asarray(
         model
@@ -185,12 +246,23 @@ def _values_of(parts: Sequence[tuple[Array, Array]], model: Array) -> Array:
     )
 
 
+def _products(x: Array) -> Array:
+    """(c, c) x^T x of rows (k, c): some at a time, as at each joint a half of the columns is zero."""
+    total = np.zeros((x.shape[1], x.shape[1]))
+    for first in range(0, len(x), PIECE):
+        some = x[first : first + PIECE]
+        columns = np.flatnonzero(some.any(axis=0))
+        some = some[:, columns]
+        total[np.ix_(columns, columns)] += some.T @ some
+    return total
+
+
 def _sizes(square: Array) -> Array:
     """(c,) lengths of columns from their squares; 1 of one that shows nothing, whose value is rounding."""
     return np.sqrt(np.where(square > 0.0, square, 1.0))
 
 
-def _scales(rows: Rows, values: Array, noise: Array) -> Array:
-    """(k, J) torque of each joint alone by the values (c,), as ``_without_own``."""
-    of_joint = rows.equations.joint[:, None] == np.arange(len(noise))
-    return _without_own(rows, (rows.columns @ values)[:, None] * of_joint, noise)
+def _with_scales(rows: Rows, columns: Array, values: Array, joints: int) -> Array:
+    """(k, c + J) columns as of ``_weighted`` (k, c), and the torque of each joint alone by the values (c,)."""
+    of_joint = rows.equations.joint[:, None] == np.arange(joints)
+    return np.concatenate([columns, (columns @ values)[:, None] * of_joint], axis=1)

@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_io.types import Array
-from comparison.joint_fit.effects import SKEW, Added, added_rows, always, with_columns
+from comparison.joint_fit.effect_columns import EffectColumns, with_columns
+from comparison.joint_fit.effects import SKEW, Added, always
 from comparison.joint_fit.hypotheses import Hypothesis, hypotheses, point_masses
 from comparison.joint_fit.joint_regression import JointRegression, joint_regression
 from comparison.joint_fit.ripples import ripples
@@ -34,6 +35,7 @@ its resonance with the link is near the band, what it does is not in proportion.
 class Recorded:
     """The recordings in the band of the joint fit, and what each says alone.
 
+    columns   of effects, of each
     is_before (n,) True for recordings of the side before
     drift  (c, d) as of ``friction_drift``
     delay  s by which the torques of the side after are put back
@@ -43,6 +45,7 @@ class Recorded:
     motions: Sequence[Motion]
     rows: Sequence[Rows]
     fits: Sequence[Fitted]
+    columns: Sequence[EffectColumns]
     is_before: NDArray[np.bool_]
     drift: Array
     delay: float = 0.0
@@ -82,7 +85,7 @@ def first_fit(recorded: Recorded) -> JointFit:
     first = always(recorded.structure.arm, recorded.motions)
     late = list(recorded.rows)
     for k in map(int, np.flatnonzero(~recorded.is_before & (recorded.delay != 0.0))):
-        rate = added_rows([SKEW], recorded.structure.arm, recorded.motions[k])[:, 0]
+        rate = recorded.columns[k].of([SKEW], recorded.motions[k].torque)[:, 0]
         late[k] = replace(late[k], y=late[k].y + recorded.delay * rate)
     return _with_finer_stiffnesses(recorded, with_added(recorded, late, [], first))
 
@@ -160,8 +163,8 @@ def with_added(recorded: Recorded, rows: Sequence[Rows], added: Sequence[Added],
 
 def _with_effects(recorded: Recorded, rows: Sequence[Rows], more: Sequence[Added]) -> list[Rows]:
     """Rows with the columns of more effects."""
-    arm = recorded.structure.arm
-    return [with_columns(part, added_rows(more, arm, motion)) for part, motion in zip(rows, recorded.motions)]
+    recordings = zip(rows, recorded.columns, recorded.motions)
+    return [with_columns(part, of_effects.of(more, motion.torque)) for part, of_effects, motion in recordings]
 
 
 def _regression(recorded: Recorded, rows: Sequence[Rows]) -> JointRegression:

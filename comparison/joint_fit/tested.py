@@ -15,7 +15,7 @@ what F does to c.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,14 +64,17 @@ class _Conditional:
     scores    (c,) of the side after
     m         (c, c) M
     known, apart  (c, k) their directions, and (k, c) the coefficients that they have in what M makes of a direction
+    drift     (c, c) F (K + F^T M F)^-1 F^T: the drift of friction that scores (c,) show, as changes of the values
+    estimated  by hypothesis; None where the sides do not show it
     """
 
-    fit: JointRegression
     residual: Array
     scores: Array
     m: Array
     known: Array
     apart: Array
+    drift: Array
+    estimated: dict[Hypothesis, _Estimate | None]
 
     def of(self, directions: Array) -> Array:
         """Directions (c, k) with what the known changes do meanwhile."""
@@ -111,8 +114,14 @@ class _Estimate:
 
 def residuals_of(fit: JointRegression, found: Sequence[Tested]) -> list[Array]:
     """(k,) per recording: what the shared fit with the changes ``found`` leaves of its rows, over their noise."""
-    residual = fit.residual - fit.shown @ _changes(fit, found)
+    residual = _remaining(fit, fit.residual, _changes(fit, found))
     return [residual[fit.recording[fit.block] == k] for k in range(fit.recordings)]
+
+
+def _remaining(fit: JointRegression, residual: Array, changes: Array) -> Array:
+    """(n,) what changes (c,) of the side after leave of a residual (n,) of the shared fit."""
+    sides = fit.beside_shared(changes)
+    return residual - np.concatenate([piece.of(sides) for piece in fit.pieces])
 
 
 def _changes(fit: JointRegression, found: Sequence[Tested]) -> Array:
@@ -130,11 +139,18 @@ def shared_values(fit: JointRegression, model: Array, found: Sequence[Tested]) -
 
 
 def tested(fit: JointRegression, every: Sequence[Hypothesis], chosen: Sequence[Hypothesis]) -> list[Tested]:
-    """Each hypothesis of ``every``, tested conditional on those ``chosen``."""
-    given = _conditional(fit, chosen)
-    drift = _drift(given)
-    shapes = [_shape(given, one.directions / fit.scale[:, None], drift) for one in every]
-    return _with_scatter(fit, every, _estimates(given, shapes, drift))
+    """Each hypothesis of ``every``, tested conditional on those ``chosen``.
+
+    What is estimated of one is kept for the next test of this fit.
+    """
+    key = frozenset(chosen)
+    if key not in fit.known:
+        fit.known[key] = _conditional(fit, chosen)
+    given: _Conditional = fit.known[key]
+    new = [one for one in every if one not in given.estimated]
+    shapes = [_shape(given, one.directions / fit.scale[:, None]) for one in new]
+    given.estimated.update(zip(new, _estimates(fit, given, shapes)))
+    return _with_scatter(fit, every, [given.estimated[one] for one in every])
 
 
 def tested_alone(
@@ -166,47 +182,47 @@ def _conditional(fit: JointRegression, chosen: Sequence[Hypothesis]) -> _Conditi
         else added.T
     )
     fitted = added @ (apart @ fit.scores)
-    return _Conditional(fit, fit.residual - fit.shown @ fitted, fit.scores - m @ fitted, m, added, apart)
+    residual, scores = _remaining(fit, fit.residual, fitted), fit.scores - m @ fitted
+    given = _Conditional(residual, scores, m, added, apart, np.zeros_like(m), {})
+    return replace(given, drift=_drift(fit, given))
 
 
-def _drift(given: _Conditional) -> Array:
-    """(c, c) F (K + F^T M F)^-1 F^T: the drift of friction that scores (c,) show, as changes of the values."""
-    fit, m = given.fit, given.m
-    nothing = np.zeros((len(m), len(m)))
-    columns = [_shape(given, one[:, None], nothing) for one in fit.drift.T]
+def _drift(fit: JointRegression, given: _Conditional) -> Array:
+    """(c, c) the drift of friction; ``given``: as if there were none."""
+    m = given.m
+    columns = [_shape(given, one[:, None]) for one in fit.drift.T]
     noise = [
         float(one.shape.size[0] * one.covariance[0, 0] * max(one.scatter if _scatters(fit) else 1.0, 1.0))
-        for one in _estimates(given, columns, nothing)
+        for one in _estimates(fit, given, columns)
         if one is not None
     ]
     if not noise:
-        return nothing
+        return given.drift
     drift = given.of(fit.drift[:, [len(one.size) > 0 for one in columns]])
     return np.asarray(drift @ np.linalg.solve(np.diag(noise) + drift.T @ m @ drift, drift.T))
 
 
-def _shape(given: _Conditional, directions: Array, drift: Array) -> _Shape:
-    """Of directions (c, k), scaled; ``drift`` as of ``_drift``."""
+def _shape(given: _Conditional, directions: Array) -> _Shape:
+    """Of directions (c, k), scaled."""
     changed = given.of(directions)
     size, axes = np.linalg.eigh(changed.T @ given.m @ changed)
     axes = axes[:, size > RANK_TOLERANCE * max(float(np.sum(changed**2)), 1e-300) / len(size)]
-    along = changed @ axes - drift @ (given.m @ (changed @ axes))
+    along = changed @ axes - given.drift @ (given.m @ (changed @ axes))
     size, turn = np.linalg.eigh(axes.T @ changed.T @ given.m @ along)
     axes, along = axes @ turn, along @ turn
     return _Shape(directions @ axes, changed @ axes, along, size, along.T @ given.scores / size)
 
 
-def _estimates(given: _Conditional, shapes: Sequence[_Shape], drift: Array) -> list[_Estimate | None]:
-    """Of each shape, by what the shared fit leaves; None where the sides do not show it. ``drift`` as of ``_drift``."""
-    fit, sizes = given.fit, [len(one.size) for one in shapes]
-    along = np.concatenate([np.empty((len(fit.scale), 0)), *(one.along for one in shapes)], axis=1)
-    changed = np.stack([one.changed @ one.coefficients for one in shapes], axis=1) if shapes else along
+def _estimates(fit: JointRegression, given: _Conditional, shapes: Sequence[_Shape]) -> list[_Estimate | None]:
+    """Of each shape, by what the shared fit leaves; None where the sides do not show it."""
+    if not shapes:
+        return []
+    sizes = [len(one.size) for one in shapes]
+    along = np.concatenate([one.along for one in shapes], axis=1)
+    changed = np.stack([one.changed @ one.coefficients for one in shapes], axis=1)
     # with the drift that is seen beside the change, which is no noise of the rows
-    changed = changed + drift @ (given.scores[:, None] - given.m @ changed)
-    # the residual of the fit in which it has changed
-    remaining = given.residual[:, None] - fit.shown @ changed
-    sums = fit.into_blocks @ (np.repeat(remaining, sizes, axis=1) * (fit.shown @ along))
-    informed = fit.into_blocks @ (fit.x @ along) ** 2
+    changed = changed + given.drift @ (given.scores[:, None] - given.m @ changed)
+    sums, informed = _of_blocks(fit, given, along, changed, np.repeat(np.arange(len(shapes)), sizes))
     drifting = given.m @ fit.drift
     estimates: list[_Estimate | None] = []
     end = 0
@@ -217,6 +233,22 @@ def _estimates(given: _Conditional, shapes: Sequence[_Shape], drift: Array) -> l
         parts = sums[:, columns], informed[:, columns]
         estimates.append(_estimate(fit, one, *parts, white, moved) if count else None)
     return estimates
+
+
+def _of_blocks(
+    fit: JointRegression, given: _Conditional, along: Array, changed: Array, of: NDArray[np.intp]
+) -> tuple[Array, Array]:
+    """(b, k) of each block of time: scores and information of directions ``along`` (c, k) of hypotheses ``of`` (k,).
+
+    Scores are at the fits in which the hypotheses have ``changed`` (c, h).
+    """
+    beside, moved = fit.beside_shared(along), fit.beside_shared(changed)
+    sums, informed = np.zeros((2, len(fit.recording), len(of)))
+    for piece in fit.pieces:
+        remaining = given.residual[piece.rows, None] - piece.of(moved)
+        sums[piece.blocks] += piece.sums @ (remaining[:, of] * piece.of(beside))
+        informed[piece.blocks] += piece.sums @ piece.of((along, along)) ** 2
+    return sums, informed
 
 
 def _estimate(fit: JointRegression, one: _Shape, sums: Array, shown: Array, white: Array, drift: Array) -> _Estimate:

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from arm_model.rigid_body.numeric import mass_matrix, rigid_torque
-from comparison.joint_fit.effects import SKEW, Added, added_rows, always
+from comparison.joint_fit.effect_columns import EffectColumns
+from comparison.joint_fit.effects import SKEW, Added, always
 from identification.preprocessing.signals import Motion, equation_rows, equation_weight, parallel_filter, smooth_motion
 from identification.preprocessing.spectrum import choose_band
 from identification.ripples import wide
@@ -42,7 +43,8 @@ def compliance(root: Path, seed: int, speed: float, noise: float, true: float) -
         asked[:, j] += joint.ratio**2 * joint.rotor_inertia * seen.qdd[:, j]
     place, row = np.nonzero(equation_rows(seen)[1].T)
     left = parallel_filter(seen, (seen.torque - asked) * equation_weight(seen))[row, place]
-    (column,) = added_rows([Added("joint_compliance", 1, {"stiffness": SOFT, "damping": 80.0})], arm, seen).T
+    soft = Added("joint_compliance", 1, {"stiffness": SOFT, "damping": 80.0})
+    (column,) = EffectColumns(arm, seen).of([soft], seen.torque).T
     return float(column @ left / (column @ column))
 
 
@@ -80,6 +82,7 @@ def test_every_soft_gear_is_as_little_damped(root: Path) -> None:
 def test_noise_of_the_torques_is_in_no_column_of_a_delay(root: Path) -> None:
     """Any delay would be found in it, by which the same torques are put back."""
     arm = puma(root, 2)
-    clean, noisy = (added_rows([SKEW], arm, wide(smooth(root, noise))) for noise in (0.0, 1.0))
+    seen = [wide(smooth(root, noise)) for noise in (0.0, 1.0)]
+    clean, noisy = (EffectColumns(arm, one).of([SKEW], one.torque) for one in seen)
     assert clean.shape == noisy.shape
     assert np.sqrt(np.mean((noisy - clean) ** 2)) < 0.02 * np.sqrt(np.mean(clean**2))
