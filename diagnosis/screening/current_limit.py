@@ -21,7 +21,7 @@ from diagnosis.residual.noise.encoder_step import encoder_step
 from diagnosis.residual.run_setup import setup_of
 from diagnosis.screening.current_piles import FLAT_SECONDS, Pile, flat_visits, pile_of, reached_again, sharp_visits
 from diagnosis.screening.event import Event
-from diagnosis.screening.servo_commands import MEMORY, clipped_by_command
+from diagnosis.screening.servo_commands import MEMORY, clipped_by_command, fed_forward
 from diagnosis.units import recorded_quantity
 from identification.preprocessing import longest_stretch, stretches_of
 
@@ -60,6 +60,7 @@ def current_limits(recordings: Sequence[Recording], arm: Arm) -> list[Event]:
     smooth = [_averaged(r) for r in recordings]
     # noise that averaging does not remove
     still = still_noise([r for r in recordings if not setup_of(r).drives_off])
+    weights = [fed_forward(recording, arm) for recording in recordings]
 
     def limit(j: int) -> Event | None:
         of_joint = [values[:, j] for values in smooth]
@@ -68,7 +69,7 @@ def current_limits(recordings: Sequence[Recording], arm: Arm) -> list[Event]:
         pile = pile_of([v[rows] for v, rows in zip(of_joint, driven)], noise, recordings[0].dt)
         clipped = _clipped(recordings, [np.where(d, v, 0.0) for v, d in zip(of_joint, driven)], j, pile, arm)
         level, std = pile.level, noise
-        if not clipped and (by_command := clipped_by_command(recordings, arm, j)) is not None:
+        if not clipped and (by_command := clipped_by_command(recordings, weights, j)) is not None:
             level, std, clipped = by_command.level, by_command.std, by_command.recordings
         if not clipped:
             return None

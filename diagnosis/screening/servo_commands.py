@@ -18,7 +18,7 @@ from scipy import ndimage
 
 from arm_io.types import Array
 from arm_model import Arm
-from arm_model.rigid_body import rigid_torque
+from arm_model.system import rigid_torque_along
 from daq.recording import Recording
 from diagnosis.residual.filters import MOTION_BAND, TRANSIENT, low_pass
 from diagnosis.residual.noise.channels import current_noise
@@ -53,15 +53,23 @@ class Clipped:
     recordings: tuple[int, ...]
 
 
-def clipped_by_command(recordings: Sequence[Recording], arm: Arm, j: int) -> Clipped | None:
+def fed_forward(recording: Recording, arm: Arm) -> Array | None:
+    """(m, n) N m (N) against gravity at the demands, which servos may feed forward; None without demands."""
+    if recording.qref is None or not has_demand(recording):
+        return None
+    still = np.zeros_like(recording.qref)
+    return rigid_torque_along(set_up(arm, recording), recording.qref, still, still)
+
+
+def clipped_by_command(recordings: Sequence[Recording], weights: Sequence[Array | None], j: int) -> Clipped | None:
     """The level at which the current of joint j (from 0) is clipped; None where no servo asked for more than it got.
 
-    arm: whose gravity may be fed forward.
+    weights: of each recording, as of ``fed_forward``.
     """
     usable = [k for k, r in enumerate(recordings) if has_demand(r) and np.ptp(r.q[:, j]) > MOVES]
     if not usable:
         return None
-    laws = [_Rows.of(recordings[k], arm, j) for k in usable]
+    laws = [_Rows.of(recordings[k], weights[k], j) for k in usable]
     top = max(float(np.abs(law.given).max()) for law in laws)
     small = [law.small(SMALL * top) for law in laws]
     command = _commands(laws, small)
@@ -99,12 +107,12 @@ class _Rows:
     period: float
 
     @classmethod
-    def of(cls, recording: Recording, arm: Arm, j: int) -> _Rows:
-        """Those of joint j (from 0), without the filter's transients at both ends."""
+    def of(cls, recording: Recording, weight: Array | None, j: int) -> _Rows:
+        """Those of joint j (from 0), without the filter's transients at both ends; ``weight`` as of ``fed_forward``."""
         rate = 1.0 / recording.dt
         end = round(TRANSIENT * rate)
         rows = slice(end, len(recording) - end)
-        terms = np.column_stack([*_terms(recording, arm, j), recording.i[:, j]])
+        terms = np.column_stack([*_terms(recording, weight, j), recording.i[:, j]])
         smooth = low_pass(terms - terms[0], min(MOTION_BAND, BAND * rate), rate) + terms[0]
         return cls(smooth[rows, :-1], smooth[rows, -1], rows, recording.dt)
 
@@ -114,14 +122,13 @@ class _Rows:
         return np.asarray(ndimage.minimum_filter1d(np.abs(self.given) < level, away))
 
 
-def _terms(recording: Recording, arm: Arm, j: int) -> Iterator[Array]:
+def _terms(recording: Recording, weight: Array | None, j: int) -> Iterator[Array]:
     """(m,) each: what a servo's command may be a sum of."""
-    assert recording.qref is not None
+    assert recording.qref is not None and weight is not None
     demand, q, period = recording.qref[:, j], recording.q[:, j], recording.dt
     rate = np.gradient(demand, period)
     yield from (demand - q, rate, np.gradient(q, period), np.cumsum(demand - q) * period, q, np.gradient(rate, period))
-    still = np.zeros_like(recording.qref)
-    yield rigid_torque(set_up(arm, recording), recording.qref, still, still)[:, j]
+    yield weight[:, j]
 
 
 def _commands(laws: Sequence[_Rows], small: Sequence[NDArray[np.bool_]]) -> list[Array] | None:
