@@ -124,6 +124,24 @@ def test_a_hypothesis_is_judged_alone_as_beside_all_others(of_each_side: int) ->
         assert alone.covariance == pytest.approx(expected.covariance, rel=1e-9)
 
 
+def test_pieces_of_rows_are_all_rows() -> None:
+    """Columns that are zero in some rows are left out of these."""
+    fit, _ = both_of(np.random.default_rng(6), (1.0, 0.5, 0.3), 0.0)
+    x = fit.x.copy()
+    x[: len(x) // 3, 3:] = 0.0
+    fit, after = replace(fit, x=x), fit.rows_after
+    assert fit.total == pytest.approx(x.T @ x, abs=1e-9)
+    assert fit.total_after == pytest.approx(x[after].T @ x[after], abs=1e-9)
+    sides = fit.beside_shared(np.arange(1.0, 1.0 + x.shape[1]))
+    rows = np.concatenate([piece.of(sides) for piece in fit.pieces])
+    assert rows == pytest.approx(np.where(after, x @ sides[1], x @ sides[0]), abs=1e-9)
+    counted = np.zeros(len(fit.recording))
+    for piece in fit.pieces:
+        counted[piece.blocks] += piece.sums @ np.ones(len(piece.x))
+    assert counted == pytest.approx(np.bincount(fit.block), abs=0.0)
+    assert min(len(piece.columns) for piece in fit.pieces) < x.shape[1]
+
+
 def test_a_change_explains_what_least_squares_of_all_rows_explain() -> None:
     fit, every = both_of(np.random.default_rng(5), (1.0, 0.5, 0.3), 0.0)
     change = every[0].directions

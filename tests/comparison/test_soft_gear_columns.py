@@ -86,3 +86,15 @@ def test_noise_of_the_torques_is_in_no_column_of_a_delay(root: Path) -> None:
     clean, noisy = (EffectColumns(arm, one).of([SKEW], one.torque) for one in seen)
     assert clean.shape == noisy.shape
     assert np.sqrt(np.mean((noisy - clean) ** 2)) < 0.02 * np.sqrt(np.mean(clean**2))
+
+
+def test_columns_that_are_kept_are_those_of_new_torques_too(root: Path) -> None:
+    """Torques that are put back by a delay change the column of a delay alone."""
+    arm, seen = puma(root, 2), wide(smooth(root))
+    late = replace(seen, torque=np.roll(seen.torque, 3, axis=0))
+    effects = [one for one in always(arm, [seen]) if one.joint in (None, 1)]
+    kept = EffectColumns(arm, seen)
+    kept.of(effects, seen.torque)
+    again, new = kept.of(effects, late.torque), EffectColumns(arm, late).of(effects, late.torque)
+    np.testing.assert_array_equal(again, new)
+    assert np.abs(kept.of([SKEW], seen.torque) - kept.of([SKEW], late.torque)).max() > 0.0

@@ -11,7 +11,7 @@ from daq.recording import Recording, open_recording
 from daq.recording.parts import Attachments
 from daq.recording.tables.table import write_table
 from diagnosis.screening.current_limit import current_limits
-from diagnosis.screening.servo_commands import clipped_by_command
+from diagnosis.screening.servo_commands import clipped_by_command, fed_forward
 from tests.diagnosis.one_axis import FREE
 
 RATE, STEP, COUNT = 1000.0, 1e-3, 2e-5
@@ -97,4 +97,6 @@ def test_a_law_that_is_wrong_by_a_share_is_wrong_by_more_where_more_is_asked(
     i = 1000.0 * error * (1.0 - part) + 0.006 * rng.normal(size=len(t))
     columns = {"q": (demand - error)[:, None], "i": i[:, None], "qref": demand[:, None]}
     write_table(tmp_path / "1.mcap", t, columns, Attachments())
-    assert (clipped_by_command([open_recording(tmp_path / "1.mcap")], FREE, 0) is not None) == clipped
+    recording = open_recording(tmp_path / "1.mcap")
+    found = clipped_by_command([recording], [fed_forward(recording, FREE)], 0)
+    assert (found is not None) == clipped
