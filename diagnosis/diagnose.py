@@ -32,7 +32,7 @@ from diagnosis.isolated_by_currents import isolated_by_currents
 from diagnosis.measurements.currents.causes import from_event
 from diagnosis.measurements.single_axis.remarks import remarks
 from diagnosis.other_held_out import better, other_roles
-from diagnosis.other_instruments import OtherInstruments, measure
+from diagnosis.other_instruments import OtherInstruments, measure, tracked_beside
 from diagnosis.remainder.against_noise import ratios
 from diagnosis.remainder.fitted_only import not_held_out
 from diagnosis.remainder.of_identification import allowed_residuals, left_over
@@ -95,10 +95,14 @@ def _with_held_out(arm: Arm, fit: Sequence[Recording], held_out: Sequence[Record
     # angles that single counters lost are put back
     recordings = Split(cleaned.recordings[: len(fit)], cleaned.recordings[len(fit) :], recordings.two_fold)
     instruments = measure(arm, recordings, cleaned, progress)
+    as_tracked = recordings, [q for _, q, _ in cleaned.samples]
     recordings, cleaned = on_uniform_grid(recordings, cleaned)
     instruments = isolated_by_currents(arm, instruments, cleaned, progress)
     instruments = links_damped(arm, instruments, cleaned, len(fit), progress)
     currents = find_causes(arm, instruments.in_model, recordings, cleaned, progress)
+    instruments = tracked_beside(
+        [*currents.causes, *currents.outside_selection], arm, instruments, *as_tracked, progress
+    )
     instruments = tracked_damped(instruments, currents, recordings.fit, progress)
     causes, as_found = extended_model(arm, instruments, currents, recordings)
     extended = dissipative(as_found, top_speeds(currents))

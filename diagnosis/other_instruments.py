@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from arm_io.types import Progress
+from arm_io.types import Array, Progress
 from arm_model import Arm, EffectTerm
 from arm_model.effects import CATALOGUE, coupled
-from diagnosis.cause import Cause
+from diagnosis.cause import Cause, extend
 from diagnosis.current_diagnosis import Recordings
 from diagnosis.measurements.demands.wrist_coupling import wrist_coupling
 from diagnosis.measurements.link_encoders.causes import LinkSide, link_side
@@ -52,9 +52,38 @@ def measure(arm: Arm, recordings: Recordings, cleaned: Screened, progress: Progr
     link = link_side(arm, without_jumps[: len(fit)], without_jumps[len(fit) :])
     by_links = [cause for cause in (link.causes if link else ()) if CATALOGUE[cause.effect].coupling]
     by_demands = [] if by_links else wrist_coupling(*recordings)
-    by_others: Sequence[Cause | Event] = [*by_links, *by_demands]
-    turned = tuple(EffectTerm(one.effect, one.joint, {p.name: p.value for p in one.parameters}) for one in by_others)
-    # the tracker sees the links where their motors turn them
-    seen = replace(coupled(replace(arm, effects=turned)), effects=arm.effects)
+    seen = _as_turned(arm, [*by_links, *by_demands])
     tracked = tracked_causes(seen, *recordings, angles=angles, progress=progress)
     return OtherInstruments(tracked=tracked, link=link, events=by_demands, judged=has_dynamics(arm))
+
+
+def tracked_beside(
+    of_currents: Sequence[Cause],
+    arm: Arm,
+    instruments: OtherInstruments,
+    recordings: Recordings,
+    angles: Sequence[Array],
+    progress: Progress,
+) -> OtherInstruments:
+    """The same, with the tracker's links where springs, gaps and gears that the currents show let them be.
+
+    If nothing is unexplained then, and nothing else is named: the currents' model has the geometry. angles: (rows, n)
+    rad of every recording as of ``measure``.
+    """
+    tracked = instruments.tracked
+    known = {cause.key for cause in tracked.causes}
+    behind = [one for one in of_currents if CATALOGUE[one.effect].deflection is not None and one.key not in known]
+    if not (tracked.unexplained and behind):
+        return instruments
+    by_links = [cause for cause in instruments.of_links if CATALOGUE[cause.effect].coupling]
+    seen = _as_turned(extend(arm, behind), [*by_links, *instruments.events])
+    again = tracked_causes(seen, *recordings, angles=angles, progress=progress)
+    of_links, as_before = ({cause.key for cause in one.geometry} for one in (again, tracked))
+    same = of_links == as_before and known.issuperset(cause.key for cause in again.causes)
+    return replace(instruments, tracked=again) if same and not again.unexplained else instruments
+
+
+def _as_turned(arm: Arm, by: Sequence[Cause | Event]) -> Arm:
+    """The arm whose links are where motors turn them by these couplings, as the tracker sees them."""
+    turned = tuple(EffectTerm(one.effect, one.joint, {p.name: p.value for p in one.parameters}) for one in by)
+    return replace(coupled(replace(arm, effects=turned)), effects=arm.effects)
