@@ -75,10 +75,11 @@ def clipped_by_command(recordings: Sequence[Recording], weights: Sequence[Array 
     command = _commands(laws, small)
     if command is None:
         return None
-    doubt = max(float(np.abs(law.given - asked)[rows].max()) for law, asked, rows in zip(laws, command, small))
-    # no row that shows the law departs from it as far; where more is asked, a law that is wrong by a share does
-    doubts = [doubt * np.maximum(np.abs(asked) / (SMALL * top), 1.0) for asked in command]
-    beyond = [np.where(np.abs(asked) > top + far, np.sign(asked), 0.0) for asked, far in zip(command, doubts)]
+    doubt = max(float(np.abs(law.given - one.asked)[rows].max()) for law, one, rows in zip(laws, command, small))
+    # no row that shows the law departs from it as far; where more is asked, a law that is wrong by a share does, and so
+    # do rows that are far from those
+    doubts = [doubt * np.maximum(one.reach, np.maximum(np.abs(one.asked) / (SMALL * top), 1.0)) for one in command]
+    beyond = [np.where(np.abs(one.asked) > top + far, np.sign(one.asked), 0.0) for one, far in zip(command, doubts)]
     shown = [recordings[k].i[law.kept, j] * sign for k, law, sign in zip(usable, laws, beyond)]
     at_level = np.concatenate([i[sign != 0.0] for i, sign in zip(shown, beyond)])
     seconds = len(at_level) * recordings[usable[0]].dt
@@ -95,6 +96,17 @@ def clipped_by_command(recordings: Sequence[Recording], weights: Sequence[Array 
         std=max(step / 2, noise / float(np.sqrt(independent))),
         recordings=tuple(k for k, sign in zip(usable, beyond) if sign.any()),
     )
+
+
+@dataclass(frozen=True)
+class _Command:
+    """What the law asks for in one recording: (m,) A, and how far each row is from those that show the law.
+
+    reach  (m,) root of its leverage over the largest of theirs (Belsley, Kuh, Welsch, Regression Diagnostics, 1980)
+    """
+
+    asked: Array
+    reach: Array
 
 
 @dataclass(frozen=True)
@@ -131,8 +143,8 @@ def _terms(recording: Recording, weight: Array | None, j: int) -> Iterator[Array
     yield weight[:, j]
 
 
-def _commands(laws: Sequence[_Rows], small: Sequence[NDArray[np.bool_]]) -> list[Array] | None:
-    """(m,) A each: what the law asks for, with one set of gains and a constant per recording (its integral begins).
+def _commands(laws: Sequence[_Rows], small: Sequence[NDArray[np.bool_]]) -> list[_Command] | None:
+    """What the law asks for, with one set of gains and a constant per recording (its integral begins).
 
     None where too few rows show it.
     """
@@ -145,5 +157,9 @@ def _commands(laws: Sequence[_Rows], small: Sequence[NDArray[np.bool_]]) -> list
     a = np.concatenate([one[rows] for one, rows in zip(every, small)])
     scale = np.linalg.norm(a, axis=0)
     scale[scale == 0.0] = 1.0
-    gains = np.linalg.lstsq(a / scale, np.concatenate([law.given[rows] for law, rows in zip(laws, small)]))[0] / scale
-    return [one @ gains for one in every]
+    given = np.concatenate([law.given[rows] for law, rows in zip(laws, small)])
+    gains = np.linalg.lstsq(a / scale, given)[0] / scale
+    spread = np.linalg.pinv((a / scale).T @ (a / scale), hermitian=True)
+    leverage = [np.sqrt(np.maximum(np.sum((one / scale @ spread) * (one / scale), axis=1), 0.0)) for one in every]
+    largest = max(float(one[rows].max()) for one, rows in zip(leverage, small))
+    return [_Command(one @ gains, far / largest) for one, far in zip(every, leverage)]

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.diagnosis_recordings import chain, write
 from daq.recording import Recording, open_recording
 from daq.recording.parts import Attachments
 from daq.recording.tables.table import write_table
@@ -100,3 +101,11 @@ def test_a_law_that_is_wrong_by_a_share_is_wrong_by_more_where_more_is_asked(
     recording = open_recording(tmp_path / "1.mcap")
     found = clipped_by_command([recording], [fed_forward(recording, FREE)], 0)
     assert (found is not None) == clipped
+
+
+def test_a_slow_joint_that_meets_little_but_its_friction_is_not_clipped(tmp_path: Path) -> None:
+    """Its current is small at reversals alone, which say little of what the servo asks for between them."""
+    arm = chain(2)
+    write(arm, tmp_path / "slow.mcap", 44.0, np.random.default_rng(1))
+    recording = open_recording(tmp_path / "slow.mcap")
+    assert clipped_by_command([recording], [fed_forward(recording, arm)], 0) is None
