@@ -2,7 +2,8 @@
 
 Between the speeds the curve is a straight line. Nothing else is assumed: not Coulomb's law, no viscous part, no hump.
 The same speeds are used for all recordings of a comparison, so that a curve means the same in each; where one recording
-alone is slower or faster, it gets a point of its own there, which is fitted and not compared.
+alone is slower or faster, it gets a point of its own there, which is fitted and not compared. So does each where
+friction turns with the direction of motion: how it does is no part of its level.
 """
 
 from __future__ import annotations
@@ -35,6 +36,9 @@ The error of a point that a single movement determines shows in no residual: the
 """
 ENOUGH = 2
 """Recordings of a side that must show friction of a joint and direction; all of a smaller side."""
+TURNS, MOSTLY = 3.0, 0.3
+"""Speed below which friction turns, over the ``sign_velocity`` of the model (there, its smooth sign lacks 5 %); and
+over the peak speed of the joint at most, which leaves most of a slow motion."""
 FEWEST = 200
 """Samples of a direction; fewer say nothing about friction."""
 
@@ -104,7 +108,9 @@ def _curve(
     motions = [motion for motion, well in zip(motions, shown) if well]
     speeds = [speeds_of(motion, joint, direction) for motion in motions]
     peaks = [peak_speed(motion, joint, direction) for motion in motions]
-    ends = [(float(np.quantile(mine, TAIL)), peak) for mine, peak in zip(speeds, peaks)]
+    turns = TURNS * arm.joints[joint].sign_velocity
+    slowest = [max(float(np.quantile(mine, TAIL)), min(turns, MOSTLY * peak)) for mine, peak in zip(speeds, peaks)]
+    ends = list(zip(slowest, peaks))
     sides = [np.ones(len(motions), bool)] if is_before is None else [is_before[shown], ~is_before[shown]]
     low, high = _shared([[end for end, mine in zip(ends, side) if mine] for side in sides], is_before is None)
     if low >= high:

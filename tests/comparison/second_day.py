@@ -31,10 +31,11 @@ def puma(root: Path, joints: int = 3) -> Arm:
     return replace(arm, joints=arm.joints[:joints])
 
 
-def friction(v: np.ndarray, level: float) -> np.ndarray:
-    """N m that oppose a motion of v rad/s."""
+def friction(v: np.ndarray, level: float, turn: float = 0.0) -> np.ndarray:
+    """N m that oppose a motion of v rad/s, and turn with its direction in a step, or within ``turn`` rad/s."""
     speed = np.abs(v)
-    return np.sign(v) * (level + HUMP * np.exp(-((speed / STRIBECK) ** 2)) + POWER * speed**0.6)
+    direction = v / np.hypot(v, turn) if turn else np.sign(v)
+    return direction * (level + HUMP * np.exp(-((speed / STRIBECK) ** 2)) + POWER * speed**0.6)
 
 
 def motion(t: np.ndarray, joints: int, seed: int, speed: float = 1.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -71,6 +72,7 @@ def record(
     reach: float = 1.0,
     late: float = 0.0,
     soft: float = 0.0,
+    turn: float = 0.0,
 ) -> Recording:
     """Encoders of 1e-5 rad; currents with white noise of 10 mA and as much that is correlated over 20 rows.
 
@@ -83,6 +85,7 @@ def record(
     reach        factor of the motion of joint 1
     late         s by which the currents are read later than the encoders
     soft         rad/(N m) of the gear of joint 1, by which its motor leads its link, without delay
+    turn         rad/s within which friction turns at a reversal; 0: it steps
     """
     t = np.arange(int(rate * seconds)) / rate
     q, qd, qdd = motion(t - late, len(arm), seed, speed)
@@ -103,7 +106,7 @@ def record(
     qd[:, 0] += np.gradient(lead, t)
     qdd[:, 0] += np.gradient(np.gradient(lead, t), t)
     for j, joint in enumerate(arm.joints):
-        torque[:, j] += joint.ratio**2 * joint.rotor_inertia * qdd[:, j] + friction(qd[:, j], levels[j])
+        torque[:, j] += joint.ratio**2 * joint.rotor_inertia * qdd[:, j] + friction(qd[:, j], levels[j], turn)
     torque[:, 0] += ripple[0] * np.sin(ripple[1] * q[:, 0] + ripple[2])
     torque[:, 1 % len(arm)] += spring * (q[:, 1 % len(arm)] - 0.4)
     white, driven = np.random.default_rng(noise).standard_normal((2, *q.shape))

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -60,3 +61,18 @@ def test_nothing_is_named_where_one_low_pass_is_a_little_wider(
     monkeypatch.setattr(signals, "choose_band", chosen)
     pair = [record(tmp_path / f"{k}.mcap", arm, k + 1, speed=2.5) for k in (0, 1)]
     assert compare_recordings(pair[:1], pair[1:], arm).significant == []
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.01], ids=["step", "smooth"])
+def test_a_large_change_of_slow_friction_is_a_change_of_its_level_alone(
+    root: Path, tmp_path: Path, turn: float
+) -> None:
+    """However friction turns at a reversal: below its ``sign_velocity`` a smooth one is not at its level."""
+    arm = puma(root, 2)
+    slow: dict[str, Any] = {"seconds": 60.0, "speed": 0.2, "turn": turn}
+    before = record(tmp_path / "before.mcap", arm, 1, **slow)
+    after = record(tmp_path / "after.mcap", arm, 2, levels=[28.0, 10.0], **slow)
+    found = {one.quantity.name: one for one in compare_recordings([before], [after], arm).significant}
+    level = found.pop("joint1.coulomb")
+    assert level.std is not None and level.change == pytest.approx(8.0, abs=2 * level.std) and level.std < 0.2
+    assert {one.quantity.kind for one in found.values()} <= {"curve"}
