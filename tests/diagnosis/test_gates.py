@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from arm_model import Arm
+from diagnosis.measurements.currents.causes import of_candidate
 from diagnosis.measurements.currents.design_matrix import Library, dataset_of
-from diagnosis.measurements.currents.estimates import covariance_of
+from diagnosis.measurements.currents.estimates import covariance_of, estimates_of
 from diagnosis.measurements.currents.limits import LIMITS, matters
 from diagnosis.measurements.currents.model import Currents
 from diagnosis.measurements.currents.state import State
 from diagnosis.per_recording.values import contradicted, noise_alone
 from diagnosis.residual.setpoint_ripple import unseen_directions
 from diagnosis.selection.candidate import Candidate
+from diagnosis.selection.contradiction import CHANCE
 from diagnosis.selection.design import Dataset
 from diagnosis.selection.estimates import estimates
 from diagnosis.selection.regression import score
@@ -32,12 +35,13 @@ def arm(root: Path) -> Arm:
     return two_link.model(root)
 
 
-def _chosen(arm: Arm, candidate: Candidate, *days: Day) -> State:
-    """The candidate alone, fitted to the first day; the second is held out."""
+def _chosen(arm: Arm, candidates: Candidate | tuple[Candidate, ...], *days: Day) -> State:
+    """The candidates alone, fitted to the first day; the second is held out."""
+    chosen = candidates if isinstance(candidates, tuple) else (candidates,)
     fit, held_out = (dataset_of([two_link.residual_of(arm, seed, day)]) for seed, day in enumerate(days))
     data = Split(fit, held_out)
-    model = Currents(arm, data, Library([candidate], data), [])
-    return State(model, (candidate,), data, {candidate.key: ()})
+    model = Currents(arm, data, Library(chosen, data), [])
+    return State(model, chosen, data, {candidate.key: () for candidate in chosen})
 
 
 def test_every_coefficient_of_an_effect_may_follow_what_leaked() -> None:
@@ -93,6 +97,25 @@ def test_values_that_differ_by_less_than_a_law_is_wrong_are_one(arm: Arm, second
     viscous = Candidate("viscous_friction", 1)
     state = _chosen(arm, viscous, Day(viscous=(4.0, 0.0)), Day(viscous=(second, 0.0)))
     assert (contradicted(state) is viscous) is contradict
+
+
+def test_a_rival_whose_columns_are_others_is_in_no_ambiguity_group(arm: Arm) -> None:
+    viscous, coulomb = Candidate("viscous_friction", 1), Candidate("coulomb_friction", 1)
+    state = _chosen(arm, (viscous, coulomb), *[Day(viscous=(4.0, 0.0))] * 2)
+    columns = [state.model.columns(c).fit.x[:, 0] for c in (viscous, coulomb)]
+    assert 0.5 < np.corrcoef(*columns)[0, 1] < LIMITS.group_correlation
+    alone = replace(state, chosen=(viscous,))
+    nothing = state.model.without(viscous, alone)
+    rival = score(coulomb, state.model.columns(coulomb), nothing.fitted, state.data.held_out)
+    (values,) = estimates_of(alone)
+    assert of_candidate(viscous, values, replace(alone, rivals={viscous.key: [rival]})).group == (viscous.key,)
+
+
+def test_contradictions_are_counted_over_all_chosen_causes(arm: Arm, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("diagnosis.per_recording.values.chance_of", lambda seen, place: 0.8 * CHANCE)
+    both = Candidate("viscous_friction", 1), Candidate("viscous_friction", 2)
+    assert contradicted(_chosen(arm, both[:1], Day(), Day())) is both[0]
+    assert contradicted(_chosen(arm, both, Day(), Day())) is None
 
 
 def test_a_joint_above_the_noise_in_held_out_recordings_alone_is_not_all_noise(arm: Arm) -> None:
