@@ -31,6 +31,7 @@ from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.ripple_orders import TEETH
 from identification.ripples import LEAST_CYCLES
 from identification.selection import MAD_TO_STD
+from identification.selection.cluster_covariance import numbered_on
 
 Index = NDArray[np.intp]
 
@@ -85,11 +86,15 @@ class Rows:
         """m."""
         return len(self.t)
 
+    @property
+    def parts(self) -> list[slice]:
+        """The rows of each recording."""
+        return [slice(*span) for span in itertools.pairwise([*self.starts, self.rows])]
+
     @cached_property
     def load_rate(self) -> Array:
         """(m, k) N m/s (N/s): derivative of the load in time."""
-        stretches = [slice(*span) for span in itertools.pairwise([*self.starts, self.rows])]
-        return np.concatenate([np.gradient(self.load[part], self.t[part], axis=0) for part in stretches])
+        return np.concatenate([np.gradient(self.load[part], self.t[part], axis=0) for part in self.parts])
 
     @cached_property
     def borne(self) -> NDArray[np.bool_]:
@@ -100,8 +105,7 @@ class Rows:
 
     def of(self, name: str) -> Rows:
         """The rows of one recording, all stretches of it."""
-        spans = list(itertools.pairwise([*self.starts, self.rows]))
-        stretches = [slice(*span) for span, its in zip(spans, self.names) if its == name]
+        stretches = [part for part, its in zip(self.parts, self.names) if its == name]
         lengths = [part.stop - part.start for part in stretches]
         starts = tuple(np.cumsum([0, *lengths[:-1]]).tolist())
         by_row: dict[str, Any] = {
@@ -111,11 +115,8 @@ class Rows:
 
     def blocks(self, seconds: float) -> Index:
         """(m,) number of the block of ``seconds`` that each row is in, from 0; none reaches over two recordings."""
-        numbers: list[Index] = []
-        for start, end in itertools.pairwise([*self.starts, self.rows]):
-            number = ((self.t[start:end] - self.t[start]) // seconds).astype(np.intp)
-            numbers.append(number + (int(numbers[-1][-1]) + 1 if numbers else 0))
-        return np.concatenate(numbers)
+        since = [self.t[part] - self.t[part.start] for part in self.parts]
+        return numbered_on([(t // seconds).astype(np.intp) for t in since])
 
 
 def joints_with_both(recordings: Sequence[Recording], arm: Arm) -> Index:
