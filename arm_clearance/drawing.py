@@ -16,8 +16,10 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-ROWS = 1500  # instants that are drawn
-POSES = 9  # of the arm that are drawn
+ROWS = 1500
+"""Instants that are drawn."""
+POSES = 9
+"""Of the arm that are drawn."""
 VIEWS = (("x", "y", "from above"), ("x", "z", "from the side (-y)"), ("y", "z", "from the front (+x)"))
 TOOL, LINKS, BOX, LIMIT = "C0", "0.55", "C3", "0.3"
 

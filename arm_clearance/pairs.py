@@ -17,8 +17,10 @@ from arm_io.types import Array
 
 POSES, ALWAYS = 400, 0.95
 """Random poses that are looked at; the share of them in which links touch that are made to touch (MoveIt's)."""
-UNCHANGED = 1e-9  # m
-ROWS = 2048  # poses whose distances are computed together
+UNCHANGED = 1e-9
+"""m."""
+ROWS = 2048
+"""Poses whose distances are computed together."""
 
 
 @dataclass(frozen=True, kw_only=True)

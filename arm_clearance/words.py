@@ -8,7 +8,8 @@ from arm_clearance.pairs import Pairs, pairs_of
 from arm_clearance.space import Space
 from experiment import Demand
 
-ROUNDING = 1e-9  # m
+ROUNDING = 1e-9
+"""m."""
 
 
 def check_clearance(demand: Demand, chain: Chain, space: Space) -> list[str]:

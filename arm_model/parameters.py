@@ -44,8 +44,10 @@ _DIRECT = (
     "torque_limit",
     "sign_velocity",
 )
-_DRIVE = {"rotor_inertia": 2, "offset": 1}  # powers of the gear ratio from motor to joint
-_DIRECTED = {"viscous": 2, "coulomb": 1}  # likewise; (positive, negative) each
+_DRIVE = {"rotor_inertia": 2, "offset": 1}
+"""Powers of the gear ratio from motor to joint."""
+_DIRECTED = {"viscous": 2, "coulomb": 1}
+"""Likewise; (positive, negative) each."""
 
 
 def _unknown(name: str) -> InputError:

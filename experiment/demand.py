@@ -22,7 +22,8 @@ from experiment.segments import Chirp, Drive, Fourier, Hold, Move, Repeat, Segme
 if TYPE_CHECKING:
     from experiment.file import Experiment
 
-NOTHING = 1e-12  # rad (m): a distance that no encoder shows, and whose reciprocal is still a number
+NOTHING = 1e-12
+"""rad (m): a distance that no encoder shows, and whose reciprocal is still a number."""
 LONGEST = 31 * 86400.0
 """s: a month. Whoever writes more has mistyped a number."""
 SHOWN = 3

@@ -15,7 +15,8 @@ PARAMETERS = ("mass", "mx", "my", "mz", "ixx", "ixy", "ixz", "iyy", "iyz", "izz"
 ROUNDING = 64 * np.finfo(float).eps
 """Of an inertia about the com, relative to that about the origin, after some changes of frame."""
 _UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
-_ABOUT_COM = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))  # xx yy zz xy yz xz, as model files have it
+_ABOUT_COM = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))
+"""xx yy zz xy yz xz, as model files have it."""
 
 
 def tensor(entries: Array) -> Array:

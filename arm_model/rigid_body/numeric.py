@@ -20,7 +20,8 @@ from arm_model.rigid_body.inertia import barycentric, transform
 from arm_model.rigid_body.link_friction import link_friction
 from arm_model.tables.fields import Pose
 
-BLOCK = 4096  # rows
+BLOCK = 4096
+"""Rows."""
 
 
 def link_parameters(arm: Arm) -> Array:

@@ -18,7 +18,8 @@ from llvmlite import ir
 from arm_model.symbolic.tape import Expr, Tape, needed
 
 DOUBLE, FLOAT, INT = ir.DoubleType(), ir.FloatType(), ir.IntType(64)
-FUSE = ("contract",)  # a b + c may become one fused operation
+FUSE = ("contract",)
+"""a b + c may become one fused operation."""
 
 _SINE = (
     -1.66666666666666307295e-1,

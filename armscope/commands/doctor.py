@@ -16,8 +16,10 @@ from daq.service import RigLock
 from drivers import find_devices
 from drivers.protocols import Device, EdgeSource, Identity, Latched, Plan, Polled, Quality
 
-TRIAL = 0.3  # s of rows from every device that makes them without the start line
-MOST_DOUBTFUL = 0.1  # share of a column's values
+TRIAL = 0.3
+"""s of rows from every device that makes them without the start line."""
+MOST_DOUBTFUL = 0.1
+"""Share of a column's values."""
 WORRIES = {
     Quality.MISSING: "check its cable and supply",
     Quality.STALE: "it is polled faster than it measures",

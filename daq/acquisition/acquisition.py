@@ -36,10 +36,14 @@ from daq.rig.preflight import check_plan
 from drivers.protocols import ClockReadings, EdgeSource, Plan, PositionTracker, Reconnecting
 from experiment import Experiment, demand_of
 
-PATIENCE = 0.5  # s without a trigger, or that a device may lag behind the others, before it counts as gone
-RATE_TOLERANCE = 0.01  # relative: a trigger that is further off the rig's rate is noted
-START_WINDOW = 0.002  # s that the start signal may take; the demand's times are known to half of it
-START_TOLERANCE = 0.05  # rad (m): how far the first row may be from the experiment's start pose
+PATIENCE = 0.5
+"""s without a trigger, or that a device may lag behind the others, before it counts as gone."""
+RATE_TOLERANCE = 0.01
+"""Relative: a trigger that is further off the rig's rate is noted."""
+START_WINDOW = 0.002
+"""s that the start signal may take; the demand's times are known to half of it."""
+START_TOLERANCE = 0.05
+"""rad (m): how far the first row may be from the experiment's start pose."""
 
 
 class Acquisition:

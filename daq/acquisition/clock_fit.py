@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 KNOT_SECONDS = 10.0
-MOST_PAIRS = 20_000  # of a long recording, evenly chosen
+MOST_PAIRS = 20_000
+"""Of a long recording, evenly chosen."""
 
 
 @dataclass(frozen=True)

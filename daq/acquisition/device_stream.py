@@ -15,7 +15,8 @@ from drivers.protocols import Block, Quality
 
 Table = dict[str, NDArray[Any]]
 VALUES = ("counts", "volts", "points", "readings")
-MISSING = int(Quality.MISSING)  # a plain integer: numpy is slow with enum members
+MISSING = int(Quality.MISSING)
+"""A plain integer: numpy is slow with enum members."""
 
 
 class Stream:

@@ -20,13 +20,20 @@ from numpy.typing import NDArray
 
 Ints = NDArray[np.int64]
 
-SETTLE = 8  # rows before the period of a device's clock is known
-LATER = 64  # rows by which stamps that were uneven at first are judged again
-LASTING = 3  # rows for which a shift must last
-REGULAR = 0.25  # of a period: intervals that scatter more cannot show a missed edge
-TAIL = 0.3  # of a period: rows at the end of a batch that are further off wait for their successors
-MOST_HELD = 16  # rows that may wait for their successors
-UNSURE = 6.0  # standard deviations by which a first look at the period must differ from the rig file's to be believed
+SETTLE = 8
+"""Rows before the period of a device's clock is known."""
+LATER = 64
+"""Rows by which stamps that were uneven at first are judged again."""
+LASTING = 3
+"""Rows for which a shift must last."""
+REGULAR = 0.25
+"""Of a period: intervals that scatter more cannot show a missed edge."""
+TAIL = 0.3
+"""Of a period: rows at the end of a batch that are further off wait for their successors."""
+MOST_HELD = 16
+"""Rows that may wait for their successors."""
+UNSURE = 6.0
+"""Standard deviations by which a first look at the period must differ from the rig file's to be believed."""
 
 
 @dataclass

@@ -24,7 +24,8 @@ from daq.rig.rig_file import Rig
 from daq.rig.rig_tables import CurrentSensor, JointTable
 from drivers.protocols import Quality
 
-NONE = -1  # column of a joint that has no such sensor
+NONE = -1
+"""Column of a joint that has no such sensor."""
 
 
 @dataclass(frozen=True)

@@ -32,8 +32,10 @@ from daq.rig.speed_check import SpeedCheck
 from drivers.protocols import AnalogOutput, ArmController, Device, DigitalOutput, HostClock, OwnWatchdog
 from experiment import Experiment
 
-START = "start"  # the output that begins a run
-PATIENCE = 0.25  # share of the watchdog's time that the safe state waits for a command in progress
+START = "start"
+"""The output that begins a run."""
+PATIENCE = 0.25
+"""Share of the watchdog's time that the safe state waits for a command in progress."""
 
 
 class Guard:

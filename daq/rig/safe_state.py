@@ -9,7 +9,8 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 
-CONFIRMED = 5.0  # s within which a device must have taken the command; a T7 needs one time limit per output at worst
+CONFIRMED = 5.0
+"""s within which a device must have taken the command; a T7 needs one time limit per output at worst."""
 
 
 def bring_to_safe_state(

@@ -41,13 +41,20 @@ Criterion = Literal["d", "condition"]
 Progress = Callable[[float, str], None]
 
 TWENTY_SECONDS = Series()
-ROUNDED = 1e-5  # share of a column: a smaller remainder comes from rounded angles in the file (1.5708)
-CLOSE = 0.98  # share of a limit that is used: peaks may lie between the instants that are checked
-TOGETHER = 16  # candidates judged at a time
-PRODUCT = 1e-11  # smallest over largest eigenvalue of A^T A: above it, rounding changes a singular value by 1e-5
-HIDDEN = -1e6  # larger than any score: a motion that excites more parameters is always better
-STILL = 0.02  # smallest scale of a motion: with a smaller one the arm hardly moves
-ROWS = 160  # instants at which a candidate is judged
+ROUNDED = 1e-5
+"""Share of a column: a smaller remainder comes from rounded angles in the file (1.5708)."""
+CLOSE = 0.98
+"""Share of a limit that is used: peaks may lie between the instants that are checked."""
+TOGETHER = 16
+"""Candidates judged at a time."""
+PRODUCT = 1e-11
+"""Smallest over largest eigenvalue of A^T A: above it, rounding changes a singular value by 1e-5."""
+HIDDEN = -1e6
+"""Larger than any score: a motion that excites more parameters is always better."""
+STILL = 0.02
+"""Smallest scale of a motion: with a smaller one the arm hardly moves."""
+ROWS = 160
+"""Instants at which a candidate is judged."""
 
 
 def design_excitation(

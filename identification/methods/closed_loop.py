@@ -37,8 +37,10 @@ from identification.result import Identification
 
 ClosedLoopMethod = Literal["iv", "didim"]
 
-ITERATIONS = 8  # fits with regressors of newly simulated motions, at most
-ASTRAY = 0.5  # share of the measured range: largest difference of a simulated motion from the measured one
+ITERATIONS = 8
+"""Fits with regressors of newly simulated motions, at most."""
+ASTRAY = 0.5
+"""Share of the measured range: largest difference of a simulated motion from the measured one."""
 
 
 def identify_closed_loop(

@@ -28,8 +28,10 @@ from identification.regression.least_squares import Fit
 from identification.regression.uncertainty import FitUncertainty, fit_uncertainty
 from identification.result import Prediction
 
-ITERATIONS = 12  # Levenberg-Marquardt steps, at most
-STEP = 0.05  # share of a parameter by which it is changed for its column of the Jacobian
+ITERATIONS = 12
+"""Levenberg-Marquardt steps, at most."""
+STEP = 0.05
+"""Share of a parameter by which it is changed for its column of the Jacobian."""
 DIRECTIONS = ("coulomb_positive", "coulomb_negative")
 
 

@@ -23,7 +23,8 @@ from identification.result import Identification, Prediction, Value, unit_of
 Run = tuple[Recording, Motion]
 
 WAYS: tuple[Way, Way] = ("filter", "integral")
-ACTIVE = 0.2  # share of the largest travel in a run: a joint that moves less is not identified from this run
+ACTIVE = 0.2
+"""Share of the largest travel in a run: a joint that moves less is not identified from this run."""
 
 
 @dataclass

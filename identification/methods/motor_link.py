@@ -35,9 +35,12 @@ from identification.regression.uncertainty import FitUncertainty, fit_uncertaint
 
 Way = Literal["filter", "integral"]
 
-MEMORY = 8.0  # time constants of the state-variable filter, (1 + s / lambda)^-3, until 99 % is forgotten
-PASSING = 0.02  # share of rows in a direction of motion: fewer rows are the transient of a filter
-RANK = 1e-6  # share of the largest singular value, below which a direction is not excited
+MEMORY = 8.0
+"""Time constants of the state-variable filter, (1 + s / lambda)^-3, until 99 % is forgotten."""
+PASSING = 0.02
+"""Share of rows in a direction of motion: fewer rows are the transient of a filter."""
+RANK = 1e-6
+"""Share of the largest singular value, below which a direction is not excited."""
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,8 @@ from identification.regression.problem import Problem, prepare
 from identification.regression.uncertainty import fit_uncertainty
 from identification.result import Identification
 
-RANK_TOLERANCE = 1e-2  # share of a step's largest singular value: weaker directions wait for a later step
+RANK_TOLERANCE = 1e-2
+"""Share of a step's largest singular value: weaker directions wait for a later step."""
 
 
 def identify_in_sequence(

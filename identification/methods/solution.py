@@ -23,7 +23,8 @@ STEPS = 8
 """Gauss-Newton steps of an arm with effects, at most."""
 SETTLED = 0.1
 """A step of fewer standard deviations is the last."""
-SHORTEST = 1 / 16  # smallest share of a step in the line search
+SHORTEST = 1 / 16
+"""Smallest share of a step in the line search."""
 LEAST_FRICTION = 0.02
 """Of the rms torque of a joint: the size of friction that smoothness is measured by, at least."""
 

@@ -17,8 +17,10 @@ from arm_io.types import Array
 from identification.preprocessing.filtering import butterworth
 from identification.preprocessing.signals import Motion, parallel_filter, parallel_taps
 
-NOTABLE = 0.02  # share of noise from which a warning is given
-GRID = 512  # frequencies at which the noise is integrated
+NOTABLE = 0.02
+"""Share of noise from which a warning is given."""
+GRID = 512
+"""Frequencies at which the noise is integrated."""
 
 
 def noise_in_acceleration(motion: Motion) -> Array:

@@ -15,11 +15,16 @@ from identification.preprocessing.mechanism import check_joints, check_mechanism
 from identification.preprocessing.quality import as_trusted
 from identification.preprocessing.signals import Motion
 
-MISSING = 0.5  # largest share of missing samples in a channel
-EXPLAINED = 0.7  # share of the variation of a joint's torque that the model of the right joint explains at least
-DEAD = 0.05  # share below which not even friction is visible: the channel is dead
-RANK_TOLERANCE = 1e-6  # share of the largest singular value from which a combination of a joint's columns is excited
-MOVED = 20.0  # smallest travel of a motion, in units of the noise
+MISSING = 0.5
+"""Largest share of missing samples in a channel."""
+EXPLAINED = 0.7
+"""Share of the variation of a joint's torque that the model of the right joint explains at least."""
+DEAD = 0.05
+"""Share below which not even friction is visible: the channel is dead."""
+RANK_TOLERANCE = 1e-6
+"""Share of the largest singular value from which a combination of a joint's columns is excited."""
+MOVED = 20.0
+"""Smallest travel of a motion, in units of the noise."""
 
 ALIKE = 0.8
 """Correlation above which a measured torque is the model's but for its size."""

@@ -18,9 +18,12 @@ from arm_model.simulation import Demand, Sampled
 from daq.recording import Recording
 from identification.preprocessing.setpoints import stated_period
 
-BENT = 1e-9  # rad or m: largest second difference of a straight line
-FEW = 3  # rows per setpoint: with fewer, lines and a plan cannot be distinguished
-MOSTLY = 0.5  # share of the moving rows that bend in a plan; straight lines bend at setpoints only
+BENT = 1e-9
+"""rad or m: largest second difference of a straight line."""
+FEW = 3
+"""Rows per setpoint: with fewer, lines and a plan cannot be distinguished."""
+MOSTLY = 0.5
+"""Share of the moving rows that bend in a plan; straight lines bend at setpoints only."""
 
 
 def demand_of_run(recording: Recording, arm: Arm) -> Demand:

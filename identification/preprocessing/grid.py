@@ -14,9 +14,12 @@ from arm_io.types import Array
 
 Mask = NDArray[np.bool_]
 
-JITTER = 0.01  # share of the period within which stamps count as evenly spaced
-CUBIC = 4  # samples that a cubic spline needs
-HOLE = 2.5  # periods between two samples from which there is a hole, not only jitter
+JITTER = 0.01
+"""Share of the period within which stamps count as evenly spaced."""
+CUBIC = 4
+"""Samples that a cubic spline needs."""
+HOLE = 2.5
+"""Periods between two samples from which there is a hole, not only jitter."""
 
 
 def uniform_grid(t: Array) -> tuple[Array, float]:

@@ -22,18 +22,30 @@ from identification.preprocessing.mechanism import other_drives
 from identification.preprocessing.quality import Trusted
 from identification.preprocessing.signals import Motion
 
-HOLES = 0.05  # share of excluded rows worth a warning;
-STANDING = 0.3  # share of excluded rows at standstill worth a warning: every motion begins and ends with some
-LAG = 0.5  # s within which current and acceleration are compared
-FURTHEST = 0.1  # s: the largest lag that is searched for
-LEAST_SHIFTS = 4  # smallest number of rows in LAG for a search
-EXPLAINED = 0.9  # share of the torque's square that the motion must explain to determine the lag
-ILL_CONDITIONED = 1e4  # of the regressor with its columns scaled alike
-TURNS = 4 * np.pi  # rad from zero, beyond which angles may be degrees
-TELLING = 1.5  # ratio of the unexplained torque without lag to that with the best lag, below which the lag is chance
-LIMIT = 0.98  # share of the torque limit that counts as reached
-FAR_BEYOND = 2.0  # torque over the torque limit that only a wrong unit or constant can explain
-BLOCK = 1 << 17  # rows of a correlation at a time
+HOLES = 0.05
+"""Share of excluded rows worth a warning."""
+STANDING = 0.3
+"""Share of excluded rows at standstill worth a warning: every motion begins and ends with some."""
+LAG = 0.5
+"""s within which current and acceleration are compared."""
+FURTHEST = 0.1
+"""s: the largest lag that is searched for."""
+LEAST_SHIFTS = 4
+"""Smallest number of rows in LAG for a search."""
+EXPLAINED = 0.9
+"""Share of the torque's square that the motion must explain to determine the lag."""
+ILL_CONDITIONED = 1e4
+"""Of the regressor with its columns scaled alike."""
+TURNS = 4 * np.pi
+"""rad from zero, beyond which angles may be degrees."""
+TELLING = 1.5
+"""Ratio of the unexplained torque without lag to that with the best lag, below which the lag is chance."""
+LIMIT = 0.98
+"""Share of the torque limit that counts as reached."""
+FAR_BEYOND = 2.0
+"""Torque over the torque limit that only a wrong unit or constant can explain."""
+BLOCK = 1 << 17
+"""Rows of a correlation at a time."""
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,8 @@ from identification.preprocessing.folding import rate_instead, unbounded, whole_
 from identification.preprocessing.readiness import RunReadiness
 from identification.preprocessing.signals import Motion
 
-FOLDED = 0.01  # share of the torque from which aliased setpoint ripple is worth a warning, at unrelated rates
+FOLDED = 0.01
+"""Share of the torque from which aliased setpoint ripple is worth a warning, at unrelated rates."""
 
 
 def said_once(runs: Sequence[RunReadiness], motions: Sequence[Motion]) -> list[RunReadiness]:

@@ -26,17 +26,25 @@ from identification.preprocessing.spectrum import Band, choose_band
 
 Mask = NDArray[np.bool_]
 
-FLAT = 5  # successive rows at the extreme value of a channel, while the joint moves, that count as saturated
-SHAKEN = 0.02  # share of the largest travel below which a joint is only shaken by the others
-CREEP = 0.005  # share of a joint's peak speed below which the direction of Coulomb friction is uncertain
+FLAT = 5
+"""Successive rows at the extreme value of a channel, while the joint moves, that count as saturated."""
+SHAKEN = 0.02
+"""Share of the largest travel below which a joint is only shaken by the others."""
+CREEP = 0.005
+"""Share of a joint's peak speed below which the direction of Coulomb friction is uncertain."""
 
 # s: a joint that is slow for longer is at rest; a shorter passage is a reversal, in which Coulomb's law holds
 REVERSAL = 0.01
-ROWS = 16  # rows of the parallel filter at a time
-SMEARED = 0.6  # periods of the low-pass's cut-off until a step that went through it is within 5 % of itself
-MOST_ROWS = 200_000  # largest number of rows of a regression: each has some hundred columns
-BLOCK = 1 << 15  # rows of a spline at a time
-SPLINE_END = 25  # rows in which a quintic spline forgets its end or a hole (by 0.43 a row; Unser, 1999)
+ROWS = 16
+"""Rows of the parallel filter at a time."""
+SMEARED = 0.6
+"""Periods of the low-pass's cut-off until a step that went through it is within 5 % of itself."""
+MOST_ROWS = 200_000
+"""Largest number of rows of a regression: each has some hundred columns."""
+BLOCK = 1 << 15
+"""Rows of a spline at a time."""
+SPLINE_END = 25
+"""Rows in which a quintic spline forgets its end or a hole (by 0.43 a row; Unser, 1999)."""
 
 
 @dataclass(frozen=True)

@@ -19,11 +19,16 @@ from scipy import signal
 from arm_io.types import Array
 from identification.preprocessing.filtering import butterworth, zero_phase
 
-OCCUPIED = 0.95  # share of the acceleration's power that counts as the bandwidth of the dynamics
-SPEEDY = 0.9  # share of the speed's power, without that of noise, that lies below the valley
-STANDING = 0.02  # of a joint's peak speed: below it the sign of the velocity may be noise
-SHAKEN = 0.01  # share of the largest travel, in units of the noise, from which a joint counts
-SEGMENT = 8.0  # s, length of Welch's segments: resolution 0.125 Hz
+OCCUPIED = 0.95
+"""Share of the acceleration's power that counts as the bandwidth of the dynamics."""
+SPEEDY = 0.9
+"""Share of the speed's power, without that of noise, that lies below the valley."""
+STANDING = 0.02
+"""Of a joint's peak speed: below it the sign of the velocity may be noise."""
+SHAKEN = 0.01
+"""Share of the largest travel, in units of the noise, from which a joint counts."""
+SEGMENT = 8.0
+"""s, length of Welch's segments: resolution 0.125 Hz."""
 
 
 @dataclass(frozen=True)

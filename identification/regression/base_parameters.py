@@ -23,7 +23,8 @@ from identification.regression.effect_columns import definition, effect_paramete
 from identification.regression.model_parameters import Friction, column_names, lifts, model_columns
 from identification.regression.qr import pivoted_triangle, triangle_of
 
-NEGLIGIBLE = 1e-8  # share of a column's size below which a remainder counts as rounding
+NEGLIGIBLE = 1e-8
+"""Share of a column's size below which a remainder counts as rounding."""
 GENERIC_ARMS = 2
 """Arms beside the model: a dependence between columns that holds on all of them is one of structure."""
 SIZE = 0.1

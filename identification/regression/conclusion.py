@@ -29,7 +29,8 @@ from identification.regression.problem import Problem
 from identification.regression.uncertainty import FitUncertainty, fit_uncertainty
 from identification.result import Identification, Prediction
 
-MOST_NAMED = 6  # weak parameters in a warning
+MOST_NAMED = 6
+"""Weak parameters in a warning."""
 UNBIASED = ("iv", "didim")
 """Methods whose regressors have no noise of the encoders."""
 UNCONSTRAINED = "least squares alone, not physically consistent"
@@ -37,7 +38,8 @@ UNCONSTRAINED = "least squares alone, not physically consistent"
 OF_WEIGHT = 0.1
 """Of what a joint lifts: an offset of this share of its weight is as far from the model as a mass twice as large, and a
 rotor of this share is what the model has none of."""
-SPLIT = 0.7  # share of the time that is fitted where no recording is held out
+SPLIT = 0.7
+"""Share of the time that is fitted where no recording is held out."""
 
 
 def physical_values(problem: Problem, fit: Fit, information: Array) -> Array:

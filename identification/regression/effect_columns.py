@@ -23,7 +23,8 @@ from arm_model import Arm, EffectTerm, parameter, with_parameters
 from arm_model.effects import CATALOGUE, Effect, Instrument, Parameter, Signals, described, values_of
 from arm_model.system import inverse_dynamics
 
-STEP = 1e-3  # step of difference quotients, as a share of a parameter's typical size
+STEP = 1e-3
+"""Step of difference quotients, as a share of a parameter's typical size."""
 
 
 def effect_parameters(arm: Arm) -> list[str]:

@@ -21,8 +21,10 @@ from identification.selection import MAD_TO_STD
 Joints = NDArray[np.intp]
 Method = Literal["ols", "wls", "irls"]
 
-REWEIGHTED = 20  # times, at most
-BIWEIGHT = 4.685  # Tukey's tuning constant: 95 % efficient on Gaussian residuals
+REWEIGHTED = 20
+"""Times, at most."""
+BIWEIGHT = 4.685
+"""Tukey's tuning constant: 95 % efficient on Gaussian residuals."""
 
 
 @dataclass(frozen=True)

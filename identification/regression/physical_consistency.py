@@ -27,10 +27,14 @@ from arm_model.rigid_body import COEFFICIENTS, LINK_FRICTION
 from arm_model.rigid_body.inertia import PARAMETERS, pseudo_inertia
 from identification.regression.effect_columns import definition, is_effect
 
-REGULARISATION = 1e-2  # a divergence of 1 (a mass 2.1 times the prior's) weighs like a tenth of a standard deviation
-BARRIER = 1e-3  # weight of the same divergence of single numbers: only keeps them positive
-OF_ONE_SPEED = 0.04  # weight of the friction at one speed: the 25 of a direction weigh like one number
-SMALLEST = 1e-6  # share of the mean link's mass (size) that is given to a prior link without mass (size)
+REGULARISATION = 1e-2
+"""A divergence of 1 (a mass 2.1 times the prior's) weighs like a tenth of a standard deviation."""
+BARRIER = 1e-3
+"""Weight of the same divergence of single numbers: only keeps them positive."""
+OF_ONE_SPEED = 0.04
+"""Weight of the friction at one speed: the 25 of a direction weigh like one number."""
+SMALLEST = 1e-6
+"""Share of the mean link's mass (size) that is given to a prior link without mass (size)."""
 NEVER_NEGATIVE = ("rotor_inertia", "drag", *COEFFICIENTS, *LINK_FRICTION)
 """Parameters of a joint or of its link's cylinder that must not be negative, each for itself."""
 BODY = 0.05

@@ -29,10 +29,14 @@ from identification.regression.equations import Equations, described_rows, equat
 from identification.regression.least_squares import weighted
 from identification.regression.model_parameters import Friction, freed_rotors, model_values
 
-TREMBLE = 20.0  # travel, in rms of the angle's noise, below which a joint only trembles
-SHAKEN = 0.01  # share of the largest travel (of joints of its kind) below which a joint is only shaken by the others
-SLOW = 10.0  # Hz: accelerations below this are taken as demanded, if the setpoints' rate is not stated
-EXCITED = 1e-4  # share of a column that no other explains: with less, the parameter is not excited by these runs
+TREMBLE = 20.0
+"""Travel, in rms of the angle's noise, below which a joint only trembles."""
+SHAKEN = 0.01
+"""Share of the largest travel (of joints of its kind) below which a joint is only shaken by the others."""
+SLOW = 10.0
+"""Hz: accelerations below this are taken as demanded, if the setpoints' rate is not stated."""
+EXCITED = 1e-4
+"""Share of a column that no other explains: with less, the parameter is not excited by these runs."""
 
 
 @dataclass(frozen=True)

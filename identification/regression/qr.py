@@ -10,7 +10,8 @@ from scipy.linalg import lapack
 
 from arm_io.types import Array
 
-PANEL = 8  # columns that are reflected one by one before the others follow
+PANEL = 8
+"""Columns that are reflected one by one before the others follow."""
 
 
 def triangle_of(rows: Array, *, overwrite: bool = False) -> Array:

@@ -21,10 +21,14 @@ from identification.regression.equations import Equations
 from identification.regression.least_squares import Fit
 from identification.regression.qr import triangle_of
 
-REPLICATES = 400  # refits to blocks drawn anew: a std from them is known to 5 %
-LEAST_BLOCKS = 12  # smallest number of blocks that shows their scatter
-MOST_BLOCKS = 2500  # largest number of blocks: each has its own normal equations
-MEMORIES = 4.0  # block length in correlation times of the residual
+REPLICATES = 400
+"""Refits to blocks drawn anew: a std from them is known to 5 %."""
+LEAST_BLOCKS = 12
+"""Smallest number of blocks that shows their scatter."""
+MOST_BLOCKS = 2500
+"""Largest number of blocks: each has its own normal equations."""
+MEMORIES = 4.0
+"""Block length in correlation times of the residual."""
 
 
 @dataclass(frozen=True)

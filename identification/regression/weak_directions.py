@@ -21,8 +21,10 @@ from identification.regression.model_parameters import model_values
 from identification.regression.problem import Problem
 from identification.result import unit_of
 
-WEAK = 0.1  # of the model's size
-SURE = 3.0  # standard deviations, including the correlation of the residual
+WEAK = 0.1
+"""Of the model's size."""
+SURE = 3.0
+"""Standard deviations, including the correlation of the residual."""
 
 
 def regularised_to_model(problem: Problem, fit: Fit, information: Array) -> tuple[Fit, int]:

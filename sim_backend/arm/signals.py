@@ -26,8 +26,10 @@ from sim_backend.electronics.electronics import Electronics
 
 Times = NDArray[np.int64]
 
-CHUNK_ROWS = 256  # of the arm, integrated at a time: 2 ms for which no simulated device answers
-KEEP = 5.0  # s of signals held
+CHUNK_ROWS = 256
+"""Of the arm, integrated at a time: 2 ms for which no simulated device answers."""
+KEEP = 5.0
+"""s of signals held."""
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,8 @@ import numpy as np
 from arm_io.types import Array
 from experiment import Demand
 
-_SPEED_OVER = 1e-3  # s over which the demanded speed at the stop is taken
+_SPEED_OVER = 1e-3
+"""s over which the demanded speed at the stop is taken."""
 
 
 @dataclass(frozen=True)

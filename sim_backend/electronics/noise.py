@@ -14,7 +14,8 @@ from statistics import NormalDist
 import numpy as np
 from numpy.typing import NDArray
 
-_STEP = np.uint64(0x9E3779B97F4A7C15)  # 2^64 / golden ratio
+_STEP = np.uint64(0x9E3779B97F4A7C15)
+"""2^64 / golden ratio."""
 _FIRST = np.uint64(0xBF58476D1CE4E5B9)
 _SECOND = np.uint64(0x94D049BB133111EB)
 _S30, _S27, _S31, _S12 = (np.uint64(bits) for bits in (30, 27, 31, 12))

@@ -19,7 +19,8 @@ from sim_backend.protocol.serving import Loop
 from sim_backend.protocol.wires import Wires
 
 DIVISOR = {FUNCTIONS[CounterMode.X1]: 4, FUNCTIONS[CounterMode.X2]: 2, FUNCTIONS[CounterMode.X4]: 1}
-FIELD = 24  # bytes: a count is always written over the whole of the last one
+FIELD = 24
+"""Bytes: a count is always written over the whole of the last one."""
 
 
 class SimulatedCounter:

@@ -13,7 +13,8 @@ from experiment import Experiment, demand_of
 from sim_backend.protocol.wires import Times, TriggerLine, Wires
 from sim_backend.rig.world import World
 
-IN_POSITION = 0.1  # s after the demand's end at which the controller says that the arm has arrived
+IN_POSITION = 0.1
+"""s after the demand's end at which the controller says that the arm has arrived."""
 
 
 @dataclass(frozen=True)

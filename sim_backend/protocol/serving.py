@@ -15,7 +15,8 @@ from typing import Protocol
 
 from arm_io import DeviceFault
 
-AWAKE = 0.0003  # s before and after the end of an answer
+AWAKE = 0.0003
+"""s before and after the end of an answer."""
 
 
 class Simulator(Protocol):

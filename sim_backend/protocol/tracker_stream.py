@@ -19,8 +19,10 @@ from drivers.tracker_stream import HEADING, METRES, Config, format_line
 from sim_backend.protocol.serving import Loop, Terminal
 from sim_backend.protocol.wires import Wires
 
-START_LATENCY = 2_000_000  # ns from the start pulse to the first sample at the earliest
-JITTER = 15e-6  # s, rms: how unevenly it samples
+START_LATENCY = 2_000_000
+"""ns from the start pulse to the first sample at the earliest."""
+JITTER = 15e-6
+"""s, rms: how unevenly it samples."""
 
 
 class SimulatedTracker:

@@ -15,9 +15,12 @@ from sim_backend.rig.faults import Unplugged
 from sim_backend.rig.trigger_line import Seen, TriggerLine, seen
 from sim_backend.rig.world import World
 
-PASS = 2.0  # s of rows made at most in one go
-AHEAD = 0.2  # s of rows made at a time, ahead of the reader: signals and edges are known, and long arrays are cheap
-TICK_RATE = 1e6  # Hz of every simulated device's own clock
+PASS = 2.0
+"""s of rows made at most in one go."""
+AHEAD = 0.2
+"""s of rows made at a time, ahead of the reader: signals and edges are known, and long arrays are cheap."""
+TICK_RATE = 1e6
+"""Hz of every simulated device's own clock."""
 
 Acquire = Callable[[Seen], Block]
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import ctypes
 
-M_MMAP_THRESHOLD = -3  # mallopt(3)
+M_MMAP_THRESHOLD = -3
+"""mallopt(3)."""
 LARGE = 128 * 1024
 
 

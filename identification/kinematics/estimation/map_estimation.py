@@ -38,7 +38,8 @@ _OVERDETERMINED = 1.5
 """Coordinates per estimated parameter that a selection of points must have."""
 _PLENTY = 50.0
 """Coordinates per unknown above which a point hardly pulls its own prediction."""
-_COARSE = 1500  # points with which the estimate is brought near; all of them then settle it
+_COARSE = 1500
+"""Points with which the estimate is brought near; all of them then settle it."""
 _LEAST_SHARE = 0.02
 """Least share of the noise's variance in a residual: a point that determines a parameter alone has none at all."""
 LEAST_NOISE = 1e-6

@@ -31,8 +31,10 @@ _ROOM = 1.2
 
 At the edge of its reach the real arm may fall short of the nominal one.
 """
-_STANDING = 2e-4  # rad over a window: at rest
-_SLIP = 0.01  # rad: a servo that creeps or slips through its friction has not left
+_STANDING = 2e-4
+"""rad over a window: at rest."""
+_SLIP = 0.01
+"""rad: a servo that creeps or slips through its friction has not left."""
 
 
 @dataclass(frozen=True)
