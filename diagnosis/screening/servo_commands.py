@@ -29,6 +29,8 @@ SMALL, AWAY = 0.85, 0.05
 """Share of the largest current below which rows show the law of the servo, and s from any larger one."""
 MOVES = 0.01
 """rad (m) that a joint must move in a recording to show anything."""
+MOST = 0.9
+"""Share of the rows with less than the largest current that must get what the law asks for."""
 FLAT = 2.0
 """Noises by which a current may scatter where its drive gives no more."""
 HALF = 0.674
@@ -75,9 +77,8 @@ def clipped_by_command(recordings: Sequence[Recording], weights: Sequence[Array 
     command = _commands(laws, small)
     if command is None:
         return None
-    doubt = max(float(np.abs(law.given - one.asked)[rows].max()) for law, one, rows in zip(laws, command, small))
-    # no row that shows the law departs from it as far; where more is asked, a law that is wrong by a share does, and so
-    # do rows that are far from those
+    doubt = _doubt(laws, command, small, top)
+    # where more is asked, a law that is wrong by a share is wrong by more, and so it is far from the rows that show it
     doubts = [doubt * np.maximum(one.reach, np.maximum(np.abs(one.asked) / (SMALL * top), 1.0)) for one in command]
     beyond = [np.where(np.abs(one.asked) > top + far, np.sign(one.asked), 0.0) for one, far in zip(command, doubts)]
     shown = [recordings[k].i[law.kept, j] * sign for k, law, sign in zip(usable, laws, beyond)]
@@ -96,6 +97,18 @@ def clipped_by_command(recordings: Sequence[Recording], weights: Sequence[Array 
         std=max(step / 2, noise / float(np.sqrt(independent))),
         recordings=tuple(k for k, sign in zip(usable, beyond) if sign.any()),
     )
+
+
+def _doubt(laws: Sequence[_Rows], command: Sequence[_Command], small: Sequence[NDArray[np.bool_]], top: float) -> float:
+    """A by which the law departs from any row that shows it, or from most in which it asks for less than the ``top``.
+
+    A drive gives these what they ask for, and the law was not fitted to them.
+    """
+    errors = [np.abs(law.given - one.asked) for law, one in zip(laws, command)]
+    sizes = [np.abs(one.asked) for one in command]
+    fitted = max(float(error[rows].max()) for error, rows in zip(errors, small))
+    given = np.concatenate([error[(size > SMALL * top) & (size < top)] for error, size in zip(errors, sizes)])
+    return max(fitted, float(np.quantile(given, MOST))) if len(given) else fitted
 
 
 @dataclass(frozen=True)

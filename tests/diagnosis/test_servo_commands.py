@@ -103,9 +103,10 @@ def test_a_law_that_is_wrong_by_a_share_is_wrong_by_more_where_more_is_asked(
     assert (found is not None) == clipped
 
 
-def test_a_slow_joint_that_meets_little_but_its_friction_is_not_clipped(tmp_path: Path) -> None:
+@pytest.mark.parametrize("seconds", [30.0, 44.0])
+def test_a_slow_joint_that_meets_little_but_its_friction_is_not_clipped(tmp_path: Path, seconds: float) -> None:
     """Its current is small at reversals alone, which say little of what the servo asks for between them."""
     arm = chain(2)
-    write(arm, tmp_path / "slow.mcap", 44.0, np.random.default_rng(1))
+    write(arm, tmp_path / "slow.mcap", seconds, np.random.default_rng(1))
     recording = open_recording(tmp_path / "slow.mcap")
     assert clipped_by_command([recording], [fed_forward(recording, arm)], 0) is None
