@@ -37,9 +37,13 @@ def unexplained_structure(
 ) -> list[Structure]:
     """Everything above the noise that no cause explains, of any instrument and in closed loop."""
     state, of_currents = currents.state, unexplained_of_currents(instruments, currents)
+    # a joint that fitted recordings alone leave unexplained need not be so when one of them is held out
+    wherever = [one for one in of_currents if one not in currents.undetermined]
+    fit_alone = in_fit_alone(state, wherever) if instruments.judged else []
+    of_currents = [one for one in of_currents if one in wherever or one.joint not in [fit.joint for fit in fit_alone]]
     structures = [
         *(one for one in of_currents if currents.shortage is None or one.joint not in currents.shortage.joints),
-        *(in_fit_alone(state, of_currents) if instruments.judged else []),
+        *fit_alone,
         *(instruments.link.unexplained if instruments.link else []),
         *instruments.tracked.unexplained,
         *(

@@ -173,6 +173,20 @@ def test_a_law_whose_size_is_not_determined_is_told_and_not_named(monkeypatch: p
     assert told.share > 0.5
 
 
+@pytest.mark.parametrize(("size", "left", "told"), [(12.0, 0.5, True), (0.0, 0.5, False), (12.0, 12.0, False)])
+def test_friction_near_rest_that_no_law_explains_is_told(size: float, left: float, told: bool) -> None:
+    """Now more, now less than while it slides, beyond what the model left there when it was identified."""
+
+    def friction(v: np.ndarray, t: np.ndarray) -> np.ndarray:
+        more = size * np.sin(9.0 * t) * np.exp(-((v / 0.05) ** 2))
+        return np.asarray((COULOMB + more) * np.tanh(v / WIDTH), float)
+
+    runs = _runs(friction).map(lambda part: [replace(run, arm=_identified(left)) for run in part])
+    found = friction_causes(runs, (), (), ())
+    assert found.causes == []
+    assert [(one.joint, one.against) for one in found.undetermined] == [(1, AGAINST)] * told
+
+
 def _swings(name: str, rng: np.random.Generator, friction: Rubbing, size: float, rate: float, seconds: float) -> Run:
     """Three sines of 0.3, 0.15 and 0.1 rad times ``size``, at 0.31, 0.53 and 0.83 Hz times ``rate``; coarse encoder."""
     t, count = np.arange(0.0, seconds, 1 / RATE), 8e-5
@@ -193,7 +207,7 @@ def test_a_law_must_leave_less_than_the_smoothing_velocity_that_fits_all_recordi
     waving = lambda v, t: sharper(v, t) + 3.0 * np.sin(2 * np.pi * 7 * t + rng.uniform(0, 6))  # noqa: E731
     few = _swings("few", rng, waving, 6.0, 1.0, 3.0)
     long = _swings("long", rng, sharper, 0.2, 0.5, 12.0)
-    assert friction_causes(Split([few], [long]), (), (), ()) == NOTHING
+    assert friction_causes(Split([few], [long]), (), (), ()).causes == []
 
 
 def _dry(stiffness: float) -> Rubbing:

@@ -49,6 +49,8 @@ class NearRestLimits(Thresholds):
 
     above_noise  residual over its std near rest, whatever the smoothing velocity, from which anything is searched:
                  healthy simulated joints have 0.4 to 1.4
+    clear        ... from which on the passages are told as unexplained if no law is named, beside a model that states
+                 what it left there when it was identified: an exact one knows nothing of what else acts near rest
     left         share of the squared residual that it may leave: where nothing is hidden, the best hump leaves 0.6 and
                  more of what is noise anyway
     significant  probability that so many passages gain so much by chance, over all joints and laws
@@ -62,6 +64,7 @@ class NearRestLimits(Thresholds):
     """
 
     above_noise: float = 1.5
+    clear: float = 2.5
     left: float = 0.5
     significant: float = 0.01
     tie: float = 1.25
@@ -79,7 +82,7 @@ AGAINST = "velocity near rest"
 
 @dataclass(frozen=True)
 class Friction:
-    """Laws of friction near rest that the recordings determine, and joints where one is visible but undetermined."""
+    """Laws of friction near rest that recordings determine, and joints where friction is another without such a law."""
 
     causes: list[Cause]
     undetermined: list[Structure]
@@ -135,7 +138,6 @@ def _open(arm: Arm, joint: int, taken: Sequence[EffectKey]) -> bool:
 def _of_joint(every: Sequence[NearRest], library: Sequence[Candidate], tests: int) -> Cause | Structure | None:
     if len({one.run.name for one in every}) < 2:
         return None
-    joint = every[0].joint
     smooth = in_sample(every, smoothing(every))
     rows = sum(len(one.residual) for one in every)
     if smooth.energy < LIMITS.above_noise**2 * rows:
@@ -143,7 +145,22 @@ def _of_joint(every: Sequence[NearRest], library: Sequence[Candidate], tests: in
     laws = sorted(
         (predicted(every, law_of(every, effect)) for effect in friction_near_rest()), key=lambda one: one.energy
     )
-    best, chance = laws[0], p_value(_gains(every, smooth, laws[0]))
+    apparent = Structure(Signal.CURRENT, every[0].joint, AGAINST, max(1.0 - laws[0].energy / smooth.energy, 0.0))
+    if (cause := _law_of(every, library, tests, smooth, laws)) is not None:
+        if _determined(laws[0].law, cause.parameters, LIMITS.determined):
+            return cause
+        if _determined(laws[0].law, cause.parameters, LIMITS.apparent):
+            return apparent
+    stated = every[0].run.arm.uncertainty is not None
+    return apparent if stated and smooth.energy > LIMITS.clear**2 * rows else None
+
+
+def _law_of(
+    every: Sequence[NearRest], library: Sequence[Candidate], tests: int, smooth: Residuals, laws: Sequence[Residuals]
+) -> Cause | None:
+    """The first of the ``laws``, if it explains the passages, better than another smoothing and what it resembles."""
+    best, joint = laws[0], every[0].joint
+    chance = p_value(_gains(every, smooth, best))
     if best.energy > LIMITS.left * smooth.energy or chance * tests > LIMITS.significant:
         return None
     if not _rises(every, best.law):
@@ -152,12 +169,7 @@ def _of_joint(every: Sequence[NearRest], library: Sequence[Candidate], tests: in
     if rivals is not None and rivals.energy < LIMITS.tie * best.energy:
         return None
     as_well = [one for one in laws[1:] if one.energy < LIMITS.tie * best.energy]
-    cause = _cause(every, joint, (smooth, best, as_well), min(1.0, chance * tests))
-    if _determined(best.law, cause.parameters, LIMITS.determined):
-        return cause
-    if _determined(best.law, cause.parameters, LIMITS.apparent):
-        return Structure(Signal.CURRENT, joint, AGAINST, 1.0 - best.energy / smooth.energy)
-    return None
+    return _cause(every, joint, (smooth, best, as_well), min(1.0, chance * tests))
 
 
 def _determined(law: Law, parameters: Sequence[Estimate], deviations: float) -> bool:
