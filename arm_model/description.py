@@ -118,6 +118,7 @@ class Joint:
 
     @property
     def revolute(self) -> bool:
+        """Whether the joint turns; else it slides."""
         return self.type == "revolute"
 
     @property

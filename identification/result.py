@@ -222,6 +222,7 @@ class Identification:
         return write_identification(folder, self, pictures, mat=mat)
 
     def rows(self, held_out: bool) -> list[Prediction]:
+        """The predictions of the fitted recordings, or of those held out."""
         return [p for p in self.predictions if p.held_out == held_out]
 
     def relative_error(self, held_out: bool, joint: int | None = None) -> float:

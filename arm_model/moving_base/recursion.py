@@ -72,10 +72,12 @@ class Configuration:
 
     @property
     def all_turns(self) -> list[tuple[Scalar, Scalar]]:
+        """(cos, sin) of the six joints of the base, which are 0, and of the arm."""
         return [(1.0, 0.0)] * DOF + list(self.turn)
 
     @property
     def all_q(self) -> list[Scalar]:
+        """Angles of the six joints of the base, which are 0, and of the arm."""
         return [0.0] * DOF + list(self.q)
 
 

@@ -43,6 +43,7 @@ class Base:
 
     @property
     def states(self) -> tuple[str, ...]:
+        """Names of the states of the base: pose, velocity, thrusters."""
         return (*POSE, *VELOCITY, *self.thrust_states)
 
     def wrench(self) -> list[Expr]:

@@ -79,6 +79,7 @@ class JointRegression:
 
     @property
     def recordings(self) -> int:
+        """Number of recordings, of both sides."""
         return int(self.recording.max()) + 1
 
     @cached_property

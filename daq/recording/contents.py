@@ -89,6 +89,7 @@ class Contents:
 
     @property
     def layout(self) -> Layout:
+        """What a row holds."""
         assert self.form is not None
         return self.form.layout
 

@@ -48,6 +48,7 @@ class RecordingHead:
 
     @property
     def rig(self) -> dict[str, Any]:
+        """The rig file; empty where the recording carries none."""
         return self._toml("rig.toml") or {}
 
     @property
@@ -58,20 +59,24 @@ class RecordingHead:
 
     @property
     def model(self) -> str | None:
+        """Text of the model file."""
         data = self.attachments.get("model.toml")
         return None if data is None else data.decode()
 
     @property
     def experiment(self) -> dict[str, Any] | None:
+        """The experiment file."""
         return self._toml("experiment.toml")
 
     @property
     def calibration(self) -> dict[str, Any] | None:
+        """Scales and offsets by which raw counts and volts became angles and currents."""
         data = self.attachments.get("calibration.json")
         return None if data is None else json.loads(data)
 
     @property
     def provenance(self) -> dict[str, Any]:
+        """What made the recording: when, where, with which versions, from which files."""
         return json.loads(self.attachments.get("provenance.json", b"{}"))
 
     @property

@@ -26,6 +26,7 @@ class FoundRows:
 
     @property
     def rows(self) -> int:
+        """Number of rows."""
         return int((self.runs[:, 1] - self.runs[:, 0] + 1).sum())
 
 

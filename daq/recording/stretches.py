@@ -60,6 +60,7 @@ class Ranges:
 
     @property
     def seconds(self) -> float:
+        """s from the first row to the last."""
         return (self.last_ns - self.first_ns) * 1e-9
 
     @staticmethod

@@ -115,6 +115,7 @@ class Run:
 
     @property
     def state(self) -> State:
+        """Of the acquisition."""
         return self._acquisition.state
 
     def progress(self) -> Table:

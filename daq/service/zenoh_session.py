@@ -36,6 +36,7 @@ class Keys:
 
     @property
     def root(self) -> str:
+        """Begin of all keys of the rig."""
         return f"armscope/{self.name}"
 
     @property

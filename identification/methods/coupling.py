@@ -41,6 +41,7 @@ class Coupling:
 
     @property
     def share(self) -> float:
+        """Share of the squared residual that is coupling torque."""
         return 1.0 - (self.residual_rms_without / self.residual_rms) ** 2
 
     def sentence(self) -> str:

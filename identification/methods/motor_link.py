@@ -57,6 +57,7 @@ class MotorLink:
     uncertainty: FitUncertainty
 
     def value(self, name: str) -> float:
+        """The estimate of one of the ``names``."""
         return float(self.fit.values[self.names.index(name)])
 
     @property

@@ -64,6 +64,7 @@ class DamagedRecord:
 
     @property
     def sentence(self) -> str:
+        """Which record, and which bytes of the file."""
         return f"{self.name} is damaged: bytes {self.start} to {self.end} do not agree with their checksum"
 
 
@@ -95,6 +96,7 @@ class Checksums:
         struct.pack_into("<I", self._entries, place * ENTRY.itemsize + 9, zlib.crc32(record))
 
     def to_bytes(self) -> bytes:
+        """The entries of all records, one after the other."""
         return bytes(self._entries)
 
     def of_all(self) -> int:

@@ -79,6 +79,7 @@ class Damage:
 
     @property
     def sentence(self) -> str:
+        """Which bytes of the file, and why."""
         return f"bytes {self.start} to {self.end} cannot be read: {self.what}"
 
 

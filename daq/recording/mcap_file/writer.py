@@ -63,6 +63,7 @@ class Progress:
     wall_ns: int = 0
 
     def to_metadata(self) -> Metadata:
+        """As the file keeps it: numbers of fixed width, and their checksum."""
         values = [f"{value:020d}" for value in (self.rows, self.first, self.last, self.wall_ns)]
         check = f"{zlib.crc32(' '.join(values).encode()):08x}"
         return Metadata(PROGRESS, dict(zip(("rows", "first", "last", "wall_ns", "crc"), [*values, check])))

@@ -146,10 +146,12 @@ class RowFormat:
 
     @property
     def columns(self) -> list[str]:
+        """Names of the columns of a row."""
         return [name for name in self._fields if name not in _DERIVED and not name[-1].isdigit()]
 
     @cached_property
     def prologue(self) -> bytes:
+        """What every chunk of rows begins with: the record of their channel."""
         builder = RecordBuilder()
         self.channels()[0].write(builder)
         return builder.end()

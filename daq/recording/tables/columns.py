@@ -49,6 +49,7 @@ class Table:
 
     @property
     def joints(self) -> int:
+        """J."""
         return self.signals["q"].shape[1]
 
     @property

@@ -174,9 +174,11 @@ class State:
 
     @property
     def values(self) -> Array:
+        """(steps,) of every step of the chain, as fitted; m or rad."""
         return self.estimate.values
 
     def points(self, side: Side) -> Points:
+        """The points of a side with the deflections of the chosen candidates."""
         return points_of(self.chosen, side)
 
     def coefficients(self, candidate: TrackedCandidate) -> tuple[Array, Array]:

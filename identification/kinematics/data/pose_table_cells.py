@@ -76,6 +76,7 @@ class Cells:
         return [row[column].strip() if column < len(row) else "" for row in self.cells]
 
     def error(self, what: str) -> InputError:
+        """Unusable input, told with the file."""
         return InputError(self.path, what)
 
 
