@@ -12,7 +12,7 @@ import typer
 
 from arm_io import InputError
 from arm_io.json_text import json_text
-from armscope import allocation
+from armscope import allocation, scipy_import
 from armscope.api.reading import note_gaps
 from armscope.commands.options import HeldOut, Json, Pdf, Png, pictures
 from armscope.exit_status import DONE, SAMPLES_LOST
@@ -65,12 +65,13 @@ def command(
     as_json: Json = False,
 ) -> int:
     """Diagnoses recordings against a model."""
+    scipy_import.without_notes()
+    allocation.for_computation()
     from arm_io import check_folder, make_folder
     from armscope.api.diagnosis import fit_and_held_out
     from armscope.api.floating_base import floats, refuse
     from armscope.api.reading import fixed_model, for_analysis
 
-    allocation.for_computation()
     _refuse_idle(
         {"--rig": rig is not None, "--max-experiments": max_experiments is not None, "--yes": yes},
         distort=distort is not None,
