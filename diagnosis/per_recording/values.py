@@ -24,7 +24,7 @@ from diagnosis.measurements.currents.design_matrix import columns_of
 from diagnosis.measurements.currents.estimates import slow_variance_of
 from diagnosis.measurements.currents.possible import exists
 from diagnosis.measurements.currents.state import State
-from diagnosis.measurements.currents.structure.unseen_friction import unseen_by_joint
+from diagnosis.measurements.currents.structure.unseen_friction import as_shown, unseen_by_joint
 from diagnosis.remainder.against_noise import ratios
 from diagnosis.residual.comparable_rows import comparable_rows, rms_where
 from diagnosis.residual.other_effects import with_own
@@ -322,7 +322,7 @@ def _alone(run: Run, x: Array, y: Array, unknown: Array) -> SingleEstimate:
         unknown=unknown,
         variance=slow_variance_of([residual.reshape(moves.T.shape).T], [run], [moves]),
     )
-    at_rest = scaled_lstsq(x, unseen_by_joint([run]), INDEPENDENT)
+    at_rest = scaled_lstsq(x, as_shown(unseen_by_joint([run]), residual), INDEPENDENT)
     return SingleEstimate(run.name, values, covariance + at_rest @ at_rest.T + np.diag((SAME * values) ** 2))
 
 

@@ -13,6 +13,7 @@ from diagnosis.measurements.currents.design_matrix import dataset_of
 from diagnosis.measurements.currents.model_errors import Significance
 from diagnosis.measurements.currents.structure.shared_bases import Bases
 from diagnosis.measurements.currents.structure.unexplained import structures_at
+from diagnosis.measurements.currents.structure.unseen_friction import as_shown
 from diagnosis.residual.generation import residual_run
 from diagnosis.residual.run import Run
 from diagnosis.selection.regression import fit_together
@@ -59,3 +60,14 @@ def test_creeping_within_what_friction_may_do_near_rest_is_no_structure() -> Non
 @pytest.mark.parametrize("more", [0.15])
 def test_more_friction_than_that_is_structure(more: float) -> None:
     assert _unexplained(more) != []
+
+
+@pytest.mark.parametrize(("share", "shown"), [(0.05, 0.05), (0.5, 0.5), (3.0, 1.0)])
+def test_a_direction_is_as_long_as_the_residual_over_it(share: float, shown: float) -> None:
+    """In rows without friction near rest, nothing is said of it, however large the residual is."""
+    rng = np.random.default_rng(1)
+    directions = np.zeros((4000, 2))
+    directions[:1000, 0], directions[2000:2500, 1] = rng.uniform(0.5, 1.0, 1000), 1.0
+    residual = share * directions[:, 0] * rng.choice([-1.0, 1.0], 4000) + 4.0 * (np.arange(4000) >= 2500)
+    of_first, of_second = np.sqrt(np.sum(as_shown(directions, residual) ** 2, axis=0) / np.sum(directions**2, axis=0))
+    assert of_first == pytest.approx(shown, rel=1e-6) and of_second == 0.0

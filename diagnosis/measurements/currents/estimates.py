@@ -12,7 +12,7 @@ from arm_io.types import Array
 from diagnosis.cause import Estimate
 from diagnosis.measurements.currents.design_matrix import columns_of
 from diagnosis.measurements.currents.state import State
-from diagnosis.measurements.currents.structure.unseen_friction import unseen_by_joint
+from diagnosis.measurements.currents.structure.unseen_friction import as_shown, unseen_by_joint
 from diagnosis.residual.run import Run
 from diagnosis.selection.candidate import RELATIVE_STEP, Candidate
 from diagnosis.selection.design import Columns, Dataset
@@ -59,9 +59,10 @@ def covariance_of(state: State) -> tuple[Array, list[slice]]:
 
     It is clustered by block, with one more column for every nonlinear parameter (derivative of its
     columns). In addition to the residual, the share ``Limits.systematic`` of what is explained is uncertain,
-    independently in every block; so are the parameters of a model that says so, how friction turns round near rest
-    (one unknown per joint), and what may fold at joints that show more; and the residual of every joint, as if it were
-    alike in all blocks, correlated as it is: a column that acts in few of them follows what is there.
+    independently in every block; so are the parameters of a model that says so, how friction turns round near rest (one
+    unknown per joint, as large as the residual shows), and what may fold at joints that show more; and the residual of
+    every joint, as if it were alike in all blocks, correlated as it is: a column that acts in few of them follows what
+    is there.
     """
     model, fit = state.model, state.data.fit
     x, unknown, places = list[Array](), list[Array](), list[slice]()
@@ -84,7 +85,7 @@ def covariance_of(state: State) -> tuple[Array, list[slice]]:
         unknown=np.concatenate([*unknown, np.zeros(len(model.free))]),
         variance=slow_variance_of(fit.by_recording(state.residual.fit), fit.runs),
     )
-    directions = [unseen_by_joint(fit.runs)]
+    directions = [as_shown(unseen_by_joint(fit.runs), state.residual.fit)]
     if model.uncertain is not None:
         directions.append(model.uncertain.stated)
     if (folded := _folded(fit)).size:

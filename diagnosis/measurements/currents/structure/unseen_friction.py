@@ -28,6 +28,17 @@ def unseen_by_joint(runs: Sequence[Run]) -> Array:
     return apart.reshape(-1, len(of_joints))
 
 
+def as_shown(directions: Array, residual: Array) -> Array:
+    """Directions (N, n) of whitened rows, each as long as the ``residual`` (N,) shows where it is, and no longer.
+
+    The rms of the residual over it, weighted by its square, or 1. Friction that turns as the model says leaves next to
+    nothing of a std that is as large as the friction.
+    """
+    square = directions**2
+    size = residual**2 @ square / np.maximum(np.sum(square**2, axis=0), 1e-300)
+    return directions * np.sqrt(np.minimum(size, 1.0))
+
+
 def _of_run(run: Run) -> Array:
     """(m, n)."""
     near_rest = np.sqrt(np.maximum(run.deviation**2 - run.instruments**2, 0.0))
