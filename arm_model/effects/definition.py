@@ -201,6 +201,7 @@ class Effect:
     aliases          effects that may as well be it, whatever is recorded; two that name each other have the same
                      columns
     special_cases    simpler effects of the catalogue that it contains
+    separate_cases   special cases that together are causes of their own: where they explain as much, not this effect
     near_cases       simpler effects that it nearly contains, while poses or times differ little
     model_error      relative error of its first-order column
     link_parameters  its columns are this many barycentric parameters of its joint's link (of the last one, for the
@@ -231,6 +232,7 @@ class Effect:
     excited_by: Excitation = Excitation.MOTION
     aliases: tuple[str, ...] = ()
     special_cases: tuple[str, ...] = ()
+    separate_cases: tuple[str, ...] = ()
     near_cases: tuple[str, ...] = ()
     model_error: float = SYSTEMATIC
     link_parameters: int = 0

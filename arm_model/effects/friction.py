@@ -165,6 +165,8 @@ FRICTION_ASYMMETRY = Effect(
     confused_with={"current_offset": "standstill with the drives off"},
     observed_by=AGAINST_VELOCITY,
     special_cases=("viscous_friction", "coulomb_friction", "current_offset"),
+    # neither level nor slope of the friction differs between the directions then
+    separate_cases=("viscous_friction", "current_offset"),
     directional=True,
     friction=True,
     torque=lambda p, s: (

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from arm_model.effects import CATALOGUE, Excitation, same_columns
+from arm_model.effects import CATALOGUE, Effect, Excitation, same_columns
 from diagnosis.cause import EffectKey
 from diagnosis.measurements.currents.estimates import estimates_of
 from diagnosis.measurements.currents.limits import LIMITS
@@ -129,7 +129,8 @@ def _by_two(state: State) -> State:
 
     An offset and a torque constant are followed by level and slope of friction in either direction. The two are named
     if they explain as much as the law, and more than any two parts of it: of a law that is there, two parts are nearer
-    than effects that it is none of.
+    than effects that it is none of. Two parts themselves are named if they are separate causes, and explain more than
+    other parts.
     """
     model = state.model
     for c in state.chosen:
@@ -139,22 +140,30 @@ def _by_two(state: State) -> State:
         kept = tuple(one for one in state.chosen if one is not c)
         without = model.refitted(kept, state.rivals)
         of_parts = [one for one in model.library if one.joint == c.joint and one.effect in c.definition.special_cases]
-        parts = [_with(both, without) for both in itertools.combinations(of_parts, 2)]
+        parts = {both: _with(both, without) for both in itertools.combinations(of_parts, 2)}
         rows = state.data.map(lambda part: LIMITS.tie_floor * part.rows)
         enough = _residual_energy(state, c.joint) + rows.fit
-        trials = [_with(some, without) for some in _sets(without, c.joint, determined - 1, enough)]
+        sets = _sets(without, c.joint, determined - 1, enough)
+        trials = {some: _with(some, without) for some in sets}
+        allowed = (both for both in parts if not {one.key for one in both} & model.excluded)
+        trials |= {both: parts[both] for both in allowed if _separate(both, c.definition)}
         better = [
             trial
-            for trial in trials
+            for some, trial in trials.items()
             if trial.energy.held_out < state.energy.held_out + rows.held_out
             and _residual_energy(trial, c.joint) < enough
             and not _predicts_more(state, trial)
-            and all(_predicts_more(trial, one) for one in parts)
+            and all(_predicts_more(trial, one) for both, one in parts.items() if both != some)
             and all(_tenable(one, trial) for one in trial.chosen if one not in kept)
         ]
         if better:
             state = _with_rivals(min(better, key=lambda trial: sum(trial.energy)), kept)
     return state
+
+
+def _separate(some: Sequence[Candidate], whole: Effect) -> bool:
+    """Whether these special cases of an effect are causes of their own."""
+    return {c.effect for c in some} == set(whole.separate_cases)
 
 
 def _with(some: Sequence[Candidate], state: State) -> State:
@@ -211,8 +220,8 @@ def _simpler(
     """Candidates, and those of the chosen that they may replace.
 
     The whole for several parts, a part for the whole, and two parts that are friction for a whole. Level and slope of
-    friction that is equal in both directions are two causes: they are no parts of an asymmetry. A mass point and an
-    inertia about one axis are parts of a body: about its centre it has some.
+    friction that is equal in both directions are two causes, and so are ``Effect.separate_cases``: no parts of an
+    asymmetry. A mass point and an inertia about one axis are parts of a body: about its centre it has some.
     """
     of_key: dict[EffectKey, list[Candidate]] = {}
     for c in library:
@@ -220,7 +229,7 @@ def _simpler(
     for whole in CATALOGUE.values():
         for joint in sorted({c.joint for c in chosen if c.joint}):
             own = tuple(c for c in chosen if c.joint == joint and c.effect in whole.special_cases)
-            if len(own) > 1 and not all(c.definition.friction for c in own):
+            if len(own) > 1 and not all(c.definition.friction for c in own) and not _separate(own, whole):
                 yield (Candidate(whole.name, joint),), own
     for c in chosen:
         if c.body:
