@@ -33,10 +33,12 @@ def _currents(result: Diagnosis) -> list[dict[str, Any]]:
     fit, held_out = dataset_of(result.fit), dataset_of(result.held_out)
     residuals = [Split(fit.y, held_out.y), result.residual]
     shares = in_parallel(lambda of: predictable(fit, held_out, of.fit, of.held_out, result.arm).round(4), residuals)
-    over_noise = [{one.joint: one.ratio for one in ratios(result.held_out, of.held_out)} for of in residuals]
+    before, after = ({one.joint: one for one in ratios(result.held_out, of.held_out)} for of in residuals)
     for row in rows:
         joint = row["joint"]
-        row["noise_ratio"] = dict(zip(WHEN, (by_joint.get(joint) for by_joint in over_noise)))
+        # the noise is what the causes leave of it: without them, what repeats evenly looks like noise as well
+        over_noise = (before[joint].error / after[joint].floor, after[joint].ratio) if joint in after else (None, None)
+        row["noise_ratio"] = dict(zip(WHEN, over_noise))
         row["predictable"] = dict(zip(WHEN, (float(share[joint - 1]) for share in shares)))
     return rows
 
