@@ -10,7 +10,7 @@ import typer
 
 from arm_io import InputError
 from arm_io.json_text import json_text
-from armscope import allocation, scipy_import
+from armscope import allocation
 from armscope.commands.options import Pdf, Png, pictures
 from armscope.exit_status import CHANGED, DONE
 from armscope.progress import shown
@@ -62,7 +62,6 @@ def command(
     as_json: Annotated[bool, typer.Option("--json", help="print compare.json and nothing else")] = False,
 ) -> int:
     """Compares two states of an arm."""
-    scipy_import.without_notes()
     allocation.for_computation()
     from arm_io import check_folder
     from arm_report import wrapped

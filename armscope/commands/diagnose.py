@@ -12,7 +12,7 @@ import typer
 
 from arm_io import InputError
 from arm_io.json_text import json_text
-from armscope import allocation, scipy_import
+from armscope import allocation
 from armscope.api.reading import note_gaps
 from armscope.commands.options import HeldOut, Json, Pdf, Png, pictures
 from armscope.exit_status import DONE, SAMPLES_LOST
@@ -65,7 +65,6 @@ def command(
     as_json: Json = False,
 ) -> int:
     """Diagnoses recordings against a model."""
-    scipy_import.without_notes()
     allocation.for_computation()
     from arm_io import check_folder, make_folder
     from armscope.api.diagnosis import fit_and_held_out

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from arm_io.json_text import json_text
-from armscope import allocation, scipy_import
+from armscope import allocation
 from armscope.api.identification import Friction, Method, Shape
 from armscope.api.reading import note_gaps
 from armscope.commands.options import HeldOut, Json, Pdf, Png, pictures
@@ -68,7 +68,6 @@ def command(
     as_json: Json = False,
 ) -> None:
     """Identifies an arm."""
-    scipy_import.without_notes()
     allocation.for_computation()
     from arm_io import InputError, check_folder
     from armscope.api.floating_base import floats
