@@ -36,9 +36,13 @@ def _currents(result: Diagnosis) -> list[dict[str, Any]]:
     before, after = ({one.joint: one for one in ratios(result.held_out, of.held_out)} for of in residuals)
     for row in rows:
         joint = row["joint"]
-        # the noise is what the causes leave of it: without them, what repeats evenly looks like noise as well
-        over_noise = (before[joint].error / after[joint].floor, after[joint].ratio) if joint in after else (None, None)
-        row["noise_ratio"] = dict(zip(WHEN, over_noise))
+        row["noise_ratio"] = dict.fromkeys(WHEN)
+        if joint in after:
+            ratio = before[joint].ratio
+            if ratio <= 1.0:
+                # what repeats evenly looks like noise, unless causes show how little of it is
+                ratio = max(ratio, before[joint].error / after[joint].floor)
+            row["noise_ratio"] = dict(zip(WHEN, (ratio, after[joint].ratio)))
         row["predictable"] = dict(zip(WHEN, (float(share[joint - 1]) for share in shares)))
     return rows
 
