@@ -20,16 +20,15 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import subprocess
 import sys
 import tempfile
-import time
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from benchmarks.measured_command import longest_over_linear, measured
 from benchmarks.report import report
 
 SIDES = ("before", "after")
@@ -54,11 +53,7 @@ def main() -> None:
             per_side = ["--recordings", str(options.recordings)]
             subprocess.run([sys.executable, "-m", "benchmarks.compare", "--make", *made, *per_side], check=True)
             figures |= {f"{name}_{key}": value for key, value in compared(Path(folder)).items()}
-    if len(options.minutes) > 1:
-        short, long = min(options.minutes), max(options.minutes)
-        per_minute = [figures[f"minutes_{m:g}_cpu_s"] / m for m in (short, long)]
-        figures["longest_over_linear"] = per_minute[1] / per_minute[0]
-    report(figures)
+    report(figures | longest_over_linear(figures, options.minutes))
 
 
 def _options() -> argparse.Namespace:
@@ -89,20 +84,9 @@ def compared(folder: Path) -> dict[str, float]:
     """Figures of one comparison by the command line."""
     sides = [",".join(sorted(str(path) for path in folder.glob(f"{side}_*.mcap"))) for side in SIDES]
     command = ["compare", *sides, "--model", str(folder / "model.toml"), "--out", str(folder / "result")]
-    began = time.perf_counter()
-    process = subprocess.Popen([sys.executable, "-m", "armscope", *command], stdout=subprocess.DEVNULL)
-    _, status, usage = os.wait4(process.pid, 0)
-    wall = time.perf_counter() - began
-    process.returncode = os.waitstatus_to_exitcode(status)
-    if process.returncode:
-        raise RuntimeError(f"{folder}: armscope compare ended with {process.returncode}")
+    figures = measured(command)
     found = json.loads((folder / "result/compare.json").read_text(encoding="utf-8"))
-    return {
-        "wall_s": wall,
-        "cpu_s": usage.ru_utime + usage.ru_stime,
-        "rss_mb": usage.ru_maxrss / 1024,
-        "significant": sum(one["significant"] for one in found["changes"]),
-    }
+    return figures | {"significant": sum(one["significant"] for one in found["changes"])}
 
 
 if __name__ == "__main__":

@@ -32,6 +32,7 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
+from benchmarks.measured_command import longest_over_linear, measured
 from benchmarks.report import report
 
 
@@ -63,11 +64,7 @@ def main() -> None:
     if options.stages:
         with tempfile.TemporaryDirectory(prefix="armscope-") as folder:
             figures |= stages(Case("stages"), Path(folder))
-    if len(options.minutes) > 1:
-        short, long = min(options.minutes), max(options.minutes)
-        per_minute = [figures[f"minutes_{m:g}_cpu_s"] / m for m in (short, long)]
-        figures["longest_over_linear"] = per_minute[1] / per_minute[0]
-    report(figures)
+    report(figures | longest_over_linear(figures, options.minutes))
 
 
 def _options() -> argparse.Namespace:
@@ -124,22 +121,9 @@ def diagnosed(case: Case, folder: Path) -> dict[str, float]:
     subprocess.run([sys.executable, "-m", "benchmarks.diagnosis_recordings", *case.arguments(folder)], check=True)
     fit, held_out = (sorted(str(path) for path in folder.glob(f"{part}_*.mcap")) for part in ("fit", "held_out"))
     command = ["diagnose", "--model", str(folder / "model.toml"), "--fit", *fit, "--held-out", *held_out]
-    began = time.perf_counter()
-    process = subprocess.Popen(
-        [sys.executable, "-m", "armscope", *command, "--out", str(folder / "result")], stdout=subprocess.DEVNULL
-    )
-    _, status, usage = os.wait4(process.pid, 0)
-    wall = time.perf_counter() - began
-    process.returncode = os.waitstatus_to_exitcode(status)
-    if process.returncode:
-        raise RuntimeError(f"{case.name}: armscope diagnose ended with {process.returncode}")
+    figures = measured([*command, "--out", str(folder / "result")])
     found = json.loads((folder / "result/diagnosis.json").read_text(encoding="utf-8"))
-    return {
-        "wall_s": wall,
-        "cpu_s": usage.ru_utime + usage.ru_stime,
-        "rss_mb": usage.ru_maxrss / 1024,
-        "causes_named": len(found["causes"]),
-    }
+    return figures | {"causes_named": len(found["causes"])}
 
 
 if __name__ == "__main__":

@@ -17,20 +17,18 @@ To add a command: one line in ``COMMANDS``.
 from __future__ import annotations
 
 import argparse
-import os
 import socket
 import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from benchmarks.measured_command import ROOT, measured
 from benchmarks.report import report
 
 CASES = ("1:2", "1:20", "1:60", "20:2", "20:10")
-ROOT = Path(__file__).resolve().parent.parent
 MODEL = str(ROOT / "config/models/puma560.toml")
 
 
@@ -79,34 +77,17 @@ def measure(case: Case, commands: list[str]) -> dict[str, float]:
         made = [sys.executable, "-m", "benchmarks.long_recording", case.recording, str(case.minutes), f"{case.khz}e3"]
         subprocess.run(made, cwd=ROOT, check=True)
     if "import" in commands and not case.table.exists():
-        run(["export", case.recording, "--out", case.table])
+        measured(["export", case.recording, "--out", case.table])
     figures = {}
     for command in commands:
-        megabytes, seconds = run(COMMANDS[command](case))
+        found = measured(COMMANDS[command](case))
+        megabytes, seconds = found["rss_mb"], found["wall_s"]
         figures[f"scaling_{command}_{case.name}_rss_mb"] = megabytes
         figures[f"scaling_{command}_{case.name}_seconds"] = seconds
         print(f"{command} {case.name}: {megabytes:.0f} MB, {seconds:.1f} s", file=sys.stderr, flush=True)
         subprocess.run(["rm", "-rf", case.out], check=True)
         case.out.mkdir()
     return figures
-
-
-def run(arguments: list[str | Path]) -> tuple[float, float]:
-    """Runs ``armscope`` with the arguments: MB of the largest resident set, and seconds.
-
-    Raises where the command fails.
-
-    The operating system counts this process's memory in, until the command has begun: so nothing heavy is imported
-    here.
-    """
-    began = time.perf_counter()
-    process = subprocess.Popen([sys.executable, "-m", "armscope", *arguments], cwd=ROOT, stdout=subprocess.DEVNULL)
-    _, status, usage = os.wait4(process.pid, 0)
-    seconds = time.perf_counter() - began
-    process.returncode = os.waitstatus_to_exitcode(status)
-    if process.returncode:
-        raise RuntimeError(f"armscope {' '.join(map(str, arguments))} ended with {process.returncode}")
-    return usage.ru_maxrss / 1024, seconds
 
 
 def main() -> None:

@@ -23,7 +23,7 @@ QUIET_ROWS = 60
 QUIET_BLOCKS = 5
 """Quiet blocks that there must be."""
 VARIES = 1.5
-"""Rms of deviations from straight lines over that in the quietest fifth of all seconds, from which noise does not vary.
+"""Largest rms of the deviations of noise from straight lines, over that in the quietest fifth of all seconds.
 
 Of noise correlated over 0.03 to 0.4 s it is 1.1 to 1.35.
 """
