@@ -4,6 +4,7 @@ run   adds the names of new cases to the bank: foreign arms by both protocols an
       that is in it is replaced
 add   adds those of files that ``tests.foreign.proving_ground --out`` wrote
 fit   fits ``diagnosis/confidence.json`` to the bank, judges it by cross-validation, and draws the diagram
+check counts what was stated in such files, or those of ``tests.blind --out``, against what was right; the bank stays
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from pathlib import Path
 import numpy as np
 
 from diagnosis.confidence import TABLE
-from tests.confidence import bank, diagram
+from tests.confidence import bank, diagram, outcomes
 from tests.confidence.bank import Name
 from tests.confidence.cross_validation import PRINTED_AS_98, chances, cross_validated, reliability
 from tests.confidence.fit import fitted
@@ -35,6 +36,9 @@ DIAGRAM = ROOT / "docs" / "images" / "reliability.svg"
 
 def main() -> None:
     options = _options()
+    if options.do == "check":
+        _print(outcomes.counted(*outcomes.stated(options.files)), options.json)
+        return
     if options.do == "add":
         _add(options.files, options.commit)
     if options.do == "run":
@@ -46,7 +50,11 @@ def main() -> None:
     if options.do == "fit":
         TABLE.write_text(json.dumps(table, indent=1) + "\n", encoding="utf-8")
         _draw(names, confidence)
-    print(json.dumps(figures) if options.json else "\n".join(f"{key}: {value}" for key, value in figures.items()))
+    _print(figures, options.json)
+
+
+def _print(figures: Mapping[str, float], as_json: bool) -> None:
+    print(json.dumps(figures) if as_json else "\n".join(f"{key}: {value}" for key, value in figures.items()))
 
 
 def judged(names: Sequence[Name], confidence: np.ndarray) -> dict[str, float]:
@@ -135,8 +143,8 @@ def _head() -> str:
 
 def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m tests.confidence", description=__doc__)
-    parser.add_argument("do", choices=("run", "add", "fit"))
-    parser.add_argument("files", nargs="*", type=Path, help="with add: outcomes of tests.foreign.proving_ground")
+    parser.add_argument("do", choices=("run", "add", "fit", "check"))
+    parser.add_argument("files", nargs="*", type=Path, help="with add and check: outcomes of cases")
     parser.add_argument("--seed", type=int, default=0, help="of the new cases: one that the bank has not")
     parser.add_argument("--cases", type=int, default=20, help="of every kind, suite and protocol")
     parser.add_argument("--only", nargs="+", metavar="WORD", default=[], help="cases whose name has this in it")
