@@ -128,10 +128,11 @@ def _in_joint_band(
 
 
 def _alternatives(accepted: Sequence[AcceptedChange]) -> Iterator[str]:
-    """A sentence per accepted change that others explain as well."""
+    """Per accepted change, what explains the recordings as well in its place."""
     for one in accepted:
-        if rivals := ", or by ".join(rival.words for rival in one.rivals):
-            yield f"{one.tested.hypothesis.words}: {rivals} explains these recordings equally well"
+        # a body, and a mass at a point of the same link, are told alike
+        if rivals := dict.fromkeys(rival.words for rival in one.rivals):
+            yield f"{one.tested.hypothesis.words} from {', '.join(rivals)}"
 
 
 def _short_recordings(separate: SeparateRegressions) -> Iterator[str]:

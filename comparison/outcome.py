@@ -70,7 +70,7 @@ class Comparison:
     assumptions    sentences about what the deviations contain beside what recordings or results show
     causes         of diagnoses: sentences about causes that appeared or vanished
     summaries      of recordings: causes that sum up several changes
-    alternatives   of recordings: sentences about what explains them as well as a change that is named
+    alternatives   of recordings: per change that is named, from what they do not distinguish it
     """
 
     what: Literal["recordings", "identifications", "diagnoses"]

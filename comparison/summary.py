@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from scipy import linalg, stats
 
 from arm_io.types import Array
-from arm_report.numbers import with_two_std
+from arm_report.numbers import value_and_two_std, with_two_std
 from comparison.change import Change
 from comparison.joint_fit.fewest_changes import AcceptedChange
 from comparison.joint_fit.tested import Tested
@@ -220,7 +220,8 @@ def _payload(structure: Structure, seen: _Changes, significant: Sequence[Change]
         if doubt < 0.5:
             parameters[axis] = (float(moment / c[0]), doubt, "m")
     verb = "more" if c[0] > 0 else "less"
-    centre = ", ".join(f"{name} = {value:.3g}" for name, (value, _, unit) in parameters.items() if unit == "m")
+    at = [f"{name} = {value_and_two_std(*parameters[name][:2])[0]}" for name in "xyz" if name in parameters]
+    centre = ", ".join(at)
     where = f" at {centre} m of the last link" if centre else " at the last link"
     return Summary(
         effect="payload",

@@ -68,17 +68,19 @@ def with_one_mass(
 ) -> list[Tested]:
     """Those ``found``; or one of ``points`` and what is certain beside it, where that is fewer and explains more.
 
-    A mass changes base parameters of several links, each of which another scale or a spring explains in part. As in
-    ``selected``, its chance is that of the surest of them.
+    A mass changes base parameters of several links, each of which another scale or a spring explains in part. It must
+    be certain beside what enters with it: alone, what else changed would count as its noise. As in ``selected``, its
+    chance is that of the surest of those found.
     """
     if len(found) < 2:
         return list(found)
     alone = [one for one in tested(fit, [*every, *points], []) if any(one.hypothesis is point for point in points)]
-    likely = [one for one in alone if chance(one.log_p, points) < np.log(SIGNIFICANT)]
-    if not likely:
+    if not alone:
         return list(found)
-    point = max(likely, key=_akaike_gain).hypothesis
+    point = max(alone, key=_akaike_gain).hypothesis
     others = selected(fit, [*every, point], [point])
+    if any(one.hypothesis is point and chance(one.log_p, points) > np.log(SIGNIFICANT) for one in others):
+        return list(found)
     if len(others) >= len(found) or akaike(fit, others) >= akaike(fit, found):
         return list(found)
     surest = min(one.log_p for one in found)

@@ -101,6 +101,19 @@ def test_a_mass_takes_the_place_of_several_that_it_explains(sign: float, expecte
     assert names(with_one_mass(fit, every, [mass], found)) == expected
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_a_mass_is_judged_beside_what_changed_with_it(seed: int) -> None:
+    """A larger change of another value is noise to it, until that one is in the fit."""
+    fit, every = both_of(np.random.default_rng(seed), (0.4, 0.0, 0.4), 0.0)
+    fit = replace(fit, y=fit.y + np.where(fit.rows_after, 40.0 * fit.x[:, 3], 0.0))
+    mass = Hypothesis("inertia", 1, np.eye(len(fit.scale))[:, [0, 2]].sum(axis=1, keepdims=True), "mass")
+    (alone,) = (one for one in tested.tested(fit, [*every, mass], []) if one.hypothesis is mass)
+    assert alone.log_p > np.log(1e-3)
+    found = selected(fit, every)
+    assert names(found) == {"cause", "other", "quiet 0"}
+    assert names(with_one_mass(fit, every, [mass], found)) == {"mass", "quiet 0"}
+
+
 def test_a_variance_that_is_known_leaves_no_doubt_of_few_recordings() -> None:
     """Of a change that scatters little between recordings, beside what differs from day to day anyhow."""
     fit, every = both_of(np.random.default_rng(0), (1.0, 0.0, 0.0), 0.17)

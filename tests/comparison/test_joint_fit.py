@@ -115,7 +115,7 @@ def test_what_no_motion_distinguishes_stands_beside_what_is_named(root: Path, tm
     result = tilted(root, tmp_path, 1.0)
     (said,) = result.alternatives
     # one coefficient explains what two do
-    assert said.startswith("constant torque or friction asymmetry of joint 1: base tilt explains")
+    assert said == "constant torque or friction asymmetry of joint 1 from base tilt"
     assert str(result).endswith(f"Not distinguished: {said}.") and result.to_json()["verdict"] in str(result)
 
 
