@@ -270,6 +270,42 @@ ENCODER_ECCENTRICITY = Effect(
     bend=lambda p, s: p.sine * scalar.sin(s.q) + p.cosine * scalar.cos(s.q),
 )
 
+ENCODER_OVALITY = Effect(
+    name="encoder_ovality",
+    place=Place.SENSING,
+    parameters=(
+        Parameter(
+            "sine",
+            "rad",
+            (1e-5, 2e-3),
+            True,
+            "amplitude of sin 2 q",
+            signed=True,
+            tracker_prior=0.02,
+            noun="sine amplitude",
+        ),
+        Parameter(
+            "cosine",
+            "rad",
+            (1e-5, 2e-3),
+            True,
+            "amplitude of cos 2 q",
+            signed=True,
+            tracker_prior=0.02,
+            noun="cosine amplitude",
+        ),
+    ),
+    equation="link angle = q + A sin 2q + B cos 2q",
+    shows="the tracked point leads and lags twice per turn of the joint",
+    confused_with={
+        "encoder_eccentricity": "more than half a turn of the joint",
+        "encoder_ripple": "two turns of the motor: the error of its encoder repeats, that of a joint encoder does not",
+        "link_sag": "loaded and unloaded points",
+    },
+    observed_by={Instrument.CALIBRATION: Observation()},
+    bend=lambda p, s: p.sine * scalar.sin(2.0 * s.q) + p.cosine * scalar.cos(2.0 * s.q),
+)
+
 TRANSMISSION_COUPLING = Effect(
     name="transmission_coupling",
     place=Place.TRANSMISSION,
@@ -302,5 +338,6 @@ EFFECTS = (
     TRACKER_OUTLIERS,
     ENCODER_SCALE,
     ENCODER_ECCENTRICITY,
+    ENCODER_OVALITY,
     TRANSMISSION_COUPLING,
 )

@@ -29,7 +29,13 @@ from tests.blind.second.rigid_body import mass_matrix, target, torques
 from tests.blind.second.sensing import TARGET, Sensing, _angles
 from tests.blind.second.simulate import simulated
 
-CALIBRATION_ONLY = {"gravity_sag", "encoder_scale", "encoder_eccentricity", "transmission_coupling"}
+CALIBRATION_ONLY = {
+    "gravity_sag",
+    "encoder_scale",
+    "encoder_eccentricity",
+    "encoder_ovality",
+    "transmission_coupling",
+}
 IDENTIFICATION_ONLY = {"breakaway_rise", "load_breakaway", "temperature_friction"}
 
 

@@ -103,6 +103,7 @@ def test_sag_and_delay_are_found_by_name(arms) -> None:
     [
         ("encoder_scale", 3, None, [2e-3]),
         ("encoder_eccentricity", 2, None, [6e-4, -8e-4]),
+        ("encoder_ovality", 2, None, [5e-4, -4e-4]),
         ("transmission_coupling", 3, 2, [3e-3]),
     ],
 )
@@ -120,6 +121,7 @@ def test_errors_between_encoder_and_joint_are_found_by_name(arms, name, joint, b
         link[:, joint - 1] += {
             "encoder_scale": wanted[0] * own,
             "encoder_eccentricity": wanted[0] * np.sin(own) + wanted[-1] * np.cos(own),
+            "encoder_ovality": wanted[0] * np.sin(2.0 * own) + wanted[-1] * np.cos(2.0 * own),
             "transmission_coupling": wanted[0] * q[:, (by or 1) - 1],
         }[name]
         return run_of(name_, t, q, seen(true, link), generator)
