@@ -27,6 +27,7 @@ from diagnosis.measurements.currents.structure.noise_ratio import joints_above_n
 from diagnosis.measurements.near_rest.time_at_rest import with_rise_at_rest
 from diagnosis.measurements.single_axis.causes import AxisSide, axis_side, load_changes
 from diagnosis.outside_selection import (
+    friction_in_place,
     friction_near_rest,
     gaps,
     resonance_in_loop,
@@ -54,6 +55,8 @@ from identification.selection import Split
 
 LOOPS = 2
 """Searches with other simulated loops after the first, in whose loops all causes are missing."""
+AS_MUCH = 1.02
+"""Squared held-out residual that fewer causes may leave, over that of more."""
 SETTLED = 0.2
 """Std of the residual, rms, by which the residuals of closed loops must differ for another search."""
 
@@ -100,8 +103,8 @@ class Search:
         return replace(self, excluded=self.excluded.union(effects))
 
     def with_near_rest(self, friction: Sequence[Cause]) -> Search:
-        """The same with friction near rest as known causes."""
-        return replace(self, near_rest=tuple(friction)).excluding(cause.key for cause in friction)
+        """The same with more friction near rest as known causes."""
+        return replace(self, near_rest=(*self.near_rest, *friction)).excluding(cause.key for cause in friction)
 
     def with_transmissions(self, found: Sequence[Cause]) -> Search:
         """The same with more springs and gaps as known causes: of their joints, no other is chosen."""
@@ -165,6 +168,8 @@ def _repeated_search(search: Search) -> CurrentDiagnosis:
     excluded = search.excluded
     search, currents = _with_smoothing_velocities(search)
     search.progress("judging friction near rest")
+    search, currents = _with_friction_in_place(search, currents)
+    excluded |= {cause.key for cause in search.near_rest}
     friction = friction_near_rest(currents, search.recordings, excluded)
     if friction.causes:
         search = search.with_near_rest(friction.causes)
@@ -186,6 +191,18 @@ def _with_smoothing_velocities(search: Search) -> tuple[Search, CurrentDiagnosis
     while currents.axis is None and (smoothing := other_smoothing(currents.state, currents.causes)) is not None:
         search = replace(search, model=smoothing.of(search.model)).excluding([smoothing.cause])
         currents = _with_confirmed_triggers(search)
+    return search, currents
+
+
+def _with_friction_in_place(search: Search, currents: CurrentDiagnosis) -> tuple[Search, CurrentDiagnosis]:
+    """Both, with a law of friction near rest in the place of several causes of one joint, if it explains as much."""
+    if not (laws := friction_in_place(currents, search.excluded)):
+        return search, currents
+    simpler = search.with_near_rest(laws)
+    again = _with_confirmed_triggers(simpler)
+    fewer = len(again.causes) + len(laws) < len(currents.causes)
+    if fewer and again.state.energy.held_out <= AS_MUCH * currents.state.energy.held_out:
+        return simpler, again
     return search, currents
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Collection, Sequence, Set
 from dataclasses import replace
 
@@ -38,6 +39,25 @@ def friction_near_rest(currents: CurrentDiagnosis, recordings: Recordings, exclu
         return at_rest
     in_loop = _in_loop(currents, recordings, [*taken, *(cause.key for cause in at_rest.causes)])
     return replace(at_rest, causes=[*at_rest.causes, *in_loop])
+
+
+def friction_in_place(currents: CurrentDiagnosis, excluded: Set[EffectKey]) -> list[Cause]:
+    """Laws of friction near rest at joints where the selection chose several causes, in the place of all of these.
+
+    The selection adds one effect after the other, of columns that are linear in a coefficient. Friction that builds up
+    over a distance has none, and joints that turn often imitate it by the sum of several.
+    """
+    state = currents.state
+    named = Counter(cause.joint for cause in currents.causes if cause.joint is not None)
+    joints = {joint for joint, count in named.items() if count > 1}
+    if currents.axis or not currents.library or not joints:
+        return []
+    found = list[Cause]()
+    for joint in joints:
+        others = [term for term in state.terms if term.joint != joint]
+        taken = [*excluded, *(cause.key for cause in currents.causes if cause.joint != joint)]
+        found += friction_causes(state.runs, others, taken, tuple(currents.library), joints=[joint]).causes
+    return found
 
 
 def _in_loop(currents: CurrentDiagnosis, recordings: Recordings, taken: Sequence[EffectKey]) -> list[Cause]:

@@ -94,16 +94,18 @@ def friction_causes(
     taken: Sequence[EffectKey],
     library: Sequence[Candidate],
     nuisance: Mapping[int, Collection[Variable]] = MappingProxyType({}),
+    joints: Collection[int] | None = None,
 ) -> Friction:
     """Laws of friction near rest that recordings show beside the effects ``terms``, one per joint at most.
 
     taken: effects that are known or excluded; library: candidates of the search, of which those that may be confused
     with friction near rest must explain less; nuisance: by joint (from 1), variables of a law that is none of the
-    catalogue, beside any function of which friction must explain the passages.
+    catalogue, beside any function of which friction must explain the passages; joints: those that are judged (from 1),
+    None: all.
     """
-    joints = range(1, len(runs.fit[0].arm) + 1)
-    tests = len(joints) * len(friction_near_rest())
     all_runs, arm = [*runs.fit, *runs.held_out], runs.fit[0].arm
+    tests = len(arm) * len(friction_near_rest())
+    joints = range(1, len(arm) + 1) if joints is None else sorted(joints)
     recordings = observations(all_runs, terms)
     by_joint = in_parallel(
         lambda joint: _of_joint(near_rest(recordings, joint, nuisance.get(joint, ())), library, tests),
