@@ -179,13 +179,15 @@ def _struck(recording: Recording, j: int, jump: Jump) -> bool:
     """Whether another angle turns abruptly at a jump as well, and by as much: then the arm was struck.
 
     Where the teeth of a gap meet, a joint at rest is moved by some counts, and its friction holds it there. Counts that
-    one encoder misses leave the other angles as they are; what the servo then does moves them by less.
+    one encoder misses leave the other angles as they are; what the servo then does moves them by less. The blow falls
+    between two rows: a joint at rest may be fastest in the row after.
     """
     for other in np.delete(recording.q, j, axis=1).T:
         # by how much it turns more than in the row before
         faster = np.abs(np.diff(other, n=2))
         abrupt = max(JUMP_IN_STEPS * encoder_step(other), JUMP_OVER_OTHERS * _usual(faster))
-        if np.ptp(other) > 0.0 and faster[jump.row - 2] >= max(abrupt, abs(jump.size)):
+        blow = float(np.max(faster[max(jump.row - 3, 0) : jump.row - 1]))
+        if np.ptp(other) > 0.0 and blow >= max(abrupt, abs(jump.size)):
             return True
     return False
 
