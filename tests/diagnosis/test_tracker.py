@@ -201,6 +201,37 @@ def test_names_what_is_hidden_with_its_value_and_nothing_else(puma: Puma, arm: A
     assert result.noise == pytest.approx(NOISE, rel=0.25)
 
 
+def test_a_large_wave_of_an_encoder_repeats_with_the_motor_not_with_what_it_reads(
+    puma: Puma, arm: Arm, tmp_path: Path
+) -> None:
+    """A wave of 1.5 mrad, two per turn, moves its own argument by a third of a radian, from point to point by 1 mm.
+
+    Half a count of the encoder's zero is 0.008 rad of that argument.
+    """
+    result = found(puma, arm, tmp_path, Wrong(ripple=(2, 1.5e-3, 2, 0.7)), "large ripple")
+    (cause,) = result.causes
+    values = {p.name: p for p in cause.parameters}
+    assert (cause.effect, cause.joint, values["order"].value) == ("encoder_ripple", 2, 2.0)
+    for name, value in (("amplitude", 1.5e-3), ("phase", 0.7)):
+        assert abs(values[name].value - value) < 2.5 * values[name].std < 0.05 * value
+    assert values["amplitude"].std < 0.002 * 1.5e-3
+    assert result.unexplained == []
+
+
+def test_the_size_of_wrong_points_is_that_from_where_they_were(puma: Puma, arm: Arm, tmp_path: Path) -> None:
+    """Each draws the median of its neighbours: all were called 0.02 mm too small, which is four std."""
+
+    def wanders(t: np.ndarray) -> np.ndarray:
+        generator = np.random.default_rng(len(t))
+        way = generator.normal(size=(len(t), 3))
+        wrong = generator.uniform(size=len(t)) < 0.06
+        return wrong[:, None] * 4e-3 * way / np.linalg.norm(way, axis=1, keepdims=True)
+
+    (cause,) = found(puma, arm, tmp_path, Wrong(wanders=wanders), "strays").causes
+    size = next(p for p in cause.parameters if p.name == "size")
+    assert abs(size.value - 4e-3) < 2 * size.std < 4e-5
+
+
 @pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow), pytest.param(3, marks=pytest.mark.slow)])
 def test_names_nothing_where_nothing_is_hidden(puma: Puma, arm: Arm, tmp_path: Path, seed: int) -> None:
     """Also where the tracker's frame and the target are as a survey leaves them."""

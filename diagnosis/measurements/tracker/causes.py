@@ -15,12 +15,12 @@ import numpy as np
 
 from arm_io.types import Array
 from arm_model import Arm
-from arm_model.effects import Instrument, described
+from arm_model.effects import Instrument, Span, described
 from arm_model.effects.description_errors import JOINT_ZERO_OFFSET
 from arm_model.effects.tracking import LINK_GEOMETRY, TRACKER_OUTLIERS
 from daq.recording import Recording
 from diagnosis.cause import MAX_CONFIDENCE, Cause, Estimate, Signal, Structure, Undetectable, confidence_of
-from diagnosis.measurements.tracker.columns import State, Survey, TrackedCandidate
+from diagnosis.measurements.tracker.columns import State, Survey, TrackedCandidate, zero_scales
 from diagnosis.measurements.tracker.detectability import no_tracker, sizes, structure, undetectable_by_tracker, visible
 from diagnosis.measurements.tracker.model import LIMITS, Accepted, TrackedPoints, selected, tracked_points
 from diagnosis.measurements.tracker.points import Outliers, Side, points_of, side_of
@@ -35,6 +35,8 @@ ALTERNATIONS = 30
 """Fits of frame and target in turn, where neither is known: what is left of 0.1 m is below a micrometre."""
 FINEST = 1e-9
 """m: noise of a coordinate that no tracker goes below; points of a simulation have none at all."""
+MEDIAN_STD = float(np.sqrt(np.pi / 2))
+"""Std of a median of Gaussian values over that of their mean."""
 OTHER_POSES = "more varied poses: armscope calibrate --poses 40"
 
 
@@ -87,7 +89,8 @@ def tracked_causes(
     noise = float(np.mean(noises))
     level = max(float(np.hypot(noise, _zeros(start, sides.held_out, steps))), FINEST)
     model = tracked_points(arm, sides, survey, nominal=start.values, level=level, steps=steps)
-    state = _sparse(selected(model, progress), model)
+    model, state = selected(model, progress)
+    state = _sparse(state, model)
     precise = model.precise(state)
     causes = [_cause(accepted, precise, state, model) for accepted in (model.accepted(state) if state.chosen else [])]
     strays = _strays(outliers, [[r.path.name for r, _ in part] for part in parts])
@@ -258,7 +261,9 @@ def _cause(accepted: Accepted, precise: State, state: State, model: TrackedPoint
     return Cause(
         effect=candidate.effect,
         joint=candidate.joint,
-        parameters=estimates(candidate, values.tolist(), covariance, None, LIMITS.systematic),
+        parameters=_as_set(
+            candidate, estimates(candidate, values.tolist(), covariance, None, LIMITS.systematic), model
+        ),
         confidence=confidence_of(accepted.score.p),
         before=before,
         after=now,
@@ -271,6 +276,14 @@ def _cause(accepted: Accepted, precise: State, state: State, model: TrackedPoint
     )
 
 
+def _as_set(candidate: TrackedCandidate, parameters: list[Estimate], model: TrackedPoints) -> list[Estimate]:
+    """The parameters of a candidate; a phase is known to what the encoder's zero turns the argument of its wave by."""
+    spans = {p.name: p.span for p in candidate.definition.parameters}
+    place = (candidate.joint or 1) - 1
+    turn = dict(candidate.shape).get("order", 0.0) * model.arm.joints[place].ratio * zero_scales(model.steps)[place]
+    return [replace(p, std=float(np.hypot(p.std, turn))) if spans[p.name] is Span.PHASE else p for p in parameters]
+
+
 def _strays(outliers: Sequence[Sequence[Outliers]], names: Sequence[Sequence[str]]) -> Cause | None:
     """Wrong and missing points, where fit and held-out recordings together show enough of them."""
     of_recordings = [outlier_set for part in outliers for outlier_set in part]
@@ -281,7 +294,7 @@ def _strays(outliers: Sequence[Sequence[Outliers]], names: Sequence[Sequence[str
     share = (wrong + missing) / expected
     size = np.concatenate([o.size for o in of_recordings])
     typical = float(np.median(size)) if len(size) else 0.0
-    spread = float(MAD_TO_STD * np.median(np.abs(size - typical)) / np.sqrt(len(size))) if len(size) else 0.0
+    scatter = float(MAD_TO_STD * np.median(np.abs(size - typical))) if len(size) else 0.0
     listed = ", ".join(
         name
         for part, files in zip(outliers, names)
@@ -293,7 +306,7 @@ def _strays(outliers: Sequence[Sequence[Outliers]], names: Sequence[Sequence[str
         joint=None,
         parameters=[
             Estimate("share", share, float(np.sqrt(share / expected)), "1"),
-            Estimate("size", typical, spread, "m"),
+            Estimate("size", typical, float(MEDIAN_STD * scatter / np.sqrt(max(len(size), 1))), "m"),
         ],
         confidence=MAX_CONFIDENCE,
         before=float(typical * np.sqrt(wrong / expected / 3.0)),

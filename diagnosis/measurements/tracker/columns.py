@@ -14,7 +14,7 @@ from scipy import stats
 
 from arm_io.types import Array
 from arm_model import Arm
-from arm_model.effects import Effect, Instrument, Parameter, Signals, described, observed_by, units
+from arm_model.effects import Effect, Instrument, Parameter, Signals, Values, described, observed_by, units
 from arm_model.effects.description_errors import JOINT_ZERO_OFFSET
 from arm_model.effects.tracking import LINK_GEOMETRY
 from diagnosis.measurements.tracker.points import Side
@@ -35,6 +35,8 @@ BY_CHANCE = 0.01
 """Probability by which, with nothing wrong, the points deny what a model says of its geometry in any direction."""
 INFORMATIVE = 0.5
 """Of the prior variance: what points must leave of it at most to say something of a direction."""
+ROUNDS = 10
+"""Of the angle that reads with its wave as measured: the largest wave turns by half of its own argument at most."""
 BOUND = 2.5
 """Prior std beyond which frame and target are kept at their values: the error has another cause."""
 
@@ -158,6 +160,23 @@ def turns(candidate: TrackedCandidate, side: Side) -> Array:
     # sag of a link rotates this link alone; effects between motor and link rotate all links that the motor moves
     moved = np.eye(n)[j] if effect.bend is not None else side.coupling[:, j]
     return np.asarray(np.column_stack(columns)[:, None, :] * moved[:, None])
+
+
+def is_of_encoder(candidate: TrackedCandidate) -> bool:
+    """Whether a candidate is a wave of a motor's encoder."""
+    return not candidate.names and candidate.definition.wave and candidate.definition.angle is not None
+
+
+def at_motors(state: State, arm: Arm, side: Side) -> Side:
+    """A side with the angles of motors as they are without the chosen waves of their encoders."""
+    motor = side.motor.copy()
+    for candidate in filter(is_of_encoder, state.chosen):
+        wave, j = candidate.definition.angle, (candidate.joint or 1) - 1
+        assert wave is not None
+        values = Values(candidate.parameters(state.coefficients(candidate)[0].tolist()))
+        for _ in range(ROUNDS):
+            motor[:, j] = side.motor[:, j] - arm.joints[j].ratio * wave(values, Signals(motor=motor[:, j]))
+    return replace(side, motor=motor)
 
 
 @dataclass(frozen=True)

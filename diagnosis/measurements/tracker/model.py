@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
@@ -21,14 +22,19 @@ from diagnosis.measurements.tracker.columns import (
     State,
     Survey,
     TrackedCandidate,
+    at_motors,
     candidates,
     fitted,
+    is_of_encoder,
     is_physical,
 )
 from diagnosis.measurements.tracker.points import Side
 from diagnosis.measurements.tracker.regression import by_block, columns_of, energy, linear, point_residual, squares
 from identification.kinematics.estimation import stacked
 from identification.selection import Limits, MeasurementModel, Score, Split, eliminate, p_value, select
+
+AT_MOTORS = 3
+"""Refits of waves of encoders over the angles that they leave of those read: each leaves a tenth of the error."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,6 +123,17 @@ class TrackedPoints(MeasurementModel[TrackedCandidate, State]):
         """Candidates fitted together with frame and target, from the values of another state on."""
         start = self.nominal if near is None else near.values
         return fitted(self.arm, chosen, self.points.fit, self.survey, start=start)
+
+    def at_motors(self, state: State) -> tuple[TrackedPoints, State]:
+        """The points at the angles that motors have beside the waves of their encoders, and the state refitted there.
+
+        A wave repeats with the angle of the motor. Over that which its encoder reads, it is too small, and bent.
+        """
+        model = self
+        for _ in range(AT_MOTORS if any(is_of_encoder(c) for c in state.chosen) else 0):
+            model = replace(self, points=self.points.map(partial(at_motors, state, self.arm)))
+            state = model.refit(state.chosen, state)
+        return model, state
 
     def precise(self, state: State) -> State:
         """The same candidates fitted together with the zeros of the encoders, for values and std."""
@@ -223,10 +240,13 @@ class TrackedPoints(MeasurementModel[TrackedCandidate, State]):
         return physical and energy(point_residual(swapped, self.points.held_out)) < enough
 
 
-def selected(model: TrackedPoints, progress: Callable[[str], None]) -> State:
-    """The candidates that matter and are significant conditional on all others."""
-    state = select(model, progress)
-    return eliminate(model, state, fdr=model.limits.final_fdr, tests=len(model.every))
+def selected(model: TrackedPoints, progress: Callable[[str], None]) -> tuple[TrackedPoints, State]:
+    """The candidates that matter and are significant conditional on all others, and the points at which they are.
+
+    What a large wave is bent by over the angles read is gone at those of the motors, and no other candidate's.
+    """
+    model, state = model.at_motors(select(model, progress))
+    return model, eliminate(model, state, fdr=model.limits.final_fdr, tests=len(model.every))
 
 
 def tracked_points(

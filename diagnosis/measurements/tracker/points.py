@@ -27,6 +27,8 @@ WRONG = 8.0
 """Noise std from the median of its neighbours above which a point is wrong; Gaussian noise: once in 1e14."""
 NEIGHBOURS = 7
 """Points, itself among them, whose median a point is compared with."""
+AROUND = 3 * NEIGHBOURS
+"""Points whose usual distance from their neighbours a wrong point exceeds as well."""
 RATES = 0.1
 """s: length of the local cubics whose slopes are speed and acceleration."""
 
@@ -150,15 +152,32 @@ def _rows(t: Array, q: Array, xyz: Array, off: Array) -> _Rows:
     noise = float(MAD_TO_STD * np.median(np.abs(second))) if len(second) else 0.0
     deviation = away - ndimage.median_filter(away, size=(NEIGHBOURS, 1), mode="nearest")
     distance = np.linalg.norm(deviation, axis=1)
-    wrong = distance > WRONG * max(float(np.median(distance)) / MEDIAN_OF_NORM, noise, 1e-9)
+    # a fast wave moves all points of a stretch away from their neighbours, wrong points are single ones
+    near = np.maximum(float(np.median(distance)), ndimage.median_filter(distance, AROUND, mode="nearest"))
+    wrong = distance > WRONG * np.maximum(near / MEDIAN_OF_NORM, max(noise, 1e-9))
     steps = np.diff(tracked)
     usual = int(np.median(steps)) if len(steps) else 1
     gaps = steps[steps > 3 * usual]
     missing = int(np.sum(gaps // usual - 1))
     good = xyz.copy()
     good[tracked[wrong]] = np.nan
-    outliers = Outliers(int(wrong.sum()), missing, len(gaps), len(tracked) + missing, distance[wrong])
+    outliers = Outliers(int(wrong.sum()), missing, len(gaps), len(tracked) + missing, _sizes(away, wrong, noise))
     return _Rows(t, q, v, a, good, outliers, noise)
+
+
+def _sizes(away: Array, wrong: Mask, noise: float) -> Array:
+    """(wrong,) m by which wrong points are off: their distance from the median of the right ones beside them.
+
+    A wrong point draws a median that it is part of towards itself, by a fifth of the noise per coordinate. Noise at
+    right angles makes a distance longer. away (N, 3) m: of all points from the model; noise m, of a coordinate.
+    """
+    reach, sizes = NEIGHBOURS // 2, list[float]()
+    for place in np.flatnonzero(wrong).tolist():
+        beside = np.arange(max(place - reach, 0), min(place + reach + 1, len(away)))
+        right = beside[~wrong[beside]]
+        at = np.median(away[right if len(right) else beside], axis=0)
+        sizes.append(float(np.sum((away[place] - at) ** 2) - 2.0 * noise**2))
+    return np.sqrt(np.maximum(sizes, 0.0))
 
 
 def _rates(t: Array, q: Array) -> tuple[Array, Array]:
