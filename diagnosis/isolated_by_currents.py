@@ -84,7 +84,10 @@ def _estimated_by_both(cause: Cause, runs: Sequence[Run]) -> Cause:
     """A wave of an encoder with its size by the currents of ``runs`` as well: a Gauss-Newton step of the exact model.
 
     Amplitude a and phase p are the coefficients c = a (cos p, sin p); estimates of both instruments are weighted by
-    their covariance.
+    their covariance. Encoders see the wave itself; currents see its acceleration times an inertia, beside all that is
+    not named in them yet. By what the two differ more than they may, the currents are in doubt: of a variance t in
+    either coefficient, that of the difference d is V + t 1, so that t = (d^2 - trace V) / 2 (DerSimonian & Laird,
+    Control. Clin. Trials 7, 1986).
     """
     effect = CATALOGUE[cause.effect]
     held = {p.name: p.value for p in cause.parameters if effect[p.name].whole}
@@ -99,6 +102,8 @@ def _estimated_by_both(cause: Cause, runs: Sequence[Run]) -> Cause:
     columns = np.stack([(residual(by_links + step * unit) - at_estimate) / step for unit in np.eye(2)], axis=1)
     change = -np.linalg.lstsq(columns, at_estimate, rcond=None)[0]
     of_currents = cluster_covariance(columns, [at_estimate + columns @ change], block_numbers(runs))
+    between = (change @ change - np.trace(of_currents + of_links)) / 2
+    of_currents = of_currents + max(float(between), 0.0) * np.eye(2)
     of_both = np.linalg.inv(np.linalg.inv(of_currents) + np.linalg.inv(of_links))
     c = by_links + of_both @ np.linalg.solve(of_currents, change)
     values, directions = solved(effect, held, c.tolist()), _directions(c)

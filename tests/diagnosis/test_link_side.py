@@ -218,6 +218,22 @@ def test_currents_tell_a_wave_of_the_motor_s_encoder_from_one_of_its_gear(root: 
         assert std < 0.1 * value
 
 
+@pytest.mark.parametrize("heavier", [1.0, 1.3])
+def test_a_wave_has_the_size_that_its_encoders_see_where_currents_deny_it(root: Path, arm: Arm, heavier: float) -> None:
+    """A rotor that is heavier in the model makes the wave too small in the currents."""
+    wave = Hidden("encoder_ripple", 2, {"amplitude": 3e-4, "order": 2.0, "phase": 0.7})
+    recordings = Split([(read := _recorded(root, (wave,)))[0]], [read[1]], False)
+    rotor = heavier * arm.joints[1].rotor_inertia
+    model = replace(
+        arm, joints=tuple(replace(j, rotor_inertia=rotor) if k == 1 else j for k, j in enumerate(arm.joints))
+    )
+    cleaned = screen(model, recordings, lambda _: None)
+    told = isolated_by_currents(model, measure(model, recordings, cleaned, lambda _: None), cleaned, lambda _: None)
+    assert told.link is not None and [(c.effect, c.joint) for c in told.link.causes] == [("encoder_ripple", 2)]
+    value, std = _value(told.link.causes[0], "amplitude")
+    assert abs(value - 3e-4) < 2 * std + 0.01 * 3e-4 and std < 0.02 * 3e-4
+
+
 @pytest.mark.filterwarnings("error::RuntimeWarning")
 def test_a_model_without_masses_is_held_against_its_encoders(root: Path, arm: Arm) -> None:
     bare = {"mass": 0.0, "rotor_inertia": 0.0, "viscous": (0.0, 0.0), "coulomb": (0.0, 0.0)}
