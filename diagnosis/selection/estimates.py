@@ -8,7 +8,7 @@ import numpy as np
 
 from arm_io.types import Array
 from arm_model import Joint
-from arm_model.effects import Parameter
+from arm_model.effects import Parameter, Span
 from diagnosis.cause import Estimate
 from diagnosis.selection.candidate import Candidate
 
@@ -25,7 +25,8 @@ def estimates(
 
     covariance  (k + s, k + s) of the coefficients, then of the nonlinear parameters that were estimated
     joint       in whose units the parameters are; None: SI
-    systematic  relative std of the measurement model, in addition to that of the data; None: model error of the effect
+    systematic  relative std of the measurement model, in addition to that of the data; None: model error of the effect.
+                Of a wave it is that of its sine and of its cosine, which turns its phase by as many rad
     nonlinear   names of the nonlinear parameters in ``covariance``; None: ``candidate.searched()``
     """
     c, effect = np.asarray(coefficients, float), candidate.definition
@@ -43,7 +44,8 @@ def estimates(
         std = float(np.sqrt(max(float(slope @ covariance @ slope), 0.0)))
         unit = joint.unit(parameter.unit, parameter.name) if joint else parameter.unit
         exact = parameter.whole or parameter.own or parameter.lasts
-        std = float(np.hypot(std, 0.0 if exact else share * abs(value)))
+        size = 1.0 if parameter.span is Span.PHASE else abs(value)
+        std = float(np.hypot(std, 0.0 if exact else share * size))
         std = _between(parameter, value) if parameter.coarse else std
         rows.append(Estimate(name, value, std, unit))
     return rows

@@ -90,6 +90,8 @@ def test_amplitude_and_phase_scatter_as_the_coefficients_of_a_wave_do() -> None:
     for name in ("amplitude", "phase"):
         assert exact[name].std == pytest.approx(np.std([values[name] for values in drawn]), rel=0.05)
     assert stated["amplitude"].std == pytest.approx(np.hypot(exact["amplitude"].std, 0.1 * np.hypot(*c)))
+    # a tenth of a sine beside it turns a wave by a tenth of a radian, wherever its phase is
+    assert stated["phase"].std == pytest.approx(np.hypot(exact["phase"].std, 0.1))
 
 
 @pytest.mark.parametrize(("second", "contradict"), [(4.1, False), (6.0, True)])
