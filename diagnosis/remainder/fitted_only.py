@@ -6,10 +6,9 @@ from collections.abc import Callable, Sequence
 
 from arm_io.types import Array
 from diagnosis.cause import NO_VARIABLE, Signal, Structure
-from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.measurements.currents.state import State
 from diagnosis.measurements.currents.structure.likely_variable import likely_variable
-from diagnosis.measurements.currents.structure.noise_ratio import noise_ratio
+from diagnosis.measurements.currents.structure.noise_ratio import largest_of_noise, noise_ratio
 from diagnosis.selection.design import Dataset
 from diagnosis.selection.waves import wave_of
 from diagnosis.units import recorded_quantity
@@ -67,4 +66,5 @@ def _above_in_fit(residual: Array, fit: Dataset, structures: Sequence[Structure]
     reported = {structure.joint for structure in structures}
     joints = range(1, len(residual) // fit.rows + 1)
     by_joint = {joint: noise_ratio(residual, fit, joint) for joint in joints if joint not in reported}
-    return {joint: ratio for joint, ratio in by_joint.items() if ratio > LIMITS.above_noise * allowed[joint - 1]}
+    limits = {joint: largest_of_noise(fit, joint) * allowed[joint - 1] for joint in by_joint}
+    return {joint: ratio for joint, ratio in by_joint.items() if ratio > limits[joint]}

@@ -24,6 +24,7 @@ EXACT = np.ones(6)
 
 def _side() -> Dataset:
     one = SimpleNamespace(
+        per_second=100.0,
         arm=Arm(name="six", joints=(Joint(torque_constant=0.2),) * 6),
         deviation=np.ones((ROWS, 6)),
         instruments=np.ones((ROWS, 6)),

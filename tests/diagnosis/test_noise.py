@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -10,6 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import signal
 
+from diagnosis.measurements.currents.limits import LIMITS
+from diagnosis.measurements.currents.structure.noise_ratio import largest_of_noise
 from diagnosis.residual.filters import COMPARE_BAND, low_pass
 from diagnosis.residual.noise.channels import (
     angle_noise,
@@ -135,6 +139,24 @@ def test_correlated_currents_are_noisy_by_what_they_do_at_rest(correlation: floa
     assert np.all((share > 0.4) & (share < 1.3))
     if correlation:
         assert np.all(scatter(recordings[0].i) * np.sqrt(COMPARE_BAND / 500) < 0.3 * np.mean(truth, axis=0))
+
+
+def test_slow_noise_exceeds_its_limit_in_a_second_as_seldom_as_in_five(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Healthy, a joint that moved for 1.1 s had 2.65 times the noise, where 2.5 were allowed."""
+    monkeypatch.setattr("diagnosis.measurements.currents.structure.noise_ratio.comparable_rows", lambda run: run.rows)
+    rate, keep = 100.0, np.exp(-0.01 / 0.25)
+    limits, exceeded = [], []
+    noise = signal.lfilter([np.sqrt(1.0 - keep**2)], [1.0, -keep], np.random.default_rng(5).normal(size=1_000_000))
+    for seconds in (1.1, 5.0, 15.0):
+        rows = round(seconds * rate)
+        rms = np.sqrt(np.mean(noise[: len(noise) // rows * rows].reshape(-1, rows) ** 2, axis=1))
+        run = SimpleNamespace(rows=np.ones((rows, 1), bool), per_second=rate)
+        limits.append(largest_of_noise(cast(Any, SimpleNamespace(runs=[run])), 1))
+        exceeded.append(rms)
+    assert limits[0] > 1.2 * limits[1] == pytest.approx(1.2 * LIMITS.above_noise) == pytest.approx(1.2 * limits[2])
+    # so large that one in a hundred exceeds the limit in five seconds
+    size = LIMITS.above_noise / np.quantile(exceeded[1], 0.99)
+    assert np.mean(size * exceeded[0] > limits[0]) < 0.02 < 0.04 < np.mean(size * exceeded[0] > LIMITS.above_noise)
 
 
 def test_no_stand_tells_nothing() -> None:

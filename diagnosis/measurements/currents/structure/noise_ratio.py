@@ -3,20 +3,45 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy import stats
 
 from arm_io.types import Array
 from arm_model import Arm
 from diagnosis.measurements.currents.limits import LIMITS
-from diagnosis.residual.noise.channels import is_stationary
+from diagnosis.residual.comparable_rows import comparable_rows
+from diagnosis.residual.noise.channels import QUIET_BLOCKS, is_stationary
 from diagnosis.selection.design import Dataset
+
+SLOW = 0.25
+"""s: correlation of noise that the initial standstill hardly shows, and that is no finding."""
+BY_CHANCE = 0.01
+"""Probability by which noise in a short time exceeds its limit, if in a longer one it does as often."""
 
 
 def joints_above_noise(residual: Array, side: Dataset, arm: Arm) -> list[int]:
     """Joints whose ``residual`` (n * rows,) exceeds the noise, the largest residual-to-noise ratio first."""
     by_joint = {joint: noise_ratio(residual, side, joint) for joint in range(1, len(arm) + 1)}
     return sorted(
-        (joint for joint, value in by_joint.items() if value > LIMITS.above_noise), key=lambda joint: -by_joint[joint]
+        (joint for joint, value in by_joint.items() if value > largest_of_noise(side, joint)),
+        key=lambda joint: -by_joint[joint],
     )
+
+
+def largest_of_noise(side: Dataset, joint: int) -> float:
+    """Ratio up to which a residual of a joint is noise: LIMITS.above_noise, or more where the joint moves briefly.
+
+    The rms of slow noise scatters: with a correlation that falls to 1/e in T s, a time t counts as t / T values. From
+    so many seconds on as its steadiness is judged in, the limit stands; in a shorter time, noise exceeds the larger
+    limit by the same chance.
+    """
+    rows = sum(np.count_nonzero(comparable_rows(run)[:, joint - 1]) / run.per_second for run in side.runs)
+    few, usual = (_highest(max(seconds, SLOW) / SLOW) for seconds in (rows, float(QUIET_BLOCKS)))
+    return LIMITS.above_noise * max(few / usual, 1.0)
+
+
+def _highest(count: float) -> float:
+    """Rms of so many independent values of unit variance that is exceeded by BY_CHANCE."""
+    return float(np.sqrt(stats.chi2.isf(BY_CHANCE, count) / count))
 
 
 def noise_ratio(residual: Array, side: Dataset, joint: int) -> float:

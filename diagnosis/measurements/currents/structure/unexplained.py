@@ -24,7 +24,7 @@ from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.measurements.currents.model_errors import Significance
 from diagnosis.measurements.currents.structure.basis_functions import Shape, shapes_of
 from diagnosis.measurements.currents.structure.likely_variable import Likely, likely_variable
-from diagnosis.measurements.currents.structure.noise_ratio import noise_ratio
+from diagnosis.measurements.currents.structure.noise_ratio import largest_of_noise, noise_ratio
 from diagnosis.measurements.currents.structure.shared_bases import Bases
 from diagnosis.selection.design import Dataset, Pair
 from diagnosis.selection.regression import Fitted, fit_gain, residual_with, with_columns
@@ -86,7 +86,9 @@ def structures_at(
         shapes = [one for one in shapes if one.name != shape.name]
     conditional = with_columns(fitted, pairs).residual.held_out
     ratio = noise_ratio(conditional, held_out, joint)
-    of_fit, of_held_out = (LIMITS.above_noise * times[joint - 1] for times in significance.allowed)
+    of_fit, of_held_out = (
+        largest_of_noise(side, joint) * times[joint - 1] for side, times in zip(data, significance.allowed)
+    )
     quiet = ratio <= of_held_out
     if quiet and (pairs or noise_ratio(fitted.residual.fit, fit, joint) <= of_fit):
         return structures, pairs, None
