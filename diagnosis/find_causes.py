@@ -22,8 +22,8 @@ from diagnosis.measurements.currents.columns import candidates
 from diagnosis.measurements.currents.design_matrix import Library, bounded, dataset_of, dataset_with, free_columns
 from diagnosis.measurements.currents.model import Currents
 from diagnosis.measurements.currents.model_errors import model_uncertainty
+from diagnosis.measurements.currents.search import above_noise
 from diagnosis.measurements.currents.shortage import shortage
-from diagnosis.measurements.currents.structure.noise_ratio import joints_above_noise
 from diagnosis.measurements.near_rest.time_at_rest import with_rise_at_rest
 from diagnosis.measurements.single_axis.causes import AxisSide, axis_side, load_changes
 from diagnosis.outside_selection import (
@@ -273,17 +273,10 @@ def _searched(search: Search, residuals: Residuals) -> CurrentDiagnosis:
     if not (wider or by_axis.selection.unexplained.structures):
         return by_axis
     by_arm = _searched_given(search, residuals, None)
-    if wider and not (by_arm.selection.unexplained.structures or _above_noise(by_arm)):
+    if wider and not (by_arm.selection.unexplained.structures or above_noise(by_arm.state)):
         return by_arm
     energies = [one.state.energy.held_out for one in (by_axis, by_arm)]
     return by_axis if energies[0] <= energies[1] else by_arm
-
-
-def _above_noise(currents: CurrentDiagnosis) -> bool:
-    """Whether the residual of any joint is above the noise, in fitted or in held-out recordings."""
-    state = currents.state
-    parts = zip(state.residual, state.data)
-    return any(joints_above_noise(residual, part, currents.arm) for residual, part in parts)
 
 
 def _searched_given(search: Search, residuals: Residuals, axis: AxisSide | None) -> CurrentDiagnosis:

@@ -115,9 +115,12 @@ class MeasurementModel(Protocol[C, S]):
         return state
 
 
-def select(model: MeasurementModel[C, S], progress: Progress = lambda sentence: None) -> S:
-    """The candidates that explain the data together."""
-    state = eliminated = model.start()
+def select(model: MeasurementModel[C, S], progress: Progress = lambda sentence: None, start: S | None = None) -> S:
+    """The candidates that explain the data together.
+
+    start: the state to begin with; None: that in which nothing is chosen.
+    """
+    state = eliminated = model.start() if start is None else start
     for number in range(1, model.limits.max_causes + 1):
         progress(Step("looking for causes", number - 1, detail=f"cause {number}"))
         entered = forward(model, state)

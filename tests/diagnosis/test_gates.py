@@ -14,6 +14,7 @@ from diagnosis.measurements.currents.design_matrix import Library, dataset_of
 from diagnosis.measurements.currents.estimates import covariance_of, estimates_of
 from diagnosis.measurements.currents.limits import LIMITS, matters
 from diagnosis.measurements.currents.model import Currents
+from diagnosis.measurements.currents.search import refitted_without, search
 from diagnosis.measurements.currents.state import State
 from diagnosis.per_recording.values import contradicted, noise_alone
 from diagnosis.residual.setpoint_ripple import unseen_directions
@@ -42,6 +43,25 @@ def _chosen(arm: Arm, candidates: Candidate | tuple[Candidate, ...], *days: Day)
     data = Split(fit, held_out)
     model = Currents(arm, data, Library(chosen, data), [])
     return State(model, chosen, data, {candidate.key: () for candidate in chosen})
+
+
+def test_a_search_goes_on_where_what_it_chose_is_replaced(arm: Arm, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ten coefficients of a link followed a spring, and kept it out; in the end another link took their place.
+
+    Here, the second cause is lost when the first search is simplified.
+    """
+    viscous, coulomb = Candidate("viscous_friction", 1), Candidate("coulomb_friction", 1)
+    model = _chosen(arm, (viscous, coulomb), *[Day(viscous=(6.0, 0.0), coulomb=(2.0, 0.0))] * 2).model
+    lost = list[Candidate]()
+
+    def without_the_last(state: State) -> State:
+        if lost:
+            return state
+        lost.append(state.chosen[-1])
+        return refitted_without(state, lost[0])
+
+    monkeypatch.setattr("diagnosis.measurements.currents.search.simplified", without_the_last)
+    assert {c.key for c in search(model, lambda _: None).chosen} == {viscous.key, coulomb.key} and lost
 
 
 def test_every_coefficient_of_an_effect_may_follow_what_leaked() -> None:

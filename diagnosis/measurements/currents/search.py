@@ -14,6 +14,7 @@ from diagnosis.measurements.currents.model import Currents
 from diagnosis.measurements.currents.refinement import gauss_newton_refined
 from diagnosis.measurements.currents.simplification import simplified
 from diagnosis.measurements.currents.state import State, corrected
+from diagnosis.measurements.currents.structure.noise_ratio import joints_above_noise
 from diagnosis.measurements.currents.structure.shared_bases import Bases
 from diagnosis.measurements.currents.structure.spurious import of_another_order, spurious
 from diagnosis.measurements.currents.structure.unexplained import Unexplained, unexplained_structure
@@ -35,11 +36,34 @@ class Selection:
 
 
 def search(model: Currents, progress: Callable[[str], None]) -> State:
-    """Candidates that explain the residual together."""
-    state = simplified(attributed_to_body(gauss_newton_refined(select(model, progress))))
+    """Candidates that explain the residual together.
+
+    A law of many coefficients keeps out what it follows itself. Where it is replaced or removed in the end, and a joint
+    is above the noise, the search goes on from there.
+    """
+    selected = select(model, progress)
+    state = _settled(selected)
+    if set(state.chosen) != set(selected.chosen) and above_noise(state):
+        further = select(model, progress, state)
+        if (
+            set(further.chosen) != set(state.chosen)
+            and (again := _settled(further)).energy.held_out < state.energy.held_out
+        ):
+            state = again
+    return state
+
+
+def _settled(selected: State) -> State:
+    """What was selected, refined by the exact model, without what simpler causes or none do as well."""
+    model, state = selected.model, simplified(attributed_to_body(gauss_newton_refined(selected)))
     if len(fewer := eliminate(model, state).chosen) < len(state.chosen):
         state = model.refitted(fewer, state.rivals)
     return state
+
+
+def above_noise(state: State) -> bool:
+    """Whether the residual of a joint is above the noise, in fitted or in held-out recordings."""
+    return any(joints_above_noise(left, side, state.model.arm) for left, side in zip(state.residual, state.data))
 
 
 def attributed_to_body(state: State) -> State:
