@@ -80,11 +80,12 @@ def determined(cause: Cause) -> float:
     The stated std also has the relative error of the effect's law, however well the recordings determine a value.
     """
     effect = CATALOGUE[cause.effect]
-    missed = {p.name: 0.0 if p.whole or p.own or p.lasts or p.coarse else effect.model_error for p in effect.parameters}
+    erring = {p.name: p.erring for p in effect.parameters if not (p.whole or p.own or p.lasts or p.coarse)}
     ratios = []
     for p in cause.parameters:
         if p.std > 0:
-            by_chance = p.std**2 - (missed.get(p.name, 0.0) * p.value) ** 2
+            of_law = effect.model_error * erring[p.name](p.value) if p.name in erring else 0.0
+            by_chance = p.std**2 - of_law**2
             ratios.append(abs(p.value) / math.sqrt(by_chance) if by_chance > (p.value / LARGEST) ** 2 else LARGEST)
     return max(ratios, default=LARGEST)
 

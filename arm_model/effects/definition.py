@@ -121,6 +121,13 @@ class Parameter:
     tracker_prior: float | None = None
     noun: str = ""
 
+    def erring(self, value: float) -> float:
+        """What a relative error of the law is a share of, at a value: its size, and of a phase 1 rad.
+
+        A wave that is wrong by a share of a sine, at any phase, is turned by as many radians.
+        """
+        return 1.0 if self.span is Span.PHASE else abs(value)
+
     def sized(self, size: str) -> str:
         """``a viscous friction of 10 N m s/rad``: the parameter at a size, in words."""
         noun = self.noun or self.name.replace("_", " ")

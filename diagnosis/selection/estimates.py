@@ -8,7 +8,7 @@ import numpy as np
 
 from arm_io.types import Array
 from arm_model import Joint
-from arm_model.effects import Parameter, Span
+from arm_model.effects import Parameter
 from diagnosis.cause import Estimate
 from diagnosis.selection.candidate import Candidate
 
@@ -44,8 +44,7 @@ def estimates(
         std = float(np.sqrt(max(float(slope @ covariance @ slope), 0.0)))
         unit = joint.unit(parameter.unit, parameter.name) if joint else parameter.unit
         exact = parameter.whole or parameter.own or parameter.lasts
-        size = 1.0 if parameter.span is Span.PHASE else abs(value)
-        std = float(np.hypot(std, 0.0 if exact else share * size))
+        std = float(np.hypot(std, 0.0 if exact else share * parameter.erring(value)))
         std = _between(parameter, value) if parameter.coarse else std
         rows.append(Estimate(name, value, std, unit))
     return rows

@@ -12,6 +12,7 @@ import pytest
 from scipy.optimize import minimize
 from scipy.stats import binom
 
+from arm_model.effects import CATALOGUE
 from diagnosis.cause import MAX_CONFIDENCE, Cause, Estimate, Signal, Support
 from diagnosis.confidence import (
     DETERMINED,
@@ -123,6 +124,11 @@ def test_what_a_law_misses_is_no_doubt_about_its_name() -> None:
     assert support_of(cause, 4.0, {}, 0).determined == pytest.approx(1 / by_chance)
     coarse = replace(cause, parameters=[replace(known, std=0.5)])
     assert support_of(coarse, 4.0, {}, 0).determined == pytest.approx(2.0, rel=0.05)
+    share = CATALOGUE["gear_ripple"].model_error
+    for phase in (0.4, 3.0):
+        wave = Estimate("phase", phase, float(np.hypot(share, by_chance)), "rad")
+        of_wave = support_of(replace(cause, effect="gear_ripple", parameters=[wave]), 4.0, {}, 0)
+        assert of_wave.determined == pytest.approx(phase / by_chance)
 
 
 def _support(*, left: float = 1.0, unexplained: int = 0, **evidence: float) -> Support:
