@@ -35,11 +35,14 @@ def friction_drift(structure: Structure, values: Array, warmer: Array) -> Array:
     points[len(structure.rows) : len(structure.rows) + len(structure.points)] = True
     drift = []
     for joint in range(len(structure.arm)):
-        level, slope, _, hump = friction_shapes(structure, joint)
+        level, slope, asymmetry, hump = shapes = friction_shapes(structure, joint)
         seen = points & (level > 0.0) & np.isfinite(values)
         size = np.zeros(2)
         if seen.any():
-            columns = np.column_stack([level, slope, hump])[seen]
+            columns = shapes[:, seen].T
+            if not np.ptp(asymmetry[seen]):
+                # of one direction, nothing tells it from the level
+                columns[:, 2] = 0.0
             size = np.abs(np.linalg.lstsq(columns, values[seen], rcond=None)[0][:2])
         shares = COULOMB * size[0], VISCOUS * size[1], NEAR_REST * size[0]
         drift += [kelvin[joint] * share * shape for share, shape in zip(shares, (level, slope, hump))]

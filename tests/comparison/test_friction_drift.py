@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from arm_model.description import Arm
-from arm_model.tables.friction_of_days import UNRECORDED
+from arm_model.tables.friction_of_days import UNRECORDED, VISCOUS
 from comparison import friction_drift
 from comparison.friction_curves import Curve
 from comparison.from_recordings import compare_recordings
@@ -57,6 +57,21 @@ def test_a_recorded_difference_counts_where_it_is_larger(arm: Arm) -> None:
     some, more = (friction_drift.friction_drift(structure, values, np.array(k)) for k in ([0.2, np.nan], [-6.0, 0.0]))
     np.testing.assert_allclose(more[:, :3], some[:, :3] * 6.0 / UNRECORDED)
     np.testing.assert_allclose(more[:, 3:], some[:, 3:])
+
+
+@pytest.mark.parametrize("directions", [(1.0, -1.0), (1.0,), (-1.0,)])
+def test_a_weight_that_a_joint_bears_is_no_friction(arm: Arm, directions: tuple[float, ...]) -> None:
+    """In one direction it adds to the friction, whose speeds are others than those of the other direction."""
+    speeds = {1.0: np.array([0.03, 0.06, 0.09, 0.12]), -1.0: np.array([0.02, 0.04, 0.06, 0.08])}
+    curves = [Curve(0, sign, speeds[sign]) for sign in directions]
+    structure = Structure(arm, structural_base(arm, "asymmetric"), np.empty(0, np.intp), curves, np.full(2, np.nan))
+    free, bears = (
+        np.concatenate([20.0 + 30.0 * speeds[sign] + sign * weight for sign in directions])
+        for weight in (0.0, 18.0 * (len(directions) > 1))
+    )
+    drift = [friction_drift.friction_drift(structure, values, np.full(2, np.nan)) for values in (free, bears)]
+    np.testing.assert_allclose(drift[1], drift[0], atol=1e-12)
+    assert np.abs(drift[0][:, 1]).max() == pytest.approx(30.0 * VISCOUS * UNRECORDED * speeds[directions[0]].max())
 
 
 @pytest.mark.parametrize("per_side", [1, 2])
