@@ -14,6 +14,7 @@ from diagnosis.measurements.currents.model import Currents
 from diagnosis.measurements.currents.refinement import gauss_newton_refined
 from diagnosis.measurements.currents.simplification import simplified
 from diagnosis.measurements.currents.state import State, corrected
+from diagnosis.measurements.currents.structure.coefficient_doubt import CoefficientDoubt
 from diagnosis.measurements.currents.structure.noise_ratio import joints_above_noise
 from diagnosis.measurements.currents.structure.shared_bases import Bases
 from diagnosis.measurements.currents.structure.spurious import of_another_order, spurious
@@ -122,4 +123,6 @@ def _with_refuted(selection: Selection, refuted: Mapping[EffectKey, Structure]) 
 
 
 def _with_unexplained(state: State, bases: Bases) -> Selection:
-    return Selection(state, unexplained_structure(state.data, state.fitted, state.model.arm, state.significance, bases))
+    beside = CoefficientDoubt(state).beside
+    unexplained = unexplained_structure(state.data, state.fitted, state.model.arm, state.significance, bases, beside)
+    return Selection(state, unexplained)

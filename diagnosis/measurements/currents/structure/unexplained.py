@@ -9,7 +9,7 @@ spring.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -49,8 +49,17 @@ class Unexplained:
     likely: dict[int, Likely]
 
 
+Beside = Callable[[Array], Array]
+"""What a held-out residual (N,) is without what the coefficients of causes may be wrong by (``CoefficientDoubt``)."""
+
+
 def unexplained_structure(
-    data: Split[Dataset], fitted: Fitted, arm: Arm, significance: Significance, bases: Bases
+    data: Split[Dataset],
+    fitted: Fitted,
+    arm: Arm,
+    significance: Significance,
+    bases: Bases,
+    beside: Beside = np.asarray,
 ) -> Unexplained:
     """Structures conditional on what is ``fitted``, joint by joint, the strongest first.
 
@@ -58,7 +67,7 @@ def unexplained_structure(
     """
     joints = range(1, len(arm) + 1)
     bases.compute(arm)
-    by_joint = in_parallel(lambda joint: structures_at(joint, data, bases, fitted, arm, significance), joints)
+    by_joint = in_parallel(lambda joint: structures_at(joint, data, bases, fitted, arm, significance, beside), joints)
     return Unexplained(
         [structure for structures, _, _ in by_joint for structure in structures],
         [pair for _, pairs, _ in by_joint for pair in pairs],
@@ -67,7 +76,13 @@ def unexplained_structure(
 
 
 def structures_at(
-    joint: int, data: Split[Dataset], bases: Bases, fitted: Fitted, arm: Arm, significance: Significance
+    joint: int,
+    data: Split[Dataset],
+    bases: Bases,
+    fitted: Fitted,
+    arm: Arm,
+    significance: Significance,
+    beside: Beside = np.asarray,
 ) -> tuple[list[Structure], list[Pair], Likely | None]:
     """Structures at one joint, their columns, and those of a likely variable."""
     structures: list[Structure] = []
@@ -85,10 +100,11 @@ def structures_at(
         judged &= shape.known
         shapes = [one for one in shapes if one.name != shape.name]
     conditional = with_columns(fitted, pairs).residual.held_out
-    ratio = noise_ratio(conditional, held_out, joint)
     of_fit, of_held_out = (
         largest_of_noise(side, joint) * times[joint - 1] for side, times in zip(data, significance.allowed)
     )
+    if (ratio := noise_ratio(conditional, held_out, joint)) > of_held_out:
+        ratio = noise_ratio(beside(conditional), held_out, joint)
     quiet = ratio <= of_held_out
     if quiet and (pairs or noise_ratio(fitted.residual.fit, fit, joint) <= of_fit):
         return structures, pairs, None
