@@ -153,7 +153,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--workers", type=int, default=os.cpu_count())
     parser.add_argument("--scheduler", metavar="tcp://HOST:PORT", help="instead: the workers of a Dask scheduler")
     parser.add_argument("--json", action="store_true", help="print the figures as one flat JSON object")
-    options = parser.parse_args()
+    options = parser.parse_intermixed_args()
     options.commit = options.commit or _head()
     return options
 
