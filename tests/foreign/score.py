@@ -23,6 +23,8 @@ SAME = (
 
 Either name is right if the hidden one is in its group.
 """
+CURRENTS = {"current_offset": "offset", "current_limit": "limit", "mains_hum": "amplitude"}
+"""Hidden effect -> its current."""
 NEXT = 2.0
 """Cycles per turn of a joint by which the order of a ripple may miss: motions cover a part of a turn."""
 SYNONYMS = {"gear_ripple": {"cogging"}}
@@ -199,12 +201,13 @@ def in_group(cause: Mapping[str, Any], hidden: Hidden) -> bool:
 
 
 def as_logged(hidden: Hidden, case: Case) -> Hidden:
-    """The hidden effect with an offset of the current in A, where the log has currents; it is drawn in N m (N)."""
-    if hidden.effect != "current_offset" or hidden.joint is None or not case.logger.currents:
+    """The hidden effect with its current in A, where the log has currents; it is drawn in N m (N)."""
+    name = CURRENTS.get(hidden.effect)
+    if name is None or hidden.joint is None or not case.logger.currents:
         return hidden
     motor = case.arm.joints[hidden.joint - 1]
-    amperes = hidden.parameters["offset"] / (motor.gear * motor.torque_constant)
-    return replace(hidden, parameters={**hidden.parameters, "offset": amperes})
+    amperes = hidden.parameters[name] / (motor.gear * motor.torque_constant)
+    return replace(hidden, parameters={**hidden.parameters, name: amperes})
 
 
 def within(found: Mapping[str, Mapping[str, float]], true: Mapping[str, float]) -> list[list[Any]]:

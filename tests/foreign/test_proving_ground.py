@@ -119,14 +119,17 @@ def test_a_change_of_the_whole_arm_counts_by_its_name(quantity: str, joint: int 
     assert is_of(change, Hidden("time_skew", None, {})) is right
 
 
-@pytest.mark.parametrize(("currents", "offset"), [(True, 0.05), (False, 4.0)])
-def test_an_offset_is_scored_in_the_unit_of_the_log(currents: bool, offset: float) -> None:
+@pytest.mark.parametrize(("currents", "size"), [(True, 0.05), (False, 4.0)])
+@pytest.mark.parametrize(
+    ("effect", "name"), [("current_offset", "offset"), ("current_limit", "limit"), ("mains_hum", "amplitude")]
+)
+def test_a_current_is_scored_in_the_unit_of_the_log(effect: str, name: str, currents: bool, size: float) -> None:
     """4 N m of a drive with 80 N m/A."""
     case = _case("first", "singles", "two_link", "current_offset", 1)
     motor = replace(case.arm.joints[0], gear=100.0, torque_constant=0.8)
     arm = replace(case.arm, joints=(motor, *case.arm.joints[1:]))
     case = replace(case, arm=arm, logger=replace(case.logger, currents=currents))
-    assert as_logged(Hidden("current_offset", 1, {"offset": 4.0}), case).parameters["offset"] == pytest.approx(offset)
+    assert as_logged(Hidden(effect, 1, {name: 4.0}), case).parameters[name] == pytest.approx(size)
 
 
 def _named(*groups: list[tuple[str, int | None]]) -> Outcome:
