@@ -46,6 +46,7 @@ from diagnosis.screening.even_rows import even, even_samples, known_noise
 from diagnosis.screening.event import Event
 from diagnosis.screening.lost_rows.blank_samples import without_blanks
 from diagnosis.screening.plausibility import check, check_motion, mixed_up
+from diagnosis.screening.residuals import with_aligned_currents
 from diagnosis.unexplained import undetectable, unexplained_of_currents, unexplained_structure
 from diagnosis.units import recorded_signals
 from diagnosis.verification.held_currents import remarks_on
@@ -100,6 +101,8 @@ def _with_held_out(arm: Arm, fit: Sequence[Recording], held_out: Sequence[Record
     instruments = isolated_by_currents(arm, instruments, cleaned, progress)
     instruments = links_damped(arm, instruments, cleaned, len(fit), progress)
     currents = find_causes(arm, instruments.in_model, recordings, cleaned, progress)
+    aligned = with_aligned_currents([*recordings.fit, *recordings.held_out], currents.residuals)
+    recordings = Split(aligned[: len(fit)], aligned[len(fit) :], recordings.two_fold)
     instruments = tracked_beside(
         [*currents.causes, *currents.outside_selection], arm, instruments, *as_tracked, progress
     )

@@ -11,6 +11,7 @@ import numpy as np
 from arm_io.parallel import in_parallel
 from arm_io.types import Progress
 from arm_model import Arm, EffectTerm
+from daq.recording import Recording
 from diagnosis.residual.comparable_rows import comparable_rows, rms_where
 from diagnosis.residual.filters import Samples
 from diagnosis.residual.generation import residual_run
@@ -123,6 +124,19 @@ def realigned(residuals: Residuals, terms: Sequence[EffectTerm]) -> Residuals:
     event = replace(event_of(losses, runs), gain=gain)
     events = united([*recorded.events, event])
     return replace(recorded, events=events, runs=runs, samples=samples, losses=losses, as_recorded=recorded)
+
+
+def with_aligned_currents(recordings: Sequence[Recording], residuals: Residuals) -> list[Recording]:
+    """The recordings with the currents of those samples in which rows were put back after dropped triggers.
+
+    Closed loops answer the demands, so that their currents are in place.
+    """
+    lost = {k for event in residuals.events if event.lost_rows for k in event.recordings}
+    lost |= {loss.recording for loss in residuals.losses}
+    return [
+        replace(r, i=i) if k in lost and i.shape == r.i.shape else r
+        for k, (r, (_, _, i)) in enumerate(zip(recordings, residuals.samples, strict=True))
+    ]
 
 
 def _rows_of(losses: Sequence[DroppedTriggers]) -> Counter[tuple[int, int]]:

@@ -5,8 +5,9 @@ Found where they are, and nowhere else.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -29,7 +30,7 @@ from diagnosis.screening.lost_rows.lost_triggers import (
     event_of,
     realigned_rows,
 )
-from diagnosis.screening.residuals import Residuals, confirmed, realigned
+from diagnosis.screening.residuals import Residuals, confirmed, realigned, with_aligned_currents
 from tests.blind.hide import Hidden, hide_in_signals
 from tests.blind.laboratory import Laboratory
 from tests.blind.motions import fourier
@@ -81,6 +82,24 @@ def test_lost_edges_are_found_and_put_back(root: Path, row: int, count: int) -> 
     assert [one.row_std for one in event.lost_rows] == [loss.row_std]
     assert event.effect == "dropped_trigger"
     assert {p.name: p.value for p in event.parameters} == {"row": loss.row, "count": count, "period": PERIOD}
+
+
+@dataclass(frozen=True)
+class _Currents:
+    """Of a recording: (m, n) A."""
+
+    i: np.ndarray
+
+
+@pytest.mark.parametrize("count", [0, 5])
+def test_closed_loops_are_judged_by_currents_in_their_places(root: Path, count: int) -> None:
+    """A recording whose currents came 6 ms early from its middle on was denied by the transients at its setpoints."""
+    edges = (Hidden("dropped_trigger", None, {"row": 7000, "count": count}),) if count else ()
+    found, healthy = realigned(_residuals(root, *edges), []), _residuals(root).samples[0][2]
+    as_recorded = _Currents(_residuals(root, *edges).samples[0][2])
+    (aligned,) = with_aligned_currents(cast(Any, [as_recorded]), found)
+    off, left = (np.std((one.i - healthy)[8000:-100]) for one in (as_recorded, aligned))
+    assert left < 0.1 * off if count else aligned is cast(Any, as_recorded)
 
 
 @pytest.mark.parametrize("count", [27, 140, 1800, -60])
