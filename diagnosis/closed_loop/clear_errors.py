@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from arm_io.types import Array
-from diagnosis.cause import NO_VARIABLE, Signal, Structure
+from diagnosis.cause import Signal, Structure
+from diagnosis.cause.structure import NO_VARIABLE
 from diagnosis.closed_loop.comparison import LoopComparison, LoopPair
 from diagnosis.closed_loop.loop_errors import band_sections, white_noise_share
 from diagnosis.closed_loop.setpoint_phase import lag_of

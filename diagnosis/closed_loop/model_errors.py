@@ -25,8 +25,8 @@ SEED = 0
 """Seed of the draws, so that the same recordings have the same verdict."""
 
 
-def sampled_arms(arm: Arm, count: int = DRAWS) -> list[Arm]:
-    """Arms drawn at random from the stated uncertainty of ``arm``; empty if it states none."""
+def sampled_arms(arm: Arm) -> list[Arm]:
+    """``DRAWS`` arms drawn at random from the stated uncertainty of ``arm``; empty if it states none."""
     uncertainty = known_on_another_day(arm)
     if uncertainty is None or not uncertainty.parameters:
         return []
@@ -34,7 +34,7 @@ def sampled_arms(arm: Arm, count: int = DRAWS) -> list[Arm]:
     values = np.array([parameter(arm, name) for name in uncertainty.parameters])
     return [
         with_parameters(arm, dict(zip(uncertainty.parameters, (values + root @ draw).tolist())))
-        for draw in random.standard_normal((count, root.shape[1]))
+        for draw in random.standard_normal((DRAWS, root.shape[1]))
     ]
 
 

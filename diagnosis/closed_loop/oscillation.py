@@ -9,7 +9,8 @@ import numpy as np
 
 from arm_io.types import Array
 from arm_model import Arm
-from diagnosis.cause import NO_VARIABLE, Signal, Structure
+from diagnosis.cause import Signal, Structure
+from diagnosis.cause.structure import NO_VARIABLE
 from diagnosis.closed_loop.clear_errors import HIGHEST
 from diagnosis.closed_loop.comparison import LoopComparison
 from diagnosis.residual.filters import COMPARE_BAND, rate_of

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from arm_io.types import Array
-from diagnosis.cause import NO_VARIABLE, Signal, Structure
+from diagnosis.cause import Signal, Structure
+from diagnosis.cause.structure import NO_VARIABLE
 from diagnosis.measurements.currents.state import State
 from diagnosis.measurements.currents.structure.likely_variable import likely_variable
 from diagnosis.measurements.currents.structure.noise_ratio import largest_of_noise, noise_ratio

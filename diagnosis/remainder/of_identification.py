@@ -14,7 +14,8 @@ import numpy as np
 from arm_model import Arm
 from arm_model.tables import Uncertainty
 from daq.recording import Recording
-from diagnosis.cause import NO_VARIABLE, Structure
+from diagnosis.cause import Structure
+from diagnosis.cause.structure import NO_VARIABLE
 from diagnosis.closed_loop.loop_errors import left_over_in_loop
 from diagnosis.measurements.currents.columns import candidates
 from diagnosis.measurements.currents.design_matrix import dataset_of

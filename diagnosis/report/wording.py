@@ -10,7 +10,8 @@ from collections.abc import Iterator, Sequence
 from arm_model import Arm
 from arm_model.effects import CATALOGUE
 from arm_report.numbers import value_and_two_std
-from diagnosis.cause import NO_VARIABLE, Cause, EncoderJump, Estimate, LostRows, Signal, in_words
+from diagnosis.cause import Cause, EncoderJump, Estimate, LostRows, Signal, in_words
+from diagnosis.cause.structure import NO_VARIABLE
 from diagnosis.report.joint_verdicts import Remaining, remaining
 from diagnosis.result import Diagnosis
 from diagnosis.units import readable, recorded_quantity, rounded, variable_in_words

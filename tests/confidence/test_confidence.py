@@ -13,7 +13,8 @@ from scipy.optimize import minimize
 from scipy.stats import binom
 
 from arm_model.effects import CATALOGUE
-from diagnosis.cause import MAX_CONFIDENCE, Cause, Estimate, Signal, Support
+from diagnosis.cause import Cause, Estimate, Signal, Support
+from diagnosis.cause.evidence import MAX_CONFIDENCE
 from diagnosis.confidence import (
     DETERMINED,
     NOISE_RATIOS,

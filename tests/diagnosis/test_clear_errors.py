@@ -19,7 +19,9 @@ from arm_model.tables import uncertainty_of
 from daq.recording import Recording, open_recording
 from daq.recording.parts import Attachments
 from daq.recording.tables.table import write_table
-from diagnosis.cause import NO_VARIABLE, Signal, Structure
+from diagnosis.cause import Signal, Structure
+from diagnosis.cause.structure import NO_VARIABLE
+from diagnosis.closed_loop import model_errors
 from diagnosis.closed_loop.clear_errors import LIMITS, SampledLoops, clear_errors
 from diagnosis.closed_loop.comparison import LoopComparison, LoopPair
 from diagnosis.closed_loop.model_errors import sampled_arms
@@ -104,12 +106,13 @@ def test_what_the_model_may_be_off_by_is_no_clear_error(hertz: float) -> None:
         assert len(clear_errors(compared, RUNS, [], Split(drawn, drawn))) == told
 
 
-def test_arms_are_drawn_as_the_model_says(root: Path) -> None:
+def test_arms_are_drawn_as_the_model_says(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(model_errors, "DRAWS", 500)
     arm = read_model(root / "config/starters/csv/model.toml")
     names = ("joint1.coulomb", "link2.mx")
     covariance = np.array([[0.04, 0.01], [0.01, 0.0225]])
     assert sampled_arms(arm) == []
-    several = sampled_arms(replace(arm, uncertainty=uncertainty_of("model_uncertainty.json", names, covariance)), 500)
+    several = sampled_arms(replace(arm, uncertainty=uncertainty_of("model_uncertainty.json", names, covariance)))
     values = np.array([[parameter(one, name) for name in names] for one in several])
     np.testing.assert_allclose(values.mean(axis=0), [parameter(arm, name) for name in names], atol=0.03)
     np.testing.assert_allclose(np.cov(values.T), covariance, atol=0.006)

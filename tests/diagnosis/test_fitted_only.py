@@ -9,7 +9,8 @@ from typing import Any, cast
 import numpy as np
 
 from arm_model import Arm, Joint
-from diagnosis.cause import NO_VARIABLE, Signal, Structure
+from diagnosis.cause import Signal, Structure
+from diagnosis.cause.structure import NO_VARIABLE
 from diagnosis.diagnose import diagnose
 from diagnosis.remainder.fitted_only import not_held_out, structures_of_fit
 from diagnosis.report.tables import errors

@@ -15,7 +15,8 @@ import pytest
 
 from arm_model import Arm, Joint
 from arm_model.model_file import read_model
-from diagnosis.cause import NO_VARIABLE, Estimate, Signal, Structure
+from diagnosis.cause import Estimate, Signal, Structure
+from diagnosis.cause.structure import NO_VARIABLE
 from diagnosis.measurements.currents.design_matrix import dataset_of
 from diagnosis.measurements.currents.shortage import Shortage
 from diagnosis.remainder.of_identification import AllowedResidual

@@ -48,6 +48,7 @@ ROOMS = {
     ),
     "arm_fleet": ("tasks", "judging", "report", "simulation"),
     "diagnosis": (
+        "cause",
         "residual",
         "screening",
         "selection",

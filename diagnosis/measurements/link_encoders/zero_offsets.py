@@ -9,7 +9,8 @@ import numpy as np
 from arm_io.types import Array
 from arm_model import Arm
 from arm_model.effects.description_errors import JOINT_ZERO_OFFSET
-from diagnosis.cause import MAX_CONFIDENCE, Cause, Estimate, Signal
+from diagnosis.cause import Cause, Estimate, Signal
+from diagnosis.cause.evidence import MAX_CONFIDENCE
 from diagnosis.measurements.link_encoders.estimates import coefficients
 from diagnosis.measurements.link_encoders.model import LIMITS, Chosen, LinkEncoders
 from diagnosis.measurements.link_encoders.per_recording import single_estimates

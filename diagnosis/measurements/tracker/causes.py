@@ -19,7 +19,8 @@ from arm_model.effects import Instrument, Span, described
 from arm_model.effects.description_errors import JOINT_ZERO_OFFSET
 from arm_model.effects.tracking import LINK_GEOMETRY, TRACKER_OUTLIERS
 from daq.recording import Recording
-from diagnosis.cause import MAX_CONFIDENCE, Cause, Estimate, Signal, Structure, Undetectable, confidence_of
+from diagnosis.cause import Cause, Estimate, Signal, Structure, Undetectable, confidence_of
+from diagnosis.cause.evidence import MAX_CONFIDENCE
 from diagnosis.measurements.tracker.columns import State, Survey, TrackedCandidate, zero_scales
 from diagnosis.measurements.tracker.detectability import no_tracker, sizes, structure, undetectable_by_tracker, visible
 from diagnosis.measurements.tracker.model import LIMITS, Accepted, TrackedPoints, selected, tracked_points

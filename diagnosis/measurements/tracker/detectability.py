@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from arm_io.types import Array
 from arm_model.effects import CATALOGUE, Instrument, observed_by
 from diagnosis.binned_means import predicted_by_bins
-from diagnosis.cause import NO_VARIABLE, EffectKey, Signal, Structure, Undetectable
+from diagnosis.cause import EffectKey, Signal, Structure, Undetectable
+from diagnosis.cause.structure import NO_VARIABLE
 from diagnosis.measurements.tracker.columns import State, TrackedCandidate
 from diagnosis.measurements.tracker.model import LIMITS
 from diagnosis.measurements.tracker.over_time import over_time

@@ -19,7 +19,8 @@ from scipy import stats
 from arm_io.parallel import in_parallel
 from arm_io.types import Array
 from arm_model import Arm
-from diagnosis.cause import NO_VARIABLE, Signal, Structure
+from diagnosis.cause import Signal, Structure
+from diagnosis.cause.structure import NO_VARIABLE
 from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.measurements.currents.model_errors import Significance
 from diagnosis.measurements.currents.structure.basis_functions import Shape, shapes_of
