@@ -1,31 +1,21 @@
 """Causes in the currents, conditional on what is known of an arm.
 
-The search and its verification, friction near rest, values that differ between recordings, and resonances in closed
-loop: each of the last three is found in what the search leaves, and the search is repeated with it.
+A search (``search``), and what it does not search for: every stage of ``STAGES`` looks for that in what the search
+leaves, and the search is repeated with what the stage found.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence, Set
+from collections.abc import Sequence, Set
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
 from arm_io.types import Progress
 from arm_model import Arm
 from diagnosis.cause import Cause, EffectKey, extend
-from diagnosis.closed_loop.resonance import transmissions
 from diagnosis.current_diagnosis import CurrentDiagnosis, Recordings
-from diagnosis.measurements.currents.causes import from_axis
-from diagnosis.measurements.currents.columns import candidates
-from diagnosis.measurements.currents.design_matrix import Library, bounded, dataset_of, dataset_with, free_columns
-from diagnosis.measurements.currents.model import Currents
-from diagnosis.measurements.currents.model_errors import model_uncertainty
-from diagnosis.measurements.currents.search import above_noise
-from diagnosis.measurements.currents.shortage import shortage
 from diagnosis.measurements.near_rest.time_at_rest import with_rise_at_rest
-from diagnosis.measurements.single_axis.causes import AxisSide, axis_side, load_changes
 from diagnosis.outside_selection import (
     friction_in_place,
     friction_near_rest,
@@ -38,20 +28,12 @@ from diagnosis.per_recording.search import per_recording
 from diagnosis.per_recording.values import cause_of
 from diagnosis.residual.expected_current import has_dynamics
 from diagnosis.residual.run import Run
-from diagnosis.residual.warmth import depends, not_warmed
-from diagnosis.screening.cleaned import Screened, with_rows_put_back, with_simulated_loops
+from diagnosis.screening.cleaned import Screened, with_rows_put_back
 from diagnosis.screening.lost_rows.lost_triggers import event_of
-from diagnosis.screening.residuals import Residuals, confirmed, realigned, residuals_of
-from diagnosis.selection.candidate import Candidate
-from diagnosis.selection.design import Dataset
-from diagnosis.selection.harmonics import with_harmonics
-from diagnosis.selection.ripple_orders import is_of_gravity, of_shafts, order_of
-from diagnosis.verification.beyond_folding import beyond_folding, resolved
-from diagnosis.verification.folded_alike import folded_alike, with_folding
+from diagnosis.screening.residuals import confirmed, realigned
+from diagnosis.search import Search, searched, searched_in
 from diagnosis.verification.held_currents import as_held
 from diagnosis.verification.smoothing_velocity import other_smoothing
-from diagnosis.verification.tenable import tenable_causes
-from identification.selection import Split
 
 LOOPS = 2
 """Searches with other simulated loops after the first, in whose loops all causes are missing."""
@@ -61,55 +43,20 @@ SETTLED = 0.2
 """Std of the residual, rms, by which the residuals of closed loops must differ for another search."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Search:
-    """One search for causes in the currents of recordings.
+@dataclass(frozen=True)
+class Found:
+    """A search, and what it found.
 
-    model          without any cause
-    given          causes that encoders and tracker have shown
-    near_rest, transmissions  causes that were found outside the stepwise selection (``CurrentDiagnosis``)
-    excluded       effects that the search may not choose
+    excluded  effects that no stage may choose: those that were known before the first search
     """
 
-    model: Arm
-    given: tuple[Cause, ...]
-    near_rest: tuple[Cause, ...] = ()
-    transmissions: tuple[Cause, ...] = ()
+    search: Search
+    currents: CurrentDiagnosis
     excluded: frozenset[EffectKey]
-    recordings: Recordings
-    screened: Screened
-    progress: Progress
 
-    @cached_property
-    def known(self) -> tuple[Cause, ...]:
-        """All causes that are known before the search."""
-        return (*self.given, *self.near_rest, *self.transmissions)
-
-    @cached_property
-    def arm(self) -> Arm:
-        """The model with the known causes."""
-        return extend(self.model, self.known) if self.known else self.model
-
-    def residuals(self) -> Residuals:
-        """Residuals of the recordings with ``arm`` as the model."""
-        return residuals_of(self.arm, self.screened, self.progress)
-
-    def simulating(self, arm: Arm) -> Search:
-        """The same with simulated closed loops of that arm for recordings without noise."""
-        return replace(self, screened=with_simulated_loops(self.screened, arm))
-
-    def excluding(self, effects: Iterable[EffectKey]) -> Search:
-        """The same with more effects that it may not choose."""
-        return replace(self, excluded=self.excluded.union(effects))
-
-    def with_near_rest(self, friction: Sequence[Cause]) -> Search:
-        """The same with more friction near rest as known causes."""
-        return replace(self, near_rest=(*self.near_rest, *friction)).excluding(cause.key for cause in friction)
-
-    def with_transmissions(self, found: Sequence[Cause]) -> Search:
-        """The same with more springs and gaps as known causes: of their joints, no other is chosen."""
-        every = replace(self, transmissions=(*self.transmissions, *found))
-        return every.excluding((effect, cause.joint) for effect in transmissions() for cause in found)
+    def again(self, search: Search) -> Found:
+        """The same with that search."""
+        return replace(self, search=search, currents=searched(search))
 
 
 def find_causes(
@@ -124,32 +71,22 @@ def find_causes(
         screened=screened,
         progress=progress,
     )
-    currents = _with_simulated_loops(search)
-    held = as_held(currents.causes, currents.state.all_runs)
-    currents = replace(currents, held=tuple(held), causes=[cause for cause in currents.causes if cause not in held])
-    if currents.axis or currents.arm.uncertainty is not None:
-        return currents
-    state = currents.state
-    return replace(
-        currents,
-        causes=with_rise_at_rest(currents.causes, state.all_runs, state.terms),
-        near_rest=tuple(with_rise_at_rest(currents.near_rest, state.all_runs, state.terms)),
-    )
+    return _with_rise_at_rest(_without_held(_with_simulated_loops(search)))
 
 
 def _with_simulated_loops(search: Search) -> CurrentDiagnosis:
-    """The search; for recordings without noise repeated with the causes in the simulated loops.
+    """All stages; for recordings without noise repeated with the causes in the simulated loops.
 
     Without noise, the error of the method itself exceeds that of the instruments; a closed loop of the model on the
     same demands has the same error, which is subtracted (``simulated_loop``).
     """
     search = search.simulating(search.arm)
-    currents = _repeated_search(search)
+    currents = _all_stages(search)
     for _ in range(LOOPS):
         again = search.simulating(extend(currents.base, currents.causes))
         if not _loops_differ(search.screened, again.screened, currents.residuals.runs):
             break
-        search, currents = again, _repeated_search(again)
+        search, currents = again, _all_stages(again)
     return currents
 
 
@@ -163,200 +100,143 @@ def _loops_differ(before: Screened, after: Screened, runs: Sequence[Run]) -> boo
     return False
 
 
-def _repeated_search(search: Search) -> CurrentDiagnosis:
-    """The search, repeated with every cause that is found outside it."""
-    excluded = search.excluded
-    search, currents = _with_smoothing_velocities(search)
-    search.progress("judging friction near rest")
-    search, currents = _with_friction_in_place(search, currents)
-    excluded |= {cause.key for cause in search.near_rest}
-    friction = friction_near_rest(currents, search.recordings, excluded)
-    if friction.causes:
-        search = search.with_near_rest(friction.causes)
-        currents = _with_confirmed_triggers(search)
-    if (of_recordings := _by_recording(search, currents)) is not None:
-        # resonances are not searched for: that needs closed loops of one arm in all recordings
-        return of_recordings
-    search, currents = _with_lost_rows(search, currents)
-    search, currents = _with_resonances(search, currents)
-    # with the gap in the arm, the noise of the residual includes the uncertain instants of contact
-    if not search.transmissions and (found := gaps(currents, search.excluded)):
-        search, currents = _with_transmissions(search, currents, found)
-    return currents if search.transmissions else replace(currents, undetermined=tuple(friction.undetermined))
-
-
-def _with_smoothing_velocities(search: Search) -> tuple[Search, CurrentDiagnosis]:
-    """The search, repeated with another smoothing velocity while an effect that it chose only imitates one."""
-    currents = _with_confirmed_triggers(search)
-    while currents.axis is None and (smoothing := other_smoothing(currents.state, currents.causes)) is not None:
-        search = replace(search, model=smoothing.of(search.model)).excluding([smoothing.cause])
-        currents = _with_confirmed_triggers(search)
-    return search, currents
-
-
-def _with_friction_in_place(search: Search, currents: CurrentDiagnosis) -> tuple[Search, CurrentDiagnosis]:
-    """Both, with a law of friction near rest in the place of several causes of one joint, if it explains as much."""
-    if not (laws := friction_in_place(currents, search.excluded)):
-        return search, currents
-    simpler = search.with_near_rest(laws)
-    again = _with_confirmed_triggers(simpler)
-    fewer = len(again.causes) + len(laws) < len(currents.causes)
-    if fewer and again.state.energy.held_out <= AS_MUCH * currents.state.energy.held_out:
-        return simpler, again
-    return search, currents
-
-
-def _with_resonances(search: Search, currents: CurrentDiagnosis) -> tuple[Search, CurrentDiagnosis]:
-    """Both, repeated with every spring and gap that closed loops show."""
-    search.progress("searching for transmission resonances in closed loop")
-    recordings = search.recordings
-    while has_dynamics(search.model):
-        if (found := resonance_in_loop(currents, recordings, search.transmissions)) is None:
+def _all_stages(search: Search) -> CurrentDiagnosis:
+    """The search, repeated with what every stage finds outside it."""
+    found = Found(search, searched(search), search.excluded)
+    for stage in STAGES:
+        found = stage(found)
+        # what follows simulates closed loops of one arm in all recordings
+        if found.currents.per_recording:
             break
-        search, currents = _with_transmissions(search, currents, [found])
-    return _estimated_together(search, currents) if len(search.transmissions) > 1 else (search, currents)
+    return found.currents
 
 
-def _with_transmissions(
-    search: Search, currents: CurrentDiagnosis, found: Sequence[Cause]
-) -> tuple[Search, CurrentDiagnosis]:
-    """The search with these springs and gaps as known causes too, and what it finds."""
-    search, keys = search.with_transmissions(found), {cause.key for cause in found}
-    terms = [term for term in currents.state.terms if (term.name, term.joint) not in keys]
-    return search, _searched(search, confirmed(realigned(search.residuals(), terms), terms))
+def _smoothing_velocities(found: Found) -> Found:
+    """Another smoothing velocity of the friction, while an effect that the search chose only imitates one."""
+    while (currents := found.currents).axis is None:
+        if (smoothing := other_smoothing(currents.state, currents.causes)) is None:
+            break
+        search = found.search
+        found = found.again(replace(search, model=smoothing.of(search.model)).excluding([smoothing.cause]))
+    return found
 
 
-def _estimated_together(search: Search, currents: CurrentDiagnosis) -> tuple[Search, CurrentDiagnosis]:
-    """Springs and gaps, each estimated again with all others known: joints oscillate together."""
-    for place, cause in enumerate(search.transmissions):
-        others = [one for one in search.known if one is not cause]
-        again = transmission_in_place(extend(search.model, [*others, *currents.causes]), search.recordings, cause)
-        if again is not None:
-            estimated = [*search.transmissions]
-            estimated[place] = again
-            search = replace(search, transmissions=tuple(estimated))
-    return _with_transmissions(search, currents, ())
-
-
-def _with_lost_rows(search: Search, currents: CurrentDiagnosis) -> tuple[Search, CurrentDiagnosis]:
-    """Both, repeated with the currents realigned if closed loops show that rows of currents were lost."""
-    search.progress("searching for lost rows in closed loop")
-    if (lost := rows_lost_in_loop(currents, search.recordings)) is None:
-        return search, currents
-    event = replace(event_of(lost.losses, currents.residuals.runs), gain=lost.gain)
-    search = replace(search, screened=with_rows_put_back(search.screened, lost.losses, event))
-    return search, _with_confirmed_triggers(search)
-
-
-def _with_confirmed_triggers(search: Search) -> CurrentDiagnosis:
-    """The search, repeated if dropped triggers are found in its residual, or turn out to be another effect."""
-    residuals = search.residuals()
-    currents = _searched(search, residuals)
-    if (behind := realigned(residuals, currents.state.terms)) is not residuals:
-        currents = _searched(search, behind)
-    if (as_recorded := confirmed(currents.residuals, currents.state.terms)) is not currents.residuals:
-        currents = _searched(search, as_recorded)
-    return currents
-
-
-def _searched(search: Search, residuals: Residuals) -> CurrentDiagnosis:
-    """One search in the residuals of the recordings (held-out ones last), on a single axis also at the full rate."""
-    fitted, two_fold = len(search.recordings.fit), search.recordings.two_fold
-    samples = residuals.samples[:fitted], residuals.samples[fitted:]
-    temperatures = [run.arm.temperatures for run in residuals.runs]
-    axis = axis_side(search.arm, samples, two_fold=two_fold, temperatures=temperatures)
-    if axis is None:
-        return _searched_given(search, residuals, None)
-    by_axis = _searched_given(search, residuals, axis)
-    # the single-axis search has neither changes of inertia nor aliased setpoint ripple
-    wider = any(load_changes(run) or run.folded.any() for run in residuals.runs)
-    if not (wider or by_axis.selection.unexplained.structures):
-        return by_axis
-    by_arm = _searched_given(search, residuals, None)
-    if wider and not (by_arm.selection.unexplained.structures or above_noise(by_arm.state)):
-        return by_arm
-    energies = [one.state.energy.held_out for one in (by_axis, by_arm)]
-    return by_axis if energies[0] <= energies[1] else by_arm
-
-
-def _searched_given(search: Search, residuals: Residuals, axis: AxisSide | None) -> CurrentDiagnosis:
-    """The search conditional on the causes of a single ``axis``; None: the search that every arm gets.
-
-    Repeated without what all joints show alike along their acceleration, where sampling may have put it there; or with
-    all of it, where that is more than sampling may put there.
-    """
-    found = _searched_once(search, residuals, axis)
-    if (share := folded_alike(found.state)) is not None:
-        residuals = replace(residuals, runs=with_folding(residuals.runs, share))
-        found = _searched_once(search, residuals, axis)
-    if not (joints := beyond_folding(found.state)):
+def _friction_in_place(found: Found) -> Found:
+    """A law of friction near rest in the place of several causes of one joint, if it explains as much."""
+    search, currents = found.search, found.currents
+    search.progress("judging friction near rest")
+    if not (laws := friction_in_place(currents, search.excluded)):
         return found
-    return _searched_once(search, replace(residuals, runs=resolved(residuals.runs, joints)), axis)
+    simpler = found.again(search.with_near_rest(laws))
+    fewer = len(simpler.currents.causes) + len(laws) < len(currents.causes)
+    as_much = simpler.currents.state.energy.held_out <= AS_MUCH * currents.state.energy.held_out
+    return simpler if fewer and as_much else found
 
 
-def _searched_once(search: Search, residuals: Residuals, axis: AxisSide | None) -> CurrentDiagnosis:
-    """One search conditional on the causes of a single ``axis``."""
-    arm, recordings = search.arm, search.recordings
-    fitted = len(recordings.fit)
-    search.progress("computing the columns of every effect")
-    every = _candidates(search, residuals)
-    ripples = tuple(c for c in every if order_of(c) is not None)
-    runs, data = residuals.runs, _datasets(residuals.runs, recordings)
-    library = Library((c for c in every if order_of(c) is None), data)
-    of_axis, base = [from_axis(cause, arm) for cause in axis.causes] if axis else [], arm
-    if axis and of_axis:
-        # the search continues in their residual
-        base = replace(arm, joints=axis.held_out.arm.joints)
-        runs = [replace(run, arm=replace(base, temperatures=run.arm.temperatures)) for run in runs]
-        terms = extend(base, of_axis).effects[len(arm.effects) :]
-        data = _datasets(runs, recordings).map(lambda part: replace(part, y=dataset_with(part, terms)))
-    free = [Split(*pair) for pair in zip(free_columns(data.fit, arm), free_columns(data.held_out, arm))]
-    data, free = bounded(data, free)
-    searched, ripples = (library, ripples) if axis is None else (Library((), data), ())
-    model = Currents(arm, data, searched, free, ripples, search.excluded, model_uncertainty(arm, data, ripples))
-    selection, causes = tenable_causes(model, recordings, runs[fitted:], search.progress)
-    return CurrentDiagnosis(
-        arm=arm,
-        residuals=residuals,
-        base=base,
-        library=library,
-        ripples=ripples,
-        selection=selection,
-        axis=axis,
-        causes=with_harmonics(causes, arm) + of_axis,
-        shortage=shortage(selection) if axis is None else None,
-        near_rest=search.near_rest,
-        transmissions=search.transmissions,
-    )
+def _friction_near_rest(found: Found) -> Found:
+    """Friction that shows where joints turn or creep."""
+    search, currents = found.search, found.currents
+    excluded = found.excluded.union(cause.key for cause in search.near_rest)
+    friction = friction_near_rest(currents, search.recordings, excluded)
+    known = replace(search.with_near_rest(friction.causes), undetermined=tuple(friction.undetermined))
+    if friction.causes:
+        return found.again(known)
+    return replace(found, search=known, currents=replace(currents, undetermined=known.undetermined))
 
 
-def _candidates(search: Search, residuals: Residuals) -> list[Candidate]:
-    """Candidates that may be chosen; those that depend on temperature only if recordings can show it."""
-    arm, fitted = search.arm, len(search.recordings.fit)
-    if not has_dynamics(arm):
-        return []
-    cold = {j for j in range(1, len(arm) + 1) if not_warmed(residuals.runs[:fitted], residuals.runs[fitted:], j)}
-    every = [c for c in (*candidates(arm), *of_shafts(arm)) if c.key not in search.excluded]
-    return [c for c in every if not (is_of_gravity(c, arm) or (depends(c.effect) and c.joint in cold))]
-
-
-def _by_recording(search: Search, currents: CurrentDiagnosis) -> CurrentDiagnosis | None:
-    """The search with causes whose values differ between recordings, if only these explain the residual."""
+def _values_by_recording(found: Found) -> Found:
+    """Causes whose values differ between recordings, if only these explain the residual."""
+    search, currents = found.search, found.currents
     if currents.axis:
-        return None
+        return found
 
     def again(runs: Sequence[Run], taken: Set[EffectKey]) -> CurrentDiagnosis:
         search.progress("comparing the recordings with each other")
         refused = taken | set(currents.selection.refuted)
-        return _searched(search.excluding(refused), replace(currents.residuals, runs=list(runs)))
+        return searched_in(search.excluding(refused), replace(currents.residuals, runs=list(runs)))
 
     if (result := per_recording(currents, currents.residuals.runs, again)) is None:
-        return None
+        return found
     trial, values = result
     state, others = currents.state, trial.state.terms
-    return replace(trial, per_recording=tuple(cause_of(one, values, state, others) for one in values))
+    causes = tuple(cause_of(one, values, state, others) for one in values)
+    return replace(found, currents=replace(trial, per_recording=causes, undetermined=()))
 
 
-def _datasets(runs: Sequence[Run], recordings: Recordings) -> Split[Dataset]:
-    fitted = len(recordings.fit)
-    return Split(dataset_of(runs[:fitted]), dataset_of(runs[fitted:]), recordings.two_fold)
+def _lost_rows(found: Found) -> Found:
+    """Rows of currents that closed loops show to be lost: the currents are realigned."""
+    search, currents = found.search, found.currents
+    search.progress("searching for lost rows in closed loop")
+    if (lost := rows_lost_in_loop(currents, search.recordings)) is None:
+        return found
+    event = replace(event_of(lost.losses, currents.residuals.runs), gain=lost.gain)
+    return found.again(replace(search, screened=with_rows_put_back(search.screened, lost.losses, event)))
+
+
+def _resonances(found: Found) -> Found:
+    """Springs and gaps that closed loops show."""
+    found.search.progress("searching for transmission resonances in closed loop")
+    while has_dynamics(found.search.model):
+        search = found.search
+        if (spring := resonance_in_loop(found.currents, search.recordings, search.transmissions)) is None:
+            break
+        found = _with_transmissions(found, [spring])
+    return _estimated_together(found) if len(found.search.transmissions) > 1 else found
+
+
+def _gaps(found: Found) -> Found:
+    """Gaps that the search chose or whose teeth chatter, where no closed loop shows a spring or a gap.
+
+    With the gap in the arm, the noise of the residual includes the uncertain instants of contact.
+    """
+    if found.search.transmissions or not (chosen := gaps(found.currents, found.search.excluded)):
+        return found
+    return _with_transmissions(found, chosen)
+
+
+STAGES = (
+    _smoothing_velocities,
+    _friction_in_place,
+    _friction_near_rest,
+    _values_by_recording,
+    _lost_rows,
+    _resonances,
+    _gaps,
+)
+"""What is found outside the search, in this order."""
+
+
+def _with_transmissions(found: Found, transmissions: Sequence[Cause]) -> Found:
+    """The search with more springs and gaps as known causes; the causes found so far align its residuals."""
+    search, keys = found.search.with_transmissions(transmissions), {cause.key for cause in transmissions}
+    terms = [term for term in found.currents.state.terms if (term.name, term.joint) not in keys]
+    residuals = confirmed(realigned(search.residuals(), terms), terms)
+    return replace(found, search=search, currents=searched_in(search, residuals))
+
+
+def _estimated_together(found: Found) -> Found:
+    """Springs and gaps, each estimated again with all others known: joints oscillate together."""
+    search, causes = found.search, found.currents.causes
+    for place, cause in enumerate(search.transmissions):
+        others = [one for one in search.known if one is not cause]
+        again = transmission_in_place(extend(search.model, [*others, *causes]), search.recordings, cause)
+        if again is not None:
+            estimated = [*search.transmissions]
+            estimated[place] = again
+            search = replace(search, transmissions=tuple(estimated))
+    return _with_transmissions(replace(found, search=search), ())
+
+
+def _without_held(currents: CurrentDiagnosis) -> CurrentDiagnosis:
+    """Delays of the currents that are how rows show what servos hold are no causes."""
+    held = as_held(currents.causes, currents.state.all_runs)
+    return replace(currents, held=tuple(held), causes=[cause for cause in currents.causes if cause not in held])
+
+
+def _with_rise_at_rest(currents: CurrentDiagnosis) -> CurrentDiagnosis:
+    """Break-away friction with its dependence on the time at rest."""
+    if currents.axis or currents.arm.uncertainty is not None:
+        return currents
+    runs, terms = currents.state.all_runs, currents.state.terms
+    causes, near_rest = (with_rise_at_rest(some, runs, terms) for some in (currents.causes, currents.near_rest))
+    return replace(currents, causes=causes, near_rest=tuple(near_rest))
