@@ -47,7 +47,7 @@ def command(
 
 
 @contextmanager
-def transfer_shown(as_json: bool = False) -> Iterator[Callable[[int, int], None]]:
+def transfer_shown(as_json: bool) -> Iterator[Callable[[int, int], None]]:
     """Shows how much is fetched, on standard error where that is a terminal and no JSON is asked for."""
     if as_json or not sys.stderr.isatty():
         yield lambda done, size: None

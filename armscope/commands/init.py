@@ -108,7 +108,7 @@ def write_starter(folder: Path, like: Like) -> list[str]:
     return list(texts)
 
 
-def write_own_rig(folder: Path, model: Path, *, torques: bool = False) -> tuple[list[str], tuple[str, ...]]:
+def write_own_rig(folder: Path, model: Path, *, torques: bool) -> tuple[list[str], tuple[str, ...]]:
     """The names of the files written for an arm of one's own, and what was assumed of its drives.
 
     InputError where the folder holds something already, and as ``own_project``.

@@ -37,7 +37,7 @@ class OwnRig:
         return "\n".join(lines)
 
 
-def own_project(path: Path, name: str, *, torques: bool = False) -> OwnRig:
+def own_project(path: Path, name: str, *, torques: bool) -> OwnRig:
     """The project for the arm in a model file: TOML, URDF or MJCF; ``name`` of the rig.
 
     torques  the drives report torques at the joints; nothing is assumed of their motors

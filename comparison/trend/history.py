@@ -56,7 +56,7 @@ class Histories:
             return None
 
 
-def histories_of(results: Sequence[Stored], warnings: Sequence[str] = ()) -> Histories:
+def histories_of(results: Sequence[Stored], warnings: Sequence[str]) -> Histories:
     """The results by date, and the history of every quantity that two of them or more hold; after further warnings.
 
     The date is when the recordings were made (``recorded``), else that of the result's file, with a warning.

@@ -100,7 +100,7 @@ def open_session(rig: Rig, *, listen: bool, send_seconds: float = 5.0) -> zenoh.
         raise DeviceFault("zenoh", f"no answer on {endpoint}; is 'armscope daemon' running there?") from None
 
 
-def session_config(rig: Rig, *, listen: bool, send_seconds: float = 5.0) -> dict[str, Any]:
+def session_config(rig: Rig, *, listen: bool, send_seconds: float) -> dict[str, Any]:
     """Zenoh's own configuration, as a table; InputError: a password file without the user of the rig file."""
     table = rig.zenoh
     here, there = ([table.endpoint], []) if listen else ([], [table.endpoint])

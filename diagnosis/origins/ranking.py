@@ -51,10 +51,9 @@ class Suspect:
         return f"<Suspect {where}: {self.origin.title}; likelihood {self.likelihood:.2f}>"
 
 
-def suspects(places: Sequence[Evidence], table: Table | None = None) -> list[Suspect]:
+def suspects(places: Sequence[Evidence]) -> list[Suspect]:
     """The most likely origins, place by place; of each only those that a named cause supports."""
-    table = read_table() if table is None else table
-    found = []
+    table, found = read_table(), []
     for place in places:
         ranked = ranking(place, table)
         found += [one for k, one in enumerate(ranked[:MOST]) if k == 0 or one.likelihood >= LEAST]

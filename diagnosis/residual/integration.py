@@ -44,7 +44,7 @@ def spring_twist(
     return twist, rate, (load - held * twist - (damping + np.gradient(inertia, step)) * rate) / inertia
 
 
-def swings(inertia: Array, stiffness: float, damping: float, step: float, eased: Array | float = 0.0) -> list[Motion]:
+def swings(inertia: Array, stiffness: float, damping: float, step: float, eased: Array) -> list[Motion]:
     """Twist of a joint without load, its rate and second rate (m,), from (1, 0) and from (0, 1) at the first row.
 
     As in ``spring_twist``, whose joint was at rest before. A link that was moved before a recording still swings as it

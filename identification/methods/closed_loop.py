@@ -43,9 +43,7 @@ ASTRAY = 0.5
 """Share of the measured range: largest difference of a simulated motion from the measured one."""
 
 
-def identify_closed_loop(
-    problem: Problem, method: ClosedLoopMethod, *, progress: Progress = lambda _: None
-) -> Identification:
+def identify_closed_loop(problem: Problem, method: ClosedLoopMethod, *, progress: Progress) -> Identification:
     """IDIM-IV or DIDIM, from weighted least squares on.
 
     InputError where demands or controller are missing, or do not fit.

@@ -68,7 +68,7 @@ def coupling_torque(arm: Arm, motion: Motion, joint: int, *, held: tuple[int, ..
     return np.asarray(moving - rigid_torque_along(arm, q, qd, qdd)[:, joint - 1], float)
 
 
-def coupling_at(arm: Arm, motion: Motion, joint: int, *, gravity: bool = True) -> Coupling:
+def coupling_at(arm: Arm, motion: Motion, joint: int, *, gravity: bool) -> Coupling:
     """The pair of ``joint`` (1-based) fitted to its torque, and to its torque less the coupling of the other links."""
     torque = coupling_torque(arm, motion, joint)
     as_fitted = motor_link_of(motion, joint - 1, gravity=gravity)

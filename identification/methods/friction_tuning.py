@@ -56,7 +56,7 @@ def tune_friction(
     motions: Sequence[Motion],
     arm: Arm,
     *,
-    progress: Progress = lambda _: None,
+    progress: Progress,
 ) -> Tuning:
     """Viscous and Coulomb friction (either direction) of the joints that move.
 

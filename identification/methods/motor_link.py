@@ -117,7 +117,7 @@ def fitted(rows: Equations, way: Way) -> MotorLink:
 
 
 def motor_link_rows(
-    motion: Motion, joint: int, *, gravity: bool = True, way: Way = "filter", bandwidth: float | None = None
+    motion: Motion, joint: int, *, gravity: bool, way: Way = "filter", bandwidth: float | None
 ) -> Equations:
     """The rows that are solved, about five a period of the bandwidth."""
     q, sign = motion.q[:, joint], np.sign(motion.qd[:, joint])

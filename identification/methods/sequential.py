@@ -37,9 +37,9 @@ def identify_in_sequence(
     fit: Sequence[Recording],
     arm: Arm,
     *,
-    held_out: Sequence[Recording] = (),
-    friction: Friction = "symmetric",
-    progress: Progress = lambda _: None,
+    held_out: Sequence[Recording],
+    friction: Friction,
+    progress: Progress,
 ) -> Identification:
     """Base parameters joint by joint; each joint from the runs in which it moves furthest.
 

@@ -65,7 +65,7 @@ def folded_torque(
 
 
 def folded_along(
-    t: Array, q: Array, torque: Array, setpoints: Setpoints, demands: Array | None = None, *, band: float | None = None
+    t: Array, q: Array, torque: Array, setpoints: Setpoints, demands: Array | None, *, band: float | None
 ) -> Array | None:
     """(n, J) N m (N): ``folded_torque`` of recorded angles q (n, J) rad (m) and torques (n, J), at their times (n,) s.
 
@@ -86,7 +86,7 @@ def _pushing(
     torque: Array,
     setpoints: Setpoints,
     demands: Array | None,
-    band: float | None = None,
+    band: float | None,
 ) -> Array:
     """(m, J) rad/s2 (m/s2): the acceleration that causes the transients, without the transients themselves.
 
@@ -133,7 +133,7 @@ def _ahead(acceleration: Array, grid: Array, t: Array, ripple: Array, frequency:
 
 
 def lines_beside_zero(
-    t: Array, q: Array, torque: Array, setpoints: Setpoints, demands: Array | None = None, *, band: float | None = None
+    t: Array, q: Array, torque: Array, setpoints: Setpoints, demands: Array | None, *, band: float | None
 ) -> list[tuple[float, Array]]:
     """Frequency Hz, and amplitude std (n, J) N m (N), of lines that sampling aliases to near 0 Hz, but not onto it.
 

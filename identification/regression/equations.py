@@ -103,7 +103,7 @@ def equations(
 
 
 def equations_of(
-    arm: Arm, views: Sequence[Sequence[Motion]], friction: Friction = "symmetric", base: BaseParameters | None = None
+    arm: Arm, views: Sequence[Sequence[Motion]], friction: Friction, base: BaseParameters | None
 ) -> list[Equations]:
     """``equations`` of several views of the same runs, which differ in the rows that are trusted.
 
@@ -188,7 +188,7 @@ def with_effects(
     model: Arm,
     motions: Sequence[Motion],
     friction: Friction,
-    base: BaseParameters | None = None,
+    base: BaseParameters | None,
     moved: Sequence[Motion] | None = None,
 ) -> Equations:
     """``rows`` with the columns of the effects at the values of ``arm``, and the ``rest``.

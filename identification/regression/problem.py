@@ -156,7 +156,7 @@ def resting(motion: Motion, arm: Arm) -> NDArray[np.bool_]:
 
 
 def motions_of(
-    fit: Sequence[Recording], held_out: Sequence[Recording], arm: Arm, progress: Progress = lambda _: None
+    fit: Sequence[Recording], held_out: Sequence[Recording], arm: Arm, progress: Progress
 ) -> tuple[list[Motion], list[Motion], list[RunReadiness]]:
     """Smooth motions of the fitted and of the held-out recordings, and how fit each is.
 

@@ -44,7 +44,7 @@ APART = 1.5
 """Cycles within the travel that two waves of one joint must be apart."""
 
 
-def find_ripples(problem: Problem, near: Arm, sizes: Array, progress: Progress = lambda _: None) -> list[Ripple]:
+def find_ripples(problem: Problem, near: Arm, sizes: Array, progress: Progress) -> list[Ripple]:
     """All that stood out at any joint, with whether they stay.
 
     near   the arm as it was fitted; sizes (J,) N m (N): Coulomb friction of the joints

@@ -219,10 +219,10 @@ def test_what_may_as_well_be_of_the_whole_arm_has_origins_there() -> None:
     """The zero offset of a planar arm's first joint may be a base that is not level: a level decides."""
     offset = _cause("joint_zero_offset", 1, offset=0.1)
     either = replace(offset, group=(*offset.group, ("base_tilt", None)))
-    assert not [one for one in suspects(evidence_of([offset], ARM, SEARCHED), TABLE) if one.joint is None]
-    (base,) = (one for one in suspects(evidence_of([either], ARM, SEARCHED), TABLE) if one.joint is None)
+    assert not [one for one in suspects(evidence_of([offset], ARM, SEARCHED)) if one.joint is None]
+    (base,) = (one for one in suspects(evidence_of([either], ARM, SEARCHED)) if one.joint is None)
     assert base.origin.name == "tilted_base" and base.supported_by == ("base_tilt",)
-    (alone,) = suspects(evidence_of([_cause("base_tilt", None, pitch=0.1)], ARM, SEARCHED), TABLE)
+    (alone,) = suspects(evidence_of([_cause("base_tilt", None, pitch=0.1)], ARM, SEARCHED))
     assert base.likelihood < alone.likelihood
 
 

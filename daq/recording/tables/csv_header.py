@@ -149,7 +149,7 @@ def _joined(groups: Sequence[str], names: Sequence[str]) -> list[str]:
     return joined
 
 
-def read_header(path: str | Path, file: TextIO, separator: str = ",") -> tuple[list[str], int]:
+def read_header(path: str | Path, file: TextIO, separator: str) -> tuple[list[str], int]:
     """The names of the columns of an open table, and how many lines stand before its first row.
 
     InputError where the names are too long, or separated otherwise than by ``separator``.
@@ -188,9 +188,7 @@ def _first_cell(line: str) -> str:
     return re.split(r"[,;\t| ]", line.lstrip(), maxsplit=1)[0].strip("\"'")
 
 
-def joints_of(
-    path: str | Path, names: Sequence[str], joints: int | None, keep_extra: bool, where: str = "line 1: "
-) -> int:
+def joints_of(path: str | Path, names: Sequence[str], joints: int | None, keep_extra: bool, where: str) -> int:
     """The number of joints, if the columns are as they should be; InputError otherwise.
 
     joints  that the rig or the model has; None: as many as there are columns q1, q2, ...

@@ -8,12 +8,11 @@ the noise, all pairs of effects at that joint are scored.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence, Set
+from collections.abc import Sequence, Set
 
 import numpy as np
 from scipy import stats
 
-from arm_io.types import Array
 from arm_model.effects import same_columns
 from diagnosis.cause import EffectKey
 from diagnosis.measurements.currents.design_matrix import Library
@@ -31,7 +30,6 @@ def pair_of(
     data: Split[Dataset],
     joints: Sequence[int],
     taken: Set[EffectKey],
-    physical: Callable[[Candidate, Array], bool] = is_physical,
 ) -> list[Candidate]:
     """The two effects that together explain most of the first of ``joints`` where two do; empty where none do.
 
@@ -55,7 +53,7 @@ def pair_of(
         admissible = []
         for (one, other), (c, fall), q_pair in zip(pairs, gains, q):
             first = library[one].fit.x.shape[1]
-            fits = physical(one, c[:first]) and physical(other, c[first:])
+            fits = is_physical(one, c[:first]) and is_physical(other, c[first:])
             gain, significant = float(fall.sum()), LIMITS.fdr is not None and q_pair < LIMITS.fdr
             if significant and fits and gain > least and matters(held_out.by_joint(fall), len(c), allowance, held_out):
                 admissible.append((gain * (1.0 - LIMITS.tie * len(c)), one, other))

@@ -60,7 +60,7 @@ def to_hayati(model: Exponentials, near: Table | None = None) -> Table:
     return Table(_near_turns(rows, near), frames[0], tool, model.prismatic)
 
 
-def axis_frames(model: Exponentials, near: Table | None = None) -> list[Array]:
+def axis_frames(model: Exponentials, near: Table | None) -> list[Array]:
     """A frame (4, 4) on every axis at q = 0, z along it; the first as close as may be to the base of ``near``.
 
     The origin is the foot of the perpendicular from the frame before (from the base for the first), x the old x made

@@ -235,7 +235,7 @@ def tracker_pose(arm: Arm, chain: Chain) -> Array:
     return np.array(arm.base) @ np.linalg.inv(base_pose(chain))
 
 
-def target_of(chain: Chain, number: int = 0) -> Array:
+def target_of(chain: Chain, number: int) -> Array:
     """(4, 4): pose of a target in the frame of the last link; the rotation of a point is that of the link."""
     steps = tuple(s for s in chain.steps if is_target(s.name))
     return forward(Chain(steps), np.zeros((1, 0)), np.array([number]))[0]
