@@ -4,7 +4,7 @@ The host sends a setpoint every T s, servos follow a broken line, and every corn
 proportion to the acceleration. Seen at times, these transients are spectral lines at whole multiples of 1/T, modulated
 by the acceleration. Sampled n times per setpoint, the line at n/T falls onto 0 Hz: what is recorded is torque + c q'',
 where c depends on the phase of the two clocks. The columns of a joint's own inertia say the same, so that the fit is
-wrong by c and its residual is as small as ever (measured on the simulated Puma: ``docs/identification-method.md``).
+wrong by c and its residual is as small as ever (measured on the simulated Puma: ``docs/identification-evidence.md``).
 
 Which lines fall onto 0 Hz, and which beside it: ``folding``.
 
