@@ -11,8 +11,9 @@ from typing import Any
 
 from arm_archive.entries import Entry, Parameter
 from arm_archive.folder import Found
-from arm_io import InputError, check_plain, read_file, read_text, toml_of
+from arm_io import InputError, read_file, read_text, toml_of
 from arm_io.dates import utc_date, utc_date_of
+from arm_io.plain_data import check_plain
 
 Table = dict[str, Any]
 

@@ -34,3 +34,8 @@ class DeviceFault(RuntimeError):
 
     def __reduce__(self) -> tuple[type[DeviceFault], tuple[str, str]]:
         return type(self), (self.device, self.what)
+
+
+def counted(number: int, noun: str) -> str:
+    """``1 joint``, ``6 joints``: a number of things whose plural has an s."""
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"

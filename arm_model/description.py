@@ -32,7 +32,7 @@ import numpy as np
 from pydantic import Field, ValidationError, model_validator
 from pydantic.dataclasses import dataclass
 
-from arm_io import InputError
+from arm_io import InputError, counted
 from arm_io.optional import optional
 from arm_io.toml import one_line
 from arm_io.types import Array
@@ -240,7 +240,8 @@ class Arm:
                 entries = getattr(self.controller, name)
                 if entries is not None and len(entries) != len(self.joints):
                     raise ValueError(
-                        f"controller.{name}: has {len(entries)} entries, the arm has {len(self.joints)} joints"
+                        f"controller.{name}: has {len(entries)} entries, "
+                        f"the arm has {counted(len(self.joints), 'joint')}"
                     )
         return self
 

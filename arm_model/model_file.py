@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 from pydantic import Field, TypeAdapter, ValidationError
 
-from arm_io import InputError, check_table, read_toml, toml_of, write_toml
+from arm_io import InputError, check_table, counted, read_toml, toml_of, write_toml
 from arm_io.entries import other_kind
 from arm_io.table import Table
 from arm_io.toml import one_line
@@ -96,7 +96,7 @@ def _with_uncertainty(arm: Arm, path: Path) -> Arm:
             raise InputError(file, f"{error}; it must be of this model ({path.name}): identify again") from None
     for key, values in uncertainty.by_joint.items():
         if len(values) not in (0, len(arm)):
-            raise InputError(file, f"{key}: has {len(values)} entries, the arm has {len(arm)} joints")
+            raise InputError(file, f"{key}: has {len(values)} entries, the arm has {counted(len(arm), 'joint')}")
     return replace(arm, uncertainty=uncertainty)
 
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from arm_clearance import Chain
-from arm_io import InputError
+from arm_io import InputError, counted
 from arm_model.collision import read_chain
 from arm_model.visuals import Visual
 from daq.rig import Rig
@@ -20,7 +20,7 @@ def chain_of_rig(rig: Rig) -> Chain | None:
         return None
     chain = read_chain(rig.model_path)
     if len(chain) != rig.joints:
-        raise InputError(rig.name, f"the rig has {rig.joints} joints, its model {len(chain)}")
+        raise InputError(rig.name, f"the rig has {counted(rig.joints, 'joint')}, its model {len(chain)}")
     return chain
 
 

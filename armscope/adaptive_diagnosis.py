@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from arm_io import DeviceFault, InputError
+from arm_io import DeviceFault, InputError, counted
 from arm_model.collision import read_chain
 from armscope.api.recording import record
 from armscope.commands.record import run_shown
@@ -70,7 +70,7 @@ def rig_of(path: Path, joints: int) -> Rig:
     """The rig file; InputError where it has another number of joints, or no devices to record with."""
     rig = read_rig(path)
     if rig.joints != joints:
-        raise InputError(path, f"has {rig.joints} joints, the model {joints}")
+        raise InputError(path, f"has {counted(rig.joints, 'joint')}, the model {joints}")
     if not rig.device:
         raise InputError(path, "has no devices; an experiment cannot be recorded on it")
     return rig

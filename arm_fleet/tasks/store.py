@@ -20,8 +20,9 @@ from pathlib import Path
 from typing import Any
 
 from arm_fleet.tasks.task import BY_LIMIT, PASSING, Outcome, State, Task
-from arm_io import InputError, check_folder, check_plain, make_folder, read_file
+from arm_io import InputError, check_folder, make_folder, read_file
 from arm_io.handles import folder_to_disk, to_disk
+from arm_io.plain_data import check_plain
 from comparison import in_words
 
 RECORD = "record.json"

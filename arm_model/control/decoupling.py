@@ -28,7 +28,7 @@ from functools import cached_property
 
 import numpy as np
 
-from arm_io import InputError
+from arm_io import InputError, counted
 from arm_io.types import Array
 from arm_model.control.compensator import Compensator
 from arm_model.control.computed_torque import Reference
@@ -112,7 +112,8 @@ class DisturbanceDecoupling:
     def __init__(self, loops: Sequence[DecouplingLoop], *, period: float, start: Array) -> None:
         if len(loops) != len(start) or period <= 0:
             raise InputError(
-                "loops", f"are {len(loops)} for {len(start)} joints, every {period:g} s; expected one per joint"
+                "loops",
+                f"are {len(loops)} for {counted(len(start), 'joint')}, every {period:g} s; expected one per joint",
             )
         self.start = np.asarray(start, dtype=float)
         self.tracked: list[Array] = []

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from arm_io import InputError
+from arm_io import InputError, counted
 from arm_io.progress import report
 from arm_io.types import Array
 from arm_model.description import Arm
@@ -266,7 +266,9 @@ def simulate_batch(
     ticks = int(np.floor((times[-1] if len(times) else 0.0) / period + 1e-9)) + 1
     given = references(arm, demand, 0, ticks)
     if given.shape not in ((ticks, len(arm)), (ticks, len(arm) + arm.thrusters)):
-        raise InputError("demand", f"gives {given.shape[-1]} positions at a time, the arm has {len(arm)} joints")
+        raise InputError(
+            "demand", f"gives {given.shape[-1]} positions at a time, the arm has {counted(len(arm), 'joint')}"
+        )
     if start is None:
         start = np.zeros(len(arm)) if arm.controller is None else given[0, : len(arm)]
     run = prepared(arm, parameters, start, substeps, single=single)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from arm_io import InputError, read_text
+from arm_io import InputError, counted, read_text
 from arm_io.progress import silent
 from arm_io.types import Array, Progress
 from arm_model import Arm, EffectTerm, Motion, write_model
@@ -251,7 +251,7 @@ def _at_temperature(task: _Task, temperature: float) -> _Task:
 def _of_experiment(arm: Arm, source: File | Experiment, rate: float | None) -> _Task:
     asked = read_experiment(source)
     if len(asked.start) != len(arm):
-        raise InputError(_name(source), f"is for {len(asked.start)} joints, the model has {len(arm)}")
+        raise InputError(_name(source), f"is for {counted(len(asked.start), 'joint')}, the model has {len(arm)}")
     if asked.setup.payload is not None:
         load = EffectTerm(PAYLOAD.name, None, asked.setup.payload.parameters)
         arm = replace(arm, effects=(*arm.effects, load))

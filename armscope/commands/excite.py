@@ -162,14 +162,14 @@ def _off_the_setpoints(arm: Arm, designed: Experiment, rig: Rig | None) -> Exper
 
 def _limits(arm: Arm, rig: Rig | None) -> Limits:
     """The limits of the arm, and of the rig if one is given; InputError if their joints differ in number."""
-    from arm_io import InputError
+    from arm_io import InputError, counted
     from identification.experiment_design import Limits
 
     limits = Limits.of(arm)
     if rig is None:
         return limits
     if rig.joints != len(arm):
-        raise InputError("--rig", f"has {rig.joints} joints, the model '{arm.name}' has {len(arm)}")
+        raise InputError("--rig", f"has {counted(rig.joints, 'joint')}, the model '{arm.name}' has {len(arm)}")
     return limits.within(arm, **rig.limits.model_dump())
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 import typer
 
-from arm_io import InputError
+from arm_io import InputError, counted
 from arm_io.progress import Step
 from arm_report.picture_file import check_picture, save_picture
 from armscope.api.reading import note_gaps
@@ -97,7 +97,7 @@ def _animate(
     chain = chain_of(arm)
     for recording in data:
         if recording.joints != len(chain):
-            raise InputError(recording.path, f"has {recording.joints} joints, the model has {len(chain)}")
+            raise InputError(recording.path, f"has {counted(recording.joints, 'joint')}, the model has {len(chain)}")
     if not len(data[0]):
         raise InputError(data[0].path, "has no rows")
     when = instants(data[0].duration, fps, speed, path.suffix.lower())
@@ -143,8 +143,8 @@ def _draw_motion(path: Path, out: Path, model: Path | None, rig: Path | None, sp
     experiment, chain = read_experiment(path), read_chain(arm)
     note_gaps(arm, "collisions")
     if len(experiment.start) != len(chain):
-        raise InputError(path, f"is for {len(experiment.start)} joints, the model has {len(chain)}")
+        raise InputError(path, f"is for {counted(len(experiment.start), 'joint')}, the model has {len(chain)}")
     limits = None if checked is None or checked.limits.position is None else np.array(checked.limits.position)
     if limits is not None and len(limits) != len(chain):
-        raise InputError("--rig", f"has {len(limits)} joints, the model has {len(chain)}")
+        raise InputError("--rig", f"has {counted(len(limits), 'joint')}, the model has {len(chain)}")
     draw(out, demand_of(experiment), chain, space_of(checked, space), limits)

@@ -6,7 +6,7 @@ import json
 
 import numpy as np
 
-from arm_io import InputError
+from arm_io import InputError, counted
 from arm_model import Arm, Joint
 from armscope.own_rig.assumed_drives import ENCODER_LINES, ranges
 
@@ -75,7 +75,7 @@ def rig_toml(arm: Arm, *, name: str, model: str, heading: str) -> str:
     InputError for an arm with more joints than the analogue card has inputs.
     """
     if len(arm) > MOST_INPUTS:
-        raise InputError(arm.name, f"has {len(arm)} joints; a simulated rig has inputs for {MOST_INPUTS}")
+        raise InputError(arm.name, f"has {counted(len(arm), 'joint')}; a simulated rig has inputs for {MOST_INPUTS}")
     currents = [OVER * (joint.torque_limit or np.inf) / joint.drive_constant for joint in arm.joints]
     rated = max(RATED, *(_two_digits(current / FILL) for current in currents))
     turns = [max(1, int(FILL * rated / current)) for current in currents]

@@ -11,7 +11,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from arm_io import InputError, check_plain, read_text
+from arm_io import InputError, read_text
+from arm_io.plain_data import check_plain
 from arm_model import Arm, read_model
 from comparison.change import Estimate, Quantity
 from comparison.friction_drift import assumed

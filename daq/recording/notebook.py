@@ -5,7 +5,7 @@ from __future__ import annotations
 from html import escape
 from typing import TYPE_CHECKING, Any
 
-from arm_io import InputError
+from arm_io import InputError, counted
 from arm_report import image, table, warning
 from arm_report.notebook import frame_over_time
 from daq.recording.losses import Account, sentences
@@ -35,7 +35,7 @@ def html(recording: Recording) -> str:
     """What is in it, what is missing, and small pictures of positions and currents."""
     ledger = recording.ledger
     rows = [
-        ("rows", f"{len(recording)} of {recording.joints} joints, {recording.duration:.3f} s"),
+        ("rows", f"{len(recording)} of {counted(recording.joints, 'joint')}, {recording.duration:.3f} s"),
         ("rate", f"{1 / recording.dt:.6g} Hz" if recording.dt > 0 else ""),
         ("samples", f"{ledger.triggers} triggers = {ledger.recorded} recorded + {ledger.lost} lost"),
         ("rig", recording.rig.get("name") or ""),

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from arm_io import InputError
+from arm_io import InputError, counted
 from arm_io.types import Array
 from daq.recording.contents import AllRows, Columns, Contents, read_contents
 from daq.recording.head import RecordingHead
@@ -86,7 +86,9 @@ class Recording(RecordingHead):
     def __repr__(self) -> str:
         seconds = float(self.t[-1]) if len(self) else 0.0
         lost = f", {self.ledger.lost} rows lost" if self.ledger.lost else ""
-        return f"<Recording {self.path.name}: {len(self)} rows of {self.joints} joints, {seconds:.3f} s{lost}>"
+        return (
+            f"<Recording {self.path.name}: {len(self)} rows of {counted(self.joints, 'joint')}, {seconds:.3f} s{lost}>"
+        )
 
     def blocks(self) -> Iterator[Recording]:
         """All rows at once, as ``LongRecording`` has them block by block."""

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from arm_clearance import Chain, check_clearance
-from arm_io import InputError
+from arm_io import InputError, counted
 from arm_io.types import Array
 from daq.rig.rig_file import Rig
 from drivers.protocols import Device, Identity, Latched, Plan, PositionTracker
@@ -37,7 +37,7 @@ def chain_of(rig: Rig, read_chain: ChainReader | None) -> Chain | None:
     if len(chain) != rig.joints:
         if rig.space is None:
             return None
-        raise InputError(rig.name, f"space: the rig has {rig.joints} joints, its model {len(chain)}")
+        raise InputError(rig.name, f"space: the rig has {counted(rig.joints, 'joint')}, its model {len(chain)}")
     return chain
 
 
@@ -86,7 +86,7 @@ def check_motion(rig: Rig, experiment: Experiment, chain: Chain | None = None) -
     Its demand is looked at every ``STEP`` s. ``chain``: the links of the arm; a rig with a ``[space]`` needs them.
     """
     if len(experiment.start) != rig.joints:
-        return [f"the experiment is for {len(experiment.start)} joints, the rig has {rig.joints}"]
+        return [f"the experiment is for {counted(len(experiment.start), 'joint')}, the rig has {rig.joints}"]
     demand, limits = demand_of(experiment), rig.limits
     low, high = (None, None) if limits.position is None else np.array(limits.position).T
     speed, acceleration = (None if some is None else np.array(some) for some in (limits.speed, limits.acceleration))

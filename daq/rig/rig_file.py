@@ -17,7 +17,7 @@ from typing import Annotated, Any, Self
 from pydantic import Field, PrivateAttr, model_validator
 
 from arm_clearance import Space
-from arm_io import InputError, check_table, read_toml
+from arm_io import InputError, check_table, counted, read_toml
 from arm_io.table import Seconds, Table
 from daq.rig.endpoints import PageTable, ZenohTable
 from daq.rig.rig_tables import (
@@ -90,7 +90,7 @@ class Rig(Table):
         for entry in ("position", "speed", "acceleration", "current"):
             values = getattr(self.limits, entry)
             if values is not None and len(values) != len(self.joint):
-                raise ValueError(f"limits.{entry}: has {len(values)} entries for {len(self.joint)} joints")
+                raise ValueError(f"limits.{entry}: has {len(values)} entries for {counted(len(self.joint), 'joint')}")
         return self
 
 

@@ -14,7 +14,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from arm_io import DeviceFault
+from arm_io import DeviceFault, counted
 from drivers.protocols import HostClock, Identity, Plan
 from drivers.reconnect import or_fault
 from drivers.rig_context import RigContext
@@ -103,7 +103,9 @@ class ValTerminal:
         if not isinstance(experiment, Experiment):
             raise self._fault(f"needs an Experiment, has {type(experiment).__name__}")
         if len(experiment.start) != self.joints:
-            raise self._fault(f"the experiment is for {len(experiment.start)} joints, the arm has {self.joints}")
+            raise self._fault(
+                f"the experiment is for {counted(len(experiment.start), 'joint')}, the arm has {self.joints}"
+            )
         if not np.allclose(experiment.full_speed, self.config.full_speed[: self.joints], rtol=SAME_SPEED):
             has, needed = list(experiment.full_speed), list(self.config.full_speed)
             raise self._fault(f"the experiment has full_speed {has} rad/s, this controller {needed}")

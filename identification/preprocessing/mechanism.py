@@ -6,7 +6,7 @@ torques.
 
 from __future__ import annotations
 
-from arm_io import InputError
+from arm_io import InputError, counted
 from arm_model import Arm, Joint, carried_arm
 from daq.recording import Recording
 
@@ -31,7 +31,8 @@ def check_joints(recording: Recording, arm: Arm) -> None:
     if not named:
         raise InputError(
             recording.path,
-            f"has {len(recorded)} joints, the model '{arm.name}' has {len(names)}; use a recording of that arm",
+            f"has {counted(len(recorded), 'joint')}, the model '{arm.name}' has {len(names)}; "
+            "use a recording of that arm",
         )
     remedy = (
         "its rig must have these [[joint]] in this order"

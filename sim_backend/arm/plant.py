@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from pydantic import ValidationError
 
-from arm_io import InputError
+from arm_io import InputError, counted
 from arm_io.toml import one_line
 from arm_io.types import Array
 from arm_model import Arm, Controller, Joint, read_model
@@ -52,7 +52,7 @@ class SimulatedArm:
 
     def loadable(self, experiment: Experiment) -> str:
         if len(experiment.start) != len(self.arm):
-            return f"is for {len(experiment.start)} joints, the arm has {len(self.arm)}"
+            return f"is for {counted(len(experiment.start), 'joint')}, the arm has {len(self.arm)}"
         stops = [joint.limits or (-FREE, FREE) for joint in self.arm.joints]
         low, high = np.array(stops).T
         for beyond in excesses(demand_of(experiment), low=low - ROUNDING, high=high + ROUNDING):
@@ -110,7 +110,9 @@ def read_arm(path: Path, known: Path | None, drives: Drives, hold: float) -> Sim
     if known is not None and (drives.controller or arm.controller is None or arm.controller.kind == "bandwidth"):
         nominal = read_model(known)
         if len(nominal) != len(arm):
-            raise InputError(path, f"has {len(arm)} joints; the rig's own model, {known}, has {len(nominal)}")
+            raise InputError(
+                path, f"has {counted(len(arm), 'joint')}; the rig's own model, {known}, has {len(nominal)}"
+            )
         if drives.controller or nominal.controller is not None:
             tuned = nominal
     if drives.controller is not None:
@@ -121,7 +123,9 @@ def read_arm(path: Path, known: Path | None, drives: Drives, hold: float) -> Sim
             "has no [controller]; an arm that is to move needs one, here or as [simulation.controller] of the rig file",
         )
     if drives.rotors and len(drives.rotors) != len(arm):
-        raise InputError("simulation", f"rotor_inertia: has {len(drives.rotors)} entries for {len(arm)} joints")
+        raise InputError(
+            "simulation", f"rotor_inertia: has {len(drives.rotors)} entries for {counted(len(arm), 'joint')}"
+        )
     joints, lines = zip(*(_with_encoder(joint, j, drives, path) for j, joint in enumerate(arm.joints)))
     servos = fixed_gains(_with_rotors(tuned, drives)).controller
     moving = _with_rotors(replace(arm, joints=joints, controller=servos), drives)

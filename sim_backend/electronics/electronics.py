@@ -11,6 +11,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import BaseModel, Field
 
+from arm_io import counted
 from arm_io.table import Table
 from arm_io.types import Array
 from sim_backend.electronics.hall_transducer import HallTransducer
@@ -64,7 +65,7 @@ def electronics_of(encoder: EncoderTable, transducer: TransducerTable, seed: int
     def joints(entry: PerJoint, name: str) -> Array:
         values = np.asarray(entry, float)
         if values.ndim and len(values) != len(encoder_lines):
-            raise ValueError(f"{name}: has {len(values)} entries for {len(encoder_lines)} joints")
+            raise ValueError(f"{name}: has {len(values)} entries for {counted(len(encoder_lines), 'joint')}")
         return np.broadcast_to(values, encoder_lines.shape)
 
     def fields(table: BaseModel, place: str, names: tuple[str, ...]) -> dict[str, Array]:

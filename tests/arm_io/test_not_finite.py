@@ -22,7 +22,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import BaseModel, ValidationError
 
-from arm_io import InputError, check_plain, check_table, toml_of
+from arm_io import InputError, check_table, toml_of
+from arm_io.plain_data import check_plain
 from arm_model.description import EffectTerm, Joint
 from arm_model.model_file import arm_of, read_model
 from arm_model.urdf import read_urdf, write_urdf
