@@ -158,9 +158,8 @@ class Calibration:
 
     def _cubes(self) -> list[Any]:
         """Positioning errors at the standstills of ISO cube runs."""
-        from identification.kinematics.data import gravity_of
-        from identification.kinematics.estimation import linked, predicted
-        from identification.kinematics.use import NAME, cube_report
+        from identification.kinematics.data import gravity_of, linked
+        from identification.kinematics.use import NAME, cube_report, predicted
 
         gravity, cubes = gravity_of(self.nominal), []
         for one in (one for one in self.runs if one.experiment.startswith(NAME)):

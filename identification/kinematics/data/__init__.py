@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from arm_io import lazy
 
 if TYPE_CHECKING:
+    from identification.kinematics.data.measured import linked
     from identification.kinematics.data.points import Points
     from identification.kinematics.data.pose_table import HOLDS, read_poses
     from identification.kinematics.data.recordings import Place, Tracked, gravity_of, tracked
@@ -25,6 +26,7 @@ __all__ = [
     "common_targets",
     "correlation_time",
     "gravity_of",
+    "linked",
     "read_poses",
     "tracked",
 ]

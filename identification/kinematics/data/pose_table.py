@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from arm_io import counted
 from arm_io.types import Array
 from identification.kinematics.data.points import FIRST_LEVER
 from identification.kinematics.data.pose_table_cells import Cells, read_cells
@@ -65,7 +66,7 @@ def read_poses(path: Path, joints: int) -> Tracked:
     if missing := [name for name in needed if name not in table.names]:
         raise table.error(f"column {missing[0]} is missing; a table of poses of this arm must hold {HOLDS}")
     if (more := f"q{joints + 1}") in table.names:
-        raise table.error(f"column {more}: the model has {joints} joints")
+        raise table.error(f"column {more}: the model has {counted(joints, 'joint')}")
     if numbered and ("x" in table.names or "reflector" in table.names):
         other = "x" if "x" in table.names else "reflector"
         raise table.error(f"has columns {other} and x{numbered[0]}; must have one row per pose with x1, y1, z1, .., "

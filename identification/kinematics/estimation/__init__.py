@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING
 from arm_io import lazy
 
 if TYPE_CHECKING:
-    from identification.kinematics.estimation.calibration import Calibration, calibrate, predicted
+    from identification.kinematics.estimation.calibration import Calibration, calibrate
+    from identification.kinematics.estimation.estimated import Settings
     from identification.kinematics.estimation.map_estimation import REJECT, Fit, fit, residuals, stacked
-    from identification.kinematics.estimation.work import Settings, linked
 else:
     __getattr__ = lazy(__name__)
 
@@ -18,8 +18,6 @@ __all__ = [
     "Settings",
     "calibrate",
     "fit",
-    "linked",
-    "predicted",
     "residuals",
     "stacked",
 ]

@@ -5,7 +5,7 @@
    themselves;
 3. robust least squares on all points (``map_estimation``);
 4. where points do not fit, couplings and ratios of joints (``coupled_joints``), before any are left out for good; a
-   target that was given too confidently is estimated (``work``);
+   target that was given too confidently is estimated (``given_targets``);
 5. rows that belong to another trigger are found and realigned (``row_shifts``), and the fit repeated;
 6. extensions - sag, encoder scale and ripple, coupling, delay - each tried on points that the fit has not seen
    (``cross_validation``);
@@ -15,26 +15,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
-from arm_io import InputError
+from arm_io import InputError, counted
 from arm_io.types import Array, Progress
 from arm_model import Arm, Coupling
 from arm_model.tables import Uncertainty, uncertainty_of
 from identification.kinematics.circle_points.circle_point import Circle
 from identification.kinematics.data.blocks import split
-from identification.kinematics.data.points import Points
-from identification.kinematics.data.recordings import Gravity
+from identification.kinematics.data.measured import JudgedBy, Measured, linked
 from identification.kinematics.data.row_shifts import Shift
 from identification.kinematics.data.runs import Run, correlation_in_poses, correlation_time, poses_of
+from identification.kinematics.estimation.coupled_joints import with_couplings
 from identification.kinematics.estimation.cross_validation import Trial
-from identification.kinematics.estimation.extended_fit import estimate_run_zeros, extend_and_realign
-from identification.kinematics.estimation.extensions import Extension, deflections
-from identification.kinematics.estimation.given_targets import free_targets
+from identification.kinematics.estimation.estimated import Estimated, Settings
+from identification.kinematics.estimation.extended_fit import extended, with_run_zeros
+from identification.kinematics.estimation.extensions import Extension
+from identification.kinematics.estimation.given_targets import with_free_targets
 from identification.kinematics.estimation.judgement import best_frame_and_target, judged, weaknesses
 from identification.kinematics.estimation.map_estimation import Fit, residuals
 from identification.kinematics.estimation.observability import (
@@ -47,9 +47,8 @@ from identification.kinematics.estimation.observability import (
 from identification.kinematics.estimation.observed import residual_of
 from identification.kinematics.estimation.position_error import LeftOut, PositionError, position_error
 from identification.kinematics.estimation.run_zeros import expected
-from identification.kinematics.estimation.start import with_nominal_target
-from identification.kinematics.estimation.work import JudgedBy, Settings, Work, couple, first_fit, linked
-from identification.kinematics.models.chain import Chain, forward
+from identification.kinematics.estimation.start import first_fit, with_nominal_target
+from identification.kinematics.models.chain import Chain
 from identification.kinematics.models.parameters import Parameters, Target
 
 LEAST = 10
@@ -110,7 +109,7 @@ class Calibration:
     held_out: tuple[Run, ...]
     judged_by: JudgedBy
     targets: tuple[Target, ...]
-    aims: dict[int, Array]
+    aims: Mapping[int, Array]
     orientation: dict[str, dict[str, float]]
     warnings: tuple[str, ...] = field(default=())
 
@@ -152,23 +151,17 @@ def calibrate(
     targets: what was tracked; ``Run.target`` counts through them. InputError: not enough usable points, or joints that
     disagree with the model.
     """
-    work = _prepared(arm, runs, held_out, targets, settings, progress or (lambda _: None))
-    first_fit(work)
-    couple(work, settings.frame_known)
-    free_targets(work)
-    extend_and_realign(work)
-    estimate_run_zeros(work)
-    return _result(work)
+    progress = progress or (lambda _: None)
+    measured = _measured(arm, runs, held_out, settings)
+    found = first_fit(arm, measured, targets, settings, progress)
+    found = with_couplings(found, progress)
+    found = with_free_targets(found)
+    found = extended(found, progress)
+    found = with_run_zeros(found, progress)
+    return _result(found)
 
 
-def _prepared(
-    arm: Arm,
-    runs: Sequence[Run],
-    held_out: Sequence[Run],
-    targets: Sequence[Target],
-    settings: Settings,
-    tell: Progress,
-) -> Work:
+def _measured(arm: Arm, runs: Sequence[Run], held_out: Sequence[Run], settings: Settings) -> Measured:
     """The runs, with the link angles of the nominal model, and what judges them."""
     _check(arm, runs, least=LEAST)
     _check(arm, held_out, least=1)
@@ -181,39 +174,45 @@ def _prepared(
     fitted, rest = ([replace(linked(run, matrix), std=settings.point_std) for run in side] for side in (runs, held_out))
     judged_by: JudgedBy = "held_out"
     if not rest and (few or poses_of(fitted) < FEW):
-        judged_by, rest = "cross-validation", list(fitted)
+        judged_by, rest = "cross-validation", fitted
         warnings.append("no held-out poses: each is predicted without the tenth of all poses that it belongs to")
     elif not rest:
         judged_by, (fitted, rest) = "split", split(fitted)
         warnings.append("no held-out recording: every fifth block of rows was held out instead, an optimistic test")
-    return Work(arm, settings, list(targets), fitted, rest, judged_by, tell, matrix, warnings=warnings)
+    return Measured(
+        runs=tuple(fitted),
+        held_out=tuple(rest),
+        judged_by=judged_by,
+        coupling=matrix,
+        warnings=tuple(warnings),
+    )
 
 
-def _result(work: Work) -> Calibration:
-    parameters, estimate, points = work.parameters, work.estimate, work.points
-    residual = residuals(parameters, estimate.values, estimate.extension, points)
-    kept = np.where((estimate.inlier & ~points.oriented)[:, None], residual, 0.0)
-    correlated = correlation_time(kept, work.rows) * correlation_in_poses(kept, work.runs, work.rows)
-    deviation = np.sqrt(np.diag(estimate.covariance)) * np.sqrt(correlated)
+def _result(estimated: Estimated) -> Calibration:
+    parameters, found, measured, points = estimated.parameters, estimated.fit, estimated.measured, estimated.points
+    residual = residuals(parameters, found.values, found.extension, points)
+    kept = np.where((found.inlier & ~points.oriented)[:, None], residual, 0.0)
+    correlated = correlation_time(kept, measured.rows) * correlation_in_poses(kept, measured.runs, measured.rows)
+    deviation = np.sqrt(np.diag(found.covariance)) * np.sqrt(correlated)
     names = parameters.chain.names
-    here = replace(parameters, chain=parameters.chain.at(estimate.values))
+    here = replace(parameters, chain=estimated.chain)
     rank = identifiable(here, points.deflected(None))
     columns = scaled_jacobian(here, points.where(slice(None, None, max(1, len(points) // 2000))))
-    nominal = best_frame_and_target(work)
-    judgement = judged(work, nominal)
+    nominal = best_frame_and_target(estimated)
+    judgement = judged(estimated, nominal)
     return Calibration(
         parameters=parameters,
-        fit=estimate,
-        coupling=work.coupling,
-        couplings=_couplings(work),
-        nominal_coupling=work.arm.coupling_matrix,
-        extensions=tuple(work.extensions),
-        trials=tuple(work.trials),
+        fit=found,
+        coupling=measured.coupling,
+        couplings=_couplings(estimated),
+        nominal_coupling=estimated.arm.coupling_matrix,
+        extensions=estimated.extensions,
+        trials=estimated.trials,
         nominal=nominal,
-        circles=tuple(work.circles),
-        refused=tuple(work.refused),
-        circle_point=_circle_point(work),
-        without_circles=work.without_circles,
+        circles=estimated.circles.circles,
+        refused=estimated.circles.refused,
+        circle_point=_circle_point(estimated),
+        without_circles=estimated.circles.why_not,
         before=judgement.before,
         after=judgement.after,
         left_out=judgement.left_out,
@@ -222,80 +221,42 @@ def _result(work: Work) -> Calibration:
         extension_std=deviation[len(parameters.free) :],
         identifiable=rank,
         observability=indices(columns.reshape(-1, columns.shape[2]), min(rank, columns.shape[2]), len(columns)),
-        shifts=tuple(work.shifts),
+        shifts=measured.shifts,
         correlated=correlated,
-        zero_error=expected(here.chain, work.held_out) if work.judged_by == "held_out" else 0.0,
-        frame_known=work.settings.frame_known,
-        runs=tuple(work.runs),
-        held_out=tuple(work.held_out),
-        judged_by=work.judged_by,
-        targets=tuple(work.targets),
-        aims=work.aims,
+        zero_error=expected(here.chain, measured.held_out) if measured.judged_by == "held_out" else 0.0,
+        frame_known=estimated.frame_known,
+        runs=measured.runs,
+        held_out=measured.held_out,
+        judged_by=measured.judged_by,
+        targets=estimated.targets,
+        aims=measured.aims,
         orientation=judgement.orientation,
-        warnings=(*work.warnings, *weaknesses(work, rank)),
+        warnings=(*measured.warnings, *estimated.warnings, *judgement.warnings, *weaknesses(estimated, rank)),
     )
 
 
-def _couplings(work: Work) -> tuple[tuple[Coupling, float], ...]:
+def _couplings(estimated: Estimated) -> tuple[tuple[Coupling, float], ...]:
     """Entries that differ from the identity, and their standard deviations (0: held, or an integer)."""
-    different = np.argwhere(np.abs(work.coupling - np.eye(len(work.arm))) > 1e-12)
+    matrix, std = estimated.measured.coupling, estimated.coupling_std
+    different = np.argwhere(np.abs(matrix - np.eye(len(matrix))) > 1e-12)
     return tuple(
-        (Coupling(int(j) + 1, int(k) + 1, float(work.coupling[j, k])), work.coupling_std.get((int(j), int(k)), 0.0))
-        for j, k in different
+        (Coupling(int(j) + 1, int(k) + 1, float(matrix[j, k])), std.get((int(j), int(k)), 0.0)) for j, k in different
     )
 
 
-def _circle_point(work: Work) -> PositionError | None:
-    if work.from_circles is None or work.without_circles:
+def _circle_point(estimated: Estimated) -> PositionError | None:
+    circles, points = estimated.circles, estimated.points
+    if circles.values is None or circles.why_not:
         return None
-    chain = work.parameters.chain.at(with_nominal_target(work.parameters, work.from_circles))
-    target = work.points.target
-    first = ~work.points.oriented & (True if target is None else target == 0)
-    return position_error(residual_of(chain, work.points.where(first).deflected(None)))
-
-
-def distances(
-    calibration: Calibration, run: Run, gravity: Gravity | None, *, before: bool = False, every: int = 1
-) -> Array:
-    """(N,) m (of orientations rad): distance of measured from predicted points, at every ``every``-th row of a run.
-
-    Predicted by the calibrated or (``before``) the nominal arm; NaN where either is missing.
-    """
-    found, measured = predicted(calibration, run, gravity, before=before, every=every), run.xyz[::every]
-    rows = np.isfinite(found).all(axis=1) & np.isfinite(measured).all(axis=1)
-    at = np.full(len(found), np.nan)
-    if run.lever:
-        at[rows] = (Rotation.from_rotvec(measured[rows]) * Rotation.from_rotvec(found[rows]).inv()).magnitude()
-    else:
-        at[rows] = np.linalg.norm(measured[rows] - found[rows], axis=1)
-    return at
-
-
-def predicted(
-    calibration: Calibration, run: Run, gravity: Gravity | None, *, before: bool = False, every: int = 1
-) -> Array:
-    """(N, 3) m (rotation vectors of orientations) of the run's target, by the calibrated or (``before``) nominal arm.
-
-    The rows are every ``every``-th one of a run of ``calibration``. NaN where q is missing.
-    """
-    q = np.nan_to_num(run.q[::every])
-    if before:
-        chain = calibration.nominal
-        q = q @ (calibration.nominal_coupling @ np.linalg.inv(calibration.coupling)).T
-    else:
-        chain = calibration.chain
-        bend = deflections(calibration.extensions, q, velocity=run.velocity()[::every], gravity=gravity)
-        q = Points(q, q[:, :0], bend).bent(calibration.fit.extension)
-    pose = forward(chain, q, np.full(len(q), run.target))
-    at = Rotation.from_matrix(pose[:, :3, :3]).as_rotvec() if run.lever else pose[:, :3, 3].copy()
-    at[~np.isfinite(run.q[::every]).all(axis=1)] = np.nan
-    return at
+    chain = estimated.parameters.chain.at(with_nominal_target(estimated.parameters, circles.values))
+    first = ~points.oriented & (True if points.target is None else points.target == 0)
+    return position_error(residual_of(chain, points.where(first).deflected(None)))
 
 
 def _check(arm: Arm, runs: Sequence[Run], least: int) -> None:
     for run in runs:
         if run.q.shape[1] != len(arm):
-            raise InputError(run.name, f"has {run.q.shape[1]} joints, the model has {len(arm)}")
+            raise InputError(run.name, f"has {counted(run.q.shape[1], 'joint')}, the model has {len(arm)}")
     if not runs:
         return
     where = ", ".join(dict.fromkeys(run.source for run in runs))

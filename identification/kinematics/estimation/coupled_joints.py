@@ -15,11 +15,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from arm_io.types import Array
+from arm_io.types import Array, Progress
 from arm_model import Arm
 from identification.kinematics.data.points import Points
+from identification.kinematics.estimation.estimated import Estimated
 from identification.kinematics.estimation.map_estimation import Fit, fit, residuals
-from identification.kinematics.estimation.start import place_tracker
+from identification.kinematics.estimation.outlier_pattern import OUTLIERS, pattern
+from identification.kinematics.estimation.start import first_fit, place_tracker
 from identification.kinematics.models.parameters import UNKNOWN_TARGET, Target, Trust, parameters_of
 
 NEEDED = 0.3
@@ -30,6 +32,10 @@ OWN = (-2.0, -0.5, 1.0)
 """Starting values that are added to the 1 of the joint's own angle: ratios of -1, 0.5 and 2."""
 _SCALE = 0.5
 """Prior standard deviation of an entry about its starting value."""
+_FREE = 0.05
+"""Prior standard deviation of an entry that is no integer, about the value of the search."""
+_FEW = 1000
+"""Points of poses measured one by one, each of which counts."""
 _SMALLER = 0.9
 """Error after one more entry over that before, for the entry to stay in the search."""
 _COMPARABLE = 1.1
@@ -94,6 +100,49 @@ class _Search:
             with_entries(matrix, free, found.extension),
             _trimmed(residuals(parameters, found.values, found.extension, points)),
         )
+
+
+def with_couplings(estimated: Estimated, progress: Progress) -> Estimated:
+    """The first fit repeated with couplings of joints, if points do not fit and couplings explain that.
+
+    A tracker's frame that wrong angles have refuted is taken as stated again.
+    """
+    settings, doubtful = estimated.settings, _doubtful(estimated)
+    contested = settings.frame_known and not estimated.frame_known
+    if not settings.extend or not (contested or doubtful):
+        return estimated
+    progress("couplings and ratios of joints")
+
+    def found_in(frame_known: bool) -> Coupled | None:
+        search = (estimated.arm, estimated.points, estimated.targets)
+        return find_couplings(*search, frame_known=frame_known, trust=settings.trust, moving=estimated.moving)
+
+    found = found_in(settings.frame_known)
+    if found is None and contested and doubtful:
+        found = found_in(False)
+    return estimated if found is None else _first_fit_coupled(estimated, found, progress)
+
+
+def _first_fit_coupled(estimated: Estimated, found: Coupled, progress: Progress) -> Estimated:
+    """The first fit with the couplings that were found, those that are no integers estimated."""
+    known = (estimated.targets, estimated.settings, progress)
+    coupled = first_fit(estimated.arm, estimated.measured.linked(found.matrix), *known)
+    if not found.free:
+        return coupled
+    points = coupled.points.deflected(entry_columns(estimated.points.q, found.free))
+    scale = np.full(len(found.free), _FREE)
+    better = fit(coupled.parameters, points, start=coupled.fit.values, extension_scale=scale)
+    matrix, std = refined(found.matrix, found.free, better)
+    measured = coupled.measured.linked(matrix @ np.linalg.inv(found.matrix))
+    return replace(first_fit(estimated.arm, measured, *known), coupling_std=std)
+
+
+def _doubtful(estimated: Estimated) -> bool:
+    """Whether points were left out that could be the model's fault, or the rest fits worse than any tracker is."""
+    found = estimated.fit
+    allowed = 0.0 if len(estimated.points) <= _FEW else OUTLIERS
+    left_out = 1.0 - float(np.mean(found.inlier))
+    return found.noise > estimated.settings.most_noise or left_out > allowed or pattern(estimated) is not None
 
 
 def find_couplings(

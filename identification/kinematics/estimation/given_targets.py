@@ -2,58 +2,77 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from arm_io.types import Array
 from identification.kinematics.data.points import Points
+from identification.kinematics.estimation.estimated import Estimated, Settings
 from identification.kinematics.estimation.map_estimation import Fit, fit, residuals
-from identification.kinematics.estimation.work import OUTLIERS, Settings, Work
+from identification.kinematics.estimation.outlier_pattern import OUTLIERS
 from identification.kinematics.models.chain import Mask
-from identification.kinematics.models.parameters import UNKNOWN_TARGET, Parameters, parameters_of, target_of
+from identification.kinematics.models.parameters import UNKNOWN_TARGET, Parameters, Target, parameters_of, target_of
 
 _TARGET = 30.0
 """Twice the gain in log posterior by which a free target must be better: chi-square of 3, once in 1e6."""
 
 
-def free_targets(work: Work) -> None:
+def with_free_targets(estimated: Estimated) -> Estimated:
     """Targets given with too small an uncertainty are estimated instead, and said.
 
     The posterior of the fit with these targets free is compared with that of the targets as given, each with what the
     last link had to take: 2 log of their ratio is chi-square of 3 a target where they were given rightly.
     """
-    if not any(target.given for target in work.targets):
-        return
-    wide = [replace(target, std=UNKNOWN_TARGET) for target in work.targets]
-    settings = work.settings
-    parameters = parameters_of(work.arm, wide, frame_known=settings.frame_known, trust=settings.trust)
-    points = work.points.deflected(None)
-    found = fit(parameters, points, start=work.estimate.values)
-    both = found.inlier & work.estimate.inlier
-    gain = _misfit(work.parameters, work.estimate, points, both, found.noise) - _misfit(
-        parameters, found, points, both, found.noise
-    )
-    more = int(found.inlier.sum()) - int(work.estimate.inlier.sum())
-    if gain < _TARGET * sum(target.given for target in work.targets) and more <= OUTLIERS * len(points):
-        return
+    targets, settings, as_given = estimated.targets, estimated.settings, estimated.fit
+    if not any(target.given for target in targets):
+        return estimated
+    wide = [replace(target, std=UNKNOWN_TARGET) for target in targets]
+    parameters = _parameters(estimated, wide)
+    points = estimated.points.deflected(None)
+    found = fit(parameters, points, start=as_given.values)
+    both = found.inlier & as_given.inlier
+    misfits = [
+        _misfit(one, each, points, both, found.noise)
+        for one, each in ((estimated.parameters, as_given), (parameters, found))
+    ]
+    gain = misfits[0] - misfits[1]
+    more = int(found.inlier.sum()) - int(as_given.inlier.sum())
+    if gain < _TARGET * sum(target.given for target in targets) and more <= OUTLIERS * len(points):
+        return estimated
     chain = parameters.chain.at(found.values)
-    found_at = [target_of(chain, k)[:3, 3] for k in range(len(work.targets))]
-    off = [at - target.place for at, target in zip(found_at, work.targets, strict=True)]
-    wrong = [k for k, one in enumerate(work.targets) if one.given and np.linalg.norm(off[k]) >= 5.0 * one.std]
-    for k in wrong:
-        one = work.targets[k]
-        work.warnings.append(
-            f"the target{one.name and ' ' + one.name} was given as ({_told(settings, one.place)}) m with "
-            f"a standard deviation of {1e3 * one.std:g} mm, but the points place it at "
-            f"({_told(settings, found_at[k])}) m, "
-            f"{1e3 * np.linalg.norm(off[k]):.1f} mm away (chi-square {gain:.0f} with 3 degrees of freedom per target); "
-            "it was estimated instead. Give --target in the frame of the last link, or a larger --target-std"
-        )
-    if wrong:
-        work.targets = [wide[k] if k in wrong else one for k, one in enumerate(work.targets)]
-        work.parameters = parameters_of(work.arm, work.targets, frame_known=settings.frame_known, trust=settings.trust)
-        work.estimate = fit(work.parameters, points, start=found.values)
+    places = [target_of(chain, k)[:3, 3] for k in range(len(targets))]
+    off = [float(np.linalg.norm(place - one.place)) for place, one in zip(places, targets, strict=True)]
+    wrong = [k for k, one in enumerate(targets) if one.given and off[k] >= 5.0 * one.std]
+    if not wrong:
+        return estimated
+    freed = [wide[k] if k in wrong else one for k, one in enumerate(targets)]
+    free = _parameters(estimated, freed)
+    return replace(
+        estimated,
+        targets=tuple(freed),
+        parameters=free,
+        fit=fit(free, points, start=found.values),
+        warnings=(*estimated.warnings, *(_sentence(settings, targets[k], places[k], off[k], gain) for k in wrong)),
+    )
+
+
+def _parameters(estimated: Estimated, targets: Sequence[Target]) -> Parameters:
+    """Those of the estimate with other targets."""
+    settings = estimated.settings
+    return parameters_of(estimated.arm, targets, frame_known=estimated.frame_known, trust=settings.trust)
+
+
+def _sentence(settings: Settings, target: Target, place: Array, off: float, gain: float) -> str:
+    """That a target is at ``place`` (3,) m, ``off`` m from where it was given."""
+    return (
+        f"the target{target.name and ' ' + target.name} was given as ({_told(settings, target.place)}) m with "
+        f"a standard deviation of {1e3 * target.std:g} mm, but the points place it at "
+        f"({_told(settings, place)}) m, "
+        f"{1e3 * off:.1f} mm away (chi-square {gain:.0f} with 3 degrees of freedom per target); "
+        "it was estimated instead. Give --target in the frame of the last link, or a larger --target-std"
+    )
 
 
 def _told(settings: Settings, place: Iterable[float]) -> str:

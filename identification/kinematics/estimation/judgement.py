@@ -15,12 +15,13 @@ from arm_io.types import Array
 from identification.kinematics.data.blocks import blocks
 from identification.kinematics.data.points import Points
 from identification.kinematics.data.runs import Run, points_of, thinned, velocity_of
+from identification.kinematics.estimation.estimated import Estimated
 from identification.kinematics.estimation.extensions import deflections, prior_scales
 from identification.kinematics.estimation.map_estimation import REJECT, Fit, fit, residuals
 from identification.kinematics.estimation.observability import expected_rank
 from identification.kinematics.estimation.observed import linear_in, residual_of
+from identification.kinematics.estimation.outlier_pattern import OUTLIERS, pattern
 from identification.kinematics.estimation.position_error import LeftOut, PositionError, far, position_error
-from identification.kinematics.estimation.work import OUTLIERS, Work, pattern
 from identification.kinematics.models.chain import Chain, Index, Mask
 from identification.kinematics.models.parameters import (
     UNKNOWN_FRAME,
@@ -58,17 +59,18 @@ class Judgement:
     orientation: dict[str, dict[str, float]]
     left_out: tuple[LeftOut, ...]
     failures: tuple[str, ...]
+    warnings: tuple[str, ...]
 
 
-def judged(work: Work, nominal: Chain) -> Judgement:
+def judged(estimated: Estimated, nominal: Chain) -> Judgement:
     """The errors of a finished calibration, and what refutes it. nominal: see ``best_frame_and_target``."""
     before, after, left_out, orientation = {}, {}, [], {}
-    for part, runs in (("fit", work.runs), ("held_out", work.held_out)):
+    for part, runs in (("fit", estimated.measured.runs), ("held_out", estimated.measured.held_out)):
         rows = thinned(runs, MOST_JUDGED)
         points = points_of(runs, rows)
-        residual = _residual(work, runs, rows, part)
-        outlier = _outlier(work, part, residual, points)
-        as_was = residual_of(nominal, replace(points, q=as_nominal(work, points.q)))
+        residual = _residual(estimated, runs, rows, part)
+        outlier = _outlier(estimated, part, residual, points)
+        as_was = residual_of(nominal, replace(points, q=as_nominal(estimated, points.q)))
         placed = ~points.oriented
         before[part] = position_error(as_was[placed], outlier[placed])
         after[part] = position_error(residual[placed], outlier[placed])
@@ -79,20 +81,27 @@ def judged(work: Work, nominal: Chain) -> Judgement:
         left_out += _by_run(part, runs, rows, residual, outlier)
     # a blunder is as far off before as after, and hides what becomes of the others
     was, now = before["held_out"].rms_inliers, after["held_out"].rms_inliers
+    warnings = []
     if now >= was:
-        work.warnings.append(
+        warnings.append(
             f"the held-out error does not fall ({1e3 * was:.3g} mm before, {1e3 * now:.3g} mm after): calibration "
             "does not improve this model; keep the nominal model"
         )
-    return Judgement(before, after, orientation, tuple(left_out), tuple(_failures(work, before, after, left_out)))
+    share = pattern(estimated)
+    contradicting = _contradicting(before, after, left_out, share)
+    if share and not contradicting:
+        listed = ", ".join(_rows(one) for one in left_out if one.part == "fit")
+        warnings.append(f"the outliers ({listed}) share {share}: there the model lacks an effect")
+    failures = _with_advice(estimated, [*contradicting, *_inexact(estimated, after)], after)
+    return Judgement(before, after, orientation, tuple(left_out), tuple(failures), tuple(warnings))
 
 
-def best_frame_and_target(work: Work) -> Chain:
+def best_frame_and_target(estimated: Estimated) -> Chain:
     """The nominal arm where frame and target fit the points best that the calibration fits."""
-    inlier = work.estimate.inlier
-    points = points_of(work.runs, work.rows)
-    points = replace(points, q=as_nominal(work, points.q)).where(inlier)
-    names = work.parameters.chain.names
+    inlier = estimated.fit.inlier
+    points = estimated.measured.points
+    points = replace(points, q=as_nominal(estimated, points.q)).where(inlier)
+    names = estimated.parameters.chain.names
     scale = np.zeros(len(names))
     for k, name in enumerate(names):
         if name.startswith("base.") or (is_target(name) and name.endswith(("yaw", "pitch", "roll"))):
@@ -100,32 +109,32 @@ def best_frame_and_target(work: Work) -> Chain:
         elif is_target(name):
             scale[k] = UNKNOWN_TARGET
     free = np.flatnonzero(scale)
-    chain = work.parameters.chain
-    start = work.first if not work.settings.frame_known else chain
-    known = Parameters(start, free, work.parameters.every, scale)
+    chain = estimated.parameters.chain
+    start = estimated.first if not estimated.frame_known else chain
+    known = Parameters(start, free, estimated.parameters.every, scale)
     return chain.at(fit(known, points, reject=False).values)
 
 
-def as_nominal(work: Work, q: Array) -> Array:
+def as_nominal(estimated: Estimated, q: Array) -> Array:
     """Link angles (N, joints) as the nominal model has them, for those of the calibrated one."""
-    if np.array_equal(work.coupling, work.arm.coupling_matrix):
+    if np.array_equal(estimated.measured.coupling, estimated.arm.coupling_matrix):
         return q
-    return np.asarray(q @ (work.arm.coupling_matrix @ np.linalg.inv(work.coupling)).T, float)
+    return np.asarray(q @ (estimated.arm.coupling_matrix @ np.linalg.inv(estimated.measured.coupling)).T, float)
 
 
-def weaknesses(work: Work, rank: int) -> list[str]:
+def weaknesses(estimated: Estimated, rank: int) -> list[str]:
     """Warnings: parameters that the poses do not determine, a target off its prior, points that were left out."""
     found = []
-    moving = work.moving
-    prismatic = sum(not work.arm.joints[j - 1].revolute for j in moving)
-    oriented = sum(target.oriented for target in work.targets)
-    most = expected_rank(len(moving) - prismatic, prismatic, len(work.targets), oriented)
+    moving = estimated.moving
+    prismatic = sum(not estimated.arm.joints[j - 1].revolute for j in moving)
+    oriented = sum(target.oriented for target in estimated.targets)
+    most = expected_rank(len(moving) - prismatic, prismatic, len(estimated.targets), oriented)
     if rank < most:
         found.append(f"{rank} of {most} parameters are identifiable from these poses; record more varied poses")
-    chain = work.parameters.chain
-    for group, one in zip(target_groups(len(work.targets)), work.targets):
+    chain = estimated.parameters.chain
+    for group, one in zip(target_groups(len(estimated.targets)), estimated.targets):
         at = [chain.names.index(f"{group}.{axis}") for axis in "xyz"]
-        off = (work.estimate.values - chain.values)[at]
+        off = (estimated.fit.values - chain.values)[at]
         chi_square = float(np.sum((off / one.std) ** 2))
         if one.given and chi_square > _PRIOR:
             name = one.name and f" {one.name}"
@@ -136,54 +145,56 @@ def weaknesses(work: Work, rank: int) -> list[str]:
     return found
 
 
-def _residual(work: Work, runs: Sequence[Run], rows: Sequence[Index], part: str) -> Array:
+def _residual(estimated: Estimated, runs: Sequence[Run], rows: Sequence[Index], part: str) -> Array:
     """(N, 3) m: measured less predicted; of held-out poses of cross-validation, each predicted without its fold."""
     points = points_of(runs, rows)
-    bend = deflections(work.extensions, points.q, velocity=velocity_of(runs, rows), gravity=work.settings.gravity)
-    points = points.deflected(bend if work.extensions else None)
-    if part == "fit" or work.judged_by != "cross-validation":
-        return residuals(work.parameters, work.estimate.values, work.estimate.extension, points)
+    bend = deflections(
+        estimated.extensions, points.q, velocity=velocity_of(runs, rows), gravity=estimated.settings.gravity
+    )
+    points = points.deflected(bend if estimated.extensions else None)
+    if part == "fit" or estimated.measured.judged_by != "cross-validation":
+        return residuals(estimated.parameters, estimated.fit.values, estimated.fit.extension, points)
     number = blocks(runs, rows)
     fold = (np.random.default_rng(1).permutation(int(number.max()) + 1) % FOLDS)[number]
     residual = np.empty_like(points.xyz)
     for k in np.unique(fold):
-        found = _refitted(work, points.where(fold != k))
-        residual[fold == k] = residuals(work.parameters, found.values, found.extension, points.where(fold == k))
+        found = _refitted(estimated, points.where(fold != k))
+        residual[fold == k] = residuals(estimated.parameters, found.values, found.extension, points.where(fold == k))
     return residual
 
 
-def _refitted(work: Work, points: Points) -> Fit:
+def _refitted(estimated: Estimated, points: Points) -> Fit:
     """The same parameters and extensions from other points."""
     return fit(
-        work.parameters,
+        estimated.parameters,
         points,
-        start=work.estimate.values,
-        extension_scale=prior_scales(work.extensions),
-        extension_start=work.estimate.extension,
+        start=estimated.fit.values,
+        extension_scale=prior_scales(estimated.extensions),
+        extension_start=estimated.fit.extension,
     )
 
 
-def _outlier(work: Work, part: str, residual: Array, points: Points) -> Mask:
+def _outlier(estimated: Estimated, part: str, residual: Array, points: Points) -> Mask:
     """(N,) bool: points left out of the fit.
 
     Held-out ones and those that the fit did not use: far off by the scale of the others, and by the deviation that the
     fit promises there.
     """
-    if part == "fit" and len(residual) == len(work.estimate.inlier):
-        return np.asarray(~work.estimate.inlier, bool)
+    if part == "fit" and len(residual) == len(estimated.fit.inlier):
+        return np.asarray(~estimated.fit.inlier, bool)
     outlier = far(residual, points.std)
     some = np.flatnonzero(outlier)
-    covariance = _promised(work, points.where(some)) + work.estimate.noise**2 * np.eye(3)
+    covariance = _promised(estimated, points.where(some)) + estimated.fit.noise**2 * np.eye(3)
     off = residual[some]
     outlier[some] = np.einsum("ni,ni->n", off, np.linalg.solve(covariance, off[:, :, None])[:, :, 0]) > REJECT**2
     return outlier
 
 
-def _promised(work: Work, points: Points) -> Array:
+def _promised(estimated: Estimated, points: Points) -> Array:
     """(N, 3, 3) m2: covariance of predicted points, by that of the estimate."""
-    free = work.parameters.free
-    columns = linear_in(work.parameters.chain.at(work.estimate.values), points)[1][:, :, free]
-    return columns @ work.estimate.covariance[: len(free), : len(free)] @ np.swapaxes(columns, 1, 2)
+    free = estimated.parameters.free
+    columns = linear_in(estimated.chain, points)[1][:, :, free]
+    return columns @ estimated.fit.covariance[: len(free), : len(free)] @ np.swapaxes(columns, 1, 2)
 
 
 def _by_run(part: str, runs: Sequence[Run], rows: Sequence[Index], residual: Array, outlier: Mask) -> list[LeftOut]:
@@ -198,12 +209,11 @@ def _by_run(part: str, runs: Sequence[Run], rows: Sequence[Index], residual: Arr
     return found
 
 
-def _failures(
-    work: Work, before: dict[str, PositionError], after: dict[str, PositionError], left_out: Sequence[LeftOut]
+def _contradicting(
+    before: dict[str, PositionError], after: dict[str, PositionError], left_out: Sequence[LeftOut], share: str | None
 ) -> list[str]:
+    """Sentences on parts of whose poses so many contradict the model that they are not at fault."""
     found = []
-    noise = work.estimate.noise
-    share = pattern(work)
     for part, words in (("fit", "fitted"), ("held_out", "held-out")):
         out, points = after[part].outliers, after[part].points
         if out <= OUTLIERS * points:
@@ -214,28 +224,38 @@ def _failures(
             f"{out} of {points} {words} poses ({100 * out / points:.0f} %) contradict the model: {rows}{alike}. "
             f"rms over all {words} points {1e3 * before[part].rms:.3g} -> {1e3 * after[part].rms:.3g} mm"
         )
-    if not found and share:
-        rows = ", ".join(_rows(one) for one in left_out if one.part == "fit")
-        work.warnings.append(f"the outliers ({rows}) share {share}: there the model lacks an effect")
-    promised = _expected(work)
-    most = work.settings.most_noise
+    return found
+
+
+def _inexact(estimated: Estimated, after: dict[str, PositionError]) -> list[str]:
+    """Sentences on errors of the points that were not left out, larger than the noise explains."""
+    found = []
+    noise, promised, most = estimated.fit.noise, _expected(estimated), estimated.settings.most_noise
     if (reached := after["held_out"].rms_inliers) > max(_REFUTED * promised, most):
         found.append(
             f"the error of the held-out points is {1e3 * reached:.3g} mm rms per coordinate, the error expected from "
             f"the fit {1e3 * promised:.3g} mm: the model is valid for the fitted poses only"
         )
     if noise > most:
-        than = "was stated" if work.settings.point_std else "a tracker has"
+        than = "was stated" if estimated.settings.point_std else "a tracker has"
         found.append(
             f"{1e3 * noise:.3g} mm rms per coordinate remain, more noise than {than} (at most {1e3 * most:.3g} mm): "
             "the model does not describe the poses"
         )
-    if found and not work.settings.extend:
+    return found
+
+
+def _with_advice(estimated: Estimated, failures: list[str], after: dict[str, PositionError]) -> list[str]:
+    """The failures, if any, and which options may help."""
+    if not failures:
+        return []
+    found = [*failures]
+    if not estimated.settings.extend:
         found.append(
             "couplings of joints, joints that count backwards, sag and encoder errors were not tried; leave out "
             "--geometry-only to try them"
         )
-    if found and not work.settings.point_std and max(one.rms for one in after.values()) < _COARSE:
+    if not estimated.settings.point_std and max(one.rms for one in after.values()) < _COARSE:
         found.append(
             "if the arm itself does not return to a pose more exactly (backlash), state the standard deviation of a "
             "coordinate with --point-std M"
@@ -243,11 +263,11 @@ def _failures(
     return found
 
 
-def _expected(work: Work) -> float:
+def _expected(estimated: Estimated) -> float:
     """m rms per coordinate of the held-out points, as the covariance of the estimate and the noise promise."""
-    points = points_of(work.held_out, thinned(work.held_out, _PROMISED))
-    model = np.trace(_promised(work, points), axis1=1, axis2=2) / 3.0
-    return float(np.sqrt(work.estimate.noise**2 + np.mean(model)))
+    points = points_of(estimated.measured.held_out, thinned(estimated.measured.held_out, _PROMISED))
+    model = np.trace(_promised(estimated, points), axis1=1, axis2=2) / 3.0
+    return float(np.sqrt(estimated.fit.noise**2 + np.mean(model)))
 
 
 def _rows(one: LeftOut) -> str:

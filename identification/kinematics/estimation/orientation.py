@@ -13,6 +13,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from arm_io.types import Array
+from identification.kinematics.data.measured import Measured
 from identification.kinematics.data.points import Points
 from identification.kinematics.data.runs import Run
 from identification.kinematics.models.chain import Chain, forward
@@ -22,6 +23,23 @@ _LEAST = 1e-3
 """m: smallest lever, where positions have no noise."""
 _MOST = 1e2
 """m: largest lever, where orientations have no noise."""
+
+
+def with_aims(measured: Measured, chain: Chain) -> Measured:
+    """The same with orientations of frames that are nearly parallel to those of the links by ``chain``."""
+    turns = aimed(chain, measured.points)
+    if not turns:
+        return measured
+    aims = {number: turn @ measured.aims.get(number, np.eye(3)) for number, turn in turns.items()}
+    return replace(measured.each(lambda run: realigned(run, turns)), aims={**measured.aims, **aims})
+
+
+def with_lever(measured: Measured, residual: Array) -> Measured:
+    """The same with orientations weighed by the ratio of both noises, as the residuals (N, 3) of its points show it."""
+    lever = lever_of(measured.points, residual)
+    if lever is None:
+        return measured
+    return measured.each(lambda run: replace(run, lever=lever) if run.lever else run)
 
 
 def aimed(chain: Chain, points: Points) -> dict[int, Array]:

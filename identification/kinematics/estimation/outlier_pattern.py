@@ -7,20 +7,38 @@ that the model lacks something there.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 from scipy.stats import ks_2samp
 
 from arm_io.types import Array
 from identification.kinematics.circle_points.sweeps import ALONE
+from identification.kinematics.data.blocks import blocks
+from identification.kinematics.data.measured import ends_of
+from identification.kinematics.estimation.estimated import Estimated
 from identification.kinematics.models.chain import Index, Mask
 
+OUTLIERS = 0.05
+"""Share of the points left out, above which the model is at fault and not the points."""
 LEAST = 3
 """Points that can share anything."""
 CHANCE = 1e-3
 """Probability that all tests together find a pattern where there is none."""
 _MOST = 0.8
 """Share of the outliers in one sweep that makes it theirs, unless that many of the other points are in it."""
+
+
+def pattern(estimated: Estimated) -> str | None:
+    """What the points that were left out of the fit share, or None."""
+    measured, points, outlier = estimated.measured, estimated.points, ~estimated.fit.inlier
+    # one point of every block among the outliers, and one among the others: neighbours say the same
+    number = blocks(measured.runs, measured.rows)
+    some = np.sort(np.unique(2 * number + outlier, return_index=True)[1])
+    ends = np.searchsorted(some, ends_of(measured.rows))
+    runs = [np.arange(a, b) for a, b in pairwise(ends)]
+    prismatic = [not j.revolute for j in estimated.arm.joints]
+    return shared(points.q[some], points.xyz[some], outlier[some], runs, prismatic)
 
 
 def shared(q: Array, xyz: Array, outlier: Mask, runs: Sequence[Index], prismatic: Sequence[bool] = ()) -> str | None:

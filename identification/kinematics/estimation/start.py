@@ -1,7 +1,4 @@
-"""Where a calibration begins.
-
-The pose of the tracker, the circles of single-joint sweeps, and the better of two starting points.
-"""
+"""Where a calibration begins: the pose of the tracker, circles of sweeps, least squares on all points."""
 
 from __future__ import annotations
 
@@ -9,20 +6,53 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from arm_io.types import Array
+from arm_io.types import Array, Progress
 from arm_model import Arm
-from identification.kinematics.circle_points.axes import circle_point_model
-from identification.kinematics.circle_points.circle_point import LEAST_ARC, LEAST_POINTS, Circle
-from identification.kinematics.circle_points.sweeps import circles_of
+from identification.kinematics.circle_points.circle_points import circle_points
+from identification.kinematics.data.measured import Measured
 from identification.kinematics.data.points import Points
-from identification.kinematics.data.runs import Run, aligned
-from identification.kinematics.estimation.map_estimation import residuals
-from identification.kinematics.models.chain import Chain, position, target_steps, xyz_ypr
+from identification.kinematics.data.runs import aligned
+from identification.kinematics.estimation.estimated import Estimated, Settings
+from identification.kinematics.estimation.map_estimation import fit, residuals
+from identification.kinematics.estimation.orientation import with_aims, with_lever
+from identification.kinematics.models.chain import position, xyz_ypr
 from identification.kinematics.models.parameters import Parameters, Target, Trust, base_pose, is_target, parameters_of
 
 WRONG_FRAME = 0.1
 """m: median distance of the points in a stated tracker frame from which that frame is wrong, if a fitted one leaves
 less than a quarter of it."""
+
+
+def first_fit(
+    arm: Arm, measured: Measured, targets: Sequence[Target], settings: Settings, progress: Progress
+) -> Estimated:
+    """Least squares on all points, from the nominal arm or from circles."""
+    warnings: list[str] = []
+    frame_known, nominal = place_tracker(arm, measured.points, targets, settings.frame_known, warnings)
+    parameters = parameters_of(arm, targets, frame_known=frame_known, trust=settings.trust)
+    first = parameters.chain.at(nominal)
+    measured = with_aims(measured, first)
+    progress("circles of single-joint sweeps")
+    circles = circle_points(arm, targets[0], measured.runs, first)
+    progress("least squares on all points")
+    points = measured.points
+    found = fit(parameters, points, start=best_start(parameters, points, nominal, circles.values))
+    measured = with_lever(measured, residuals(parameters, found.values, found.extension, points))
+    if measured.points.oriented.any():
+        found = fit(parameters, measured.points, start=found.values)
+    return Estimated(
+        arm=arm,
+        settings=settings,
+        targets=tuple(targets),
+        frame_known=frame_known,
+        measured=measured,
+        first=first,
+        circles=circles,
+        parameters=parameters,
+        points=measured.points,
+        fit=found,
+        warnings=tuple(warnings),
+    )
 
 
 def place_tracker(
@@ -50,63 +80,6 @@ def place_tracker(
     return False, np.array(values)
 
 
-def best_circles(runs: Sequence[Run]) -> tuple[list[Circle], list[str]]:
-    """The best circle of every joint that was swept alone, last joint first, and why other sweeps gave none."""
-    best: dict[int, Circle] = {}
-    refused: list[str] = []
-    for run in (run for run in runs if run.target == 0 and not run.lever):
-        found, reasons = circles_of(run.q, run.xyz, window=2 if run.still else 50)
-        refused += [f"{run.name}: {reason}" for reason in reasons]
-        for circle in found:
-            if circle.joint not in best or circle.std_centre < best[circle.joint].std_centre:
-                best[circle.joint] = circle
-    return [best[j] for j in sorted(best, reverse=True)], refused
-
-
-def values_from_circles(arm: Arm, circles: Sequence[Circle], nominal: Chain) -> Array | None:
-    """(values,) rad, m of the chain by circle-point analysis; None without circles or for an unsupported convention."""
-    if not circles or any(j.convention != "standard" for j in arm.joints):
-        return None
-    values = circle_point_model(circles, one_target(nominal))
-    return np.concatenate((values, nominal.values[len(values) :]))
-
-
-def why_no_circles(arm: Arm, target: Target, runs: Sequence[Run], refused: Sequence[str], found: bool) -> str:
-    """Why circle-point analysis gives no model of the arm, and what it needs; "": it gives one."""
-    if not any(run.target == 0 and not run.lever for run in runs):
-        return "the first target was not tracked in any fitted run"
-    if not found:
-        longest = np.degrees(max(_alone(run.q[run.usable]) for run in runs))
-        seen = f"{len(refused)} sweeps gave no circle ({refused[0]})" if refused else (
-            f"no joint was swept alone (at most {longest:.3g} degrees while the others were at rest; "
-            f"{np.degrees(LEAST_ARC):.0f} are needed)"
-        )  # fmt: skip
-        return f"{seen}; each joint must be moved alone, with at least {LEAST_POINTS} points on its circle"
-    if other := next((j for j, joint in enumerate(arm.joints, 1) if joint.convention != "standard"), None):
-        return f"joint {other} has convention {arm.joints[other - 1].convention!r}; it needs standard D-H parameters"
-    if not target.given:
-        return (
-            "the position of the target is not known; give --target, because the zero of the last swept joint follows "
-            "from it"
-        )
-    return ""
-
-
-def _alone(q: Array) -> float:
-    """rad: the longest way between neighbouring rows q (N, n) on which one joint alone moves."""
-    if len(q) < 2:
-        return 0.0
-    step = np.abs(np.diff(q, axis=0))
-    order = np.sort(step, axis=1)
-    others = order[:, -2] if q.shape[1] > 1 else np.zeros(len(step))
-    moving = np.where(others <= 0.1 * order[:, -1], step.argmax(axis=1), -1)
-    ways, way = [0.0], 0.0
-    for k, joint in enumerate(moving):
-        way = 0.0 if joint < 0 else step[k, joint] + (way if k and moving[k - 1] == joint else 0.0)
-        ways.append(way)
-    return float(max(ways))
-
-
 def with_nominal_target(parameters: Parameters, values: Array) -> Array:
     """(v,) the values with the target at its nominal place, which circle-point analysis alone assumes."""
     values, nominal = values.copy(), parameters.chain.values
@@ -114,13 +87,6 @@ def with_nominal_target(parameters: Parameters, values: Array) -> Array:
         if is_target(name):
             values[k] = nominal[k]
     return values
-
-
-def one_target(chain: Chain) -> Chain:
-    """The chain to the position of the first target, which is then called ``target``."""
-    first = [k for k, s in enumerate(chain.steps) if is_target(s.name)][:3]
-    ends = target_steps("target", [chain.steps[k].value for k in first])
-    return Chain((*chain.steps[: first[0]], *ends))
 
 
 def best_start(parameters: Parameters, points: Points, nominal: Array, circles: Array | None) -> Array:

@@ -12,7 +12,8 @@ from arm_report.palette import AFTER, BEFORE, JOINTS, MEASURED
 from identification.kinematics.circle_points.circle_point import Circle
 from identification.kinematics.data.recordings import Gravity
 from identification.kinematics.data.runs import Run
-from identification.kinematics.estimation.calibration import Calibration, distances
+from identification.kinematics.estimation.calibration import Calibration
+from identification.kinematics.use.prediction import distances
 
 MOST = 4000
 """Points of a run, at most."""

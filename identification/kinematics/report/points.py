@@ -15,8 +15,9 @@ from scipy.spatial import cKDTree
 from arm_io.types import Array
 from identification.kinematics.data.recordings import Gravity
 from identification.kinematics.data.runs import Run
-from identification.kinematics.estimation.calibration import Calibration, distances, predicted
+from identification.kinematics.estimation.calibration import Calibration
 from identification.kinematics.models.chain import Index
+from identification.kinematics.use.prediction import distances, predicted
 
 COLUMNS = ("part", "file", "reflector", "quantity", "row", "dx", "dy", "dz", "distance", "distance_before", "outlier")
 MOST = 4000

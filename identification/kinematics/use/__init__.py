@@ -16,6 +16,7 @@ if TYPE_CHECKING:
         posture_of,
     )
     from identification.kinematics.use.poses import PosePlan, experiment_of, select_poses
+    from identification.kinematics.use.prediction import predicted
 else:
     __getattr__ = lazy(__name__)
 
@@ -30,5 +31,6 @@ __all__ = [
     "cube_targets",
     "experiment_of",
     "posture_of",
+    "predicted",
     "select_poses",
 ]
