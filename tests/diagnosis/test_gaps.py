@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +14,8 @@ import armscope
 from arm_model import Arm, EffectTerm
 from arm_model.sensing import recorded
 from arm_model.simulation import simulate
-from diagnosis.measurements.currents.chatter import chattering_gaps
+from diagnosis.measurements.currents import chatter
+from diagnosis.measurements.currents.chatter import Judged, chattering_gaps
 from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.residual.comparable_rows import comparable_rows
 from diagnosis.residual.gap import Teeth, through_gap
@@ -85,3 +88,21 @@ def test_teeth_that_chatter_are_a_gap(arm: Arm, half_gap: float) -> None:
         assert abs(size.value - half_gap) < 2 * size.std < 1.2 * half_gap
         # EXPLAINED of the squares; how much more depends on what sampling folds, which follows the demands
         assert cause.after < 0.5 * cause.before
+
+
+@pytest.mark.parametrize(
+    ("model", "blocks", "named"), [("two_link", 6, True), ("puma560", 6, False), ("puma560", 8, True)]
+)
+def test_chattering_teeth_are_no_chance_among_all_joints(
+    root: Path, monkeypatch: pytest.MonkeyPatch, model: str, blocks: int, named: bool
+) -> None:
+    """All of n blocks gain by a chance of 2^-n: six at any of two joints by 3 %, of six by 9 %; eight of six by 2 %."""
+    rows = 10 * blocks
+    ones, block = np.ones(rows), np.arange(rows, dtype=np.intp) // 10
+    same = Judged(before=2.0 * ones, after=ones, gain=ones, block=block, deviation=ones)
+    monkeypatch.setattr(chatter, "_judged", lambda *_: same)
+    monkeypatch.setattr(chatter, "residual_with", lambda run, terms: np.full((rows, 6), 2.0))
+    run: Any = SimpleNamespace(arm=armscope.read_model(root / f"config/models/{model}.toml"), whiten=lambda y: y)
+    causes = chattering_gaps(Split([run], [run]), [], {("backlash", j) for j in range(2, 7)})
+    assert [cause.key for cause in causes] == ([("backlash", 1)] if named else [])
+    assert all(1.0 - cause.confidence == pytest.approx(len(run.arm) * 2.0**-blocks, rel=1e-3) for cause in causes)

@@ -17,6 +17,9 @@ from diagnosis.closed_loop.friction import _Lanes, _predicted
 from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.measurements.currents.search import Selection
 from diagnosis.measurements.currents.shortage import shortage
+from diagnosis.measurements.link_encoders.columns import LinkCandidate
+from diagnosis.measurements.link_encoders.model import LIMITS as LINK_LIMITS
+from diagnosis.measurements.link_encoders.model import LinkEncoders
 from diagnosis.measurements.near_rest.laws import Law, in_sample, predicted
 from diagnosis.measurements.near_rest.passages import NearRest
 from diagnosis.measurements.single_axis.columns import Rows
@@ -103,3 +106,25 @@ def test_more_seconds_are_asked_for_only_if_every_block_agrees(gains: tuple[floa
     assert (found is not None) is short
     # 2^-5 of five blocks is below 0.05
     assert found is None or (found.effect, found.seconds) == (candidate.key, 3.0)
+
+
+def test_the_share_of_a_link_encoders_cause_is_of_both_parts_of_a_recording() -> None:
+    """In the first it takes squares of 4 to 1, in the second it leaves 16: 3 of 20 in each row, and not 3 of 16."""
+    rows, t = 400, np.arange(400) * 0.01
+    parts = [
+        SimpleNamespace(t=t, blocks=lambda seconds: (t // seconds).astype(np.intp), left=left)
+        for left in ((2.0, 1.0), (4.0, 4.0))
+    ]
+    noise = np.where(np.arange(rows) % 2, 1.0, -1.0)[:, None]
+    model: Any = SimpleNamespace(
+        rows=Split(*parts, True),
+        scale=np.ones(1),
+        limits=LINK_LIMITS,
+        affected=lambda candidate: [0],
+        counted=lambda chosen, judged: None,
+        # a part is judged by what it leaves, predicted from the other
+        residual=lambda chosen, learned, judged, counted: noise * judged.left[len(chosen)] * (learned is not judged),
+    )
+    found = LinkEncoders.score(model, LinkCandidate("joint_compliance", 1), [])
+    assert found.share == pytest.approx(3.0 / 20.0)
+    assert found.gain == pytest.approx(3.0 * rows)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -72,6 +73,16 @@ def test_an_axis_that_goes_further_than_told_is_turned_by_no_other(tmp_path: Pat
     """
     fit, held_out = (_recorded(tmp_path, seed, {}, overshoot=0.1) for seed in range(2))
     assert wrist_coupling([fit], [held_out]) == []
+
+
+@pytest.mark.parametrize("sways", [0.0, 0.02])
+def test_a_coupling_predicts_each_part_of_a_recording_from_the_other(tmp_path: Path, sways: float) -> None:
+    """Axis 6 also sways by itself in one part: what the other predicts there is less than nine tenths."""
+    first, second = (_recorded(tmp_path, seed, {(6, 4): 0.05}) for seed in range(2))
+    q = first.q.copy()
+    q[:, 5] += sways * np.sin(2 * np.pi * 1.7 * first.t)
+    found = wrist_coupling([replace(first, q=q)], [replace(second, path=first.path)])
+    assert [event.effect for event in found] == ([] if sways else ["wrist_coupling"])
 
 
 @pytest.mark.parametrize("only", [(5, 4), (6, 5)])
