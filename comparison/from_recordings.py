@@ -24,7 +24,7 @@ from comparison.quantities import friction_maps, values_quantities
 from comparison.regression import Fitted, Structure
 from comparison.separate_regressions import SeparateRegressions, regressions_of, separate_regressions
 from comparison.significance import changes
-from comparison.summary import summaries
+from comparison.summaries import summaries
 from daq.recording import Recording
 from daq.recording.shared_rows import overlaps
 from diagnosis.residual.run_setup import setup_of

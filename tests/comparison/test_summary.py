@@ -153,7 +153,7 @@ def test_a_torque_constant_that_the_joint_fit_finds_beside_a_ripple_is_summed_up
     arm: Arm, before: Recording, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Where the regressions of single recordings leave too much of the changes for one cause, as they are made to."""
-    monkeypatch.setattr("comparison.summary._current_scale", lambda *_: None)
+    monkeypatch.setattr("comparison.summaries._current_scale", lambda *_: None)
     rippled = record(tmp_path / "after.mcap", arm, 2, ripple=(1.5, 24.0, 0.7))
     result = compare_recordings([before], [scaled(rippled, 2, 1 / 0.75)], arm)
     (constant,) = result.summaries
