@@ -24,8 +24,8 @@ from diagnosis.outside_selection import (
     rows_lost_in_loop,
     transmission_in_place,
 )
+from diagnosis.per_recording.as_causes import cause_of
 from diagnosis.per_recording.search import per_recording
-from diagnosis.per_recording.values import cause_of
 from diagnosis.residual.expected_current import has_dynamics
 from diagnosis.residual.run import Run
 from diagnosis.screening.cleaned import Screened, with_rows_put_back

@@ -17,7 +17,7 @@ from arm_io.types import Array, Progress
 from arm_model import Arm, EffectTerm
 from arm_model.effects import CATALOGUE, Signals, Values, solved, units
 from diagnosis.cause import Cause, Estimate, Signal, extend
-from diagnosis.measurements.link_encoders.columns import Rows
+from diagnosis.measurements.link_encoders.rows import Rows
 from diagnosis.other_instruments import OtherInstruments
 from diagnosis.residual.other_effects import block_numbers, weighted_with
 from diagnosis.residual.run import Run

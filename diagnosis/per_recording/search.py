@@ -21,13 +21,8 @@ from diagnosis.measurements.currents.columns import columns
 from diagnosis.measurements.currents.possible import exists
 from diagnosis.measurements.currents.search import Selection
 from diagnosis.measurements.currents.state import State
-from diagnosis.per_recording.values import (
-    ValuesPerRecording,
-    contradicted,
-    noise_alone,
-    promising,
-    values_per_recording,
-)
+from diagnosis.per_recording.candidates import contradicted, noise_alone, promising
+from diagnosis.per_recording.values import ValuesPerRecording, values_per_recording
 from diagnosis.residual.other_effects import with_own
 from diagnosis.residual.run import Run, with_free
 from diagnosis.selection.candidate import Candidate

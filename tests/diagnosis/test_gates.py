@@ -16,7 +16,7 @@ from diagnosis.measurements.currents.limits import LIMITS, matters
 from diagnosis.measurements.currents.model import Currents
 from diagnosis.measurements.currents.search import refitted_without, search
 from diagnosis.measurements.currents.state import State
-from diagnosis.per_recording.values import contradicted, noise_alone
+from diagnosis.per_recording.candidates import contradicted, noise_alone
 from diagnosis.residual.setpoint_ripple import unseen_directions
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.contradiction import CHANCE

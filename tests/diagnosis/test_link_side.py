@@ -24,8 +24,8 @@ from daq.recording.tables.table import write_table
 from diagnosis.cause import Cause
 from diagnosis.diagnose import diagnose, screen
 from diagnosis.isolated_by_currents import isolated_by_currents
+from diagnosis.measurements.link_encoders.candidates import LOWEST_ORDER
 from diagnosis.measurements.link_encoders.causes import LinkSide, link_side
-from diagnosis.measurements.link_encoders.columns import LOWEST_ORDER
 from diagnosis.measurements.link_encoders.model import link_encoders
 from diagnosis.other_instruments import measure
 from diagnosis.screening.time_split import split

@@ -17,14 +17,14 @@ from diagnosis.closed_loop.friction import _Lanes, _predicted
 from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.measurements.currents.search import Selection
 from diagnosis.measurements.currents.shortage import shortage
-from diagnosis.measurements.link_encoders.columns import LinkCandidate
+from diagnosis.measurements.link_encoders.candidates import LinkCandidate
 from diagnosis.measurements.link_encoders.model import LIMITS as LINK_LIMITS
 from diagnosis.measurements.link_encoders.model import LinkEncoders
 from diagnosis.measurements.near_rest.laws import Law, in_sample, predicted
 from diagnosis.measurements.near_rest.passages import NearRest
 from diagnosis.measurements.single_axis.columns import Rows
 from diagnosis.measurements.single_axis.model import SingleAxis
-from diagnosis.per_recording.values import _predicted_gains
+from diagnosis.per_recording.single_recordings import predicted_gains
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Dataset
 from identification.selection import Score, Split
@@ -36,9 +36,9 @@ ROWS = 600
 def test_columns_that_follow_noise_gain_nothing_in_other_blocks() -> None:
     rng, block = np.random.default_rng(0), np.arange(ROWS) // 50
     x, noise = rng.normal(size=(ROWS, 20)), rng.normal(size=ROWS)
-    assert _predicted_gains(x, noise, noise, block).sum() < 0.0
+    assert predicted_gains(x, noise, noise, block).sum() < 0.0
     there = noise + x[:, 0]
-    assert _predicted_gains(x, there, there, block).sum() > 0.5 * ROWS
+    assert predicted_gains(x, there, there, block).sum() > 0.5 * ROWS
 
 
 def test_of_many_trials_the_one_that_follows_the_noise_of_a_recording_does_not_predict_it() -> None:

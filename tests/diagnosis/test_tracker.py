@@ -19,8 +19,9 @@ from arm_model.model_file import read_model
 from arm_model.rigid_body.kinematics import roll_pitch_yaw
 from daq.recording import Recording
 from diagnosis.cause import Cause, Estimate
+from diagnosis.measurements.tracker.candidates import candidates
 from diagnosis.measurements.tracker.causes import Tracked, _start, tracked_causes
-from diagnosis.measurements.tracker.columns import Survey, candidates
+from diagnosis.measurements.tracker.joint_fit import Survey
 from diagnosis.other_instruments import OtherInstruments, tracked_beside
 from identification.kinematics.models import chain_of, position
 from identification.selection import Split

@@ -14,7 +14,7 @@ import pytest
 import armscope
 from arm_model.rigid_body import drive_mass_matrix, drive_rigid_torque
 from arm_model.system import inverse_dynamics
-from diagnosis.measurements.link_encoders.columns import behind
+from diagnosis.measurements.link_encoders.rows import behind
 from diagnosis.measurements.tracker.causes import tracked_causes
 from tests.foreign.palletiser import HEALTHY, Palletiser, model, motion, recorded
 

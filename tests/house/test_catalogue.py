@@ -36,7 +36,7 @@ DETECTORS = {
     "diagnosis/screening/lost_rows/missing_rows.py": "rows that all counters lost, by jumps of all moving angles",
     "diagnosis/measurements/demands/wrist_coupling.py": "motor angles that depart from the setpoints of their own axes",
     "diagnosis/measurements/link_encoders/zero_offsets.py": "the constant between two encoders, which is always free",
-    "diagnosis/measurements/tracker/columns.py": "values of the kinematic chain, which are fitted and not added",
+    "diagnosis/measurements/tracker/candidates.py": "values of the kinematic chain, which are fitted and not added",
     "diagnosis/measurements/tracker/model.py": "geometric errors of a link, which merge and come apart",
     "diagnosis/measurements/tracker/causes.py": "geometric errors that shrink to a zero; points off by far, which "
     "are counted",

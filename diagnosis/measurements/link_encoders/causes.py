@@ -15,11 +15,12 @@ from arm_model import Arm
 from arm_model.effects import CATALOGUE, Instrument
 from daq.recording import Recording
 from diagnosis.cause import Cause, EffectKey, Estimate, Signal, Structure, confidence_of
-from diagnosis.measurements.link_encoders.columns import LinkCandidate, Rows, orders
+from diagnosis.measurements.link_encoders.candidates import LinkCandidate, orders
 from diagnosis.measurements.link_encoders.delay import delay_sentence
 from diagnosis.measurements.link_encoders.estimates import lag_of, parameters_of
 from diagnosis.measurements.link_encoders.model import LIMITS, Chosen, LinkEncoders, link_encoders
 from diagnosis.measurements.link_encoders.per_recording import contradicted
+from diagnosis.measurements.link_encoders.rows import Rows
 from diagnosis.measurements.link_encoders.unexplained import remarks, unexplained_structure
 from diagnosis.measurements.link_encoders.zero_offsets import zero_offsets
 from diagnosis.selection.beyond_model import in_deviations

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from arm_io.types import Array
-from diagnosis.measurements.link_encoders.columns import late
+from diagnosis.measurements.link_encoders.candidates import late
 from diagnosis.measurements.link_encoders.model import Chosen, LinkEncoders
 
 

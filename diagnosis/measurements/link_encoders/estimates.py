@@ -8,7 +8,7 @@ from scipy.linalg import block_diag
 from arm_io.types import Array
 from arm_model import Arm
 from diagnosis.cause import Estimate
-from diagnosis.measurements.link_encoders.columns import LinkCandidate, turns
+from diagnosis.measurements.link_encoders.candidates import LinkCandidate, turns
 from diagnosis.measurements.link_encoders.delay import delays_by_joint
 from diagnosis.measurements.link_encoders.model import LIMITS, Chosen, LinkEncoders
 from diagnosis.measurements.link_encoders.model_errors import directions

@@ -16,17 +16,10 @@ from arm_io.types import Array
 from arm_model import Arm
 from daq.recording import Recording
 from diagnosis.cause import EffectKey
-from diagnosis.measurements.link_encoders.columns import (
-    LOWEST_ORDER,
-    LinkCandidate,
-    Rows,
-    candidates,
-    columns,
-    joints_with_both,
-    rows_of,
-    standing_waves,
-)
+from diagnosis.measurements.link_encoders.candidates import LOWEST_ORDER, LinkCandidate, candidates, standing_waves
+from diagnosis.measurements.link_encoders.columns import columns
 from diagnosis.measurements.link_encoders.model_errors import directions
+from diagnosis.measurements.link_encoders.rows import Rows, joints_with_both, rows_of
 from diagnosis.selection.beyond_model import BEYOND_MODEL, Evidence
 from diagnosis.selection.candidate_model import CandidateModel
 from identification.selection import BLOCK_SECONDS, Limits, Score, Split, p_value, scaled

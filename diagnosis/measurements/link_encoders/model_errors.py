@@ -11,7 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from arm_io.types import Array
-from diagnosis.measurements.link_encoders.columns import LinkCandidate, Rows
+from diagnosis.measurements.link_encoders.candidates import LinkCandidate
+from diagnosis.measurements.link_encoders.rows import Rows
 
 
 def directions(chosen: Sequence[LinkCandidate], coefficients: Array, rows: Rows) -> Array:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from diagnosis.measurements.link_encoders.columns import LinkCandidate
+from diagnosis.measurements.link_encoders.candidates import LinkCandidate
 from diagnosis.measurements.link_encoders.model import Chosen, LinkEncoders
 from diagnosis.selection.contradiction import CHANCE, SAME, SingleEstimate, chance_of
 from identification.selection import BLOCK_SECONDS

@@ -11,7 +11,7 @@ from arm_model import Arm
 from diagnosis.binned_means import predicted_by_bins
 from diagnosis.cause import Signal, Structure
 from diagnosis.cause.structure import NO_VARIABLE
-from diagnosis.measurements.link_encoders.columns import standing_orders, turns
+from diagnosis.measurements.link_encoders.candidates import standing_orders, turns
 from diagnosis.measurements.link_encoders.model import LIMITS, Chosen, LinkEncoders
 
 BINS = 16

@@ -21,8 +21,9 @@ from arm_model.effects.tracking import LINK_GEOMETRY, TRACKER_OUTLIERS
 from daq.recording import Recording
 from diagnosis.cause import Cause, Estimate, Signal, Structure, Undetectable, confidence_of
 from diagnosis.cause.evidence import MAX_CONFIDENCE
-from diagnosis.measurements.tracker.columns import State, Survey, TrackedCandidate, zero_scales
+from diagnosis.measurements.tracker.candidates import TrackedCandidate
 from diagnosis.measurements.tracker.detectability import no_tracker, sizes, structure, undetectable_by_tracker, visible
+from diagnosis.measurements.tracker.joint_fit import State, Survey, zero_scales
 from diagnosis.measurements.tracker.model import LIMITS, Accepted, TrackedPoints, selected, tracked_points
 from diagnosis.measurements.tracker.points import Outliers, Side, points_of, side_of
 from diagnosis.measurements.tracker.regression import energy, good, point_residual, residual_without_zeros

@@ -12,7 +12,8 @@ from arm_model.effects import CATALOGUE, Instrument, observed_by
 from diagnosis.binned_means import predicted_by_bins
 from diagnosis.cause import EffectKey, Signal, Structure, Undetectable
 from diagnosis.cause.structure import NO_VARIABLE
-from diagnosis.measurements.tracker.columns import State, TrackedCandidate
+from diagnosis.measurements.tracker.candidates import TrackedCandidate
+from diagnosis.measurements.tracker.joint_fit import State
 from diagnosis.measurements.tracker.model import LIMITS
 from diagnosis.measurements.tracker.over_time import over_time
 from diagnosis.measurements.tracker.points import Side

@@ -17,17 +17,8 @@ import numpy as np
 from arm_io.types import Array
 from arm_model import Arm
 from arm_model.effects.tracking import LINK_GEOMETRY
-from diagnosis.measurements.tracker.columns import (
-    GEOMETRY,
-    State,
-    Survey,
-    TrackedCandidate,
-    at_motors,
-    candidates,
-    fitted,
-    is_of_encoder,
-    is_physical,
-)
+from diagnosis.measurements.tracker.candidates import GEOMETRY, TrackedCandidate, candidates, is_of_encoder, is_physical
+from diagnosis.measurements.tracker.joint_fit import State, Survey, at_motors, fitted
 from diagnosis.measurements.tracker.points import Side
 from diagnosis.measurements.tracker.regression import by_block, columns_of, energy, linear, point_residual, squares
 from identification.kinematics.estimation import stacked

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_io.types import Array
-from diagnosis.measurements.tracker.columns import State, TrackedCandidate, points_of, turns, zero_scales
+from diagnosis.measurements.tracker.candidates import TrackedCandidate, turns
+from diagnosis.measurements.tracker.joint_fit import State, points_of, zero_scales
 from diagnosis.measurements.tracker.points import Side
 from identification.kinematics.estimation import REJECT, residuals
 from identification.kinematics.models import position_jacobian
