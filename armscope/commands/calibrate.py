@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -17,19 +16,10 @@ from armscope.commands.options import Pdf, Png, pictures
 from armscope.progress import shown
 
 if TYPE_CHECKING:
-    from arm_io.types import Array
-    from arm_model import Arm
     from armscope.api.calibration import Calibration, Point
-    from experiment import Experiment
-    from identification.kinematics.estimation import Calibration as Estimate
-    from identification.kinematics.use import PosePlan
-
 
 MANY = ("--held-out", "--tracker")
 """Options that take several values."""
-POSES = "poses.toml"
-
-
 Model = Annotated[
     Path,
     typer.Option(metavar="MODEL.toml", help="nominal arm; joints placed as in URDF are converted to D-H parameters"),
@@ -108,6 +98,7 @@ def command(
     as_json: Annotated[bool, typer.Option("--json", help="print kinematics.json and nothing else")] = False,
 ) -> None:
     from armscope.api.calibration import Tracker, calibrate, in_last_link, nominal_arm
+    from identification.kinematics.use import POSES, cubes_of, experiment_of, select_poses, write_cubes, write_poses
 
     check_folder(out)
     arm, last_link = nominal_arm(model)
@@ -128,16 +119,17 @@ def command(
         place = None if poses is None else in_last_link(last_link, places.get("") or _target_of(calibration))
         # all that may be refused comes before the first file
         noise = 1e-4 if calibration is None else float(calibration.to_json()["noise"])
-        plan = None if poses is None or place is None else _planned(arm, place, poses, noise, memory)
-        cubes = _cubes(arm, None if calibration is None else calibration.details) if cube else []
+        plan = None if poses is None or place is None else select_poses(arm, place, poses, noise=noise)
+        experiment = None if plan is None else experiment_of(arm, plan, rows=memory)
+        cubes = cubes_of(arm, None if calibration is None else calibration.details) if cube else []
         # a plan stays beside the calibration that is made of its recording, an earlier calibration's targets do not
         results = "calibration" if run else "cube" if poses is None else "poses"
         with whole_folder(out, results) as there:
             written = {} if calibration is None else calibration.write_into(there, pictures=pictures(png, pdf))
-            if plan is not None:
-                written["poses"] = _write_poses(there, arm, *plan, noise) | {"file": str(out / POSES)}
+            if plan is not None and experiment is not None:
+                written["poses"] = write_poses(there, arm, plan, experiment, noise) | {"file": str(out / POSES)}
             if cube:
-                written["cube"] = _write_cubes(there, out, cubes)
+                written["cube"] = write_cubes(there, out, cubes)
     if as_json:
         print(json_text(written, indent=1))
     else:
@@ -187,7 +179,7 @@ def _say(out: Path, calibration: Calibration | None, written: dict[str, Any], po
         print(wrapped(summary(written)))
         for line in written["warnings"] + [str(shift) for shift in calibration.details.shifts]:
             print(f"note: {line}", file=sys.stderr)
-    names += [POSES] if poses else []
+    names += [Path(written["poses"]["file"]).name] if poses else []
     names += sorted(path.name for path in out.glob("iso_cube*.toml")) if cube else []
     print("\n".join(str(out / name) for name in names))
 
@@ -199,99 +191,3 @@ def _target_of(calibration: Calibration | None) -> tuple[float, float, float]:
             "--target", "is missing: position of the tracker's target in the frame of the last link, X,Y,Z in m"
         )
     return place
-
-
-def _planned(arm: Arm, target: Point, count: int, noise: float, memory: int | None) -> tuple[PosePlan, Experiment]:
-    from identification.kinematics.use import experiment_of, select_poses
-
-    plan = select_poses(arm, target, count, noise=noise)
-    return plan, experiment_of(arm, plan, rows=memory)
-
-
-def _write_poses(there: Path, arm: Arm, plan: PosePlan, experiment: Experiment, noise: float) -> dict[str, Any]:
-    from experiment import demand_of, write_experiment
-
-    enough = (
-        f"{plan.enough} of them are enough for the tracker's noise"
-        if plan.enough
-        else "more poses would reduce the error further"
-    )
-    heading = (
-        f"{len(plan.q)} D-optimal poses for {arm.name}: {plan.identifiable} parameters identifiable; {enough}.\n"
-        f"Expected model error {1e3 * plan.error[-1]:.4f} mm rms per coordinate, {1e3 * plan.random:.4f} mm with "
-        f"random poses, for a tracker noise of {1e3 * noise:.4f} mm.\nSupervise the first run: only collisions with "
-        "the floor and the arm's column are avoided."
-    )
-    write_experiment(there / POSES, experiment, heading=heading)
-    return {
-        "q": plan.q.tolist(),
-        "duration": demand_of(experiment).duration,
-        "rate": experiment.rate,
-        "noise": noise,
-        "identifiable": plan.identifiable,
-        "observability": vars(plan.observability),
-        "error": plan.error.tolist(),
-        "enough": plan.enough,
-        "random": plan.random,
-    }
-
-
-@dataclass(frozen=True)
-class _Cube:
-    """One ISO 9283 cube as an experiment, with its file's name and heading."""
-
-    name: str
-    heading: str
-    points: Array
-    targets: Array
-    experiment: Experiment
-
-
-def _cubes(arm: Arm, calibration: Estimate | None) -> list[_Cube]:
-    """The cube of the nominal arm and, of a calibrated one, with corrected targets; InputError: beyond reach."""
-    from arm_model.rigid_body import forward
-    from identification.kinematics.data import gravity_of
-    from identification.kinematics.models import calibrated_arm
-    from identification.kinematics.use import SIDE, Corrected, cube_experiment, cube_points, cube_targets, posture_of
-
-    posture = posture_of(arm)
-    centre = forward(arm, arm.link_angles(posture))[:3, 3]
-    points, targets = cube_points(centre), cube_targets(arm, centre, SIDE, posture)
-    heading = "ISO 9283 cube, planned with the nominal model"
-    cubes = [_Cube("iso_cube.toml", heading, points, targets, cube_experiment(targets))]
-    if calibration is not None:
-        model = Corrected(
-            replace(
-                calibrated_arm(arm, calibration.chain, frame_known=calibration.frame_known),
-                coupling=tuple(entry for entry, _ in calibration.couplings),
-            ),
-            calibration.extensions,
-            tuple(calibration.fit.extension),
-            gravity_of(arm),
-        )
-        heading = (
-            "ISO 9283 cube, targets corrected so that the calibrated arm reaches the points planned with the nominal "
-            "model"
-        )
-        targets = cube_targets(arm, centre, SIDE, posture, model)
-        cubes.append(_Cube("iso_cube_corrected.toml", heading, points, targets, cube_experiment(targets)))
-    return cubes
-
-
-def _write_cubes(there: Path, out: Path, cubes: list[_Cube]) -> dict[str, Any]:
-    """Writes into ``there``, a temporary folder whose files are moved to ``out``."""
-    from experiment import write_experiment
-    from identification.kinematics.use import SIDE
-
-    for one in cubes:
-        write_experiment(there / one.name, one.experiment, heading=one.heading)
-    nominal, *corrected = cubes
-    written: dict[str, Any] = {
-        "file": str(out / nominal.name),
-        "side": SIDE,
-        "points": nominal.points.tolist(),
-        "targets": nominal.targets.tolist(),
-    }
-    for one in corrected:
-        written |= {"corrected_file": str(out / one.name), "corrected_targets": one.targets.tolist()}
-    return written

@@ -134,7 +134,7 @@ def test_a_rival_whose_columns_are_others_is_in_no_ambiguity_group(arm: Arm) -> 
 
 
 def test_contradictions_are_counted_over_all_chosen_causes(arm: Arm, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("diagnosis.per_recording.values.chance_of", lambda seen, place: 0.8 * CHANCE)
+    monkeypatch.setattr("diagnosis.per_recording.candidates.chance_of", lambda seen, place: 0.8 * CHANCE)
     both = Candidate("viscous_friction", 1), Candidate("viscous_friction", 2)
     assert contradicted(_chosen(arm, both[:1], Day(), Day())) is both[0]
     assert contradicted(_chosen(arm, both, Day(), Day())) is None

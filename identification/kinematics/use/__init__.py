@@ -5,32 +5,21 @@ from typing import TYPE_CHECKING
 from arm_io import lazy
 
 if TYPE_CHECKING:
-    from identification.kinematics.use.correction import Corrected
-    from identification.kinematics.use.iso_cube import (
-        NAME,
-        SIDE,
-        cube_experiment,
-        cube_points,
-        cube_report,
-        cube_targets,
-        posture_of,
-    )
-    from identification.kinematics.use.poses import PosePlan, experiment_of, select_poses
+    from identification.kinematics.use.iso_cube import NAME, cube_report
+    from identification.kinematics.use.pose_files import POSES, cubes_of, write_cubes, write_poses
+    from identification.kinematics.use.poses import experiment_of, select_poses
     from identification.kinematics.use.prediction import predicted
 else:
     __getattr__ = lazy(__name__)
 
 __all__ = [
     "NAME",
-    "SIDE",
-    "Corrected",
-    "PosePlan",
-    "cube_experiment",
-    "cube_points",
+    "POSES",
     "cube_report",
-    "cube_targets",
+    "cubes_of",
     "experiment_of",
-    "posture_of",
     "predicted",
     "select_poses",
+    "write_cubes",
+    "write_poses",
 ]

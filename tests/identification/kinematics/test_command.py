@@ -110,7 +110,8 @@ def test_files_of_an_earlier_calibration_do_not_stay_beside_a_new_one(
     out = tmp_path / "out"
     assert calibrate(root, "--out", out, "--poses", "5", "--target", "0.05,0,0.1") == 0
     with monkeypatch.context() as patch:
-        patch.setattr("experiment.write_experiment", lambda *_, **__: (_ for _ in ()).throw(KeyboardInterrupt))
+        interrupted = "identification.kinematics.use.pose_files.write_experiment"
+        patch.setattr(interrupted, lambda *_, **__: (_ for _ in ()).throw(KeyboardInterrupt))
         assert calibrate(root, fitted, "--held-out", held, "--out", out, "--cube") == 130
     assert there() == {"poses.toml"}
     calibration = {"kinematics.json", "report.html", "model.toml", "model_kinematic_uncertainty.json"}
