@@ -65,6 +65,17 @@ def test_single_pair_is_the_difference_over_the_joint_deviation() -> None:
         assert one.p == pytest.approx(2 * stats.t.sf(abs(one.change) / 2**0.5, 120))
 
 
+@pytest.mark.parametrize(("shared", "significant"), [(0.0, True), (10.0, False)])
+def test_what_both_sides_may_have_wrong_alike_is_in_the_test_of_a_change(shared: float, significant: bool) -> None:
+    ones = np.ones(2)
+    sides = [
+        [Estimate(source="", values=np.array([shift, 0.0]), std=ones, raw=ones, freedom=60.0)] for shift in (0.0, 8.0)
+    ]
+    one, _ = changes(quantities(count=2), *sides, np.array([shared, 0.0]))
+    assert one.std == pytest.approx(np.hypot(2**0.5, shared))
+    assert one.significant is significant
+
+
 def test_a_recording_that_says_nothing_is_left_out() -> None:
     rng = np.random.default_rng(2)
     before, after = side(rng, 2, 1.0, np.zeros(3)), side(rng, 2, 1.0, np.zeros(3))

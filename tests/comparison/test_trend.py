@@ -21,6 +21,7 @@ from comparison.trend import Limit
 from comparison.trend.forecast import reach
 from comparison.trend.history import History
 from comparison.trend.movement import movement_of
+from comparison.trend.onsets import _prior
 from comparison.trend.selection import Moved, select
 from comparison.trend.text import level
 from tests.arm_archive.lab import diagnosis, identification
@@ -53,6 +54,15 @@ def histories(seed: int, results: int, night: float = 0.0, shift: Shift | None =
             History(quantity=quantity, days=days, values=values, std=std, raw=std, freedom=freedom, sources=sources)
         )
     return found
+
+
+def test_a_drift_began_before_the_first_result_as_likely_as_after_it() -> None:
+    """Without the data: all onsets before it are one straight line, each day after it is an onset of its own."""
+    days = np.linspace(0.0, 90.0, 7)
+    for tried in (31, 181):
+        begins = np.linspace(0.0, 90.0, tried)
+        likely = _prior(days, begins, begins[1])
+        assert likely[0] == pytest.approx(likely[1:].sum()) and np.ptp(likely[1:]) == 0.0
 
 
 @pytest.mark.parametrize(("results", "night"), [(3, 0.0), (8, 0.0), (30, 0.0), (8, 2.0), (30, 2.0)])

@@ -11,6 +11,7 @@ import pytest
 
 import armscope
 from arm_model import read_model
+from identification.ripples.fit import Fitted, Wave
 from tests.diagnosis.numpy_arm import GEAR, NumpyArm, humped, model, straight
 
 FRICTION = ((straight(9.0, 8.0),) * 2, (humped,) * 2)
@@ -142,3 +143,24 @@ def test_healthy_arms_have_none(tmp_path: Path) -> None:
         result = armscope.identify(fit, _start(), held_out=held_out)
         named += sum(one["stays"] for one in result.extra["ripples"])
     assert named == 0
+
+
+@pytest.mark.parametrize("middle", [-1.1, 0.0, 0.7])
+def test_torque_and_phase_are_those_of_the_wave_at_angle_zero_and_as_uncertain(middle: float) -> None:
+    """The wave a cos(O (q - q0)) + b sin(O (q - q0)) by its value and slope at q = 0."""
+    ratio, wave = 5.0, np.array([0.3, -0.2, 7.0])
+
+    def at_zero(values: np.ndarray) -> np.ndarray:
+        a, b, order = values
+        value = a * np.cos(order * middle) - b * np.sin(order * middle)
+        slope = a * np.sin(order * middle) + b * np.cos(order * middle)
+        return np.array([np.hypot(value, slope), order / ratio, np.arctan2(value, slope)])
+
+    root = np.random.default_rng(0).normal(size=(3, 3)) * 1e-3
+    covariance = root @ root.T
+    fitted = Fitted((Wave(wave[2]),), wave[None, :2], middle, covariance, (np.zeros(0), np.zeros(0)))
+    values, found = fitted.parameters(0, ratio)
+    np.testing.assert_allclose(values, at_zero(wave), atol=1e-12)
+    steps = 1e-6 * np.eye(3)
+    jacobian = np.column_stack([(at_zero(wave + step) - at_zero(wave - step)) / 2e-6 for step in steps])
+    np.testing.assert_allclose(found, jacobian @ covariance @ jacobian.T, rtol=1e-4, atol=1e-12)

@@ -13,7 +13,9 @@ import pytest
 from identification.kinematics.data.encoder_counts import between_counts, counts_of
 from identification.kinematics.data.recordings import gravity_of
 from identification.kinematics.estimation.calibration import Settings, calibrate
-from identification.kinematics.models.parameters import Target
+from identification.kinematics.estimation.run_zeros import expected
+from identification.kinematics.models.chain import position
+from identification.kinematics.models.parameters import Target, Trust, parameters_of
 from identification.kinematics.report.write import table_of
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -74,6 +76,19 @@ def test_counters_set_at_every_start_do_not_bend_the_arm(root: Path) -> None:
     held_out = table["position_rms"]["held_out"]["after"]
     assert 0.5 * table["floor"]["expected"] < held_out < 1.6 * table["floor"]["expected"]  # one draw of six zeros
     assert table["effects"] == []
+
+
+def test_the_error_by_the_zeros_of_a_run_is_that_of_drawn_zeros(root: Path) -> None:
+    """A zero is the sum of two errors, each even over a count: that of the preset, and of the place of the motor."""
+    chain = parameters_of(puma(root), [Target(TARGET)], frame_known=True, trust=Trust()).chain
+    generator = np.random.default_rng(5)
+    t, q = motion(puma(root), 2.0, generator)
+    count = COUNT * np.array([1.0, 0.5, 2.0, 0.0, 1.0, 1.0])
+    run = replace(run_of("run", t, q, position(chain, q), generator), count=count)
+    rows, off = q[::50], count * generator.uniform(-0.5, 0.5, (2, 400, 6)).sum(axis=0)
+    drawn = [position(chain, rows + zeros) - position(chain, rows) for zeros in off]
+    assert expected(chain, [run]) == pytest.approx(np.sqrt(np.mean(np.square(drawn))), rel=0.05)
+    assert expected(chain, [replace(run, count=None)]) == 0.0
 
 
 def test_a_rig_says_which_zeros_are_a_runs_own() -> None:
