@@ -101,6 +101,18 @@ def test_many_changed_points_of_a_curve_let_nothing_else_through() -> None:
     assert named(found).tolist() == [True] * 10 + [False] * 30
 
 
+def test_a_point_of_a_curve_is_no_surer_than_its_curve() -> None:
+    """Of two points one has p = 0.001: 0.002 among the two, and 0.08 among the curve and 39 other quantities."""
+    curve = [Quantity(name=f"p{k}", words="", unit="N m", kind="curve", joint=1, speed=0.1 * k) for k in range(2)]
+    shift = np.array([3.2905, 0.3, *[0.3] * 39]) * 2**0.5
+    ones = np.ones(41)
+    pair = [Estimate(source="", values=v, std=ones, raw=ones, freedom=1e6) for v in (0 * shift, shift)]
+    found = changes(curve + quantities(count=39), pair[:1], pair[1:])
+    assert found[0].p == pytest.approx(0.001, rel=0.01)
+    assert found[0].corrected == pytest.approx(40 * 0.002, rel=0.01)
+    assert not named(found).any()
+
+
 def test_moderation_recovers_the_common_scatter() -> None:
     rng = np.random.default_rng(3)
     freedom = np.full(400, 4.0)

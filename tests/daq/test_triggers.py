@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from daq.acquisition.join import nearest
 from daq.acquisition.trigger_index import SETTLE, Indexer
 
 
@@ -122,3 +123,14 @@ def test_rows_without_numbers_are_counted_and_their_gaps_found() -> None:
     index, _ = _run(indexer, (np.full(len(number), -1), host, tick), [13])
     assert np.array_equal(index, true)
     assert indexer.missed == {60, 61, 150}
+
+
+def test_a_value_counts_as_fresh_for_one_trigger_only() -> None:
+    """Values at 10 and 30 ms and triggers every 10 ms: each is that of its nearest trigger, and a repeat elsewhere."""
+    values, triggers = np.array([10, 30]), np.array([0, 10, 20, 30, 40])
+    place, fresh = nearest(values, triggers)
+    np.testing.assert_array_equal(values[place][[0, 1, 3, 4]], [10, 10, 30, 30])
+    np.testing.assert_array_equal(fresh, [False, True, False, True, False])
+    # in the next block, the value that has been served is none of its own
+    np.testing.assert_array_equal(nearest(values[1:], triggers[3:], served=29)[1], [True, False])
+    np.testing.assert_array_equal(nearest(values[1:], triggers[4:], served=30)[1], [False])
