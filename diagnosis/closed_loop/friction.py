@@ -14,27 +14,22 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from arm_io.parallel import in_parallel
 from arm_io.types import Array
 from arm_model import Arm, EffectTerm
 from arm_model.effects import CATALOGUE, Effect, friction_near_rest
-from arm_model.sensing import recorded
-from arm_model.simulation import simulate_batch
 from daq.recording import Recording
 from diagnosis.cause import Cause, EffectKey, Estimate, Signal, confidence_of
 from diagnosis.closed_loop.comparison import SMOOTHING
-from diagnosis.closed_loop.loop_errors import delay_between
+from diagnosis.closed_loop.lanes import Lanes, chosen_lanes, lanes_of, predicted_lanes, promising_lanes
 from diagnosis.measurements.near_rest.laws import RESOLVED, SOFTEST
-from diagnosis.residual.filters import COMPARE_BAND, TRANSIENT, kept_rows, low_pass, rate_kept, rate_of
+from diagnosis.residual.filters import COMPARE_BAND, low_pass, rate_of
 from diagnosis.residual.noise.channels import angle_noise
-from diagnosis.residual.run_setup import has_demand, set_up
+from diagnosis.residual.run_setup import has_demand
 from diagnosis.units import fall
-from identification.preprocessing import demand_of_run
 from identification.selection import Thresholds, p_value
 from identification.selection.cluster_covariance import cluster_covariance
 
@@ -117,107 +112,17 @@ def _mean(first: Estimate, second: Estimate) -> Estimate:
     return replace(first, value=value, std=max(1.0, deviations) / float(np.sqrt(weights.sum())))
 
 
-@dataclass(frozen=True)
-class _Lanes:
-    """Errors of the closed loops of some lanes at one joint.
-
-    values: of each parameter, (lanes,); angle rad and current A: (lanes, m) per recording; seconds: (m,) of each, which
-    second a row is in, from 0
-    """
-
-    values: dict[str, Array]
-    angle: list[Array]
-    current: list[Array]
-    seconds: list[NDArray[np.intp]]
-
-    def of(self, lane: int) -> Array:
-        """(m,) rad: angle errors of all recordings, one after the other, in one lane."""
-        return np.concatenate([part[lane] for part in self.angle])
-
-    @property
-    def best(self) -> int:
-        """The lane with the smallest angle error over all recordings."""
-        return int(np.argmin(sum(np.sum(part**2, axis=1) for part in self.angle)))
-
-
-def _lanes(arm: Arm, recordings: Sequence[Recording], joint: int, values: dict[str, Array]) -> _Lanes:
-    """Loops with ``values`` (lanes,) of parameters of the joint (``arm_model.parameters``)."""
-    angle, current = zip(*in_parallel(partial(_loops, arm, joint, values), recordings))
-    return _Lanes(values, list(angle), list(current), [_seconds(r, part) for r, part in zip(recordings, angle)])
-
-
-def _promising_lanes(
-    arm: Arm, recordings: Sequence[Recording], joint: int, values: dict[str, Array], before: Array
-) -> _Lanes | None:
-    """As ``_lanes`` for many lanes; None as soon as every lane leaves a larger error than is allowed.
-
-    before: (recordings,) squared angle errors that they must reduce. Recordings with most of it per row come first:
-    where nothing is wrong, one or two of them tell.
-    """
-    found, least = dict[int, tuple[Array, Array]](), 0.0
-    for k in sorted(range(len(recordings)), key=lambda k: -before[k] / len(recordings[k].t)):
-        found[k] = _loops(arm, joint, values, recordings[k])
-        least += float(np.sum(found[k][0] ** 2, axis=1).min())
-        if least > LIMITS.left * before.sum():
-            return None
-    angles, currents = ([found[k][signal] for k in range(len(recordings))] for signal in (0, 1))
-    return _Lanes(values, angles, currents, [_seconds(r, part) for r, part in zip(recordings, angles)])
-
-
-def _loops(arm: Arm, joint: int, values: dict[str, Array], recording: Recording) -> tuple[Array, Array]:
-    """(lanes, m) rad and A: errors of the closed loops of one recording."""
-    set_up_arm, j = set_up(arm, recording), joint - 1
-    lanes = {f"joint{joint}.{name}": of for name, of in values.items()}
-    demand = demand_of_run(recording, set_up_arm)
-    shown = recorded(set_up_arm, simulate_batch(set_up_arm, demand, recording.t - recording.t[0], parameters=lanes))
-    errors = [_errors(recording, j, q[:, j], i[:, j], rate_of(recording.t)) for q, i in zip(shown.q, shown.current)]
-    return np.stack([error for error, _ in errors]), np.stack([error for _, error in errors])
-
-
-def _seconds(recording: Recording, errors: Array) -> NDArray[np.intp]:
-    """(m,) the second, from 0, to which each row of the errors (lanes, m) belongs."""
-    return (np.arange(errors.shape[1]) // rate_kept(rate_of(recording.t))).astype(np.intp)
-
-
-def _errors(r: Recording, j: int, q: Array, i: Array, rate: float) -> tuple[Array, Array]:
-    """(m,) rad and A: measured minus simulated in the band of comparison, less what a late demand contributes to it.
-
-    An unstable loop counts as an error of the size of the signal itself.
-    """
-    if not (np.isfinite(q).all() and np.isfinite(i).all()):
-        q, i = (np.full_like(one[:, j], one[:, j].mean()) for one in (r.q, r.i))
-    speed, rise, end = np.gradient(q, r.dt), np.gradient(i, r.dt), round(TRANSIENT * rate_kept(rate))
-    delay = delay_between((r.q[:, j] - q)[:, None], speed[:, None])
-    angle, current = (
-        low_pass(measured[:, j] - simulated + delay * slope, COMPARE_BAND, rate)[kept_rows(rate)][end:-end]
-        for measured, simulated, slope in ((r.q, q, speed), (r.i, i, rise))
-    )
-    return angle, current
-
-
-def _predicted(lanes: _Lanes) -> tuple[list[Array], list[Array]]:
-    """Errors of angle and current of each recording in the lane that fits the angles of all other recordings best."""
-    energy = np.array([np.sum(part**2, axis=1) for part in lanes.angle])
-    return _in(lanes, [int(np.argmin(energy.sum(axis=0) - of_recording)) for of_recording in energy])
-
-
-def _in(lanes: _Lanes, chosen: Sequence[int]) -> tuple[list[Array], list[Array]]:
-    """Errors of angle and current of each recording in the lane that is ``chosen`` for it."""
-    angle, current = ([part[lane] for part, lane in zip(parts, chosen)] for parts in (lanes.angle, lanes.current))
-    return angle, current
-
-
 def _judged(arm: Arm, recordings: Sequence[Recording], joint: int, effect: Effect, tests: int) -> Cause | None:
     drive = arm.joints[joint - 1]
-    smoothed = _lanes(arm, recordings, joint, {"sign_velocity": drive.sign_velocity * SMOOTHING})
-    turned = _in(smoothed, [smoothed.best] * len(recordings))
+    smoothed = lanes_of(arm, recordings, joint, {"sign_velocity": drive.sign_velocity * SMOOTHING})
+    turned = chosen_lanes(smoothed, [smoothed.best] * len(recordings))
     energy = np.array([part @ part for part in turned[0]])
-    tried = _promising_lanes(
-        _with(arm, effect, joint), recordings, joint, _grid(recordings, arm, joint, effect), energy
+    tried = promising_lanes(
+        _with(arm, effect, joint), recordings, joint, _grid(recordings, arm, joint, effect), energy, LIMITS.left
     )
     if tried is None:
         return None
-    held = _predicted(tried)
+    held = predicted_lanes(tried)
     before, after = ([float(sum(part @ part for part in signal)) for signal in side] for side in (turned, held))
     chance = tests * p_value(_gains(turned[0], held[0], tried.seconds))
     if after[0] > LIMITS.left * before[0] or after[1] > LIMITS.current * before[1] or chance > LIMITS.significant:
@@ -280,7 +185,7 @@ def _fastest(recordings: Sequence[Recording], joint: int) -> tuple[float, float]
     return max(speeds), max(pulls)
 
 
-def _estimates(arm: Arm, recordings: Sequence[Recording], joint: int, effect: Effect, tried: _Lanes) -> list[Estimate]:
+def _estimates(arm: Arm, recordings: Sequence[Recording], joint: int, effect: Effect, tried: Lanes) -> list[Estimate]:
     """Stiffness and damping with std, refined from the best lane; errors of different seconds are independent.
 
     The loop of the arm need not be that of the model: a servo that takes the speed of its demand half a tick earlier
@@ -295,7 +200,7 @@ def _estimates(arm: Arm, recordings: Sequence[Recording], joint: int, effect: Ef
     moved = STEP * max(drive.rest_friction) / np.array([fastest, hardest])
     for _ in range(STEPS):
         values = np.array([value, damping, inertia]) + np.vstack([np.zeros(3), np.diag([STEP * value, *moved])])
-        around = _lanes(_with(arm, effect, joint), recordings, joint, dict(zip(names, values.T)))
+        around = lanes_of(_with(arm, effect, joint), recordings, joint, dict(zip(names, values.T)))
         slopes = np.stack([around.of(k) - around.of(0) for k in (1, 2, 3)], axis=1) / [STEP, *moved]
         step = -np.linalg.lstsq(slopes, around.of(0), rcond=None)[0]
         last = value, damping

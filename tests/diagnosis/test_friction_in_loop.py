@@ -165,7 +165,7 @@ def test_one_recording_refutes_what_no_lane_of_it_allows(tmp_path: Path, monkeyp
         simulated.append(len(next(iter(parameters.values()))))
         return simulate_batch(*args, parameters=parameters)
 
-    monkeypatch.setattr("diagnosis.closed_loop.friction.simulate_batch", counted)
+    monkeypatch.setattr("diagnosis.closed_loop.lanes.simulate_batch", counted)
     monkeypatch.setenv(CORES, "1")
     assert friction_in_loop(_axis(), _recordings(tmp_path, (0.0, 0.0, 0.0, False)), [1], ()) == []
     assert simulated == [8, 8, 8, 40]

@@ -16,8 +16,9 @@ from daq.recording.parts import Attachments
 from daq.recording.tables.table import write_table
 from diagnosis.cause import Cause, EncoderJump, Estimate
 from diagnosis.report.wording import values_of
+from diagnosis.screening.angle_jumps import JUMP_IN_STEPS, jumps_of
 from diagnosis.screening.cleaned import screened
-from diagnosis.screening.encoder_jumps import JUMP_IN_STEPS, jumps, jumps_of
+from diagnosis.screening.encoder_jumps import jumps
 from tests.diagnosis.test_setpoint_ripple import _sampled as sampled
 
 ARM = read_model(Path(__file__).resolve().parents[2] / "config" / "models" / "puma560.toml")

@@ -13,7 +13,7 @@ from arm_model import Arm
 from arm_model.tables import Uncertainty
 from daq.recording import Recording
 from diagnosis.another_day import known_in
-from diagnosis.closed_loop.friction import _Lanes, _predicted
+from diagnosis.closed_loop.lanes import Lanes, predicted_lanes
 from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.measurements.currents.search import Selection
 from diagnosis.measurements.currents.shortage import shortage
@@ -53,9 +53,9 @@ def test_of_many_trials_the_one_that_follows_the_noise_of_a_recording_does_not_p
 def test_a_closed_loop_is_chosen_by_the_errors_of_other_recordings() -> None:
     """Squared errors of one lane in two recordings are 0 and 5, of the other 4 and 2."""
     errors = [np.sqrt(np.array([[0.0], [4.0]])), np.sqrt(np.array([[5.0], [2.0]]))]
-    lanes = _Lanes({}, errors, errors, [])
+    lanes = Lanes({}, errors, errors, [])
     assert lanes.best == 0
-    first, second = _predicted(lanes)[0]
+    first, second = predicted_lanes(lanes)[0]
     assert (first @ first, second @ second) == pytest.approx((4.0, 5.0))
 
 

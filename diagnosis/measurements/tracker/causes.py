@@ -2,7 +2,7 @@
 
 The measured angles are the reference: where the target is not at the position of the model's kinematics, something
 between the encoders and the target is wrong. The tracker's frame and the target's position on the last link are those
-of the rig, uncertain by some tenths of a millimetre and of a milliradian (``columns.FRAME``, ``TARGET``, ``BOUND``);
+of the rig, uncertain by some tenths of a millimetre and of a milliradian (``joint_fit.FRAME``, ``TARGET``, ``BOUND``);
 larger deviations have another cause. A frame or a target that no rig states is free.
 """
 

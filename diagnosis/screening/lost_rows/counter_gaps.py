@@ -24,7 +24,7 @@ from diagnosis.cause import Estimate, LostRows
 from diagnosis.residual.comparable_rows import comparable_rows, rms_where
 from diagnosis.residual.noise.channels import resolution
 from diagnosis.residual.run import Run
-from diagnosis.screening.encoder_jumps import Jump, jumps_of, rows_near, turned_per_row
+from diagnosis.screening.angle_jumps import Jump, jumps_of, rows_near, turned_per_row
 from diagnosis.screening.event import Event, Gain
 from diagnosis.screening.lost_rows.counter_lag import lost_by_current, shifts_tried
 from diagnosis.screening.lost_rows.lag_path import PIECE

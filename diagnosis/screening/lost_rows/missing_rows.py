@@ -15,7 +15,7 @@ from arm_model.effects.sensing import DROPPED_TRIGGER
 from daq.recording import Recording
 from diagnosis.cause import Estimate, LostRows
 from diagnosis.residual.noise.channels import resolution
-from diagnosis.screening.encoder_jumps import Jump, jumps_of, turned_per_row
+from diagnosis.screening.angle_jumps import Jump, jumps_of, turned_per_row
 from diagnosis.screening.event import Event
 from diagnosis.screening.lost_rows.counter_gaps import CounterGap, rows_lost
 
