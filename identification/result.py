@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from arm_report.motion import Clip
-    from identification.regression.friction_band import FrictionBand
+    from identification.friction_band import FrictionBand
     from identification.report.data_frames import What
 
 # Times the expected rms: at constant speed the steps of an encoder make tones, which are no noise.

@@ -27,9 +27,10 @@ from daq.recording import Recording
 from identification.methods.solution import settled
 from identification.preprocessing.demands import demand_of_run
 from identification.preprocessing.signals import Motion, smooth_motion
-from identification.regression.conclusion import conclude, physical_values, with_values
+from identification.regression.conclusion import conclude
 from identification.regression.equations import Equations, described_rows, with_effects
 from identification.regression.least_squares import Fit, joint_noise, least_squares, weighted
+from identification.regression.physical_arm import physical_values, with_values
 from identification.regression.problem import Problem
 from identification.regression.uncertainty import fit_uncertainty
 from identification.regression.weak_directions import held_note, regularised_to_model

@@ -10,11 +10,11 @@ import numpy as np
 from arm_io.progress import Step
 from arm_io.types import Array, Progress
 from arm_model import Arm
-from identification.regression.conclusion import physical_values, with_values
 from identification.regression.equations import Equations, shown_rows
 from identification.regression.friction_shape import cross_validated_scale, smoothness
 from identification.regression.least_squares import Fit, Joints, Method, joint_noise, least_squares, regularised
 from identification.regression.model_parameters import model_values
+from identification.regression.physical_arm import physical_values, with_values
 from identification.regression.problem import Problem
 from identification.regression.uncertainty import FitUncertainty, fit_uncertainty
 from identification.regression.weak_directions import regularised_to_model

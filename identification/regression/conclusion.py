@@ -9,10 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from arm_io.types import Array
-from arm_model import Arm, with_parameters
-from arm_model.effects import driven
-from arm_model.friction_split import completed
-from arm_model.servo import fixed_gains
+from arm_model import Arm
 from daq.recording import Recording
 from identification.preprocessing import checks
 from identification.preprocessing.attenuation import attenuation_warnings
@@ -22,9 +19,9 @@ from identification.regression.effect_columns import is_effect, shown_torque
 from identification.regression.equations import Equations, shown_rows
 from identification.regression.identifiability import base_and_standard_values
 from identification.regression.least_squares import Fit, least_squares, relative_error
-from identification.regression.model_parameters import freed_rotors, lifted_masses, lifts, model_values
+from identification.regression.model_parameters import model_values
 from identification.regression.parameter_covariance import known_to
-from identification.regression.physical_consistency import consistent_parameters, friction_rows
+from identification.regression.physical_arm import physical_values, with_values
 from identification.regression.problem import Problem
 from identification.regression.uncertainty import FitUncertainty, fit_uncertainty
 from identification.result import Identification, Prediction
@@ -35,77 +32,8 @@ UNBIASED = ("iv", "didim")
 """Methods whose regressors have no noise of the encoders."""
 UNCONSTRAINED = "least squares alone, not physically consistent"
 """Name of the fit itself beside the arm that is written."""
-OF_WEIGHT = 0.1
-"""Of what a joint lifts: an offset of this share of its weight is as far from the model as a mass twice as large, and a
-rotor of this share is what the model has none of."""
 SPLIT = 0.7
 """Share of the time that is fitted where no recording is held out."""
-
-
-def physical_values(problem: Problem, fit: Fit, information: Array) -> Array:
-    """(p,) standard parameters of the physically consistent arm nearest to a fit.
-
-    ``information`` (b, b) is that by the noise of the rows (``FitUncertainty.of_rows``), so that the arm predicts them
-    nearly as the fit does. Systematic errors are in the deviations of the fit: no reason to predict the rows worse.
-
-    Of a joint that lifts, gravity's constant force is taken for mass and what else is accelerated for a rotor. Of
-    others, a rotor that the model has none of is what the fit has beyond the model's links: else a link would take it,
-    two times too heavy, which no motion shows but a tilt of the base would.
-    """
-    names = problem.base.names
-    grouping = problem.base.grouping[problem.excited]
-    near, scale = model_values(problem.arm, problem.friction), np.zeros(len(names))
-    beyond = fit.values - grouping @ near
-    lifted = lifted_masses(problem.arm)
-    for number in freed_rotors(problem.arm):
-        rotor = names.index(f"joint{number}.rotor_inertia")
-        shares = grouping[:, rotor]
-        if np.any(shares):
-            inertia = float(shares @ beyond / (shares @ shares))
-            near[rotor] = OF_WEIGHT * lifted[number - 1] if lifted[number - 1] else max(inertia, 0.0)
-    for j, mass in enumerate(lifted):
-        if mass and (offset := f"joint{j + 1}.offset") in names:
-            scale[names.index(offset)] = OF_WEIGHT * mass * float(np.linalg.norm(problem.arm.gravity))
-    return consistent_parameters(
-        grouping,
-        fit.values,
-        information,
-        near,
-        names,
-        friction=friction_rows(problem.arm, names, problem.top_speeds),
-        scale=scale,
-    )
-
-
-def with_values(problem: Problem, physical: Array) -> Arm:
-    """The arm with standard parameters ``physical`` (p,).
-
-    Where the model's Coulomb friction differs by direction, what symmetric friction calls an offset stays such a
-    difference: while a joint moves the two are one, but at rest an offset is a torque and a difference is none.
-    """
-    values = dict(zip(problem.base.names, map(float, physical)))
-    if problem.friction == "asymmetric":  # the two magnitudes include the offset
-        values |= {f"joint{j}.offset": 0.0 for j in range(1, len(problem.arm) + 1)}
-    # servo gains that follow from the model's inertia must stay as they are: the real servo did not change
-    even = with_parameters(fixed_gains(problem.arm), values)
-    even = replace(even, joints=tuple(map(completed, even.joints)))
-    if problem.friction == "asymmetric":
-        return even
-    now = dict(zip(problem.base.names, model_values(problem.arm, problem.friction)))
-    for j, joint in enumerate(problem.arm.joints):
-        if joint.coulomb[0] == joint.coulomb[1]:
-            continue
-        name = f"joint{j + 1}.coulomb"
-        difference, offset = joint.ratio * (joint.coulomb[0] - joint.coulomb[1]) / 2, joint.ratio * joint.offset
-        change = values[f"joint{j + 1}.offset"] - now[f"joint{j + 1}.offset"]
-        if lifts(problem.arm, j):
-            offset += change
-        else:
-            difference += change
-        sides = {f"{name}_positive": values[name] + difference, f"{name}_negative": values[name] - difference}
-        uneven = with_parameters(even, {**sides, f"joint{j + 1}.offset": offset})
-        even = even if j in driven(uneven, problem.top_speeds) else uneven
-    return even
 
 
 def warnings_of_fit(problem: Problem) -> list[str]:

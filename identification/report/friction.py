@@ -12,7 +12,7 @@ from arm_report.numbers import with_two_std
 from arm_report.palette import AFTER, BEFORE
 
 if TYPE_CHECKING:
-    from identification.regression.friction_band import FrictionBand
+    from identification.friction_band import FrictionBand
     from identification.result import Identification
 
 

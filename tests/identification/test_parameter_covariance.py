@@ -12,7 +12,7 @@ from arm_io.plain_data import check_plain
 from arm_model import Arm, FrictionCurve, Joint
 from arm_model.friction_split import split_arm
 from arm_model.rigid_body.regressor import regressor
-from identification.regression.friction_band import bands_of
+from identification.friction_band import bands_of
 from identification.regression.model_parameters import Friction, column_names, described_columns
 from identification.regression.parameter_covariance import _in_model, _shrunk, writable
 from identification.regression.uncertainty import FitUncertainty
