@@ -13,11 +13,11 @@ from arm_model import Arm, EffectTerm
 from diagnosis import find_causes
 from diagnosis.cause import Cause
 from diagnosis.current_diagnosis import CurrentDiagnosis
-from diagnosis.find_causes import Search
 from diagnosis.measurements.near_rest.friction import friction_causes
 from diagnosis.outside_selection import friction_in_place
 from diagnosis.residual.generation import residual_run
 from diagnosis.residual.run import Run
+from diagnosis.search import Search
 from identification.selection import Split
 from tests.diagnosis.one_axis import built_up, vertical_joint
 from tests.diagnosis.runs import group_of
@@ -106,12 +106,12 @@ def test_it_takes_their_place_where_it_leaves_no_more_with_fewer_causes(
 ) -> None:
     imitation = _searched(runs, *(group_of((term.name, 1)) for term in IMITATION))
     after = _searched(runs, *(group_of(("cogging", 2)) for _ in range(others)), held_out=left)
-    monkeypatch.setattr(find_causes, "_with_confirmed_triggers", lambda search: after)
+    monkeypatch.setattr(find_causes, "searched", lambda search: after)
     none = cast(Any, None)
     search = Search(
         model=none, given=(), excluded=frozenset(), recordings=none, screened=none, progress=lambda text: None
     )
-    simpler, currents = find_causes._with_friction_in_place(search, imitation)
-    assert currents is (after if taken else imitation)
-    assert [cause.key for cause in simpler.near_rest] == ([LAW] if taken else [])
-    assert (LAW in simpler.excluded) == taken
+    found = find_causes._friction_in_place(find_causes.Found(search, imitation, frozenset()))
+    assert found.currents is (after if taken else imitation)
+    assert [cause.key for cause in found.search.near_rest] == ([LAW] if taken else [])
+    assert (LAW in found.search.excluded) == taken
