@@ -12,6 +12,7 @@ from collections.abc import Sequence
 
 from armscope.exit_status import DEVICE_FAILED, DONE, INTERRUPTED, NOBODY_READS, UNUSABLE_INPUT
 from armscope.overview import answer
+from armscope.usage import COMMANDS
 
 BLAS_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 """What numpy's linear algebra reads once, when it is loaded."""
@@ -63,7 +64,9 @@ def run(arguments: list[str]) -> int:
     try:
         status: int = application().main(arguments, prog_name="armscope", standalone_mode=False)
     except TyperException as error:
-        path = getattr(getattr(error, "ctx", None), "command_path", "armscope")
+        # an option that lacks its value is refused before its command is known
+        named = f"armscope {arguments[0]}" if arguments[0] in COMMANDS else "armscope"
+        path = getattr(getattr(error, "ctx", None), "command_path", named)
         # "Value error, " is pydantic's prefix to the words of a validator
         what = error.format_message().rstrip(".").replace("Value error, ", "")
         return _refuse(f"{path.removeprefix('armscope ')}: {what}; see '{path} --help'")

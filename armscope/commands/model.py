@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from dataclasses import asdict, replace
+from math import isfinite
 from pathlib import Path
 from typing import Annotated
 
@@ -134,9 +135,9 @@ def _with_drives(arm: Arm, gears: Sequence[float] | None, torque_constants: Sequ
 
 
 def _of_joints(option: str, values: Sequence[float], count: int) -> Sequence[float]:
-    """One value per joint; InputError where they are neither one nor as many as joints, or one is zero."""
-    if 0.0 in values:
-        raise InputError(option, "must not be 0")
+    """One value per joint; InputError where they are neither one nor as many as joints, or one is 0 or not finite."""
+    if not all(value and isfinite(value) for value in values):
+        raise InputError(option, "must be finite numbers other than 0")
     if len(values) not in (1, count):
         raise InputError(option, f"has {len(values)} values; must be one for all, or {count}, one per joint")
     return values if len(values) == count else list(values) * count

@@ -45,6 +45,8 @@ def command(
     attached: Attached = False,
 ) -> None:
     checked = read_rig(rig, drivers=False)
+    if _needs_daemon(checked):
+        read_rig(rig)  # refuses here what its daemon would refuse
     note_gaps(checked.model_path, "picture", *(["collisions"] if checked.space else []))
     make_folder(recordings)
     page = Page(
@@ -72,10 +74,15 @@ def _ready(name: str, steer: str, watch: str, *, browser: bool, as_json: bool) -
         webbrowser.open(steer)
 
 
+def _needs_daemon(rig: Rig) -> bool:
+    """Whether the rig is of this machine and no daemon serves it."""
+    return holder_of(rig.name) is None and rig.zenoh.loopback
+
+
 @contextmanager
 def _daemon(path: Path, rig: Rig) -> Iterator[None]:
     """The daemon of the rig: the one that runs, or, for a rig of this machine, one for the time of the page."""
-    if holder_of(rig.name) is not None or not rig.zenoh.loopback:
+    if not _needs_daemon(rig):
         yield
         return
     process = start_attached(["daemon", "--rig", str(path)], stderr=subprocess.PIPE)

@@ -214,7 +214,8 @@ def test_gears_are_added_to_a_table_without_drives(tmp_path: Path, capsys: pytes
     ("file", "options", "said"),
     [
         ("examples/own_arm/arm.urdf", ["--gear", "1", "2", "3"], "--gear: has 3 values; must be one for all, or 2"),
-        ("examples/own_arm/arm.urdf", ["--torque-constant", "0"], "--torque-constant: must not be 0"),
+        ("examples/own_arm/arm.urdf", ["--torque-constant", "0"], "--torque-constant: must be finite numbers other"),
+        ("examples/own_arm/arm.urdf", ["--gear", "nan"], "--gear: must be finite numbers other"),
         (MODEL, ["--gear", "100"], "has drives of its own"),
     ],
 )

@@ -110,6 +110,19 @@ def test_what_is_no_file_to_read(reader: str, place: Path, root: Path, capsys: p
     assert sorted(place.iterdir()) == before
 
 
+def test_a_rig_that_no_daemon_opens_has_no_page(
+    place: Path, root: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    table = read_toml(root / "config/puma560_sim.toml")
+    table["device"][0]["driver"] = "drivers.nothing"
+    table.update(name="page without a driver", model=str(root / "config/models/puma560.toml"))
+    (place / "rig.toml").write_text(tomli_w.dumps(table))
+    before = sorted(place.iterdir())
+    monkeypatch.chdir(place)
+    refused("page", ["rig.toml", "--no-browser"], capsys)
+    assert sorted(place.iterdir()) == before
+
+
 WRITERS = {
     "record": ["--rig", "{rig}", "--experiment", "{experiment}", "--out", "{out}"],
     "recover": ["{place}/good.mcap", "--out", "{out}"],

@@ -52,6 +52,14 @@ def test_the_list_of_commands_is_one_text_and_fits(
     assert " ".join(alone.split()).count(" ".join(COMMANDS["diagnose"].split())) == 1
 
 
+@pytest.mark.parametrize("arguments", [["trend", "x", "--limit"], ["model", "--json=3", "x"]])
+def test_a_refused_option_is_named_with_its_command(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(arguments) == 2
+    said = capsys.readouterr().err
+    assert said.startswith(f"error: {arguments[0]}: Option '--")
+    assert said.endswith(f"; see 'armscope {arguments[0]} --help'\n")
+
+
 def test_a_command_imports_no_other(root: Path) -> None:
     _, modules = imported_by(root, "identify", "--help")
     commands = {name for name in modules if name.startswith("armscope.commands.")}
