@@ -209,13 +209,14 @@ def _weaknesses(name: str, entry: JointReadiness, motion: Motion, limit: float |
             f"{name}: the torque of joint {entry.joint} is {abs(lag) * 1e3:.1f} ms "
             f"{'behind' if lag > 0 else 'ahead of'} its acceleration; are all channels sampled at the same instant?"
         )
-    if entry.torque is not None and entry.torque > FAR_BEYOND:
+    if limit is not None and entry.torque is not None and entry.torque > LIMIT:
+        limit_of = f"torque limit of {limit:g} N m" if entry.unit == "rad" else f"force limit of {limit:g} N"
         sentences.append(
-            f"{name}: joint {entry.joint} has {entry.torque:.3g} times its torque limit of {limit:g}; are the "
-            "currents in A (not mA), and gear and torque_constant those of the drive?"
+            f"{name}: joint {entry.joint} has {entry.torque:.3g} times its {limit_of}; are the currents in A (not mA), "
+            "and gear and torque_constant those of the drive?"
+            if entry.torque > FAR_BEYOND
+            else f"{name}: joint {entry.joint} reaches its {limit_of}"
         )
-    elif entry.torque is not None and entry.torque > LIMIT:
-        sentences.append(f"{name}: joint {entry.joint} reaches its torque limit of {limit:g}")
     return sentences
 
 

@@ -135,6 +135,15 @@ def test_a_drive_of_one_joint_by_a_german_spreadsheet(tmp_path: Path) -> None:
     np.testing.assert_allclose(np.diff(recording.t), 1e-3)
 
 
+def test_goals_of_servos_are_demands(tmp_path: Path) -> None:
+    """What the loggers of hobby servos call the demanded position."""
+    table = tmp_path / "follower.csv"
+    names = "time;pan.pos_deg;lift.pos_deg;pan.goal_deg;lift.goal_deg;pan.current_mA;lift.current_mA"
+    table.write_text(names + "\n" + "".join(f"{k / 100};{k % 7};{k % 5};{k % 6};9;{k % 3};1\n" for k in range(50)))
+    recording = imported(table, "--guess")
+    np.testing.assert_allclose(np.degrees(recording.qref), [[k % 6, 9] for k in range(50)], atol=1e-9)
+
+
 def test_columns_that_are_left_out_are_named(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     table, saved = tmp_path / "log.csv", tmp_path / "map.toml"
     rows = "".join(f"{k / 100};{k % 7};{k % 5};OK;{k}\n" for k in range(50))

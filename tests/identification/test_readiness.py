@@ -94,6 +94,18 @@ def test_degrees_read_as_radians_are_asked_about(path: Path, arm: Arm) -> None:
     assert not any("degrees" in line for line in check_runs([recording], free).warnings)
 
 
+def test_a_limit_has_its_unit(path: Path, arm: Arm) -> None:
+    recording = open_recording(path)
+    limited = replace(arm, joints=tuple(replace(joint, torque_limit=1.0) for joint in arm.joints))
+    largest = max(entry.torque or 0.0 for entry in check_runs([recording], limited).runs[0].joints)
+    for limit, expected in (
+        (largest, "reaches its torque limit of {} N m"),
+        (1e-3, "times its torque limit of {} N m; "),
+    ):
+        limited = replace(arm, joints=tuple(replace(joint, torque_limit=limit) for joint in arm.joints))
+        assert expected.format(f"{limit:g}") in " ".join(check_runs([recording], limited).warnings)
+
+
 def test_rate_in_step_with_the_setpoints_is_told(path: Path, arm: Arm, root: Path) -> None:
     recording = open_recording(path)
     controller = three_links(read_model(root / "config/models/puma560.toml")).controller

@@ -48,12 +48,12 @@ _TIME = re.compile(
 )
 PLOTJUGGLER_TIME = "__time"
 _OF_TOPIC = re.compile(r"(?P<topic>/.+)/(?P<joint>[^/]+)/(?P<field>position|effort)")
-_DEMANDS = re.compile(r"demand|command|desired|reference|target|setpoint", re.IGNORECASE)
+_DEMANDS = re.compile(r"demand|command|desired|reference|target|setpoint|goal", re.IGNORECASE)
 POSITION = "q|pos|positions?|angles?|joint|winkel"
 _MEASURED = "([ _.]*(meas(ured)?|act(ual)?|feedback|fbk?))?"
 _JOINT = "joint|axis|achse|gelenk"
 _WORDS = {
-    "qref": rf"(({POSITION})?[ _.]*(ref|reference|demand|demanded|target|setpoint|desired|des|cmd|command)[ _.]*"
+    "qref": rf"(({POSITION})?[ _.]*(ref|reference|demand|demanded|target|goal|setpoint|desired|des|cmd|command)[ _.]*"
     rf"({POSITION})?|q_d|soll[ _.-]*(wert|position|winkel)?)",
     "ql": r"(link|load|output)[ _.]*(side)?[ _.]*(q|pos|position|angle|encoder)",
     "i": r"(i|joint[ _.]*(currents?|torques?|efforts?)|cur|curr|currents?|motor[ _.]*currents?|actual[ _.]*current"
