@@ -1,11 +1,15 @@
-"""Estimates as text: no more digits than their standard deviation determines."""
+"""Estimates as text, with no more digits than their standard deviation determines; and sums of parameters."""
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
 from math import floor, isfinite, log10
 
 SMALLEST, LARGEST = 1e-7, 1e6
 """Of two standard deviations that are written without an exponent."""
+WIDEST = 60
+"""Characters of a sum of parameters; longer ones end after a whole term."""
 
 
 def value_and_two_std(value: float, std: float | None, *, sign: str = "") -> tuple[str, str]:
@@ -29,3 +33,22 @@ def with_two_std(value: float, std: float | None, *, sign: str = "", mark: str =
     """
     number, two_std = value_and_two_std(value, std, sign=sign)
     return f"{number} {mark} {two_std}" if two_std else number
+
+
+def typeset(sentence: str) -> str:
+    """A sentence of the terminal with the signs of a page: '3.0 -> 4.5 +- 0.1' with an arrow and a plus-minus sign."""
+    return sentence.replace(" -> ", " \N{RIGHTWARDS ARROW} ").replace(" +- ", " \N{PLUS-MINUS SIGN} ")
+
+
+def shortened(name: str) -> str:
+    """A sum of at most ``WIDEST`` characters: its first terms, and how many more there are."""
+    terms = re.split(r"(?= [+-] )", name)
+    kept = len(terms)
+    while kept > 1 and len(_first_of(terms, kept)) > WIDEST:
+        kept -= 1
+    return _first_of(terms, kept)
+
+
+def _first_of(terms: Sequence[str], kept: int) -> str:
+    more = len(terms) - kept
+    return "".join(terms[:kept]) + (f" and {more} more term{'s' * (more > 1)}" if more else "")

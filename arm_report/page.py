@@ -15,6 +15,7 @@ from markupsafe import Markup
 from arm_io.parallel import in_parallel
 from arm_report.chart import Chart
 from arm_report.motion import Motion
+from arm_report.numbers import typeset
 from arm_report.plain import page_data, thinned
 from arm_report.stills import stills
 
@@ -79,6 +80,7 @@ def environment() -> Environment:
     made = Environment(
         loader=FunctionLoader(_source), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
+    made.filters["typeset"] = typeset
     made.globals |= {"style": Markup(_text("vendor/uplot.css") + _text("report.css")), "table": table}
     return made
 

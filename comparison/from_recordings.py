@@ -131,8 +131,9 @@ def _alternatives(accepted: Sequence[AcceptedChange]) -> Iterator[str]:
     """Per accepted change, what explains the recordings as well in its place."""
     for one in accepted:
         # a body, and a mass at a point of the same link, are told alike
-        if rivals := dict.fromkeys(rival.words for rival in one.rivals):
-            yield f"{one.tested.hypothesis.words} from {', '.join(rivals)}"
+        words = one.tested.hypothesis.words
+        if rivals := dict.fromkeys(rival.words for rival in one.rivals if rival.words != words):
+            yield f"{words} from {', '.join(rivals)}"
 
 
 def _short_recordings(separate: SeparateRegressions) -> Iterator[str]:

@@ -142,7 +142,7 @@ class PanelView {
         { ...axis, ...ticksX, show: true, size: shown ? 30 : 6, label: shown ? (panel.dates ? undefined : panel.x) : undefined, labelSize: 20, ...(panel.dates ? { space: 90 } : {}), values: shown ? (panel.dates ? instants : panel.log_x ? decades : write) : () => [] },
         panel.names.length
           ? { ...axis, size: room + 12, grid: { show: false }, splits: () => panel.names.map((_, k) => k), values: (_, ticks) => ticks.map((k) => fitted(panel.names[k], room)) }
-          : { ...axis, ...ticksY, size: 58, label: panel.y, labelSize: 18, values: panel.log_y ? decades : write },
+          : { ...axis, ...ticksY, size: 58, space: Math.min(30, this.height / 5), label: panel.y, labelSize: 18, values: panel.log_y ? decades : write },
       ],
       series: [{}, ...panel.series.map((one) => this._style(one))],
       hooks: {

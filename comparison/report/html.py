@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 from markupsafe import Markup
 
 from arm_report import Report, table
-from comparison.change import Change
+from arm_report.numbers import shortened, typeset
+from comparison.change import Change, Quantity
 from comparison.report import plots
 from comparison.report.wording import changed_sentences, overruled_sentences, percent, size, two_std, verdict
 from comparison.wording import probability
@@ -30,11 +31,11 @@ def report(result: Comparison) -> Report:
         joints=[] if result.arm is None else [joint.name for joint in result.arm.joints],
         content={
             "what": _what(result),
-            "says": typeset(says),
+            "says": says,
             "changed": bool(result.significant),
-            "causes": [typeset(one) for one in result.causes],
-            "changed_sentences": [typeset(one) for one in changed_sentences(result) if one not in says],
-            "overruled": [typeset(one) for one in overruled_sentences(result)],
+            "causes": result.causes,
+            "changed_sentences": [one for one in changed_sentences(result) if one not in says],
+            "overruled": overruled_sentences(result),
             "circumstances": [circumstance.sentence for circumstance in result.circumstances],
             "assumptions": result.assumptions,
             "overview": plots.overview(result),
@@ -52,9 +53,10 @@ def report(result: Comparison) -> Report:
     )
 
 
-def typeset(sentence: str) -> str:
-    """A sentence of the terminal with the signs of a page."""
-    return sentence.replace("->", "\N{RIGHTWARDS ARROW}").replace("+-", "\N{PLUS-MINUS SIGN}")
+def quantity_cell(quantity: Quantity) -> Markup:
+    """A quantity in words over its parameter; of a long sum the first terms, the whole where the pointer rests."""
+    name = Markup('<small title="{}">{}</small>').format(quantity.name, shortened(quantity.name))
+    return Markup("{}<br>{}").format(quantity.words, name)
 
 
 def _what(result: Comparison) -> str:
@@ -79,12 +81,12 @@ def _changes(changes: list[Change]) -> Markup:
     rows = []
     for one in changes:
         row: list[str] = [
-            Markup("{}<br><small>{}</small>").format(one.quantity.words, one.quantity.name),
+            quantity_cell(one.quantity),
             *(size(value, one.std) for value in (one.before, one.after)),
             size(one.change, one.std, sign="+"),
             two_std(one),
             typeset(percent(one)),
-            "" if one.z is None else f"{one.z:+.1f}",
+            "" if one.z is None else f"{one.z:+z.1f}",
             "" if one.corrected is None else probability(one.corrected),
             Markup('<span class="u">{}</span>').format(one.quantity.unit),
         ]

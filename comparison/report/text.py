@@ -66,7 +66,7 @@ def _row(change: Change) -> tuple[str, ...]:
         size(change.change, change.std, sign="+"),
         two_std(change),
         percent(change),
-        "" if change.z is None else f"{change.z:+.1f}{mark}",
+        "" if change.z is None else f"{change.z:+z.1f}{mark}",
         "" if change.corrected is None else probability(change.corrected),
         change.quantity.unit,
     )

@@ -30,7 +30,7 @@ def percent(change: Change) -> str:
         return ""
     value, std = change.relative
     digits = max(0, 1 - int(np.floor(np.log10(max(200 * std, 1e-3)))))
-    return f"{100 * value:+.{digits}f} % +- {200 * std:.{digits}f} %"
+    return f"{100 * value:+z.{digits}f} % +- {200 * std:.{digits}f} %"
 
 
 def sentence(change: Change) -> str:
@@ -38,7 +38,7 @@ def sentence(change: Change) -> str:
     words = change.quantity.words[:1].upper() + change.quantity.words[1:]
     unit = f" {change.quantity.unit}" if change.quantity.unit not in ("", "1") else ""
     share = f", {percent(change)}" if change.relative is not None else ""
-    z = "" if change.z is None else f" (z = {change.z:+.1f})"
+    z = "" if change.z is None else f" (z = {change.z:+z.1f})"
     before, after = (size(value, change.std) for value in (change.before, change.after))
     return f"{words}: {before} -> {after}{unit}{share}{z}"
 

@@ -9,6 +9,7 @@ from markupsafe import Markup
 
 from arm_report import Report, table
 from arm_report.numbers import value_and_two_std
+from comparison.report.html import quantity_cell
 from comparison.trend.movement import MONTH, Movement
 from comparison.trend.plots import histories_chart
 from comparison.trend.text import limit_sentence, sentence, verdict
@@ -65,7 +66,7 @@ def _table(trend: Trend) -> Markup:
         history = one.moved.history
         rows.append(
             [
-                Markup("{}<br><small>{}</small>").format(history.quantity.words, history.quantity.name),
+                quantity_cell(history.quantity),
                 str(len(history.days)),
                 value_and_two_std(*one.first)[0],
                 value_and_two_std(*one.last)[0],

@@ -152,7 +152,8 @@ def _section(result: Diagnosis, cause: Cause, row: dict[str, Any], number: int) 
                 figures(p)[0],
                 figures(p)[1] and f"± {figures(p)[1]}",
                 "" if p.unit == "1" else p.unit,
-                meaning.get(p.name, "") + ("" if p.of_own is None else f"; {100 * p.of_own:+.0f} % of the model's own"),
+                meaning.get(p.name, "")
+                + ("" if p.of_own is None else f"; {100 * p.of_own:+z.0f} % of the model's own"),
             )
             for p in cause.parameters
         ],

@@ -137,7 +137,7 @@ def estimate(one: Estimate) -> str:
     unit = "" if one.unit == "1" else f" {one.unit}"
     number, two_std = figures(one)
     about = f" ± {two_std}" if two_std else ""
-    share = "" if one.of_own is None else f" ({100 * one.of_own:+.0f} % of the model's own)"
+    share = "" if one.of_own is None else f" ({100 * one.of_own:+z.0f} % of the model's own)"
     return f"{one.name.replace('_', ' ')} {number}{about}{unit}{share}"
 
 

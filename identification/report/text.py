@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from arm_report import text_table
-from arm_report.numbers import value_and_two_std
+from arm_report.numbers import shortened, value_and_two_std
 from identification.report import friction, ripples
 from identification.report.html import verdict
 
 if TYPE_CHECKING:
     from identification.result import Identification, Value
 
-WIDEST = 60
-"""Characters of a name; longer sums end after a whole term, and stand whole in the report."""
 HEADS = ("value", "2 std", "unit", "")
 
 
@@ -40,20 +37,6 @@ def text(result: Identification) -> str:
 
 def _table(values: Sequence[Value], what: str) -> list[str]:
     return text_table([_row(one) for one in values], (what, *HEADS), numbers=(1, 2), shorten=(0,))
-
-
-def shortened(name: str) -> str:
-    """A sum of at most ``WIDEST`` characters: its first terms, and how many more there are."""
-    terms = re.split(r"(?= [+-] )", name)
-    kept = len(terms)
-    while kept > 1 and len(_first_of(terms, kept)) > WIDEST:
-        kept -= 1
-    return _first_of(terms, kept)
-
-
-def _first_of(terms: Sequence[str], kept: int) -> str:
-    more = len(terms) - kept
-    return "".join(terms[:kept]) + (f" and {more} more term{'s' * (more > 1)}" if more else "")
 
 
 def _row(value: Value) -> tuple[str, ...]:

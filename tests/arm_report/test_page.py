@@ -66,6 +66,12 @@ def test_words_stay_words(words: str) -> None:
     assert words.strip() == "" or "".join(page.text).count(words) >= 8
 
 
+def test_sentences_have_the_signs_of_a_page() -> None:
+    """Those that the terminal writes with letters; a file's name keeps its own."""
+    page = "".join(checked(report("a->b+-c.mcap: 3.0 -> 4.5 +- 0.1 N m").html()).text)
+    assert page.count("a->b+-c.mcap: 3.0 \N{RIGHTWARDS ARROW} 4.5 \N{PLUS-MINUS SIGN} 0.1 N m") == 4
+
+
 def test_names_of_users_cannot_leave_their_place() -> None:
     evil = "</script><script>alert(1)</script>\"'&"
     line = Series(x=np.arange(3.0), y=np.arange(3.0), colour=AFTER, label=evil)

@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from comparison.from_recordings import _alternatives
 from comparison.joint_fit import tested
 from comparison.joint_fit.effects import Added
+from comparison.joint_fit.fewest_changes import AcceptedChange
 from comparison.joint_fit.hypotheses import Hypothesis
 from comparison.joint_fit.joint_regression import JointRegression
 from comparison.joint_fit.selection import selected, with_one_mass
@@ -112,6 +114,17 @@ def test_a_mass_is_judged_beside_what_changed_with_it(seed: int) -> None:
     found = selected(fit, every)
     assert names(found) == {"cause", "other", "quiet 0"}
     assert names(with_one_mass(fit, every, [mass], found)) == {"mass", "quiet 0"}
+
+
+def test_rivals_are_told_once_and_none_is_the_change_itself() -> None:
+    """A body and a mass at a point of its link have the same words."""
+    fit, every = both_of(np.random.default_rng(1), (1.0, 0.0, 0.0), 0.0)
+    body = Hypothesis("inertia", 2, np.eye(len(fit.scale))[:, :4])
+    point = replace(body, directions=body.directions[:, :2])
+    (found,) = selected(fit, every)
+    accepted = AcceptedChange(replace(found, hypothesis=body), frozenset(), [point, *every[2:3], *every[2:3]])
+    assert list(_alternatives([accepted])) == [f"body of link 2 from {every[2].words}"]
+    assert list(_alternatives([replace(accepted, rivals=[point])])) == []
 
 
 def test_a_variance_that_is_known_leaves_no_doubt_of_few_recordings() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from identification.report.text import WIDEST, shortened
+from arm_report.numbers import WIDEST, shortened
 
 
 @pytest.mark.parametrize(

@@ -207,7 +207,7 @@ def _tried(table: dict[str, Any]) -> Markup | None:
     for trial in table["tried"]:
         seen = trial["unseen_rms"]
         outcome = "accepted" if trial["accepted"] else "not needed"
-        rows.append([trial["title"], _mm(seen["before"]), _mm(seen["after"]), f"{trial['z']:.1f}", outcome])
+        rows.append([_in_words(trial["title"]), _mm(seen["before"]), _mm(seen["after"]), f"{trial['z']:.1f}", outcome])
     return _table(["effect", "held-out rms before", "after", "gain / std error", ""], rows) if rows else None
 
 
@@ -217,10 +217,10 @@ def _found(table: dict[str, Any]) -> list[str]:
         values = ", ".join(
             f"{n} {with_two_std(p['value'], p['std'], mark='±')} {p['unit']}" for n, p in effect["parameters"].items()
         )
-        other = ", ".join(effect["indistinguishable"])
+        other = _in_words(", ".join(effect["indistinguishable"]))
         if other:
             values += f"; these poses do not discriminate it from {other}"
-        found.append(f"{effect['title']}: {values}")
+        found.append(f"{_in_words(effect['title'])}: {values}")
     return found
 
 
@@ -271,6 +271,11 @@ def _observability(table: dict[str, Any]) -> Markup:
 def _table(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> Markup:
     """Numbers flush right, after a first column of words."""
     return arm_report.table(rows, head, range(1, len(head)))
+
+
+def _in_words(title: str) -> str:
+    """'link sag of joint 2'."""
+    return title.replace("_", " ")
 
 
 def _mm(metres: float | None) -> str:
