@@ -55,11 +55,14 @@ class FrictionLimits(Thresholds):
                  where it is there; 0.3 and more beside stick-slip, 1.2 and more where nothing is
     current      share of the squared error of the current that it may leave
     significant  probability that as many one-second blocks gain by chance, over all joints
+    sticks       share of the squared position error of the stiffest bristles that it may leave: they build up within
+                 what the encoder resolves, as friction that sticks at once does
     """
 
     left: float = 0.15
     current: float = 1.0
     significant: float = 0.01
+    sticks: float = 0.5
 
 
 LIMITS = FrictionLimits()
@@ -127,7 +130,10 @@ def _judged(arm: Arm, recordings: Sequence[Recording], joint: int, effect: Effec
     chance = tests * p_value(_gains(turned[0], held[0], tried.seconds))
     if after[0] > LIMITS.left * before[0] or after[1] > LIMITS.current * before[1] or chance > LIMITS.significant:
         return None
-    stiffness, estimates = tried.values[_stiffness(effect)], _estimates(arm, recordings, joint, effect, tried)
+    stiffness = tried.values[_stiffness(effect)]
+    if after[0] > LIMITS.sticks * float(tried.energy[stiffness == stiffness.max()].min()):
+        return None
+    estimates = _estimates(arm, recordings, joint, effect, tried)
     if not stiffness.min() < estimates[0].value < stiffness.max():
         return None
     rms = [float(np.sqrt(side[0] / sum(map(len, held[0])))) for side in (before, after)]

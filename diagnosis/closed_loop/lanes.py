@@ -39,9 +39,14 @@ class Lanes:
         return np.concatenate([part[lane] for part in self.angle])
 
     @property
+    def energy(self) -> Array:
+        """(lanes,) rad2: squared angle errors over all recordings."""
+        return np.sum([np.sum(part**2, axis=1) for part in self.angle], axis=0)
+
+    @property
     def best(self) -> int:
         """The lane with the smallest angle error over all recordings."""
-        return int(np.argmin(sum(np.sum(part**2, axis=1) for part in self.angle)))
+        return int(np.argmin(self.energy))
 
 
 def lanes_of(arm: Arm, recordings: Sequence[Recording], joint: int, values: dict[str, Array]) -> Lanes:

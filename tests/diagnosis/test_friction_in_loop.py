@@ -19,7 +19,7 @@ from arm_model.motion import Motion
 from arm_model.simulation import simulate_batch
 from daq.recording import Attachments, Recording, open_recording, write_table
 from diagnosis.cause import Cause, Estimate, Signal
-from diagnosis.closed_loop.friction import friction_in_loop, with_estimates_of
+from diagnosis.closed_loop.friction import FrictionLimits, friction_in_loop, with_estimates_of
 from diagnosis.diagnose import diagnose
 from tests.diagnosis.one_axis import vertical_joint
 
@@ -156,6 +156,18 @@ def test_friction_that_turns_at_once_is_none_whether_it_sticks_or_not(
     hidden: Hidden, creeping: bool, tmp_path: Path
 ) -> None:
     assert friction_in_loop(_axis(), _recordings(tmp_path, hidden, creeping=creeping), [1], ()) == []
+
+
+def test_bristles_as_stiff_as_any_that_were_tried_are_friction_that_sticks(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They fit best, within the grid, where the stiffest build up within a hundredth of an encoder step."""
+    monkeypatch.setattr("tests.diagnosis.test_friction_in_loop.COUNT", 1e-4)
+    monkeypatch.setattr("diagnosis.closed_loop.friction.RESOLVED", 0.05)
+    runs = _recordings(tmp_path, (0.0, 0.0, 0.0, True), creeping=True)
+    assert friction_in_loop(_axis(), runs, [1], ()) == []
+    monkeypatch.setattr("diagnosis.closed_loop.friction.LIMITS", FrictionLimits(sticks=np.inf))
+    assert [cause.key for cause in friction_in_loop(_axis(), runs, [1], ())] == [("presliding_friction", 1)]
 
 
 def test_one_recording_refutes_what_no_lane_of_it_allows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
