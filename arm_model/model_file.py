@@ -128,6 +128,9 @@ def arm_of(table: dict[str, Any], where: str | Path) -> Arm:
             raise InputError(where, f"joint[{number}].{other_unit}")
         if not layout.unphysical and (problem := unphysical(joint.mass, joint.inertia)):
             raise InputError(where, f"joint[{number}]: {problem}")
+        if joint.name and (first := [one.name for one in layout.joint].index(joint.name) + 1) < number:
+            other = f"joint[{number}].name: {joint.name!r} is that of joint[{first}]"
+            raise InputError(where, f"{other}; names must differ: recordings tell joints apart by them")
     if floating is not None and not layout.unphysical and (problem := unphysical(floating.mass, floating.inertia)):
         raise InputError(where, f"base: {problem}")
     try:

@@ -70,6 +70,10 @@ def _effect(**entries: Any) -> Callable[[dict[str, Any]], object]:
         (lambda t: t["joint"][1].update(inertia=[0.1, 0.9, 0.1, 0, 0, 0]), "joint[2]: inertia breaks the triangle"),
         (lambda t: t["joint"][1].update(inertia=[-0.1, 0.1, 0.1, 0, 0, 0]), "joint[2]: inertia is not positive"),
         (lambda t: t["joint"][0].update(mass=-1.0), "joint[1].mass: input should be greater than or equal to 0"),
+        (
+            lambda t: [joint.update(name="elbow") for joint in t["joint"][:2]],
+            "joint[2].name: 'elbow' is that of joint[1]; names must differ",
+        ),
         (_without("inertia"), "joint[2].inertia: is missing"),
         (lambda t: t.pop("units"), "units: is missing"),
         (lambda t: t.update(units="cm"), "units: input should be 'SI' (is 'cm')"),
