@@ -6,7 +6,7 @@ an error of the survey is not counted as an improvement of the arm.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -28,6 +28,7 @@ from identification.kinematics.models.parameters import (
     UNKNOWN_TARGET,
     Parameters,
     is_target,
+    parallel_next,
     target_groups,
 )
 
@@ -142,7 +143,22 @@ def weaknesses(estimated: Estimated, rank: int) -> list[str]:
                 f"the target{name} is {1e3 * np.linalg.norm(off):.2f} mm from the given position, whose standard "
                 f"deviation is {1e3 * one.std:g} mm (chi-square {chi_square:.0f} of 3): --target-std is too small"
             )
-    return found
+    return found + list(_on_one_line(estimated))
+
+
+def _on_one_line(estimated: Estimated) -> Iterator[str]:
+    """A sentence per pair of neighbouring joints that nominally turn about nearly the same line.
+
+    D-H parameters are singular there: an error of a line's place turns their common normal by any angle.
+    """
+    arm, near = estimated.arm, estimated.settings.trust.length
+    for j, parallel in enumerate(parallel_next(arm)):
+        first = j - 1 if arm.joints[j].convention == "modified" else j
+        if parallel and arm.joints[first].revolute and arm.joints[first + 1].revolute and abs(arm.joints[j].a) <= near:
+            yield (
+                f"joints {first + 1} and {first + 2} turn about lines {1e3 * abs(arm.joints[j].a):.2g} mm apart: D-H "
+                "parameters do not describe small errors of such lines, and a part of the error may remain"
+            )
 
 
 def _residual(estimated: Estimated, runs: Sequence[Run], rows: Sequence[Index], part: str) -> Array:
