@@ -235,31 +235,28 @@ ENCODER_SCALE = Effect(
     bend=lambda p, s: p.scale * s.q,
 )
 
+
+def _amplitudes_over(angle: str) -> tuple[Parameter, ...]:
+    """Amplitudes, rad, of the sine and the cosine of ``angle``, which an equation has by that name."""
+    return tuple(
+        Parameter(
+            name,
+            "rad",
+            (1e-5, 2e-3),
+            True,
+            f"amplitude of {name[:3]} {angle}",
+            signed=True,
+            tracker_prior=0.02,
+            noun=f"{name} amplitude",
+        )
+        for name in ("sine", "cosine")
+    )
+
+
 ENCODER_ECCENTRICITY = Effect(
     name="encoder_eccentricity",
     place=Place.SENSING,
-    parameters=(
-        Parameter(
-            "sine",
-            "rad",
-            (1e-5, 2e-3),
-            True,
-            "amplitude of sin q",
-            signed=True,
-            tracker_prior=0.02,
-            noun="sine amplitude",
-        ),
-        Parameter(
-            "cosine",
-            "rad",
-            (1e-5, 2e-3),
-            True,
-            "amplitude of cos q",
-            signed=True,
-            tracker_prior=0.02,
-            noun="cosine amplitude",
-        ),
-    ),
+    parameters=_amplitudes_over("q"),
     equation="link angle = q + A sin q + B cos q",
     shows="the tracked point leads and lags once per turn of the joint",
     confused_with={
@@ -273,28 +270,7 @@ ENCODER_ECCENTRICITY = Effect(
 ENCODER_OVALITY = Effect(
     name="encoder_ovality",
     place=Place.SENSING,
-    parameters=(
-        Parameter(
-            "sine",
-            "rad",
-            (1e-5, 2e-3),
-            True,
-            "amplitude of sin 2 q",
-            signed=True,
-            tracker_prior=0.02,
-            noun="sine amplitude",
-        ),
-        Parameter(
-            "cosine",
-            "rad",
-            (1e-5, 2e-3),
-            True,
-            "amplitude of cos 2 q",
-            signed=True,
-            tracker_prior=0.02,
-            noun="cosine amplitude",
-        ),
-    ),
+    parameters=_amplitudes_over("2q"),
     equation="link angle = q + A sin 2q + B cos 2q",
     shows="the tracked point leads and lags twice per turn of the joint",
     confused_with={
