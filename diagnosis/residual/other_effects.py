@@ -54,6 +54,12 @@ def with_own(run: Run, terms: Sequence[EffectTerm]) -> Run:
     return replace(run, own=tuple(terms), expected=expected)
 
 
+def as_encoders_read(run: Run, q: Array) -> Run:
+    """The run with angles q (k, n) rad in place of those recorded: its residual, not the motion of its columns."""
+    other = replace(run, raw=(run.raw[0], q))
+    return replace(other, expected=_expected(other, (*run.arm.effects, *run.own)))
+
+
 def weighted_with(run: Run, terms: Sequence[EffectTerm]) -> Array:
     """(m, n) ``residual_with`` over its std; 0 where rows are not compared."""
     return np.asarray(residual_with(run, terms) / run.deviation * comparable_rows(run))

@@ -26,7 +26,8 @@ PERIODS = 2.5
 SAME = 1.0
 """Hz by which the frequencies of recordings may differ."""
 LASTS = 0.5
-"""Amplitude in the second half over that in the first: a servo that settles is no oscillation."""
+"""Amplitude in one half over that in the other: a servo that settles is no oscillation, nor a motion that begins before
+a coarse encoder shows it."""
 STEP = 0.1
 """Hz between frequencies that are tried."""
 ABOVE_MOVING = 5.0
@@ -121,7 +122,7 @@ def _standing(recording: Recording, rows: slice) -> list[_Standing]:
     for j, k in enumerate(best):
         parts = [values[rows_of, j] for rows_of in (slice(None), slice(None, half), slice(half, None))]
         amplitude, early, late = (float(np.sqrt(2.0) * np.std(part)) for part in parts)
-        lasts = late > LASTS * early and amplitude > white[j]
+        lasts = min(early, late) > LASTS * max(early, late) and amplitude > white[j]
         share = float(1.0 - residual[k, j] / power[j])
         standing.append(_Standing(float(frequencies[k]), amplitude, share, lasts, float(over_moving[j])))
     return standing

@@ -24,6 +24,7 @@ from diagnosis.selection.beyond_model import in_deviations
 from diagnosis.selection.design import Columns
 from diagnosis.selection.ripple_orders import joint_of_ripple
 from diagnosis.selection.unseen_inertia import explained
+from diagnosis.verification.encoder_noise import gain_from_encoder_noise
 
 
 def negligible(state: State, causes: Sequence[Cause]) -> int | None:
@@ -31,7 +32,8 @@ def negligible(state: State, causes: Sequence[Cause]) -> int | None:
 
     causes: the chosen ones. Each must gain twice, over all held-out rows: with the others refitted to do without it,
     and in the exact model of all, whose columns are not of the first order. Where it acts, what is left without it must
-    be above the noise: below a noise that is overestimated, any law of many rows gains something.
+    be above the noise, and the noise is no larger than what is left with it: below a noise that is overestimated, any
+    law of many rows gains something.
     """
     found: list[tuple[float, int]] = []
     for index, (needed, gain, exact_gain) in enumerate(_gains(state, causes)):
@@ -53,7 +55,8 @@ def disproved(state: State, causes: Sequence[Cause]) -> int | None:
 def _gains(state: State, causes: Sequence[Cause]) -> Iterator[tuple[bool, float, float]]:
     """Of each chosen candidate: whether its columns matter beside the others, what they gain, and its exact law.
 
-    Of a joint that creeps, what the law explains of one std of friction near rest does not count (``unseen_friction``).
+    Of a joint that creeps, what the law explains of one std of friction near rest does not count (``unseen_friction``),
+    nor what it gains of the noise of encoders.
     """
     model, runs = state.model, state.data.held_out.runs
     arms = [run.arm.effects for run in runs]
@@ -62,19 +65,26 @@ def _gains(state: State, causes: Sequence[Cause]) -> Iterator[tuple[bool, float,
     for c, cause in zip(state.chosen, causes, strict=True):
         without = model.without(c, state)
         alone = model.conditional(c, without, state)
-        above_noise = left_where_it_acts(model.columns(c).held_out, alone.coefficients, without) > LIMITS.noise
+        lacking, left = (
+            left_where_it_acts(model.columns(c).held_out, alone.coefficients, at) for at in (without, state)
+        )
+        above_noise = lacking > LIMITS.noise * min(left, 1.0)
         others = [term for term in terms if term not in cause.terms]
         exact_gain = float((_energy(runs, [(*of_run, *others) for of_run in arms]) - full).sum())
-        of_unseen = float(explained(unseen, model.columns(c).held_out, state.data.held_out).sum())
-        yield model.needed(alone, state) and above_noise, alone.gain, exact_gain - of_unseen
+        exact_gain -= float(explained(unseen, model.columns(c).held_out, state.data.held_out).sum())
+        if exact_gain < state.data.held_out.y.size:  # more than all noise is no gain of noise
+            exact_gain -= gain_from_encoder_noise(
+                runs, *([(*of_run, *more) for of_run in arms] for more in (others, terms))
+            )
+        yield model.needed(alone, state) and above_noise, alone.gain, exact_gain
 
 
-def left_where_it_acts(columns: Columns, coefficients: Array, without: State) -> float:
-    """Held-out residual without an effect over the noise, rms weighted by the squares of what the effect predicts.
+def left_where_it_acts(columns: Columns, coefficients: Array, state: State) -> float:
+    """Held-out residual of a state over the noise, rms weighted by the squares of what an effect predicts.
 
     columns: its own, whitened; coefficients (k,). 0 of an effect that predicts nothing.
     """
-    residual = without.residual.held_out
+    residual = state.residual.held_out
     weight = columns.contribution(coefficients, len(residual)) ** 2
     return float(np.sqrt(weight @ residual**2 / max(float(weight.sum()), 1e-300)))
 

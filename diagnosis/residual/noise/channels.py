@@ -226,7 +226,8 @@ def _standstill(recording: Recording) -> slice | None:
     span = max(3, int(0.05 * rate))
     q = recording.q
     near = ndimage.maximum_filter1d(q, span, axis=0) - ndimage.minimum_filter1d(q, span, axis=0)
-    moving = np.any(near > 8.0 * angle_noise(q), axis=1)
+    away = np.abs(q - np.median(q[:span], axis=0))
+    moving = np.any(np.maximum(near, away) > 8.0 * angle_noise(q), axis=1)
     first, last = int(END_SECONDS * rate), (int(np.argmax(moving)) if moving.any() else len(q)) - span
     return slice(first, last) if last - first > STILL_SECONDS * rate else None
 

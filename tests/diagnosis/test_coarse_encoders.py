@@ -1,0 +1,73 @@
+"""Encoders of some thousand steps per turn: what their noise does in an inverse model is no effect of the arm."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from arm_model import EffectTerm
+from diagnosis import diagnose
+from diagnosis.residual.generation import residual_run
+from diagnosis.residual.noise.channels import standstill
+from diagnosis.residual.other_effects import residual_with
+from diagnosis.result import Diagnosis
+from diagnosis.verification.encoder_noise import gain_from_encoder_noise
+from tests.diagnosis import two_link
+from tests.diagnosis.two_link import DRIVE, RATE, Day, motion, torque
+
+
+@pytest.fixture(autouse=True)
+def _steps(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of the encoders, per turn."""
+    monkeypatch.setattr(two_link, "COUNTS", request.param)
+
+
+def _diagnosed(folder: Path, root: Path, day: Day) -> Diagnosis:
+    *fit, held_out = (two_link.recorded(folder / f"{seed}.mcap", seed, day) for seed in (1, 2, 3))
+    return diagnose(two_link.model(root), fit, [held_out])
+
+
+@pytest.mark.parametrize("_steps", [8000, 4096, 2000], indirect=True)
+def test_nothing_is_found_in_a_healthy_arm(tmp_path: Path, root: Path) -> None:
+    """A soft gear smooths the noise of the accelerations; friction rises before the encoders show a motion."""
+    result = _diagnosed(tmp_path, root, Day())
+    assert result.verdict == "consistent" and not result.causes and not result.unexplained
+
+
+@pytest.mark.parametrize("_steps", [4096], indirect=True)
+def test_friction_is_found_as_with_finer_encoders(tmp_path: Path, root: Path) -> None:
+    (cause,) = _diagnosed(tmp_path, root, Day(coulomb=(2.0, 0.0))).causes
+    (level,) = cause.parameters
+    assert (cause.effect, cause.joint) == ("coulomb_friction", 1) and abs(level.value - 2.0) < 3.0 * level.std
+
+
+@pytest.mark.parametrize("_steps", [2000], indirect=True)
+def test_a_standstill_ends_before_the_arm_has_turned_by_more_than_noise(tmp_path: Path) -> None:
+    """It turns by a step of 3 mrad in 0.1 s at first, less than the noise of its angle within a few rows."""
+    recording = two_link.recorded(tmp_path / "slow.mcap", 1, Day())
+    rows = standstill(recording)
+    assert rows is not None
+    _, q, _, _ = motion(1, 12.0)
+    assert rows.start / RATE < 0.2 and rows.stop / RATE > 0.6
+    assert np.abs(q[rows] - q[0]).max() < 2.0 * (2 * np.pi / 2000)
+
+
+@pytest.mark.parametrize("_steps", [4096], indirect=True)
+def test_the_gain_of_a_spring_is_that_of_noise_and_the_gain_of_friction_is_not(root: Path) -> None:
+    arm, (t, q, v, a) = two_link.model(root), motion(3, 12.0)
+    step, noise = 2 * np.pi / two_link.COUNTS, 0.005 * np.random.default_rng(3).normal(size=q.shape)
+    current = torque(q, v, a, Day(coulomb=(2.0, 0.0))) / DRIVE + noise
+    run = residual_run("coarse", arm, t, np.round(q / step) * step, current)
+    spring = EffectTerm("joint_compliance", 1, {"stiffness": 750.0, "damping": 10.0})
+    friction = EffectTerm("coulomb_friction", 1, {"coulomb": 2.0})
+
+    def gain(term: EffectTerm, *others: EffectTerm) -> float:
+        energies = [np.sum(run.whiten(residual_with(run, terms)) ** 2) for terms in (others, (*others, term))]
+        return float(energies[0] - energies[1])
+
+    of_noise = gain_from_encoder_noise([run], [(friction,)], [(friction, spring)])
+    assert gain(spring, friction) > 0.1 * len(run.t) and of_noise > 0.7 * gain(spring, friction)
+    assert gain(friction) > 0.5 * len(run.t)
+    assert gain_from_encoder_noise([run], [()], [(friction,)]) < 0.02 * gain(friction)
