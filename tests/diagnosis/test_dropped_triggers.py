@@ -19,7 +19,7 @@ from diagnosis.residual.generation import residual_run
 from diagnosis.residual.noise.channels import KnownNoise
 from diagnosis.residual.run import Run
 from diagnosis.screening.lost_rows.lag_change import Change, _change, change_of_lag
-from diagnosis.screening.lost_rows.lag_path import Step, _changes, in_order
+from diagnosis.screening.lost_rows.lag_path import Step, _changes, in_order, lag_steps
 from diagnosis.screening.lost_rows.lost_triggers import (
     SIGNIFICANT_STDS,
     DroppedTriggers,
@@ -35,6 +35,8 @@ from tests.blind.hide import Hidden, hide_in_signals
 from tests.blind.laboratory import Laboratory
 from tests.blind.motions import fourier
 from tests.blind.record import Truth, recorded, truth
+from tests.diagnosis import two_link
+from tests.diagnosis.two_link import DRIVE, Day, motion, torque
 
 pytest.importorskip("numba", reason="the plant of the hidden-effect tests is compiled by numba")
 
@@ -174,7 +176,7 @@ def test_a_lag_that_another_error_chooses_hides_no_short_loss(root: Path, monkey
     run = _seen(root, Hidden("dropped_trigger", None, {"row": 7000, "count": 5}))
     where = "diagnosis.screening.lost_rows.lost_triggers.lag_steps"
     for step in (Step(0.46, 3.53), Step(1.21, 2.13)):
-        monkeypatch.setattr(where, lambda run, step=step: [step])
+        monkeypatch.setattr(where, lambda run, step=step: [[step]])
         (loss,) = _found(run)
         assert loss.count == 5
         assert abs(loss.row - 7000) < 3 * loss.row_std
@@ -186,7 +188,7 @@ def test_a_path_of_lags_that_leaves_more_than_their_first_order_is_not_taken(
     """Where it misses an instant by seconds, it is nearer than no loss at all, and farther than the loss."""
     run = _seen(root, Hidden("dropped_trigger", None, {"row": 4200, "count": 9}))
     wrong = [Step(2.0, 0.02), Step(3.0, -0.011)]
-    monkeypatch.setattr("diagnosis.screening.lost_rows.lost_triggers.lag_steps", lambda run: wrong)
+    monkeypatch.setattr("diagnosis.screening.lost_rows.lost_triggers.lag_steps", lambda run: [wrong])
     assert energy(_aligned(run, wrong)[0]) < energy(run)
     (loss,) = _found(run)
     assert loss.count == 9
@@ -275,6 +277,20 @@ def test_joints_that_show_another_part_of_a_lag_agree_once_it_is_put_back(root: 
     assert loss.count == 3
     assert abs(loss.row - 1468) < 3 * loss.row_std
     assert dropped_triggers([_of_two_links(root, 0, coulomb=4.0)], [0.004]) == []
+
+
+def test_friction_that_turns_round_otherwise_chooses_no_lag(root: Path) -> None:
+    """As the arm starts, it fits the friction of a model that is ten times as abrupt 80 ms earlier."""
+    t, q, v, a = motion(4, 12.0)
+    i = torque(q, v, a, Day(width=0.1)) / DRIVE + 0.005 * np.random.default_rng(4).normal(size=q.shape)
+    lost = np.concatenate([i[:1500], i[1509:], np.repeat(i[-1:], 9, axis=0)])
+    run = residual_run("run", two_link.model(root), t, q, lost)
+    by_all_rows, by_certain_rows = lag_steps(run)
+    assert by_all_rows[0].time < 1.5
+    (step,) = by_certain_rows
+    assert abs(step.step - 0.036) < 0.01 and abs(step.time - 6.0) < 0.2
+    (loss,) = dropped_triggers([run], [0.004])
+    assert loss.count == 9
 
 
 def test_currents_are_put_back_where_they_belong() -> None:

@@ -37,7 +37,8 @@ chooses any lag while the others rest."""
 WORSE = 0.05
 """Of that part, how much worse one joint may become."""
 EMERGED = 4.0
-"""Ratio of the squared errors after and before, as lags in s2, both at the lag before: other errors do not emerge."""
+"""Ratio of the squared errors after and before, above the noise and as lags in s2, both at the lag before: other errors
+do not emerge."""
 REMAINING = 0.6
 """Share of its squared error that may be left of a part after the change: other errors follow a lag a little, too."""
 MOST = 0.6
@@ -56,16 +57,27 @@ class Step:
     step: float
 
 
-def lag_steps(run: Run) -> list[Step]:
-    """The changes of lag of a run by at least two of its rows, in time; several or none."""
+def lag_steps(run: Run) -> list[list[Step]]:
+    """The changes of lag of a run by at least two of its rows, in time: the possible ones, of several or of none.
+
+    By all rows alike, and by rows as certain as they are (``Run.deviation``): friction that turns abruptly tells a lag
+    best where the model has it right, and worst where it has not.
+    """
+    if len(run.t) < 4 * PIECE or not _worth_looking(run):
+        return []
+    shares = np.ones_like(run.deviation), (run.instruments / run.deviation) ** 2
+    found = [steps for share in shares if (steps := _steps_by(run, share)) and in_order(steps)]
+    return found[:1] if found[1:] == found[:1] else found
+
+
+def _steps_by(run: Run, share: Array) -> list[Step]:
+    """The changes of lag, of rows that count by their ``share`` (m, n) of what the noise of an instrument would."""
     pieces = np.arange(0, len(run.t) - PIECE + 1, PIECE)
     longest = min(int(LONGEST * run.per_second), len(run.t) // 4)
-    if len(pieces) < 4 or not _worth_looking(run, pieces):
-        return []
     moving = _moving(run, pieces)
-    errors = _errors(run, pieces, longest)  # (K, p, n)
+    errors = _errors(run, share, pieces, longest)  # (K, p, n)
     scale = np.median(errors.min(axis=0), axis=0) / PIECE + np.mean(run.instruments**2, axis=0)
-    errors *= moving
+    errors = (errors - _of_pieces(share * run.instruments**2, pieces)) * moving
     path = _cheapest(errors / (scale * COLOURED)) - longest
     steps = []
     for begin, start, at, end in _changes(path):
@@ -74,14 +86,14 @@ def lag_steps(run: Run) -> list[Step]:
         at_later_lag, at_own_lag = (errors[lag + longest, begin : start + 1].sum(axis=0) for lag in (after, before))
         lag_is_known = _of_others((at_later_lag - at_own_lag) / (scale * COLOURED)) > BEFORE
         parts = pieces[begin], pieces[start] + PIECE, pieces[at], pieces[end - 1] + PIECE
-        size = [float(np.sum(run.current_rate[a:b] ** 2 / scale)) for a, b in (parts[:2], parts[2:])]
+        size = [float(np.sum((share * run.current_rate**2)[a:b] / scale)) for a, b in (parts[:2], parts[2:])]
         fitted, lagged = float(np.sum(at_own_lag / scale)) / size[0], float(np.sum(without)) * COLOURED / size[1]
         if abs(after - before) > 1 and lag_is_known and lagged > EMERGED * fitted and _agreed(without, with_it):
             lags = before / run.per_second, after / run.per_second
             edge = float(run.t[pieces[at]])
             time, _ = instant(run, lags, (edge - 3 * PIECE / run.per_second, edge + 3 * PIECE / run.per_second))
             steps.append(Step(time, lags[1] - lags[0]))
-    return steps if in_order(steps) else []
+    return steps
 
 
 def in_order(steps: Sequence[Step]) -> bool:
@@ -137,17 +149,22 @@ def put_back(values: Array, t: Array, steps: Sequence[Step]) -> Array:
 
 def _moving(run: Run, pieces: Index) -> NDArray[np.bool_]:
     """(p, n) whether a current changes enough in a piece: at rest, an offset would look like a lag."""
-    energy = np.add.reduceat(run.current_rate[: pieces[-1] + PIECE] ** 2, pieces, axis=0)
+    energy = _of_pieces(run.current_rate**2, pieces)
     moving: NDArray[np.bool_] = energy > QUIET * energy.mean(axis=0)
     return moving
 
 
-def _worth_looking(run: Run, pieces: Index) -> bool:
-    whitened = np.add.reduceat(run.whitened[: pieces[-1] + PIECE] ** 2, pieces, axis=0) / PIECE
-    return bool(np.sqrt(whitened.max()) > SMALLEST_RESIDUAL)
+def _worth_looking(run: Run) -> bool:
+    pieces = np.arange(0, len(run.t) - PIECE + 1, PIECE)
+    return bool(np.sqrt(_of_pieces(run.whitened**2, pieces).max() / PIECE) > SMALLEST_RESIDUAL)
 
 
-def _errors(run: Run, pieces: Index, longest: int) -> Array:
+def _of_pieces(squares: Array, pieces: Index) -> Array:
+    """(p, n) sums of values (m, n) over every piece."""
+    return np.asarray(np.add.reduceat(squares[: pieces[-1] + PIECE], pieces, axis=0))
+
+
+def _errors(run: Run, share: Array, pieces: Index, longest: int) -> Array:
     """(2 longest + 1, p, n) A2: squared error of each piece by the lag at which currents are compared.
 
     The mean of each piece is taken out: a load that the model has not would shift it as a lag does.
@@ -157,26 +174,23 @@ def _errors(run: Run, pieces: Index, longest: int) -> Array:
     known = np.pad(np.ones(len(run.t)), longest)
     level = run.expected.mean(axis=0)  # without it, sums of squares keep their digits
     expected = np.pad(run.expected - level, ((longest, longest), (0, 0)))
-    rows, total, squared = (_sums(values) for values in (known[:, None], expected, expected**2))
     errors = np.empty((len(lags), len(pieces), run.current.shape[1]))
     for p, first in enumerate(pieces.tolist()):
-        near, at = slice(first, first + 2 * longest + PIECE), slice(first, first + 2 * longest + 1)
-        rows_known, whole = np.maximum(rows[at, 0], MOST * PIECE), bool(known[near].all())
-        measured = run.current[first : first + PIECE] - level
-        for j, (own, predicted) in enumerate(zip((measured - measured.mean(axis=0)).T, expected[near].T)):
-            # a correlation with a piece has its sums of products at all lags; a piece has the mean 0
-            own_sum, own_squares = (0.0, own @ own) if whole else (_products(known[near], x) for x in (own, own**2))
-            sums, squares = own_sum - total[at, j], own_squares - 2.0 * _products(predicted, own) + squared[at, j]
-            errors[:, p, j] = PIECE * (squares / rows_known - (sums / rows_known) ** 2)
+        near, rows = slice(first, first + 2 * longest + PIECE), slice(first, first + PIECE)
+        whole = bool(known[near].all())
+        measured = run.current[rows] - run.current[rows].mean(axis=0)
+        for j, (own, weight, predicted) in enumerate(zip(measured.T, share[rows].T, (expected[near]).T)):
+            # of each lag, the weighted sums over the rows within the recording
+            ones, firsts, seconds = (
+                np.sum(x) if whole else _products(known[near], x) for x in (weight, weight * own, weight * own**2)
+            )
+            sums = firsts - _products(predicted, weight)
+            squares = seconds - 2.0 * _products(predicted, weight * own) + _products(predicted**2, weight)
+            ones, whole_weight = np.maximum(ones, MOST * np.sum(weight)), np.sum(weight)
+            errors[:, p, j] = whole_weight * (squares / ones - (sums / ones) ** 2)
     lead = int((1 - MOST) * PIECE)
     nearest = np.clip(lags[:, None], -pieces - lead, len(run.t) - PIECE - pieces + lead)
     return errors[nearest + longest, np.arange(len(pieces))]
-
-
-def _sums(values: Array) -> Array:
-    """(m - PIECE + 1, n) sums of values (m, n) over PIECE rows from each row on."""
-    until = np.cumsum(np.pad(values, ((1, 0), (0, 0))), axis=0)
-    return np.asarray(until[PIECE:] - until[:-PIECE])
 
 
 def _products(values: Array, piece: Array) -> Array:

@@ -78,14 +78,11 @@ def _of_recording(index: int, run: Run, period: float) -> list[DroppedTriggers]:
 
     Another error chooses a lag of its own in some pieces of the path; it must not hide a change of some rows.
     """
-    steps = lag_steps(run)
-    if steps and energy(_aligned(run, steps)[0]) >= energy(run):
-        steps = []
-    by_effect = _beside_steps(index, run, [], period)
-    if not steps:
-        return by_effect
-    by_path = _beside_steps(index, run, steps, period)
-    return min((by_path, by_effect), key=lambda losses: energy(_aligned(run, _steps_of(losses))[0]))
+    paths = [steps for steps in lag_steps(run) if energy(_aligned(run, steps)[0]) < energy(run)]
+    found = [_beside_steps(index, run, steps, period) for steps in (*paths, [])]
+    if not paths:
+        return found[0]
+    return min(found, key=lambda losses: energy(_aligned(run, _steps_of(losses))[0]))
 
 
 def _beside_steps(index: int, run: Run, steps: Sequence[Step], period: float) -> list[DroppedTriggers]:
