@@ -65,7 +65,8 @@ def residual_run(
     low, slow_v, slow_a = (thin(values, COLUMN_BAND) for values in motion)
     brisk = [thin(values) for values in motion]
     expected = thin(predicted_current(arm, t, q, powered=powered, motion=motion))
-    known = replace(known, steps=encoder_steps(q)) if known.steps is None else known
+    steps = encoder_steps(q) if known.steps is None else known.steps
+    known = replace(known, steps=steps)
     instruments = _instruments(arm, (t, q, i), motion[2], slow_v, known, powered)
     variance = (
         instruments.instruments**2
@@ -96,6 +97,7 @@ def residual_run(
         noise=instruments.noise,
         loop_noise=instruments.loop_noise,
         instruments=instruments.instruments,
+        steps=steps,
         folded=folded,
         rippled=rippled,
         block=((rows - rows[0]) // 1.0).astype(np.intp),

@@ -50,7 +50,8 @@ class Run:
     brisk_v, brisk_rigid: v and rigid from the motion in the band of comparison, less smooth and noisier;
     noise (n,) A: std of the residual from the instruments alone; loop_noise (n,) A: the same with what servos do at
     setpoints, which a simulated closed loop does at other instants; instruments (m, n) A: the same row by row, larger
-    where steps of an encoder beat with the rows (``noise.beats``); deviation (m, n) A: std that the residual has with
+    where steps of an encoder beat with the rows (``noise.beats``); steps (n,) rad: of the encoders, 0 where they have
+    none; deviation (m, n) A: std that the residual has with
     nothing wrong: of the instruments, and of friction near standstill; block (m,): block of one second, from 0;
     recordings: those of a ``merged`` run;
     arm: as it was set up for this run (with a known payload, say); powered: False where the drives were off: the brakes
@@ -78,6 +79,7 @@ class Run:
     noise: Array
     loop_noise: Array
     instruments: Array
+    steps: Array
     folded: Array
     rippled: Array
     block: NDArray[np.intp]
@@ -265,7 +267,7 @@ def merged(runs: Sequence[Run]) -> Run:
     rows: dict[str, Any] = {
         field.name: np.concatenate([getattr(run, field.name) for run in runs])
         for field in fields(Run)
-        if isinstance(getattr(runs[0], field.name), np.ndarray) and field.name not in ("block", "noise")
+        if isinstance(getattr(runs[0], field.name), np.ndarray) and field.name not in ("block", "noise", "steps")
     }
     return replace(runs[0], **rows, recordings=tuple(runs))
 

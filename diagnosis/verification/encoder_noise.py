@@ -28,7 +28,7 @@ def gain_from_encoder_noise(
     generator, gain = np.random.default_rng(0), 0.0
     for run, lacking, complete in zip(runs, without, full, strict=True):
         q = run.raw[1]
-        noisier = as_encoders_read(run, q + angle_noise(q) * generator.standard_normal(q.shape))
+        noisier = as_encoders_read(run, q + angle_noise(q, run.steps) * generator.standard_normal(q.shape))
         for sign, effects in ((1.0, lacking), (-1.0, complete)):
             noise = run.whiten(residual_under(noisier, effects) - residual_under(run, effects))
             gain += sign * float(np.sum(noise**2))

@@ -10,7 +10,7 @@ import pytest
 from arm_model import EffectTerm
 from diagnosis import diagnose
 from diagnosis.residual.generation import residual_run
-from diagnosis.residual.noise.channels import standstill
+from diagnosis.residual.noise.channels import KnownNoise, standstill
 from diagnosis.residual.other_effects import residual_with
 from diagnosis.result import Diagnosis
 from diagnosis.verification.encoder_noise import gain_from_encoder_noise
@@ -54,12 +54,17 @@ def test_a_standstill_ends_before_the_arm_has_turned_by_more_than_noise(tmp_path
     assert np.abs(q[rows] - q[0]).max() < 2.0 * (2 * np.pi / 2000)
 
 
+@pytest.mark.parametrize("interpolated", [False, True])
 @pytest.mark.parametrize("_steps", [4096], indirect=True)
-def test_the_gain_of_a_spring_is_that_of_noise_and_the_gain_of_friction_is_not(root: Path) -> None:
-    arm, (t, q, v, a) = two_link.model(root), motion(3, 12.0)
-    step, noise = 2 * np.pi / two_link.COUNTS, 0.005 * np.random.default_rng(3).normal(size=q.shape)
-    current = torque(q, v, a, Day(coulomb=(2.0, 0.0))) / DRIVE + noise
-    run = residual_run("coarse", arm, t, np.round(q / step) * step, current)
+def test_the_gain_of_a_spring_is_that_of_noise_and_the_gain_of_friction_is_not(root: Path, interpolated: bool) -> None:
+    """Of angles that were interpolated, whose steps show no more, the recording's are known."""
+    arm, (t, q, v, a), rng = two_link.model(root), motion(3, 12.0), np.random.default_rng(3)
+    step = 2 * np.pi / two_link.COUNTS
+    current = torque(q, v, a, Day(coulomb=(2.0, 0.0))) / DRIVE + 0.005 * rng.normal(size=q.shape)
+    read = np.round(q / step) * step
+    if interpolated:
+        read[:-1] += rng.uniform(0.0, 0.5, (len(q) - 1, 1)) * np.diff(read, axis=0)
+    run = residual_run("coarse", arm, t, read, current, known=KnownNoise(steps=np.full(2, step)))
     spring = EffectTerm("joint_compliance", 1, {"stiffness": 750.0, "damping": 10.0})
     friction = EffectTerm("coulomb_friction", 1, {"coulomb": 2.0})
 
