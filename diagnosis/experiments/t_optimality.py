@@ -98,7 +98,7 @@ class Question:
         return found
 
     def _under(self, k: int, run: Run) -> Run:
-        """The run with the currents that rival k predicts: some columns depend on the measured current."""
+        """The run with the currents that rival k predicts: the column of a delay is their measured rate."""
         rival = self.rivals[k]
         if rival.best is None:
             return run

@@ -24,9 +24,12 @@ def signals_of(run: Run, arm: Arm, joint: int, *, link_side: bool = False) -> Si
     """Arguments (m,) of the laws of effects at one joint (1-based) of a run.
 
     ``link_side``: the speed is that of the link; it differs from that of the motor where joints are coupled.
+
+    The current is the one that the model expects: the measured one has the residual in it, which any law of it would
+    follow, whatever made it.
     """
     j = joint - 1
-    drive = arm.joints[j]
+    drive, current = arm.joints[j], run.powered * run.along[:, j]
     v = (arm.link_angles(run.brisk_v) if link_side else run.brisk_v)[:, j]
     sign, warmer = v / np.sqrt(v**2 + drive.sign_velocity**2), warmth(run, joint)
     return Signals(
@@ -37,8 +40,8 @@ def signals_of(run: Run, arm: Arm, joint: int, *, link_side: bool = False) -> Si
         sign=sign,
         load=run.rigid[:, j],
         coulomb=coulomb_at(drive, v, sign),
-        current=run.current[:, j],
-        torque=run.current[:, j] * drive.drive_constant,
+        current=current,
+        torque=current * drive.drive_constant,
         t=run.t,
         warmer=0.0 if warmer is None else warmer,
     )

@@ -47,6 +47,15 @@ def test_columns_at_the_own_joint_are_those_of_all_joints(run: Run) -> None:
             assert np.array_equal(own_columns(c, run), columns(c, run)[:, c.joint - 1]), c
 
 
+@pytest.mark.parametrize("effect", ["current_gain", "current_nonlinearity"])
+def test_what_a_transducer_makes_of_a_current_does_not_depend_on_what_it_shows(run: Run, effect: str) -> None:
+    """Of the measured current, less the friction of a joint without load, a gain explained whatever was there."""
+    candidate = next(c for c in candidates(run.arm) if c.key == (effect, 4))
+    cable = replace(run, current=run.current + run.q**3)
+    assert np.array_equal(columns(candidate, run), columns(candidate, cable))
+    assert columns(candidate, run).any()
+
+
 def test_a_library_has_the_columns_of_every_candidate(run: Run) -> None:
     data = Split(dataset_of([run]), dataset_of([_run(run.arm, 2)]))
     every = [c for c in candidates(run.arm) if c.joint in (2, None)]

@@ -65,7 +65,7 @@ def test_few_rows_per_setpoint_show_nothing_beside_noise_either(
 
 CHANGED = {
     "viscous_friction": ({"viscous": (1.2e-3, 1.2e-3)}, "viscous", 0.2e-3 * 100.0**2),
-    "torque_constant": ({"torque_constant": 0.097}, "error", 1 / 0.97 - 1),
+    "torque_constant": ({"torque_constant": 0.097}, "error", -0.03),
     "rotor_inertia": ({"rotor_inertia": 3.3e-5}, "inertia", 0.3e-5 * 100.0**2),
 }
 """Other drives of the elbow: what differs, and the effect's parameter and value at the joint, by hand."""
@@ -89,7 +89,11 @@ def test_a_drive_that_differs_is_found_where_rows_come_as_often_as_setpoints(
 
 @pytest.mark.parametrize(
     ("effect", "joint", "name", "value"),
-    [("coulomb_friction", 1, "coulomb", 1.5), ("current_gain", 2, "error", -0.05), ("payload", None, "mass", 0.3)],
+    [
+        ("coulomb_friction", 1, "coulomb", 1.5),
+        ("torque_constant", 2, "error", -0.05),
+        ("payload", None, "mass", 0.3),
+    ],
 )
 def test_one_effect_is_found_alone_and_of_its_size(
     arm: Arm, root: Path, tmp_path: Path, effect: str, joint: int | None, name: str, value: float
@@ -102,6 +106,15 @@ def test_one_effect_is_found_alone_and_of_its_size(
     assert (cause.effect, cause.joint) == (effect, joint)
     (found,) = (p for p in cause.parameters if p.name == name)
     assert abs(found.value - value) < 2 * found.std < 0.1 * abs(value)
+
+
+def test_a_gain_of_a_transducer_is_not_told_from_a_torque_constant(arm: Arm, root: Path, tmp_path: Path) -> None:
+    """Both scale the currents that the motion needs, whatever else is wrong."""
+    fit, held_out = _recorded(arm.with_effect("current_gain", 2, error=-0.05), root, tmp_path)
+    (cause,) = armscope.diagnose(fit, arm, held_out=held_out).causes
+    assert set(cause.group) == {("current_gain", 2), ("torque_constant", 2)}
+    value = {"current_gain": -0.05, "torque_constant": 1 / 0.95 - 1}[cause.effect]
+    assert abs(cause.parameters[0].value - value) < 2 * cause.parameters[0].std < 0.005
 
 
 def test_friction_that_is_two_percent_larger_is_found(arm: Arm, root: Path, tmp_path: Path) -> None:
