@@ -75,7 +75,7 @@ def lines_near_mains(recordings: Sequence[Recording], arm: Arm) -> dict[int, lis
         if min(line.over_floor for line in lines) >= OVER_FLOOR
         and np.ptp([line.frequency for line in lines]) <= ONE_LINE
         and (
-            all(line.at_rest for line in lines)
+            _stays_at_rest(lines)
             or (
                 max(line.comparable for line in lines) < COMB
                 and not any(_of_setpoints(line, arm, r.dt) for line, r in zip(lines, recordings))
@@ -86,16 +86,27 @@ def lines_near_mains(recordings: Sequence[Recording], arm: Arm) -> dict[int, lis
 
 def _no_mains(lines: Sequence[Line]) -> str | None:
     """Why the lines of all recordings at one joint cannot be mains hum; None if they may be."""
-    if not all(line.at_rest for line in lines) and any(_modulated(line) for line in lines):
+    if not _stays_at_rest(lines) and any(_modulated(line) for line in lines):
         return "its amplitude varies with the motion, like that of servo transients at setpoints"
     if min(abs(_frequency(lines) / mains - 1.0) for mains in MAINS) > OFF_MAINS:
         return f"the mains is within {OFF_MAINS:.0%} of 50 or 60 Hz"
     return None
 
 
+def _stays_at_rest(lines: Sequence[Line]) -> bool:
+    """Whether a line is there while the arm stands: in all recordings in which it does, and steady in the others."""
+    stands = [line.at_rest for line in lines if line.at_rest is not None]
+    return bool(stands) and all(stands) and all(_steady(line) for line in lines if line.at_rest is None)
+
+
 def _modulated(line: Line) -> bool:
     """Whether the amplitude of a line varies significantly."""
     return line.modulation - SURE * line.modulation_std > MODULATED
+
+
+def _steady(line: Line) -> bool:
+    """Whether the amplitude of a line varies significantly less than that of transients at setpoints."""
+    return line.modulation + SURE * line.modulation_std < MODULATED
 
 
 def _of_setpoints(line: Line, arm: Arm, dt: float) -> bool:
@@ -112,8 +123,7 @@ def _of_setpoints(line: Line, arm: Arm, dt: float) -> bool:
     sampled = np.abs(lines - np.round(lines * dt) / dt)
     near = np.abs(sampled - line.frequency) <= ONE_LINE
     below = np.arange(len(lines)) <= int(period / dt)
-    steady = line.modulation + SURE * line.modulation_std < MODULATED
-    return bool(np.any(near & below) or (np.any(near) and not steady))
+    return bool(np.any(near & below) or (np.any(near) and not _steady(line)))
 
 
 def without_hum(recording: Recording, events: Sequence[Event]) -> Array:

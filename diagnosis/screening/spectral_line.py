@@ -48,7 +48,7 @@ class Line:
     modulation     variance of its power from block to block over the square of its mean, beyond that of noise: 0 of a
                    constant amplitude, 0.5 of one that follows a sine, 2 of one that follows a random motion
     modulation_std its standard deviation
-    at_rest        whether it is there while the arm stands, before it moves (``present_at_rest``)
+    at_rest        whether it is there while the arm stands, before it moves (``present_at_rest``); None: it never does
     """
 
     frequency: float = 0.0
@@ -63,7 +63,7 @@ class Line:
     comparable: int = 0
     modulation: float = 0.0
     modulation_std: float = np.inf
-    at_rest: bool = False
+    at_rest: bool | None = None
 
 
 def line_near_mains(t: Array, current: Array, still: slice | None = None) -> Line:
@@ -109,7 +109,7 @@ def line_near_mains(t: Array, current: Array, still: slice | None = None) -> Lin
         comparable=_comparable_lines(power, from_mains > AROUND, float(power[top])),
         modulation=modulation,
         modulation_std=modulation_std,
-        at_rest=still is not None and present_at_rest(high[still], line[still], float(np.hypot(a, b))),
+        at_rest=None if still is None else present_at_rest(high[still], line[still], float(np.hypot(a, b))),
     )
 
 

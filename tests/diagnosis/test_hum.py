@@ -178,3 +178,23 @@ def test_hum_beside_setpoints_at_its_frequency_shows_while_the_arm_stands(arm: A
     for event in found:
         amplitude = next(p for p in event.parameters if p.name == "amplitude")
         assert amplitude.value == pytest.approx(hum, rel=0.3)
+
+
+@pytest.mark.parametrize("hum", [0.0, 0.03])
+def test_hum_where_a_line_of_setpoints_folds_shows_wherever_the_arm_stands(
+    arm: Arm, tmp_path: Path, hum: float
+) -> None:
+    """Setpoints every 4 ms at 800 rows/s: their third line is seen at 50 Hz. The second recording never stands."""
+    rng, rate, recordings = np.random.default_rng(4), 800.0, []
+    for begins in (1.0, 0.0):
+        t = np.arange(0.0, 12.0, 1 / rate)
+        moving = np.clip(t - begins, 0.0, None)
+        q = 0.5 * (1.0 - np.cos(np.outer(moving, rng.uniform(0.5, 1.5, JOINTS)))) + 0.1 * (begins == 0.0) * t[:, None]
+        push = np.gradient(np.gradient(q, t, axis=0), t, axis=0)
+        i = q + 0.05 * push * np.sin(2 * np.pi * 750.0 * t)[:, None] + rng.normal(0.0, 5e-3, q.shape)
+        i[:, 1] = q[:, 1] + hum * np.sin(2 * np.pi * 49.98 * t + 1.0) + rng.normal(0.0, 5e-3, len(t))
+        write_table(tmp_path / f"{begins}.mcap", t, {"q": np.round(q / 1e-5) * 1e-5, "i": i}, Attachments())
+        recordings.append(open_recording(tmp_path / f"{begins}.mcap"))
+    assert arm.controller is not None
+    known = replace(arm, controller=replace(arm.controller, setpoint_period=0.004))
+    assert [event.joint for event in _hum(recordings, known)] == ([2] if hum else [])
