@@ -33,7 +33,8 @@ STEP = 0.1
 ABOVE_MOVING = 5.0
 """Std of a standing current over that of the quietest moving stretches of its joint, from which on it is no noise.
 
-Of joints without an oscillation 0.01 to 2.0: motion adds to the noise, and takes nothing of it.
+The least standing one of all recordings over the quietest moving one. Of joints without an oscillation 0.01 to 2.0:
+motion adds to the noise, and takes nothing of it.
 """
 QUIETEST = 0.2
 """Share of the moving stretches that are the quietest."""
@@ -70,14 +71,15 @@ class _Standing:
 
     frequency, amplitude, share  Hz, A of the current, and share of the wave that predicts most
     lasts        whether it goes on, and is larger than the scatter from row to row
-    over_moving  its std over that of moving stretches (``_over_moving``)
+    std, moving  A: its std, and that of the quietest moving stretches (``_about_cubics``)
     """
 
     frequency: float
     amplitude: float
     share: float
     lasts: bool
-    over_moving: float
+    std: float
+    moving: float
 
 
 def oscillations(recordings: Sequence[Recording]) -> list[Oscillation]:
@@ -89,8 +91,8 @@ def oscillations(recordings: Sequence[Recording]) -> list[Oscillation]:
     for joint, currents in enumerate(zip(*of_each), 1):
         share, frequencies = min(one.share for one in currents), [one.frequency for one in currents]
         one_wave = share > SHARE and np.ptp(frequencies) <= SAME
-        over_moving = min((one.over_moving for one in currents if np.isfinite(one.over_moving)), default=0.0)
-        no_noise = share > least and over_moving > ABOVE_MOVING
+        quietest = min((one.moving for one in currents if np.isfinite(one.moving)), default=np.inf)
+        no_noise = share > least and min(one.std for one in currents) > ABOVE_MOVING * quietest
         if all(one.lasts for one in currents) and (one_wave or no_noise):
             amplitude = np.mean([one.amplitude for one in currents])
             oscillating.append(Oscillation(joint, float(np.median(frequencies)), float(amplitude), share))
@@ -111,7 +113,7 @@ def _standing(recording: Recording, rows: slice) -> list[_Standing]:
     """The currents of all joints in a standstill."""
     t, white = recording.t[rows] - recording.t[rows][0], floor(recording.i)
     below = low_pass(recording.i, COMPARE_BAND, 1.0 / recording.dt)
-    values, over_moving = below[rows], _over_moving(below, recording.q, rows)
+    values, (std, moving) = below[rows], _about_cubics(below, recording.q, rows)
     straight = np.column_stack([np.ones_like(t), t])
     values = values - straight @ np.linalg.lstsq(straight, values, rcond=None)[0]
     power = np.maximum(np.sum(values**2, axis=0), 1e-300)
@@ -124,12 +126,12 @@ def _standing(recording: Recording, rows: slice) -> list[_Standing]:
         amplitude, early, late = (float(np.sqrt(2.0) * np.std(part)) for part in parts)
         lasts = min(early, late) > LASTS * max(early, late) and amplitude > white[j]
         share = float(1.0 - residual[k, j] / power[j])
-        standing.append(_Standing(float(frequencies[k]), amplitude, share, lasts, float(over_moving[j])))
+        standing.append(_Standing(float(frequencies[k]), amplitude, share, lasts, float(std[j]), float(moving[j])))
     return standing
 
 
-def _over_moving(current: Array, q: Array, rows: slice) -> Array:
-    """(n,) std of currents (m, n) A in the standstill ``rows`` over that of the quietest moving stretches as long.
+def _about_cubics(current: Array, q: Array, rows: slice) -> tuple[Array, Array]:
+    """(n,) std of currents (m, n) A in the standstill ``rows``, and of the quietest moving stretches as long.
 
     About cubics, which follow drifts and the slow part of a motion. q (m, n) rad. NaN for too few stretches in which a
     joint moves throughout.
@@ -146,10 +148,10 @@ def _over_moving(current: Array, q: Array, rows: slice) -> Array:
 
     turned = np.abs(np.diff(stretches(q)[:, :: max(1, length // PARTS)], axis=1)).min(axis=1, initial=np.inf)
     moving = np.where(turned > MOVES * angle_noise(q), std(stretches(current)), np.nan)
-    over_moving = np.full(joints, np.nan)
+    quietest = np.full(joints, np.nan)
     for j in np.flatnonzero(np.isfinite(moving).sum(axis=0) >= STRETCHES):
-        over_moving[j] = std(current[rows])[j] / max(float(np.nanquantile(moving[:, j], QUIETEST)), 1e-300)
-    return over_moving
+        quietest[j] = float(np.nanquantile(moving[:, j], QUIETEST))
+    return std(current[rows]), quietest
 
 
 def _fitted(frequency: float, t: Array, values: Array) -> Array:

@@ -23,10 +23,12 @@ def _recorded(
     rows: int = 1000,
     swings: float = 0.0,
     demanded: bool = False,
+    busy: float = 0.0,
 ) -> Recording:
     """Two joints at 250 Hz that stand for 0.8 s: noise of 0.01 A, and coloured; a wave of 6 Hz (A) at joint 2.
 
     sweep: Hz per s by which its frequency grows; swings: rad by which the joint follows it; demanded: with demands.
+    busy: A at 9 Hz that the motion itself takes.
     """
     rng, t = np.random.default_rng(seed), np.arange(rows) / 250.0
     q = np.column_stack([1.0 - np.cos(np.clip(t - 0.8, 0.0, None)), 0.5 * np.clip(t - 0.8, 0.0, None) ** 2])
@@ -37,7 +39,7 @@ def _recorded(
     i += colour * red
     turn = 2 * np.pi * (6.0 + sweep * t / 2) * t
     hunting = np.sin(turn + rng.uniform(0, 6)) * np.exp(-t / fades) * (t < 0.85)
-    i[:, 1] += wave * hunting
+    i[:, 1] += wave * hunting + busy * np.sin(2 * np.pi * 9.0 * t) * (t > 0.85)
     q[:, 1] += swings * hunting
     write_table(path, t, {"q": np.round(q / 1e-5) * 1e-5, "i": i, **demand}, Attachments())
     return open_recording(path)
@@ -60,6 +62,15 @@ def test_an_oscillation_of_changing_frequency_is_no_noise(tmp_path: Path, record
     assert found.joint == 2 and 6.0 < found.frequency < 17.0 and found.share < 0.75
     # noise that is as large while they move is none
     assert not oscillations([_recorded(tmp_path / f"{n}.mcap", n, 0.0, 0.2, rows=2500) for n in range(recordings)])
+
+
+def test_one_recording_of_a_quiet_motion_shows_what_is_no_noise(tmp_path: Path) -> None:
+    """Motions of the other recordings take as much current as the servo does while it hunts."""
+    several = [
+        _recorded(tmp_path / f"{n}.mcap", n, 0.3, 0.01, sweep=13.0, rows=2500, busy=0.0 if n == 1 else 0.3)
+        for n in range(3)
+    ]
+    assert [found.joint for found in oscillations(several)] == [2]
 
 
 def test_a_joint_that_hunts_widely_is_told_where_it_is_asked_to_stand(tmp_path: Path) -> None:
