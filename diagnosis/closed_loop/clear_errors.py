@@ -2,16 +2,19 @@
 
 Below 20 Hz and from there to 100 Hz, in the fitted recordings and in those held out. The median of one-second blocks is
 judged, not the whole: how a servo comes to rest, or breaks away, is not determined by its demands, and fills some
-seconds with errors of ten times the noise where nothing is wrong.
+seconds with errors of ten times the noise where nothing is wrong. Where sampling folds lines of the setpoints into the
+upper band, it is judged without them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import signal
 from scipy.interpolate import CubicSpline
 
 from arm_io.types import Array
@@ -24,10 +27,13 @@ from diagnosis.residual.filters import COMPARE_BAND, TRANSIENT, rate_kept, rate_
 from diagnosis.residual.noise.channels import current_noise
 from diagnosis.residual.run import Run
 from identification.preprocessing import zero_phase
+from identification.preprocessing.folding import folded_into
 from identification.selection import Split, Thresholds
 
 HIGHEST = 100.0
 """Hz: above it, a model of servos and rotors without amplifiers says nothing."""
+FOLDED = 5.0
+"""Hz on either side of a folded line that are left out: transients follow an acceleration of some Hz."""
 LEAST_SHARE = 0.2
 """Of the rows of a block that must be compared for it to count."""
 LEAST_BLOCKS = 4
@@ -97,6 +103,7 @@ def _clear_in(
     noise = (
         np.mean([run.loop_noise for run in runs], axis=0),
         [current_noise(one.current, one.measured("current")) for _, one in pairs],
+        max(run.setpoints.period for run in runs),
     )
     bands = _ratios(pairs, *noise)
     if not any(np.any(ratio > limit) for _, limit, ratio in bands):
@@ -109,31 +116,36 @@ def _clear_in(
             yield int(j) + 1, against, float(ratio[j])
 
 
-def _noise_of(band: int, pairs: Pairs, noise: Array, white: Sequence[Array]) -> Array:
+def _noise_of(band: int, pairs: Pairs, noise: Array, white: Sequence[Array], period: float) -> Array:
     """(n,) A: noise below COMPARE_BAND (band 0), and from there to HIGHEST (band 1); arguments as of ``_ratios``."""
     if band == 0:
         return noise
     rates = [rate_of(one.t) for _, one in pairs]
-    return np.asarray(np.mean([_in_band(level, _sections(rate)) for level, rate in zip(white, rates)], axis=0))
+    return np.asarray(np.mean([_in_band(level, _sections(rate, period)) for level, rate in zip(white, rates)], axis=0))
 
 
-def _ratios(pairs: Pairs, noise: Array, white: Sequence[Array]) -> list[tuple[str, float, Array]]:
+def _ratios(pairs: Pairs, noise: Array, white: Sequence[Array], period: float) -> list[tuple[str, float, Array]]:
     """For both bands: name, limit, and (n,) the median error of each joint over the noise.
 
-    noise: (n,) A, below COMPARE_BAND; white: (n,) A per recording, of a row of its measured currents.
+    noise: (n,) A, below COMPARE_BAND; white: (n,) A per recording, of a row of its measured currents; period: s between
+    setpoints, or 0.
     """
     return [
         (NO_VARIABLE, LIMITS.loop, _medians(_below(after, noise) for _, after in pairs)),
-        (f"frequencies of {COMPARE_BAND:.0f} to {HIGHEST:.0f} Hz", LIMITS.loop_band, _above_medians(pairs, white)),
+        (
+            f"frequencies of {COMPARE_BAND:.0f} to {HIGHEST:.0f} Hz",
+            LIMITS.loop_band,
+            _above_medians(pairs, white, period),
+        ),
     ]
 
 
-def _above_medians(pairs: Pairs, white: Sequence[Array]) -> Array:
+def _above_medians(pairs: Pairs, white: Sequence[Array], period: float) -> Array:
     """(n,) medians from COMPARE_BAND to HIGHEST: the simulation moved as a whole, or what it has without the causes.
 
     Setpoints that come later move transients. What follows the angles, as cogging does, stays where it is.
     """
-    whole, parts = zip(*(_above(*pair, own) for pair, own in zip(pairs, white)))
+    whole, parts = zip(*(_above(*pair, own, period) for pair, own in zip(pairs, white)))
     return np.minimum(_medians(iter(whole)), _medians(iter(parts)))
 
 
@@ -153,7 +165,7 @@ def _below(one: LoopComparison, noise: Array) -> Array:
     return _of_blocks(error, one.known[: len(error)], round(rate_kept(rate_of(one.t))))
 
 
-def _above(before: LoopComparison, one: LoopComparison, white: Array) -> tuple[Array, Array]:
+def _above(before: LoopComparison, one: LoopComparison, white: Array, period: float) -> tuple[Array, Array]:
     """(blocks, n) mean squares of the error from COMPARE_BAND to HIGHEST over the noise of a row, ``white`` (n,) A.
 
     At rows that were measured. The instants of the setpoints are not recorded: the simulation is moved to where its
@@ -163,7 +175,7 @@ def _above(before: LoopComparison, one: LoopComparison, white: Array) -> tuple[A
     if rate < 4 * COMPARE_BAND:
         none = np.full((0, one.current.shape[1]), np.nan)
         return none, none
-    sections = _sections(rate)
+    sections = _sections(rate, period)
     noise = _in_band(white, sections)
     known = one.measured("current")
     measured, simulated, without = (
@@ -185,9 +197,15 @@ def _above(before: LoopComparison, one: LoopComparison, white: Array) -> tuple[A
     return error_per_block(simulated), error_per_block(without)
 
 
-def _sections(rate: float) -> Array:
-    """Of the band from COMPARE_BAND to HIGHEST, at ``rate`` rows/s."""
-    return band_sections(rate, (COMPARE_BAND, HIGHEST))
+@cache
+def _sections(rate: float, period: float) -> Array:
+    """Of the band from COMPARE_BAND to HIGHEST at ``rate`` rows/s, less what setpoints every ``period`` s fold."""
+    band = COMPARE_BAND, HIGHEST
+    without = [
+        signal.butter(2, [2 * (f - FOLDED) / rate, 2 * (f + FOLDED) / rate], btype="bandstop", output="sos")
+        for f in folded_into(band, period, rate)
+    ]
+    return np.vstack([band_sections(rate, band), *without])
 
 
 def _in_band(white: Array, sections: Array) -> Array:

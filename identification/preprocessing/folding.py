@@ -31,6 +31,21 @@ def seen_at(lines: Lines, period: float, rate: float) -> Array:
     return np.asarray(np.abs(frequency - np.round(frequency / rate) * rate))
 
 
+def folded_into(band: tuple[float, float], period: float, rate: float) -> Array:
+    """(k,) Hz within ``band`` at which rows at ``rate`` Hz show lines from half of that rate up to it, and none below.
+
+    How large such a line is depends on how servo and transducer respond there. If setpoints come a little later, it
+    turns by the angle of its own frequency, not of that at which it is seen. Servos filter what is above the rate. A
+    period of 0: setpoints are not known.
+    """
+    lines = np.arange(1, int(rate * period) + 1)
+    if not len(lines):
+        return np.zeros(0)
+    seen, below = seen_at(lines, period, rate), lines / period <= rate / 2
+    folded = np.unique(seen[~below & (seen >= band[0]) & (seen <= band[1])])
+    return np.array([f for f in folded if np.all(np.abs(seen[below] - f) > BEAT)])
+
+
 def whole_rows(setpoints: Setpoints, rate: float) -> int:
     """Rows at ``rate`` Hz per setpoint if they beat more slowly than BEAT; else 0."""
     rows = round(setpoints.period * rate)

@@ -29,6 +29,8 @@ from diagnosis.closed_loop.oscillation import oscillation, with_oscillations
 from diagnosis.closed_loop.setpoint_phase import lag_of
 from diagnosis.residual.filters import kept_rows, rate_of
 from diagnosis.residual.generation import residual_run
+from identification.preprocessing import UNKNOWN, Setpoints
+from identification.preprocessing.folding import folded_into
 from identification.selection import Split
 
 RATE, NOISE = 500.0, 0.01
@@ -53,7 +55,7 @@ def _twice(compared: LoopComparison) -> LoopPair:
 T = np.arange(0.0, 20.0, 1 / RATE)
 BELOW = NOISE * np.sqrt(20.0 / (RATE / 2))
 """A: white noise below 20 Hz."""
-RUN = cast(Any, SimpleNamespace(loop_noise=np.full(2, BELOW)))
+RUN = cast(Any, SimpleNamespace(loop_noise=np.full(2, BELOW), setpoints=UNKNOWN))
 RUNS = Split([RUN], [RUN])
 
 
@@ -92,6 +94,25 @@ def test_what_sampling_folds_is_no_clear_error(root: Path) -> None:
     other = replace(_compared(20 * BELOW * np.sin(2 * np.pi * 1.7 * T)), less_folded=run.less_folded)
     for seen in (one, other):
         assert [found.joint for found in clear_errors(Split([_twice(seen)], []), RUNS, [])] == [2]
+
+
+@pytest.mark.parametrize(("period", "hertz", "told"), [(0.0, 37.5, 1), (1 / 462.5, 37.5, 0), (1 / 462.5, 60.0, 1)])
+def test_a_line_of_setpoints_that_is_folded_into_the_band_is_no_clear_error(
+    period: float, hertz: float, told: int
+) -> None:
+    """At 500 rows/s, setpoints at 462.5 Hz are seen at 37.5 Hz, as large as a transducer is at 462.5 Hz."""
+    runs = RUNS.map(lambda _: [cast(Any, SimpleNamespace(loop_noise=RUN.loop_noise, setpoints=Setpoints(period)))])
+    transients = 0.1 * np.sin(2 * np.pi * 0.5 * T) * np.sin(2 * np.pi * hertz * T)
+    found = clear_errors(Split([_twice(_compared(transients))], []), runs, [])
+    assert [one.joint for one in found] == [2] * told
+
+
+@pytest.mark.parametrize(
+    ("period", "rate", "hertz"), [(0.004, 800.0, [50.0]), (0.028, 2000.0, []), (0.01, 1000.0, []), (0.0, 500.0, [])]
+)
+def test_folded_lines_in_the_band(period: float, rate: float, hertz: list[float]) -> None:
+    """Where they are seen at lines below half of the rate, what is seen there is these as well."""
+    np.testing.assert_allclose(folded_into((20.0, 100.0), period, rate), hertz)
 
 
 @pytest.mark.parametrize("hertz", [5.0, 47.0])
