@@ -111,11 +111,12 @@ def check_signs(where: Sequence[object], dissipated: Array, std: Array) -> None:
 
 
 def unexplained_channels(
-    where: object, residual: Array, columns: Array, torque: Array, joint: NDArray[np.intp]
+    where: object, residual: Array, columns: Array, torque: Array, level: Array, joint: NDArray[np.intp]
 ) -> list[str]:
     """A sentence for every joint of whose current the fit explains too little.
 
-    Residual, torque and joint (from 0), (rows,) each, and the columns (rows, p) of all parameters.
+    Residual, torque and joint (from 0), (rows,) each, and the columns (rows, p) of all parameters. ``level`` (rows,):
+    mean torque of the joint in all recordings; of one that turns a joint one way at one speed, a fit explains that.
 
     InputError for a current of which it explains nothing: that of an open input only hums; one in mA follows its joint
     well, and no arm has it beside those of the other joints.
@@ -123,7 +124,8 @@ def unexplained_channels(
     channels = []
     for j in np.unique(joint):
         of_joint = joint == j
-        explained = 1 - float(np.var(residual[of_joint])) / max(float(np.var(torque[of_joint])), 1e-300)
+        about = float(np.mean((torque - level)[of_joint] ** 2))
+        explained = 1 - float(np.mean(residual[of_joint] ** 2)) / max(about, 1e-300)
         if explained >= EXPLAINED:
             continue
         alone, share = _explained_alone(columns[of_joint], torque[of_joint]), f"{max(explained, 0.0):.0%}"

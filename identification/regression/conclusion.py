@@ -50,10 +50,16 @@ def _unexplained_channels(problem: Problem, best: Fit) -> list[str]:
     # judged by the unconstrained fit, which follows the channel even if no possible arm does
     unconstrained, judged, found = _residual(problem, problem.judged, best), problem.judged, []
     torque = judged.torque if judged.rest is None else judged.torque - judged.rest
+    level = (np.bincount(judged.joint, torque) / np.maximum(np.bincount(judged.joint), 1))[judged.joint]
     for number, recording in enumerate(problem.fit):
         here = judged.run == number
         sentences = checks.unexplained_channels(
-            recording.path, unconstrained[here], judged.columns[here], torque[here], judged.joint[here]
+            recording.path,
+            unconstrained[here],
+            judged.columns[here],
+            torque[here],
+            level[here],
+            judged.joint[here],
         )
         found += [f"{recording.path.name}: {sentence}" for sentence in sentences]
     return found + _of_another_unit(problem)
