@@ -17,6 +17,7 @@ from comparison.current_limits import limit_changes
 from comparison.friction_drift import assumed, friction_drift
 from comparison.joint_fit.delays import delay_between, put_back
 from comparison.joint_fit.effect_columns import EffectColumns
+from comparison.joint_fit.encoder_noise import without_noise
 from comparison.joint_fit.fewest_changes import AcceptedChange, fewest_changes
 from comparison.joint_fit.search import Recorded, first_fit
 from comparison.outcome import Comparison
@@ -122,9 +123,10 @@ def _in_joint_band(
 ) -> Recorded:
     """The recordings in the wider band of the joint regression, and the regression of each alone in that band."""
     band = [wide(motion) for motion in motions]
-    one = regressions_of(separate.structure, recordings, band, motions, separate.is_before, progress)
+    clean = [without_noise(motion, separate.structure.arm) for motion in band]
+    one = regressions_of(separate.structure, recordings, clean, motions, separate.is_before, progress)
     columns = [EffectColumns(one.structure.arm, motion) for motion in band]
-    return Recorded(one.structure, band, one.rows, one.fits, columns, one.is_before, drift)
+    return Recorded(one.structure, clean, one.rows, one.fits, columns, one.is_before, drift)
 
 
 def _alternatives(accepted: Sequence[AcceptedChange]) -> Iterator[str]:

@@ -73,8 +73,9 @@ def record(
     late: float = 0.0,
     soft: float = 0.0,
     turn: float = 0.0,
+    step: float = 1e-5,
 ) -> Recording:
-    """Encoders of 1e-5 rad; currents with white noise of 10 mA and as much that is correlated over 20 rows.
+    """Encoders of ``step`` rad; currents with white noise of 10 mA and as much that is correlated over 20 rows.
 
     seed, noise  of the motion and of the noise; resting: a joint (from 0) that stands still;
                  by_load: share of the load of joint 2 that is added to its friction
@@ -114,7 +115,7 @@ def record(
     i[:, 0] = np.clip(i[:, 0], -limit, limit)
     i += 0.01 * white + 0.01 * lfilter([np.sqrt(1 - 0.95**2)], [1, -0.95], driven, axis=0)
     read = seen + np.asarray(zeros) if len(zeros) else seen
-    signals = {"q": np.round(read / 1e-5) * 1e-5, "i": i}
+    signals = {"q": np.round(read / step) * step, "i": i}
     if temp is not None:
         signals["temp"] = np.full_like(q, temp)
     write_table(path, t, signals, Attachments(experiment=experiment))
