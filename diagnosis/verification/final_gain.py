@@ -26,14 +26,17 @@ from diagnosis.selection.ripple_orders import joint_of_ripple
 from diagnosis.selection.unseen_inertia import explained
 from diagnosis.verification.encoder_noise import gain_from_encoder_noise
 
+SMOOTHED = 0.1
+"""Share of a gain that is of the noise of encoders, from which on what is left with an effect is no measure of it."""
+
 
 def negligible(state: State, causes: Sequence[Cause]) -> int | None:
     """The chosen candidate that gains least in the final model, if that does not matter; None where all matter.
 
     causes: the chosen ones. Each must gain twice, over all held-out rows: with the others refitted to do without it,
     and in the exact model of all, whose columns are not of the first order. Where it acts, what is left without it must
-    be above the noise, and the noise is no larger than what is left with it: below a noise that is overestimated, any
-    law of many rows gains something.
+    be above the noise, which is no larger than what is left with it unless that was smoothed: below a noise that is
+    overestimated, any law of many rows gains something.
     """
     found: list[tuple[float, int]] = []
     for index, (needed, gain, exact_gain) in enumerate(_gains(state, causes)):
@@ -65,18 +68,18 @@ def _gains(state: State, causes: Sequence[Cause]) -> Iterator[tuple[bool, float,
     for c, cause in zip(state.chosen, causes, strict=True):
         without = model.without(c, state)
         alone = model.conditional(c, without, state)
-        lacking, left = (
-            left_where_it_acts(model.columns(c).held_out, alone.coefficients, at) for at in (without, state)
-        )
-        above_noise = lacking > LIMITS.noise * min(left, 1.0)
         others = [term for term in terms if term not in cause.terms]
-        exact_gain = float((_energy(runs, [(*of_run, *others) for of_run in arms]) - full).sum())
-        exact_gain -= float(explained(unseen, model.columns(c).held_out, state.data.held_out).sum())
-        if exact_gain < state.data.held_out.y.size:  # more than all noise is no gain of noise
-            exact_gain -= gain_from_encoder_noise(
-                runs, *([(*of_run, *more) for of_run in arms] for more in (others, terms))
-            )
-        yield model.needed(alone, state) and above_noise, alone.gain, exact_gain
+        gain, of_noise = float((_energy(runs, [(*of_run, *others) for of_run in arms]) - full).sum()), 0.0
+        if gain < state.data.held_out.y.size:  # more than all noise is no gain of noise
+            lacking, complete = ([(*of_run, *more) for of_run in arms] for more in (others, terms))
+            of_noise = gain_from_encoder_noise(runs, lacking, complete)
+        of_unseen = float(explained(unseen, model.columns(c).held_out, state.data.held_out).sum())
+        with_it, without_it = (
+            left_where_it_acts(model.columns(c).held_out, alone.coefficients, at) for at in (state, without)
+        )
+        noise = min(with_it, 1.0) if of_noise < SMOOTHED * gain else 1.0
+        needed = model.needed(alone, state) and without_it > LIMITS.noise * noise
+        yield needed, alone.gain, gain - of_unseen - of_noise
 
 
 def left_where_it_acts(columns: Columns, coefficients: Array, state: State) -> float:
