@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from arm_model.tables import uncertainty_of
 from daq.recording import Recording, open_recording
 from daq.recording.parts import Attachments
 from daq.recording.tables.table import write_table
@@ -77,3 +78,18 @@ def test_an_offset_and_another_effect_are_no_friction_that_differs_between_direc
     fit, held_out = (recorded(tmp_path / f"{number}.mcap", number, day) for number in (20, 25))
     found = diagnose(replace(model(root), gravity=(0.0, 0.0, 0.0)), [fit], [held_out])
     assert {cause.key for cause in found.causes} == {("current_offset", 1), (other, 1)}
+
+
+@pytest.mark.parametrize(("viscous", "ripple"), [(4.0, 0.0), (8.0, 0.0), (4.0, 0.03)])
+def test_viscous_friction_is_named_alone_beside_an_offset_that_the_model_may_be_wrong_by(
+    root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, viscous: float, ripple: float
+) -> None:
+    """Friction that differs between the directions explains both, and is beyond what the model is known to."""
+    monkeypatch.setattr(two_link, "GRAVITY", 0.0)
+    day = Day(viscous=(viscous, 0.0), offset=(-0.04, 0.0), ripple=ripple)
+    fit, held_out = (recorded(tmp_path / f"{number}.mcap", number, day) for number in (20, 25))
+    # 0.3 N m, of which the offset of 0.04 A is 1.3
+    covariance = np.diag([0.3**2, 0.02**2])
+    uncertainty = uncertainty_of("model_uncertainty.json", ("joint1.offset", "joint1.coulomb"), covariance)
+    known = replace(model(root), gravity=(0.0, 0.0, 0.0), uncertainty=uncertainty)
+    assert {cause.key for cause in diagnose(known, [fit], [held_out]).causes} == {("viscous_friction", 1)}

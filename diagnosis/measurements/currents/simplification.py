@@ -25,7 +25,7 @@ from diagnosis.selection.bodies import body_of, is_body
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Columns
 from diagnosis.selection.regression import at_joint, best_of_each, fit_gain
-from identification.selection import p_value
+from identification.selection import Split, p_value
 
 if TYPE_CHECKING:
     from diagnosis.measurements.currents.model import Currents
@@ -61,11 +61,11 @@ def simplified(state: State) -> State:
             {**state.rivals, **{c.key: rivals for c in substitutes}},
         )
         energy, energy_of_trial = state.energy.held_out, trial.energy.held_out
-        noise = float(state.data.held_out.rows)
-        # where much remains that no effect explains, more coefficients follow some of it
-        beyond = max(energy - noise * len(model.arm), 0.0) if _friction_alone(substitutes, replaced) else 0.0
+        more = model.limits.min_gain * state.data.held_out.rows
+        if _friction_alone(substitutes, replaced):
+            more = _followed(state, model.limits.min_gain).held_out
         possible = all(_is_body(trial, c) for c in substitutes if c.body)
-        if possible and energy_of_trial - energy < max(model.limits.min_gain * noise, model.limits.follows * beyond):
+        if possible and energy_of_trial - energy < more:
             state = trial
         elif (better := _by_next_order(state, substitutes, replaced[0], energy)) is not None:
             state = better
@@ -130,7 +130,7 @@ def _by_two(state: State) -> State:
     An offset and a torque constant are followed by level and slope of friction in either direction. The two are named
     if they explain as much as the law, and more than any two parts of it: of a law that is there, two parts are nearer
     than effects that it is none of. Two parts themselves are named if they are separate causes, and explain more than
-    other parts.
+    other parts; one of them alone if the other is within what the model is known to.
     """
     model = state.model
     for c in state.chosen:
@@ -141,24 +141,60 @@ def _by_two(state: State) -> State:
         without = model.refitted(kept, state.rivals)
         of_parts = [one for one in model.library if one.joint == c.joint and one.effect in c.definition.special_cases]
         parts = {both: _with(both, without) for both in itertools.combinations(of_parts, 2)}
-        rows = state.data.map(lambda part: LIMITS.tie_floor * part.rows)
-        enough = _residual_energy(state, c.joint) + rows.fit
-        sets = _sets(without, c.joint, determined - 1, enough)
-        trials = {some: _with(some, without) for some in sets}
-        allowed = (both for both in parts if not {one.key for one in both} & model.excluded)
-        trials |= {both: parts[both] for both in allowed if _separate(both, c.definition)}
+        most = _no_worse(state, c.joint, state.data.map(lambda part: LIMITS.tie_floor * part.rows))
+        trials = {some: _with(some, without) for some in _sets(without, c.joint, determined - 1, most.fit)}
+        allowed = [
+            both for both in parts if _separate(both, c.definition) and not {one.key for one in both} & model.excluded
+        ]
+        trials |= {both: parts[both] for both in allowed}
+        most_of_parts = _no_worse(state, c.joint, _followed(state, LIMITS.tie_floor))
         better = [
-            trial
+            tenable
             for some, trial in trials.items()
-            if trial.energy.held_out < state.energy.held_out + rows.held_out
-            and _residual_energy(trial, c.joint) < enough
+            if _leaves(trial, c.joint, most_of_parts if some in allowed else most)
             and not _predicts_more(state, trial)
             and all(_predicts_more(trial, one) for both, one in parts.items() if both != some)
-            and all(_tenable(one, trial) for one in trial.chosen if one not in kept)
+            and (tenable := _tenable_of(some, trial, without, parts=some in allowed)) is not None
         ]
         if better:
             state = _with_rivals(min(better, key=lambda trial: sum(trial.energy)), kept)
     return state
+
+
+def _no_worse(state: State, joint: int, by: Split[float]) -> Split[float]:
+    """Energies that a trial may leave: of the fitted rows of a joint, and of all held-out rows."""
+    return replace(by, fit=_residual_energy(state, joint) + by.fit, held_out=state.energy.held_out + by.held_out)
+
+
+def _leaves(trial: State, joint: int, most: Split[float]) -> bool:
+    """Whether a trial leaves less than ``most`` (``_no_worse``)."""
+    return trial.energy.held_out < most.held_out and _residual_energy(trial, joint) < most.fit
+
+
+def _followed(state: State, floor: float) -> Split[float]:
+    """Energies that more coefficients of friction may take by following what no effect explains.
+
+    floor: share of the noise energy that they may take in any case.
+    """
+    follows, joints = state.model.limits.follows, len(state.model.arm)
+
+    def of(energy: float, rows: int) -> float:
+        return max(floor * rows, follows * (energy - rows * joints))
+
+    data, energy = state.data, state.energy
+    return replace(energy, fit=of(energy.fit, data.fit.rows), held_out=of(energy.held_out, data.held_out.rows))
+
+
+def _tenable_of(some: Sequence[Candidate], trial: State, without: State, *, parts: bool) -> State | None:
+    """The trial if these of its candidates are tenable; of ``parts``, that with those that are; None where none is.
+
+    What the other part of a law explains is then what the parameters of the model may be wrong by.
+    """
+    tenable = tuple(c for c in some if _tenable(c, trial))
+    if len(tenable) == len(some):
+        return trial
+    alone = _with(tenable, without) if parts and tenable else None
+    return alone if alone is not None and all(_tenable(c, alone) for c in tenable) else None
 
 
 def _separate(some: Sequence[Candidate], whole: Effect) -> bool:
