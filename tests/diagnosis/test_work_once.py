@@ -116,7 +116,7 @@ def test_errors_by_lag_are_those_of_every_row() -> None:
     expected = 10.0 + np.cumsum(rng.normal(size=(rows, 2)), axis=0)
     run = SimpleNamespace(t=np.arange(rows), expected=expected, current=expected + 0.1 * rng.normal(size=(rows, 2)))
     pieces = np.arange(0, rows - PIECE + 1, PIECE)
-    found = _errors(run, pieces, longest)  # type: ignore[arg-type]
+    found = _errors(run, np.ones_like(expected), pieces, longest)  # type: ignore[arg-type]
     compared = 0
     for lag in range(-longest, longest + 1):
         for p, first in enumerate(pieces.tolist()):
