@@ -1,1 +1,1 @@
-"""Arms from elsewhere: random ones through every command, and six in MuJoCo in which effects are hidden."""
+"""Arms from elsewhere: random ones through every command, and twelve in MuJoCo in which effects are hidden."""

@@ -1,4 +1,4 @@
-"""Six arms that are not the Puma, by published or typical figures: ``arms.csv``, a row per joint.
+"""Twelve arms that are not the Puma, by published or typical figures: ``arms.csv``, a row per joint.
 
 Drive figures are at the joint (N m, N m s/rad, kg m2; of a prismatic joint N, N s/m, kg), except ``gear`` and
 ``torque_constant``, which are the motor's. Coupled arms report drive angles; ``coupling`` maps them to joint angles.
