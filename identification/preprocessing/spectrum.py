@@ -130,9 +130,21 @@ def _valley(f: Array, share: Array, above: float) -> float:
     first = np.minimum(first, last - 1)
     smooth = (total[last] - total[first]) / (last - first)
     # Above half the Nyquist frequency anti-aliasing filters cause valleys too, and filters ring for long.
-    usable = (2.0**grid <= 0.5 * f[-1]) & (2.0**grid >= min(above, 0.25 * f[-1]))
-    floor, frequency = smooth[usable], 2.0 ** grid[usable]
+    frequency = 2.0**grid
+    below = frequency <= 0.5 * f[-1]
+    usable = below & (frequency >= min(above, _foot(frequency[below], smooth[below]), 0.25 * f[-1]))
+    floor, frequency = smooth[usable], frequency[usable]
     lowest = int(np.argmin(floor))
     # the upper end of the valley, where the power has doubled again
     risen = np.flatnonzero(floor[lowest:] > floor[lowest] + np.log(2.0))
     return float(frequency[lowest + (risen[0] if len(risen) else 0)])
+
+
+def _foot(frequency: Array, level: Array) -> float:
+    """Hz: where the power (its logarithm ``level``) that falls from the highest frequency downwards ends to fall.
+
+    The slope of the noise leads there, also where steps of a coarse encoder have more speed than the motion.
+    """
+    lowest = np.minimum.accumulate(level[::-1])
+    risen = np.flatnonzero(level[::-1] > lowest + np.log(2.0))
+    return float(frequency[::-1][np.argmin(level[::-1][: risen[0] if len(risen) else None])])

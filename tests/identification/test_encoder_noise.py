@@ -104,3 +104,21 @@ def test_weak_speeds_of_friction_curves_are_counted() -> None:
         "joint3.offset, link0.mx, link1.mx, link2.mx, link3.mx, link4.mx, ..., friction of joint 3 at 2 speeds of its "
         "curve, friction of joint 1 at 1 speed of its curve"
     )
+
+
+@pytest.mark.parametrize("steps", [4096, 1_000_000])
+def test_steps_of_a_coarse_encoder_are_no_motion(steps: int) -> None:
+    """In slow moves steps of 1.5 mrad have a speed of their own, beyond the valley before them (125 Hz was let in)."""
+    rng, dt = np.random.default_rng(0), 0.002
+    t = np.arange(0.0, 14.0, dt)
+    q = np.zeros((len(t), 3))
+    for column in q.T:
+        begin, place = 0.6, 0.0
+        while begin < 13.0:
+            seconds, goal = rng.uniform(1.0, 3.0), rng.uniform(-0.4, 0.4)
+            part = np.clip((t - begin) / seconds, 0.0, 1.0)
+            column += (goal - place) * part**3 * (10.0 - 15.0 * part + 6.0 * part**2)
+            begin, place = begin + seconds, goal
+    step = 2 * np.pi / steps
+    band = choose_band(np.floor(q / step) * step, dt)
+    assert band.motion < 50.0 and 2.0 < band.parallel < 5.0
