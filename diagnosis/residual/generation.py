@@ -35,7 +35,7 @@ from diagnosis.residual.noise.channels import NOTHING_KNOWN, KnownNoise, encoder
 from diagnosis.residual.noise.instruments import channel_noise, row_by_row, without_noise
 from diagnosis.residual.other_effects import beginning_in_swing
 from diagnosis.residual.run import Run
-from diagnosis.residual.setpoint_ripple import DIRECTIONS, folded_onto, ripple_beside
+from diagnosis.residual.setpoint_ripple import DIRECTIONS, folded_onto, ripple_beside, that_counts
 from identification.preprocessing import UNKNOWN, Setpoints, setpoints_of
 
 CREEP = 0.02
@@ -73,11 +73,11 @@ def residual_run(
         + (_friction_std(arm, motion[1], rate) * powered) ** 2
         + _teeth_variance(arm, (t, q), motion, expected, thin, powered)
     )
-    folded, rippled = np.zeros_like(slow_v), np.zeros((*slow_v.shape, DIRECTIONS))
-    unlike = i if known.loop is None else i - known.loop.current
+    may_fold, rippled = np.zeros_like(slow_v), np.zeros((*slow_v.shape, DIRECTIONS))
     if powered and instruments.setpoints.period:
-        samples, of_rig = (t, angle, unlike), (instruments.noise, keep, instruments.setpoints, known.demands)
-        folded, rippled = folded_onto(arm, samples, brisk[2], *of_rig), ripple_beside(arm, samples, *of_rig)
+        samples = t, angle, i if known.loop is None else i - known.loop.current
+        may_fold = folded_onto(arm, samples, brisk[2], keep, instruments.setpoints, known.demands)
+        rippled = ripple_beside(arm, samples, instruments.noise, keep, instruments.setpoints, known.demands)
     rows = t[keep]
     run = Run(
         name=name,
@@ -98,7 +98,8 @@ def residual_run(
         loop_noise=instruments.loop_noise,
         instruments=instruments.instruments,
         steps=steps,
-        folded=folded,
+        may_fold=may_fold,
+        folded=that_counts(may_fold, instruments.noise, instruments.setpoints, rate),
         rippled=rippled,
         block=((rows - rows[0]) // 1.0).astype(np.intp),
         arm=arm,

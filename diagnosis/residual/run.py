@@ -44,9 +44,9 @@ class Run:
     n) rad and per second of the motor over gear; current, expected, residual (m, n) A; current_rate A/s;
     rigid (m, n) N m: torque to the links; inertia (m, n) kg m2 of the links alone; both at the drives, where joints are
     coupled;
-    folded (m, n) A: one std of what sampling may have put into the currents unseen (``setpoint_ripple``); rippled (m,
-    n, d) A: the same of lines that are seen beside 0 Hz; setpoints: of the servos; without_noise: as of
-    ``noise.instruments``;
+    may_fold (m, n) A: one std of what sampling may have put into the currents unseen (``setpoint_ripple``); folded (m,
+    n) A: the same where it matters; rippled (m, n, d) A: of lines that are seen beside 0 Hz; setpoints: of the servos;
+    without_noise: as of ``noise.instruments``;
     brisk_v, brisk_rigid: v and rigid from the motion in the band of comparison, less smooth and noisier;
     noise (n,) A: std of the residual from the instruments alone; loop_noise (n,) A: the same with what servos do at
     setpoints, which a simulated closed loop does at other instants; instruments (m, n) A: the same row by row, larger
@@ -80,6 +80,7 @@ class Run:
     loop_noise: Array
     instruments: Array
     steps: Array
+    may_fold: Array
     folded: Array
     rippled: Array
     block: NDArray[np.intp]
@@ -235,7 +236,8 @@ class Run:
     @property
     def without_ripple(self) -> Run:
         """The run as if sampling could hide nothing that servos do at setpoints."""
-        return replace(self, folded=np.zeros_like(self.folded), rippled=np.zeros_like(self.rippled))
+        nothing = np.zeros_like(self.folded)
+        return replace(self, may_fold=nothing, folded=nothing, rippled=np.zeros_like(self.rippled))
 
     def hidden_in(self, white: Array) -> Array:
         """(m, n): of a residual over its std (m, n), what sampling most likely put there (posterior mean)."""

@@ -28,13 +28,13 @@ DIRECTIONS = 6
 
 
 def folded_onto(
-    arm: Arm, samples: Samples, a: Array, noise: Array, kept: slice, setpoints: Setpoints, demands: Array | None = None
+    arm: Arm, samples: Samples, a: Array, kept: slice, setpoints: Setpoints, demands: Array | None = None
 ) -> Array:
-    """(m, n) A: one std of what sampling may have put into currents unseen, of joints where that matters.
+    """(m, n) A: one std of what sampling may have put into currents unseen.
 
     samples: t (k,) s, q (k, n) rad, i (k, n) A; a: (m, n) the acceleration in the band of comparison; kept: the rows m
     of the k; demands (k, n) rad, as far ahead of the motion as what folds; None: not known. Of one row or two per known
-    setpoint, it is all of the acceleration times 1 kg m2 (kg). A high line is far below what those that are seen allow.
+    setpoint, it is all of the acceleration times 1 kg m2 (kg).
     """
     (t, q, i), constant = samples, arm.joint_array("drive_constant")
     rate = rate_of(t)
@@ -43,7 +43,14 @@ def folded_onto(
     torque = folded_along(t, q, i * constant, setpoints, demands, band=COMPARE_BAND)
     if torque is None:
         return np.zeros_like(a)
-    folded = torque[kept] / constant
+    return np.asarray(torque[kept] / constant)
+
+
+def that_counts(folded: Array, noise: Array, setpoints: Setpoints, rate: float) -> Array:
+    """(m, n) A: ``folded`` (m, n) A at ``rate`` rows/s of joints where a residual counts less along it.
+
+    noise: (n,) A. A high line is far below what those that are seen allow.
+    """
     low = folding_line(setpoints, rate) <= LOW_LINE
     return np.asarray(folded * (low | (np.sqrt(np.mean(folded**2, axis=0)) > FOLDED * noise)))
 

@@ -58,7 +58,8 @@ def with_folding(runs: Sequence[Run], share: float) -> list[Run]:
         replace(
             run,
             setpoints=Setpoints(1.0 / rate_of(run.raw[0]), "currents", within=True),
-            folded=share * mean_inertia(run),
+            may_fold=(folded := share * mean_inertia(run)),
+            folded=folded,
         )
         if setpoints_unknown(run)
         else run

@@ -176,8 +176,8 @@ def test_what_folds_follows_steps_of_the_acceleration_as_quickly_as_the_residual
     expected, seen = low_pass(bends, COMPARE_BAND, rate), np.cos(2 * np.pi / period * t + 0.3)[:, None]
     acceleration, kept = motion_of(q, COMPARE_BAND, rate)[2], kept_rows(rate)
     current = 0.5 * acceleration + 0.05 * expected * seen
-    known, noise = Setpoints(period, "demands"), np.full(len(arm), 1e-4)
-    folded = folded_onto(arm, (t, q, current), acceleration[kept], noise, kept, known, demand)
+    known = Setpoints(period, "demands")
+    folded = folded_onto(arm, (t, q, current), acceleration[kept], kept, known, demand)
     for got, want in zip(folded.T, expected[kept].T):
         assert want @ got > 0.0
         assert np.sum((got - want * (want @ got) / (want @ want)) ** 2) < 1e-3 * np.sum(got**2)

@@ -60,9 +60,9 @@ def covariance_of(state: State) -> tuple[Array, list[slice]]:
     It is clustered by block, with one more column for every nonlinear parameter (derivative of its
     columns). In addition to the residual, the share ``Limits.systematic`` of what is explained is uncertain,
     independently in every block; so are the parameters of a model that says so, how friction turns round near rest (one
-    unknown per joint, as large as the residual shows), and what may fold at joints that show more; and the residual of
-    every joint, as if it were alike in all blocks, correlated as it is: a column that acts in few of them follows what
-    is there.
+    unknown per joint, as large as the residual shows), and what may fold, however small; and the residual of every
+    joint, as if it were alike in all blocks, correlated as it is: a column that acts in few of them follows what is
+    there.
     """
     model, fit = state.model, state.data.fit
     x, unknown, places = list[Array](), list[Array](), list[slice]()
@@ -119,11 +119,12 @@ def slow_variance_of(
 
 
 def _folded(fit: Dataset) -> Array:
-    """(N, k): one std of what may fold at the joints where a residual shows more, alike in all recordings."""
-    joints = sorted({joint for run in fit.runs for joint in run.resolved})
+    """(N, k): one std of what sampling may have put into each joint unseen, alike in all recordings: clocks stay."""
+    may = np.any([run.may_fold.any(axis=0) for run in fit.runs], axis=0)
+    joints = (1 + np.flatnonzero(may)).tolist()
     columns = np.zeros((len(fit.y), len(joints)))
     for k, joint in enumerate(joints):
-        columns[fit.of(joint), k] = fit.at_joint("folded", joint) / fit.at_joint("deviation", joint)
+        columns[fit.of(joint), k : k + 1] = fit.whitened(fit.at_joint("may_fold", joint)[:, None], joint)
     return columns
 
 
