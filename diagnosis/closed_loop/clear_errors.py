@@ -8,6 +8,7 @@ upper band, it is judged without them.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -24,7 +25,7 @@ from diagnosis.closed_loop.comparison import LoopComparison, LoopPair
 from diagnosis.closed_loop.loop_errors import band_sections, white_noise_share
 from diagnosis.closed_loop.setpoint_phase import lag_of
 from diagnosis.residual.filters import COMPARE_BAND, TRANSIENT, rate_kept, rate_of
-from diagnosis.residual.noise.channels import current_noise
+from diagnosis.residual.noise.channels import current_noise, still_rows
 from diagnosis.residual.run import Run
 from identification.preprocessing import zero_phase
 from identification.preprocessing.folding import folded_into
@@ -34,6 +35,8 @@ HIGHEST = 100.0
 """Hz: above it, a model of servos and rotors without amplifiers says nothing."""
 FOLDED = 5.0
 """Hz on either side of a folded line that are left out: transients follow an acceleration of some Hz."""
+PARTS_OF_BAND = 2
+"""Of equal ratio of their edges: in each the power of noise that is correlated over some ms varies by a few times."""
 LEAST_SHARE = 0.2
 """Of the rows of a block that must be compared for it to count."""
 LEAST_BLOCKS = 4
@@ -100,52 +103,75 @@ def _clear_in(
     """Joint (from 1), band and size, over the noise, of every clear error; arguments as of ``clear_errors``."""
     if not pairs:
         return
-    noise = (
-        np.mean([run.loop_noise for run in runs], axis=0),
-        [current_noise(one.current, one.measured("current")) for _, one in pairs],
-        max(run.setpoints.period for run in runs),
-    )
+    period = max(run.setpoints.period for run in runs)
+    noise = np.mean([run.loop_noise for run in runs], axis=0), _noise_above(pairs, period), period
     bands = _ratios(pairs, *noise)
     if not any(np.any(ratio > limit) for _, limit, ratio in bands):
         return
     drawn = [_ratios([(one, one) for one in loops], *noise) for loops in sampled()]
     for k, (against, limit, ratio) in enumerate(bands):
         by_uncertainty = np.mean([of_arm[k][2] ** 2 for of_arm in drawn], axis=0) if drawn else 0.0
-        healthy = 0.0 if left_over is None else left_over[k] / _noise_of(k, pairs, *noise)
+        healthy = 0.0 if left_over is None else left_over[k] / _noise_of(k, *noise)
         for j in np.flatnonzero(ratio > limit * np.sqrt(1.0 + healthy**2 + by_uncertainty)):
             yield int(j) + 1, against, float(ratio[j])
 
 
-def _noise_of(band: int, pairs: Pairs, noise: Array, white: Sequence[Array], period: float) -> Array:
+def _noise_of(band: int, noise: Array, above: Sequence[Array], _: float) -> Array:
     """(n,) A: noise below COMPARE_BAND (band 0), and from there to HIGHEST (band 1); arguments as of ``_ratios``."""
-    if band == 0:
-        return noise
-    rates = [rate_of(one.t) for _, one in pairs]
-    return np.asarray(np.mean([_in_band(level, _sections(rate, period)) for level, rate in zip(white, rates)], axis=0))
+    return noise if band == 0 else np.asarray(np.mean(above, axis=0))
 
 
-def _ratios(pairs: Pairs, noise: Array, white: Sequence[Array], period: float) -> list[tuple[str, float, Array]]:
+def _noise_above(pairs: Pairs, period: float) -> list[Array]:
+    """(n,) A per recording: noise from COMPARE_BAND to HIGHEST; period: s between setpoints, or 0.
+
+    That of its scatter from row to row, taken for white, or what the recordings show while they stand, whichever is
+    larger: noise that is correlated over some ms hardly scatters from row to row.
+    """
+    standing = [_standing(one) for _, one in pairs]
+    known = [one for one in standing if one is not None]
+    at_rest = np.median(known, axis=0) if known else 0.0
+    white = [
+        _in_band(current_noise(one.current, one.measured("current")), _sections(rate_of(one.t), period))
+        for _, one in pairs
+    ]
+    return [np.maximum(own, at_rest) for own in white]
+
+
+def _standing(one: LoopComparison) -> Array | None:
+    """(n,) A: noise from COMPARE_BAND to HIGHEST of the currents in the initial standstill, without lines; None: none.
+
+    By the median of the spectrum in each of PARTS_OF_BAND: a servo that oscillates is no noise.
+    """
+    rate = rate_of(one.t)
+    if (rows := still_rows(one.angle, rate)) is None:
+        return None
+    frequency, density = signal.periodogram(signal.detrend(one.current[rows], axis=0), rate, "hann", axis=0)
+    variance = np.zeros(one.current.shape[1])
+    for low, high in itertools.pairwise(np.geomspace(COMPARE_BAND, HIGHEST, PARTS_OF_BAND + 1)):
+        inside = (frequency >= low) & (frequency < high)
+        if inside.any():
+            variance += (high - low) * np.median(density[inside], axis=0) / np.log(2.0)
+    return np.sqrt(variance)
+
+
+def _ratios(pairs: Pairs, noise: Array, above: Sequence[Array], period: float) -> list[tuple[str, float, Array]]:
     """For both bands: name, limit, and (n,) the median error of each joint over the noise.
 
-    noise: (n,) A, below COMPARE_BAND; white: (n,) A per recording, of a row of its measured currents; period: s between
-    setpoints, or 0.
+    noise: (n,) A, below COMPARE_BAND; above: (n,) A per recording (``_noise_above``); period: s between setpoints or 0.
     """
+    upper = f"frequencies of {COMPARE_BAND:.0f} to {HIGHEST:.0f} Hz"
     return [
         (NO_VARIABLE, LIMITS.loop, _medians(_below(after, noise) for _, after in pairs)),
-        (
-            f"frequencies of {COMPARE_BAND:.0f} to {HIGHEST:.0f} Hz",
-            LIMITS.loop_band,
-            _above_medians(pairs, white, period),
-        ),
+        (upper, LIMITS.loop_band, _above_medians(pairs, above, period)),
     ]
 
 
-def _above_medians(pairs: Pairs, white: Sequence[Array], period: float) -> Array:
+def _above_medians(pairs: Pairs, noise: Sequence[Array], period: float) -> Array:
     """(n,) medians from COMPARE_BAND to HIGHEST: the simulation moved as a whole, or what it has without the causes.
 
     Setpoints that come later move transients. What follows the angles, as cogging does, stays where it is.
     """
-    whole, parts = zip(*(_above(*pair, own, period) for pair, own in zip(pairs, white)))
+    whole, parts = zip(*(_above(*pair, own, period) for pair, own in zip(pairs, noise)))
     return np.minimum(_medians(iter(whole)), _medians(iter(parts)))
 
 
@@ -165,8 +191,8 @@ def _below(one: LoopComparison, noise: Array) -> Array:
     return _of_blocks(error, one.known[: len(error)], round(rate_kept(rate_of(one.t))))
 
 
-def _above(before: LoopComparison, one: LoopComparison, white: Array, period: float) -> tuple[Array, Array]:
-    """(blocks, n) mean squares of the error from COMPARE_BAND to HIGHEST over the noise of a row, ``white`` (n,) A.
+def _above(before: LoopComparison, one: LoopComparison, noise: Array, period: float) -> tuple[Array, Array]:
+    """(blocks, n) mean squares of the error from COMPARE_BAND to HIGHEST over the ``noise`` (n,) A there.
 
     At rows that were measured. The instants of the setpoints are not recorded: the simulation is moved to where its
     transients are those measured; first as a whole, then only what it is without the causes.
@@ -176,7 +202,6 @@ def _above(before: LoopComparison, one: LoopComparison, white: Array, period: fl
         none = np.full((0, one.current.shape[1]), np.nan)
         return none, none
     sections = _sections(rate, period)
-    noise = _in_band(white, sections)
     known = one.measured("current")
     measured, simulated, without = (
         zero_phase(sections, current) / noise

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.signal import butter, sosfilt
 
 import armscope
 from arm_model import parameter, read_model
@@ -37,14 +38,14 @@ RATE, NOISE = 500.0, 0.01
 
 
 def _compared(wrong: np.ndarray, seed: int = 1) -> LoopComparison:
-    """20 s of two joints; ``wrong`` (m,) A more current of joint 2 than simulated."""
+    """20 s of two joints in motion; ``wrong`` (m,) A more current of joint 2 than simulated."""
     t = np.arange(0.0, 20.0, 1 / RATE)
     rng = np.random.default_rng(seed)
     current = NOISE * rng.normal(size=(len(t), 2))
     current[:, 1] += wrong
     still = np.zeros((len(t), 2))
     rows = len(t[kept_rows(rate_of(t))])
-    return LoopComparison("a", t, current, still, still + 1e-9 * t[:, None], still, np.ones((rows, 2), bool))
+    return LoopComparison("a", t, current, still, still + t[:, None], still, np.ones((rows, 2), bool))
 
 
 def _twice(compared: LoopComparison) -> LoopPair:
@@ -105,6 +106,17 @@ def test_a_line_of_setpoints_that_is_folded_into_the_band_is_no_clear_error(
     transients = 0.1 * np.sin(2 * np.pi * 0.5 * T) * np.sin(2 * np.pi * hertz * T)
     found = clear_errors(Split([_twice(_compared(transients))], []), runs, [])
     assert [one.joint for one in found] == [2] * told
+
+
+@pytest.mark.parametrize("standing", [True, False])
+def test_noise_above_20_hz_is_as_large_as_it_is_at_rest(standing: bool) -> None:
+    """Correlated over 15 ms it scatters little from row to row, and is no noise if it is not there at rest."""
+    sections = butter(2, 15.0, output="sos", fs=RATE)
+    slow = sosfilt(sections, np.random.default_rng(3).normal(size=len(T)))
+    one = _compared(slow * (standing | (T > 1.0)))
+    moving = replace(one, angle=np.clip(one.angle - 1.0, 0.0, None))
+    found = clear_errors(Split([_twice(moving)], []), RUNS, [])
+    assert ("frequencies of 20 to 100 Hz" in [error.against for error in found]) is not standing
 
 
 @pytest.mark.parametrize(
@@ -178,7 +190,7 @@ def _transients(t: np.ndarray) -> np.ndarray:
 def _noisy(measured: np.ndarray, simulated: np.ndarray) -> LoopComparison:
     noise = NOISE * np.random.default_rng(5).normal(size=(len(T), 2))
     still, known = np.zeros((len(T), 2)), np.ones((len(T[kept_rows(rate_of(T))]), 2), bool)
-    return LoopComparison("a", T, measured + noise, simulated, still, still, known)
+    return LoopComparison("a", T, measured + noise, simulated, still + T[:, None], still, known)
 
 
 @pytest.mark.parametrize("lag", [-0.0135, -1e-3, 0.0, 0.4e-3, 7.7e-3])

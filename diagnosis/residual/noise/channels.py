@@ -217,14 +217,13 @@ _standstills: WeakKeyDictionary[Recording, slice | None] = WeakKeyDictionary()
 def standstill(recording: Recording) -> slice | None:
     """Rows that a recording begins with in which no joint moves, after the start of the drives; None: too few."""
     if recording not in _standstills:
-        _standstills[recording] = _standstill(recording)
+        _standstills[recording] = still_rows(recording.q, 1.0 / recording.dt)
     return _standstills[recording]
 
 
-def _standstill(recording: Recording) -> slice | None:
-    rate = 1.0 / recording.dt
+def still_rows(q: Array, rate: float) -> slice | None:
+    """``standstill`` of recorded angles (m, n) rad at ``rate`` rows/s."""
     span = max(3, int(0.05 * rate))
-    q = recording.q
     near = ndimage.maximum_filter1d(q, span, axis=0) - ndimage.minimum_filter1d(q, span, axis=0)
     away = np.abs(q - np.median(q[:span], axis=0))
     moving = np.any(np.maximum(near, away) > 8.0 * angle_noise(q), axis=1)
