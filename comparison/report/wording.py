@@ -106,10 +106,9 @@ def _what_changed(result: Comparison) -> str:
     if result.summaries:
         words = "; ".join(summary.sentence for summary in result.summaries)
         explained = {name for one in result.summaries for name in one.explains}
-        more = sum(one.quantity.name not in explained for one in result.significant if one.quantity.kind != "friction")
-        return (
-            f"{words}; {f'{more} more' if more else 'nothing else'} of {result.tested} compared quantities ({share})."
-        )
+        if left := sum(one.quantity.name not in explained for one in result.significant):
+            return f"{words}; {left} are left unexplained; {result.tested} quantities compared ({share})."
+        return f"{words}; nothing else of {result.tested} compared quantities ({share})."
     parameters = [one for one in result.significant if one.quantity.kind != "curve"]
     rubbing = {parameter.quantity.joint for parameter in parameters if parameter.quantity.kind == "friction"}
     curves = {one.quantity.joint for one in result.significant if one.quantity.kind == "curve"} - rubbing
