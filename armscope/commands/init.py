@@ -93,8 +93,10 @@ def command(
         print(json.dumps({"folder": str(folder), "files": written, "assumed": list(assumed)}))
         return
     print(f"{folder}: {', '.join(written)}")
+    if assumed:
+        print("assumed, because the model file does not state it:")
     for one in assumed:
-        print(f"assumed: {one}")
+        print(f"  {one}")
     print(f"next: cd {folder}; README.md says what to run first and what to edit")
 
 

@@ -6,6 +6,7 @@ in a sentence. What the file says is kept.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -38,10 +39,10 @@ ENCODER_LINES = 1000
 
 @dataclass(frozen=True)
 class Sized:
-    """A joint with what was assumed of it: one sentence, "" where its file says all."""
+    """A joint with what was assumed of it, a phrase each; none where its file says all."""
 
     joint: Joint
-    assumed: str
+    assumed: list[str]
 
 
 @dataclass(frozen=True)
@@ -53,22 +54,33 @@ class _Load:
 
 
 def with_drives(arm: Arm, *, torques: bool = False) -> tuple[Arm, list[str]]:
-    """The arm with drives, limits and a controller; and a sentence per joint that says what was assumed.
+    """The arm with drives, limits and a controller; and sentences that say what was assumed, of whom.
 
     torques  True: the drives report torques at the joint, N m (N); nothing is assumed of their motors
     InputError for a joint that moves nothing.
     """
     weights, inertias = _loads(arm)
     sized = [
-        _sized(joint, number, _Load(weight, inertia), torques=torques)
+        _sized(joint, f"joint[{number}]", _Load(weight, inertia), torques=torques)
         for number, (joint, weight, inertia) in enumerate(zip(arm.joints, weights.tolist(), inertias.tolist()), 1)
     ]
     driven = replace(arm, joints=tuple(one.joint for one in sized))
-    assumed = [one.assumed for one in sized if one.assumed]
+    assumed = _sentences(arm, [one.assumed for one in sized])
     if arm.controller is None:
         driven = replace(driven, controller=_controller(driven))
         assumed.append("controller: a servo of 40 rad/s per joint, setpoints every 20 ms")
     return driven, assumed
+
+
+def _sentences(arm: Arm, assumed: Sequence[Sequence[str]]) -> list[str]:
+    """What was assumed of all joints alike; then of each, those of whom the same was assumed together."""
+    shared = [phrase for phrase in assumed[0] if len(arm) > 1 and all(phrase in own for own in assumed)]
+    joints_of: dict[str, list[str]] = {}
+    for number, (joint, own) in enumerate(zip(arm.joints, assumed), 1):
+        name = f"{number} ({joint.name})" if joint.name else f"{number}"
+        joints_of.setdefault(", ".join(phrase for phrase in own if phrase not in shared), []).append(name)
+    of_each = [f"joint{'s' * (len(names) > 1)} {', '.join(names)}: {own}" for own, names in joints_of.items() if own]
+    return [f"all joints: {', '.join(shared)}", *of_each] if shared else of_each
 
 
 def ranges(arm: Arm) -> Array:
@@ -87,10 +99,10 @@ def _loads(arm: Arm) -> tuple[Array, Array]:
     return weight, np.diagonal(drive_mass_matrix(arm, poses), axis1=1, axis2=2).max(axis=0)
 
 
-def _sized(joint: Joint, number: int, load: _Load, *, torques: bool) -> Sized:
+def _sized(joint: Joint, place: str, load: _Load, *, torques: bool) -> Sized:
     weight, inertia = load.weight, load.inertia
     if not inertia > 0:
-        raise InputError(f"joint[{number}]", "moves no mass; to be simulated, a joint must move some")
+        raise InputError(place, "moves no mass; to be simulated, a joint must move some")
     assumed: list[str] = []
     without = joint.encoder_lines is None and abs(joint.drive_constant - 1.0) < 1e-9
     speed = (joint.motor_speed_limit or 0.0) / joint.ratio
@@ -129,8 +141,7 @@ def _sized(joint: Joint, number: int, load: _Load, *, torques: bool) -> Sized:
     if joint.encoder_lines is None:
         changes["encoder_lines"] = ENCODER_LINES
         assumed.append(f"an encoder of {ENCODER_LINES} lines")
-    name = f" ({joint.name})" if joint.name else ""
-    return Sized(replace(joint, **changes), f"joint {number}{name}: {', '.join(assumed)}" if assumed else "")  # type: ignore[arg-type]
+    return Sized(replace(joint, **changes), assumed)  # type: ignore[arg-type]
 
 
 def _controller(arm: Arm) -> Controller:

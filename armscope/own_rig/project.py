@@ -21,7 +21,7 @@ SHARE = 0.5
 
 @dataclass(frozen=True)
 class OwnRig:
-    """arm: with drives; files: place in the project -> text of all but its model; assumed: of whose drives what."""
+    """arm: with drives; files: place in the project -> text of all but its model; assumed: sentences on drives."""
 
     arm: Arm
     files: dict[str, str]

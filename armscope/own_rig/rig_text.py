@@ -71,7 +71,7 @@ turns = {turns}
 def rig_toml(arm: Arm, *, name: str, model: str, heading: str) -> str:
     """The text of a rig file: every joint with its encoder and current transducer, the tracker, and limits.
 
-    arm  with torque limits and speed limits (``armscope.assumed_drives``), on which the scalings depend
+    arm  with torque limits and speed limits (``armscope.own_rig.assumed_drives``), on which the scalings depend
     InputError for an arm with more joints than the analogue card has inputs.
     """
     if len(arm) > MOST_INPUTS:

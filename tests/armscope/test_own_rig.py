@@ -53,7 +53,7 @@ def test_random_arms_get_drives_that_carry_and_move_them() -> None:
         arm = random_arm(seed)
         bare = replace(arm, joints=tuple(replace(joint, gear=1.0, torque_constant=1.0) for joint in arm.joints))
         driven, told = with_drives(bare)
-        assert len(told) == len(arm) + 1
+        assert told[-1].startswith("controller: ") and len(told) <= len(arm) + 2
         q = np.random.default_rng(1).uniform(-1, 1, (50, len(arm)))
         still = np.zeros_like(q)
         weight = np.abs(inverse_dynamics(replace(driven, controller=None), q, still, still)).max(axis=0)
@@ -71,6 +71,13 @@ def test_a_drive_overcomes_the_friction_of_its_file() -> None:
     weak, told = with_drives(Arm(name="flange", joints=(replace(flange, torque_limit=0.005),)))
     assert weak.joints[0].torque_limit == joint.torque_limit
     assert "0.005 N m of the file cannot move it against 0.01 N m of weight and friction" in told[0]
+
+
+def test_what_is_assumed_of_several_joints_is_said_once(root: Path) -> None:
+    _, told = with_drives(read_model(root / "config/models/ur5e.urdf"))
+    assert told[0] == "all joints: an encoder of 1000 lines"
+    assert told[-2].startswith("joints 4 (wrist_1), 5 (wrist_2), 6 (wrist_3): 0.055 N m/A at the motor, rotor inertia")
+    assert told[-1].startswith("controller: ") and len(told) == 6, "joints 1, 2 and 3 have a line each"
 
 
 def test_a_complete_model_is_copied_as_it_stands(
