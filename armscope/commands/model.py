@@ -76,6 +76,9 @@ def command(
     as_json: Json = False,
 ) -> None:
     if effects:
+        others = (model, out, equations, by, into, tip, gear, torque_constant, formulations or None)
+        if any(other is not None for other in others):
+            raise InputError("--effects", "lists the effects of any arm; takes no model and no option but --json")
         _catalogue(as_json)
         return
     if model is None:

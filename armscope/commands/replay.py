@@ -35,6 +35,8 @@ def command(
 ) -> None:
     if not speed > 0:
         raise InputError("--speed", f"must be above 0, or inf (is {speed:g})")
+    if not wait >= 0:
+        raise InputError("--wait", f"must be 0 or more, or inf (is {wait:g})")
     run = open_long(recording, damaged=True)
     table = _rig(run.rig.get("name") or "replay", run.layout.joints, endpoint) if rig is None else read_rig(rig)
     with open_session(table, listen=True) as session:
