@@ -164,6 +164,16 @@ def test_a_device_that_is_unplugged_ends_the_run_and_every_trigger_is_accounted_
     assert_no_row_is_shifted(rows)
 
 
+def test_rows_that_a_device_lost_before_it_was_unplugged_are_losses_of_their_own() -> None:
+    """The clock is 50 ms late: some of these triggers are accounted for when the device is already gone."""
+    lost = list(range(150, 165))
+    acquisition, rows = run(make_rig({"latency": 0.05}, {"gone_at": 205, "dropped": lost}), seconds=2.0)
+    assert rows is not None and np.array_equal(rows.number, np.arange(150))
+    assert acquisition.ending is not None and acquisition.ending.reason is End.DEVICE_LOST
+    losses = acquisition.ledger.summary().losses
+    assert {(loss.reason, loss.detail) for loss in losses} == {(LossReason.NOT_LATCHED, "analog")}
+
+
 def test_a_device_that_falls_silent_ends_the_run() -> None:
     acquisition, rows = run(make_rig(analog={"silent_at": 300}), seconds=5.0)
     assert rows is not None and len(rows) == 300
