@@ -26,7 +26,7 @@ def summary(result: Diagnosis) -> Markup:
         link = Markup('<a href="#cause{}">{}</a>{}').format(number, title(cause), alike)
         values = Markup("<br>").join(line.replace(" N m", "\u00a0N\u00a0m") for line in values_of(cause))
         rows.append((link, values, gain(cause).replace("->", "→"), f"{cause.confidence:.0%}"))
-    head = ("cause", "parameters", "held-out error without → with it", "confidence")
+    head = ("cause", "parameters", "held-out error", "confidence")
     return arm_report.table(rows, head, (2, 3), stacked=True)
 
 
