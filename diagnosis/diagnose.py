@@ -48,13 +48,12 @@ from diagnosis.screening.lost_rows.blank_samples import without_blanks
 from diagnosis.screening.plausibility import check, check_motion, mixed_up
 from diagnosis.screening.residuals import with_aligned_currents
 from diagnosis.unexplained import undetectable, unexplained_of_currents, unexplained_structure
-from diagnosis.units import recorded_signals
 from diagnosis.verification.held_currents import remarks_on
 from diagnosis.verification.idle_limits import idle_limits
 from diagnosis.verification.not_simulated import not_simulated
 from diagnosis.verification.replaced_values import friction_replaced, smoothing_replaced
 from diagnosis.verified import verify
-from identification import without_rotors
+from identification import recorded_signals, without_rotors
 from identification.selection import Split
 
 

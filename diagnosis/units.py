@@ -1,4 +1,4 @@
-"""What a recording has of a drive, by its unit, and values as people read them."""
+"""Variables and values as people read them."""
 
 from __future__ import annotations
 
@@ -6,31 +6,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from arm_model import Arm, Joint
+from arm_model import Arm
+from identification import recorded_quantity
 
 MILLI = ("A", "rad", "m")
 """Units whose small values are written in thousandths."""
 
-QUANTITY = {"A": "current", "V": "voltage", "N m": "torque", "N": "force"}
-"""What a drive's recorded signal is, by its unit."""
-
 LONGEST = 1e5
 """Values from here on are written with an exponent."""
-
-
-def recorded_quantity(joint: Joint) -> str:
-    """What a recording has of a drive, by its unit: ``current``, ``torque`` or ``force``."""
-    return QUANTITY.get(joint.command_unit, "drive signal")
-
-
-def recorded_quantities(arm: Arm) -> str:
-    """The same of all drives: ``current``; ``torque or force`` of an arm that has both."""
-    return " or ".join(dict.fromkeys(map(recorded_quantity, arm.joints)))
-
-
-def recorded_signals(arm: Arm) -> str:
-    """The same in the plural: ``currents``, ``torques or forces``."""
-    return " or ".join(f"{one}s" for one in dict.fromkeys(map(recorded_quantity, arm.joints)))
 
 
 def variable_in_words(name: str, arm: Arm, joint: int | None) -> str:

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from identification.prediction import predict
     from identification.regression.model_parameters import without_rotors
     from identification.result import Identification, JointNoise, Prediction
+    from identification.signal_words import recorded_quantities, recorded_quantity, recorded_signals
 else:
     __getattr__ = lazy(__name__)
 
@@ -22,5 +23,8 @@ __all__ = [
     "identify_by",
     "own_friction",
     "predict",
+    "recorded_quantities",
+    "recorded_quantity",
+    "recorded_signals",
     "without_rotors",
 ]

@@ -14,7 +14,8 @@ from diagnosis.per_recording.single_recordings import runs_of
 from diagnosis.per_recording.values import ValuesPerRecording
 from diagnosis.residual.comparable_rows import comparable_rows, rms_where
 from diagnosis.residual.other_effects import with_own
-from diagnosis.units import fall, recorded_quantity
+from diagnosis.units import fall
+from identification import recorded_quantity
 from identification.selection import p_value
 
 

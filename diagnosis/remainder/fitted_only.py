@@ -12,7 +12,7 @@ from diagnosis.measurements.currents.structure.likely_variable import likely_var
 from diagnosis.measurements.currents.structure.noise_ratio import largest_of_noise, noise_ratio
 from diagnosis.selection.design import Dataset
 from diagnosis.selection.waves import wave_of
-from diagnosis.units import recorded_quantity
+from identification import recorded_quantity
 
 
 def in_fit_alone(state: State, structures: Sequence[Structure]) -> list[Structure]:

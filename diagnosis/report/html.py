@@ -34,7 +34,8 @@ from diagnosis.report.wording import (
     values_of,
 )
 from diagnosis.result import Diagnosis
-from diagnosis.units import readable, recorded_quantities, recorded_signals, rounded
+from diagnosis.units import readable, rounded
+from identification import recorded_quantities, recorded_signals
 
 MOST_CHARTS = {"held_out": 2, "fit": 1}
 """Recordings of either set that are drawn; the tables have all."""

@@ -8,7 +8,8 @@ from diagnosis.cause import in_words
 from diagnosis.report.origins import origin_lines
 from diagnosis.report.wording import gain, remainder, remains, rise_at_rest, sentence, title, values_of
 from diagnosis.result import Diagnosis
-from diagnosis.units import recorded_quantities, rounded
+from diagnosis.units import rounded
+from identification import recorded_quantities
 
 
 def diagnosis_text(result: Diagnosis, table: dict[str, Any]) -> str:

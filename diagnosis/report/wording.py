@@ -14,7 +14,8 @@ from diagnosis.cause import Cause, EncoderJump, Estimate, LostRows, Signal, in_w
 from diagnosis.cause.structure import NO_VARIABLE
 from diagnosis.report.joint_verdicts import Remaining, remaining
 from diagnosis.result import Diagnosis
-from diagnosis.units import readable, recorded_quantity, rounded, variable_in_words
+from diagnosis.units import readable, rounded, variable_in_words
+from identification import recorded_quantity
 
 SURE = 0.9
 """Confidence below which the verdict states it: of such names of the bank 15 of 26 were right, of others 269 of 271."""

@@ -9,7 +9,7 @@ import numpy as np
 from diagnosis.residual.filters import rate_of
 from diagnosis.residual.run import Run
 from diagnosis.residual.setpoint_ripple import FOLDED
-from diagnosis.units import recorded_signals
+from identification import recorded_signals
 from identification.preprocessing.folding import folding_line, rate_instead, unbounded
 
 
@@ -24,9 +24,10 @@ def folding_warnings(runs: Sequence[Run]) -> Iterator[str]:
         noise = np.sqrt(np.mean([run.noise**2 for run in alike], axis=0))
         ratio = np.sqrt(np.mean(np.concatenate([run.folded**2 for run in alike]), axis=0)) / noise
         rate, setpoints = rate_of(alike[0].raw[0]), alike[0].setpoints
+        signals = recorded_signals(alike[0].arm)
         far = (
-            f"wrong inertias are not named if they change the {recorded_signals(alike[0].arm)} by less "
-            f"than {2 * ratio.max():.1f} times the noise (joint {int(ratio.argmax()) + 1})"
+            f"wrong inertias are not named if they change the {signals} by less than "
+            f"{2 * ratio.max():.1f} times the noise (joint {int(ratio.argmax()) + 1})"
         )
         if unbounded(setpoints, rate):
             far = "so few rows per setpoint do not show how large this is, and wrong inertias are not named"
@@ -37,7 +38,7 @@ def folding_warnings(runs: Sequence[Run]) -> Iterator[str]:
         yield (
             f"{', '.join(dict.fromkeys(run.name for run in alike))}: {rate:.5g} Hz is "
             f"{'' if times == '1 times ' else times}the rate of the controller's setpoints (every {period * 1e3:.3g} "
-            f"ms{setpoints.as_shown}): the response of the servos to each setpoint looks like an inertia; {far}; "
-            f"record at {rate_instead(period, rate):.5g} Hz, or average the {recorded_signals(alike[0].arm)} "
-            "over each row, to detect them"
+            f"ms{setpoints.as_shown(signals)}): the response of the servos to each setpoint looks like an inertia; "
+            f"{far}; record at {rate_instead(period, rate):.5g} Hz, or average the {signals} over each row, to "
+            "detect them"
         )

@@ -22,7 +22,7 @@ from diagnosis.residual.run_setup import setup_of
 from diagnosis.screening.current_piles import FLAT_SECONDS, Pile, flat_visits, pile_of, reached_again, sharp_visits
 from diagnosis.screening.event import Event
 from diagnosis.screening.servo_commands import MEMORY, clipped_by_command, fed_forward
-from diagnosis.units import recorded_quantity
+from identification import recorded_quantity
 from identification.preprocessing import longest_stretch, stretches_of
 
 RUNS_AWAY = 1.5

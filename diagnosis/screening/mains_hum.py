@@ -16,7 +16,7 @@ from diagnosis.cause import Estimate
 from diagnosis.residual.noise.channels import standstill
 from diagnosis.screening.event import Event, Gain
 from diagnosis.screening.spectral_line import MAINS, OVER_FLOOR, Line, above, line_near_mains, waves
-from diagnosis.units import recorded_quantities, recorded_quantity, recorded_signals
+from identification import recorded_quantities, recorded_quantity, recorded_signals
 
 ONE_LINE = 1.0
 """Hz: largest difference of the frequencies of one line between recordings and joints: the mains drifts."""

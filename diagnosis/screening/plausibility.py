@@ -12,7 +12,7 @@ from daq.recording import Recording
 from diagnosis.residual.run import Run
 from diagnosis.residual.run_setup import setup_of
 from diagnosis.screening.lost_rows.blank_samples import without_blanks
-from diagnosis.units import recorded_quantity, recorded_signals
+from identification import recorded_quantity, recorded_signals
 from identification.preprocessing import check_joints
 from identification.preprocessing.mechanism import check_mechanism, other_drives
 

@@ -17,7 +17,7 @@ from arm_report.numbers import with_two_std
 from diagnosis.cause import Cause, in_words
 from diagnosis.residual.filters import rate_of
 from diagnosis.residual.run import Run
-from diagnosis.units import recorded_signals
+from identification import recorded_signals
 
 INSTANTS = 24
 """Instants of a hold at which rows show it, at most."""

@@ -73,11 +73,11 @@ def identify(
     result.extra["friction_dependence"] = [one.to_json() for one in depends]
     result.extra["sign_velocities"] = [one.to_json() for one in first.sign_velocities]
     if lag is not None:
-        result.notes.append(str(lag))
-        result.extra["lag_of_currents"] = lag.to_json()
+        result.notes.append(lag.sentence(arm))
+        result.extra["lag_of_currents"] = lag.to_json(arm)
     bands = bands_of(found.problem, result.arm, found.uncertainty)
     # with shape free, curves were not chosen by held-out rows
-    chosen = chosen_terms(lag, first.sign_velocities, [] if shape == "free" else trials, depends, ripples or [])
+    chosen = chosen_terms(arm, lag, first.sign_velocities, [] if shape == "free" else trials, depends, ripples or [])
     result = replace(result, friction_bands=bands, smoothness=found.scale, chosen_on_held_out=chosen)
     return result if ripples is None else with_found(result, found.problem, ripples)
 

@@ -29,6 +29,7 @@ from identification.regression.least_squares import joint_noise
 from identification.regression.problem import Problem
 from identification.ripples.search import BY_CHANCE
 from identification.selection import BLOCK_SECONDS, p_value
+from identification.signal_words import recorded_signals
 
 EFFECT = next(one.name for one in CATALOGUE.values() if one.delay is not None and len(one.parameters) == 1)
 """The one whose delay is all that it has."""
@@ -59,17 +60,17 @@ class Lag:
     after: float
     stays: bool
 
-    def to_json(self) -> dict[str, Any]:
-        """As identification.json has it."""
-        return asdict(self) | {"says": str(self)}
+    def to_json(self, arm: Arm) -> dict[str, Any]:
+        """As identification.json has it, of the fitted arm."""
+        return asdict(self) | {"says": self.sentence(arm)}
 
-    def __str__(self) -> str:
-        """For a person."""
+    def sentence(self, arm: Arm) -> str:
+        """For a person: of the arm's currents, torques or forces, as it records them."""
         when = "after" if self.delay > 0 else "before"
         place = "in the model as time_skew" if self.stays else "not in the model, the standard deviations allow for it"
         return (
-            f"currents are read {with_two_std(1e3 * abs(self.delay), 1e3 * self.std)} ms {when} the angles: "
-            f"{place} (held-out error {self.before:.3g} -> {self.after:.3g} times the noise)"
+            f"{recorded_signals(arm)} are read {with_two_std(1e3 * abs(self.delay), 1e3 * self.std)} ms {when} the "
+            f"angles: {place} (held-out error {self.before:.3g} -> {self.after:.3g} times the noise)"
         )
 
 

@@ -14,6 +14,7 @@ from daq.recording import Recording
 from identification.preprocessing.mechanism import check_joints, check_mechanism
 from identification.preprocessing.quality import as_trusted
 from identification.preprocessing.signals import Motion
+from identification.signal_words import recorded_quantity, recorded_signals
 
 MISSING = 0.5
 """Largest share of missing samples in a channel."""
@@ -97,23 +98,24 @@ def check_motion(where: object, motion: Motion) -> None:
         raise InputError(str(where), "no joint moves by more than its encoder's noise; identification needs motion")
 
 
-def check_signs(where: Sequence[object], dissipated: Array, std: Array) -> None:
+def check_signs(where: Sequence[object], dissipated: Array, std: Array, arm: Arm) -> None:
     """InputError if the friction that was fitted to a joint would drive it.
 
     dissipated, std (J,) W: mean power of the friction, and its standard deviation.
     """
-    for j in np.flatnonzero(dissipated < -5 * np.maximum(std, 1e-12)):
+    for j in np.flatnonzero(dissipated < -5 * np.maximum(std, 1e-12)).tolist():
+        quantity = recorded_quantity(arm.joints[j])
         raise InputError(
             ", ".join(map(str, where)),
-            f"i{j + 1}: the friction of joint {j + 1} would drive it; the sign of its current is reversed (positive "
+            f"i{j + 1}: the friction of joint {j + 1} would drive it; the sign of its {quantity} is reversed (positive "
             "must drive the joint positive): give the transducer's turns (or the table's column) the other sign",
         )
 
 
 def unexplained_channels(
-    where: object, residual: Array, columns: Array, torque: Array, level: Array, joint: NDArray[np.intp]
+    where: object, residual: Array, columns: Array, torque: Array, level: Array, joint: NDArray[np.intp], arm: Arm
 ) -> list[str]:
-    """A sentence for every joint of whose current the fit explains too little.
+    """A sentence for every joint of whose current (torque, force) the fit explains too little.
 
     Residual, torque and joint (from 0), (rows,) each, and the columns (rows, p) of all parameters. ``level`` (rows,):
     mean torque of the joint in all recordings; of one that turns a joint one way at one speed, a fit explains that.
@@ -122,8 +124,9 @@ def unexplained_channels(
     well, and no arm has it beside those of the other joints.
     """
     channels = []
-    for j in np.unique(joint):
-        of_joint = joint == j
+    signals = recorded_signals(arm)
+    for j in np.unique(joint).tolist():
+        of_joint, quantity = joint == j, recorded_quantity(arm.joints[j])
         about = float(np.mean((torque - level)[of_joint] ** 2))
         explained = 1 - float(np.mean(residual[of_joint] ** 2)) / max(about, 1e-300)
         if explained >= EXPLAINED:
@@ -132,18 +135,18 @@ def unexplained_channels(
         if alone >= EXPLAINED:
             sentence = (
                 f"i{j + 1}: follows the motion of joint {j + 1} (which alone explains {alone:.0%} of it), but all "
-                f"currents together fit no arm of this model ({share} of it explained); expected the current of its "
-                "own joint, all currents in one unit, and the model's gears and torque constants"
+                f"{signals} together fit no arm of this model ({share} of it explained); expected the {quantity} of "
+                f"its own joint, all {signals} in one unit, and the model's gears and torque constants"
             )
         elif explained < DEAD:
             sentence = (
                 f"i{j + 1}: is independent of the motion of joint {j + 1} ({share} of it explained): the channel is "
-                "dead, or measures something else; expected a current that follows the drive"
+                f"dead, or measures something else; expected a {quantity} that follows the drive"
             )
         else:
             sentence = (
-                f"joint {j + 1}: the fit explains {share} of the variation of its current; is i{j + 1} dead, or does "
-                "it belong to another joint?"
+                f"joint {j + 1}: the fit explains {share} of the variation of its {quantity}; is i{j + 1} dead, or "
+                "does it belong to another joint?"
             )
         if explained < DEAD:
             raise InputError(str(where), sentence)

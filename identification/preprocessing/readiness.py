@@ -16,11 +16,12 @@ import numpy as np
 from scipy import signal
 
 from arm_io.types import Array
-from arm_model import Arm
+from arm_model import Arm, Joint
 from daq.recording import Recording
 from identification.preprocessing.mechanism import other_drives
 from identification.preprocessing.quality import Trusted
 from identification.preprocessing.signals import Motion
+from identification.signal_words import recorded_quantity
 
 HOLES = 0.05
 """Share of excluded rows worth a warning."""
@@ -178,7 +179,7 @@ def readiness_of(recording: Recording, found: Trusted, motion: Motion, arm: Arm)
     warnings += [f"{name}: {difference}" for difference in other_drives(recording, arm)]
     warnings += [*found.sentences, *_left_out(name, motion)]
     for entry, joint in zip(joints, arm.joints):
-        warnings += _weaknesses(name, entry, motion, joint.torque_limit)
+        warnings += _weaknesses(name, entry, motion, joint)
     return RunReadiness(name, len(motion.t), motion.dt, found.counted, joints, warnings)
 
 
@@ -194,7 +195,7 @@ def _left_out(name: str, motion: Motion) -> list[str]:
     return sentences
 
 
-def _weaknesses(name: str, entry: JointReadiness, motion: Motion, limit: float | None) -> list[str]:
+def _weaknesses(name: str, entry: JointReadiness, motion: Motion, joint: Joint) -> list[str]:
     if entry.used == 0:
         return [f"{name}: joint {entry.joint} never moves: this run does not determine its friction and rotor inertia"]
     sentences = []
@@ -209,11 +210,12 @@ def _weaknesses(name: str, entry: JointReadiness, motion: Motion, limit: float |
             f"{name}: the torque of joint {entry.joint} is {abs(lag) * 1e3:.1f} ms "
             f"{'behind' if lag > 0 else 'ahead of'} its acceleration; are all channels sampled at the same instant?"
         )
-    if limit is not None and entry.torque is not None and entry.torque > LIMIT:
+    if (limit := joint.torque_limit) is not None and entry.torque is not None and entry.torque > LIMIT:
         limit_of = f"torque limit of {limit:g} N m" if entry.unit == "rad" else f"force limit of {limit:g} N"
+        unit, quantity = joint.command_unit, recorded_quantity(joint)
         sentences.append(
-            f"{name}: joint {entry.joint} has {entry.torque:.3g} times its {limit_of}; are the currents in A (not mA), "
-            "and gear and torque_constant those of the drive?"
+            f"{name}: joint {entry.joint} has {entry.torque:.3g} times its {limit_of}; is its {quantity} in {unit} "
+            f"(not m{unit}), and are gear and torque_constant those of the drive?"
             if entry.torque > FAR_BEYOND
             else f"{name}: joint {entry.joint} reaches its {limit_of}"
         )

@@ -28,10 +28,10 @@ class Setpoints:
     source: Literal["model", "demands", "currents"] = "model"
     within: bool = False
 
-    @property
-    def as_shown(self) -> str:
-        """For a message: ", as the demands (currents) show"; empty where the model states them."""
-        return "" if self.source == "model" else f", as the {self.source} show"
+    def as_shown(self, signals: str) -> str:
+        """For a message: ", as the demands (``signals``: currents) show"; empty where the model states them."""
+        shown_by = {"model": "", "demands": "demands", "currents": signals}[self.source]
+        return f", as the {shown_by} show" if shown_by else ""
 
 
 UNKNOWN = Setpoints()

@@ -60,6 +60,7 @@ def _unexplained_channels(problem: Problem, best: Fit) -> list[str]:
             torque[here],
             level[here],
             judged.joint[here],
+            problem.arm,
         )
         found += [f"{recording.path.name}: {sentence}" for sentence in sentences]
     return found + _of_another_unit(problem)
@@ -165,7 +166,7 @@ def _check_friction(problem: Problem, best: Fit, uncertainty: FitUncertainty) ->
                 weight[k] = mean.get(quantity.partition("_")[0], 0.0) * (0.5 if quantity.endswith("tive") else 1.0)
         power[j] = weight @ best.values
         std[j] = float(weight @ uncertainty.covariance @ weight) ** 0.5
-    checks.check_signs([recording.path for recording in problem.fit], power, std)
+    checks.check_signs([recording.path for recording in problem.fit], power, std, problem.arm)
 
 
 def _predictions(

@@ -171,7 +171,7 @@ def motions_of(
     return (
         spared([motion for motion, _ in seen[: len(fit)]]),
         spared([with_reversals(motion) for motion, _ in seen[len(fit) :]]),
-        said_once([run for _, run in seen], [motion for motion, _ in seen]),
+        said_once([run for _, run in seen], [motion for motion, _ in seen], arm),
     )
 
 

@@ -13,6 +13,7 @@ from arm_report.motion import Motion
 from arm_report.numbers import value_and_two_std
 from identification.regression.model_parameters import without_rotors
 from identification.report import friction, plots, ripples
+from identification.signal_words import recorded_quantities
 
 if TYPE_CHECKING:
     from identification.result import Identification, Value
@@ -40,6 +41,7 @@ def report(result: Identification) -> Report:
         content={
             "what": _what(result),
             "says": verdict(result),
+            "measured": recorded_quantities(result.arm),
             "refuted": _refuted(result),
             "warnings": result.warnings,
             "errors": _errors(result),
@@ -170,7 +172,7 @@ def _errors(result: Identification) -> Markup:
         rows.append(row)
     head = ["joint", "fitted, rms", "relative", "held out, rms", "relative"]
     head += ["sliding, rms", "expected"] if explained else []
-    head += ["current", "noise floor", "ratio"] if result.noise else []
+    head += [recorded_quantities(result.arm), "noise floor", "ratio"] if result.noise else []
     return table(rows, head, range(1, len(head)))
 
 

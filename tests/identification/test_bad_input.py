@@ -79,7 +79,7 @@ def break_it(what: str, q: np.ndarray, i: np.ndarray) -> None:
         ("hums", "i2: is independent of the motion of joint 2"),
         ("in mA", "i2: follows the motion of joint 2 (which alone explains 100% of it), but all"),
         ("holes", "i3: 69% of its samples are missing"),
-        ("reversed", "i1: the friction of joint 1 would drive it; the sign of its current is reversed"),
+        ("reversed", "i1: the friction of joint 1 would drive it; the sign of its torque is reversed"),
     ],
 )
 def test_what_is_wrong_is_named(
@@ -156,14 +156,16 @@ def test_a_recording_on_both_sides_validates_nothing(
     assert not out.exists()
 
 
-def test_milliamperes_are_noticed(motion: tuple, root: Path, tmp_path: Path, capfd: pytest.CaptureFixture) -> None:
+def test_thousandths_of_the_unit_are_noticed(
+    motion: tuple, root: Path, tmp_path: Path, capfd: pytest.CaptureFixture
+) -> None:
     t, q, i = motion
     write_table(tmp_path / "run.mcap", t, {"q": q, "i": 1000.0 * i}, Attachments())
     limited = (root / "config/models/scara.toml").read_text()
     limited = limited.replace('type = "revolute"', 'type = "revolute"\ntorque_limit = 100.0')
     (tmp_path / "limited.toml").write_text(limited)
     assert run(["identify", str(tmp_path / "run.mcap"), "--model", str(tmp_path / "limited.toml"), "--check"]) == 0
-    assert "are the currents in A (not mA)" in capfd.readouterr().out
+    assert "is its torque in N m (not mN m)" in capfd.readouterr().out
 
 
 @pytest.mark.parametrize(("factor", "times"), [(1000.0, "1000"), (1.0, None), (1.5, None), (0.05, "0.05")])

@@ -1,10 +1,19 @@
-"""An identification as text: a long sum ends after a whole term, and says how many more there are."""
+"""An identification as text: long sums are cut between terms, and a log of torques is not said to hold currents."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
+from arm_io import InputError
+from arm_model import Arm, Joint
 from arm_report.numbers import WIDEST, shortened
+from identification.methods.lag_of_currents import Lag
+from identification.preprocessing.checks import check_signs, unexplained_channels
+from identification.preprocessing.setpoints import Setpoints
+from identification.signal_words import recorded_signals
 
 
 @pytest.mark.parametrize(
@@ -24,3 +33,21 @@ from arm_report.numbers import WIDEST, shortened
 )
 def test_a_sum_is_cut_between_terms(name: str, printed: str) -> None:
     assert shortened(name) == printed and len(printed) <= WIDEST
+
+
+DRIVEN = Arm(name="driven", joints=(Joint(torque_constant=0.1), Joint(torque_constant=0.1)))
+BARE = replace(DRIVEN, joints=(Joint(), Joint(type="prismatic")))
+
+
+@pytest.mark.parametrize(
+    ("arm", "signals", "second"), [(DRIVEN, "currents", "current"), (BARE, "torques or forces", "force")]
+)
+def test_warnings_call_the_recorded_signal_by_its_unit(arm: Arm, signals: str, second: str) -> None:
+    lag = Lag(delay=2e-3, std=1e-4, before=2.0, after=1.0, stays=True)
+    assert lag.sentence(arm).startswith(f"{signals} are read 2.0") and lag.to_json(arm)["says"] == lag.sentence(arm)
+    assert Setpoints(0.01, "currents").as_shown(recorded_signals(arm)) == f", as the {signals} show"
+    noise, joint = np.random.default_rng(1).standard_normal((100, 2)), np.ones(100, np.intp)
+    with pytest.raises(InputError, match=f"expected a {second} that follows the drive"):
+        unexplained_channels("run.mcap", noise[:, 0], noise[:, 1:], noise[:, 0], joint, arm)
+    with pytest.raises(InputError, match=f"the sign of its {second} is reversed"):
+        check_signs(["run.mcap"], np.array([1.0, -1.0]), np.array([0.1, 0.1]), arm)

@@ -24,7 +24,8 @@ from diagnosis.selection.design import Dataset
 from diagnosis.selection.friction_shares import with_shares
 from diagnosis.selection.regression import Fitted, score
 from diagnosis.selection.ripple_orders import in_words
-from diagnosis.units import fall, recorded_quantity
+from diagnosis.units import fall
+from identification import recorded_quantity
 from identification.selection import Split
 
 BY_DIRECTION = {"positive", "negative", "viscous_positive", "viscous_negative"}

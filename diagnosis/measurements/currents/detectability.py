@@ -16,7 +16,8 @@ from diagnosis.residual.warmth import depends, not_warmed
 from diagnosis.screening.plausibility import STANDSTILL
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Columns, Dataset
-from diagnosis.units import recorded_quantity, recorded_signals, rounded
+from diagnosis.units import rounded
+from identification import recorded_quantity, recorded_signals
 from identification.selection import Split
 
 SHOWS_FROM = 1 / 3

@@ -38,7 +38,8 @@ from diagnosis.residual.filters import rate_of
 from diagnosis.residual.run import Run
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.friction_shares import with_shares
-from diagnosis.units import fall, recorded_quantity
+from diagnosis.units import fall
+from identification import recorded_quantity
 from identification.selection import Split, Thresholds, p_value
 from identification.selection.cluster_covariance import cluster_covariance
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from arm_model import Joint
 from diagnosis.measurements.single_axis.causes import AxisSide
-from diagnosis.units import recorded_quantity
+from identification import recorded_quantity
 
 
 def remarks(axis: AxisSide, drive: Joint) -> Iterator[str]:

@@ -13,7 +13,7 @@ from arm_report.palette import AFTER, BEFORE, SHADE
 from diagnosis.closed_loop.comparison import LoopComparison, LoopPair
 from diagnosis.closed_loop.loop_errors import BAND
 from diagnosis.residual.filters import rate_of
-from diagnosis.units import recorded_quantity
+from identification import recorded_quantity
 
 SEGMENT = 1.0
 """s: length of the segments over which the spectrum is averaged."""

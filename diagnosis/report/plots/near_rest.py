@@ -15,7 +15,7 @@ from diagnosis.measurements.near_rest.passages import SLIDES, near_rest, observa
 from diagnosis.report.plots.residuals import UNITS
 from diagnosis.residual.filters import kept_rows, rate_of
 from diagnosis.result import Diagnosis
-from diagnosis.units import recorded_quantity
+from identification import recorded_quantity
 
 
 def near_rest_chart(picture: str, result: Diagnosis, joint: int) -> Chart | None:

@@ -19,7 +19,8 @@ from diagnosis.report.plots.residuals import unit_of
 from diagnosis.report.plots.single_axis import axis_chart
 from diagnosis.report.plots.tracker import tracker_chart
 from diagnosis.result import Diagnosis
-from diagnosis.units import readable, recorded_quantities, recorded_quantity, variable_in_words
+from diagnosis.units import readable, variable_in_words
+from identification import recorded_quantities, recorded_quantity
 
 
 def overview(result: Diagnosis) -> Chart:

@@ -22,7 +22,8 @@ from diagnosis.report.plots.motion import HELD_OUT, held_out_time
 from diagnosis.residual.filters import COMPARE_BAND, low_pass, rate_of
 from diagnosis.result import Diagnosis
 from diagnosis.selection.design import Dataset
-from diagnosis.units import recorded_quantity, recorded_signals, variable_in_words
+from diagnosis.units import variable_in_words
+from identification import recorded_quantity, recorded_signals
 
 SHOWN = ("time", "position", "motor angle", "velocity", "load torque")
 UNITS = {

@@ -22,7 +22,7 @@ from diagnosis.screening.lost_rows.common_count import PLACED, WHOLE, common_cou
 from diagnosis.screening.lost_rows.lag_change import Change, change_at, change_of_lag, instant_of, mean_lag, part_of
 from diagnosis.screening.lost_rows.lag_path import Step, instant, lag_steps, put_back
 from diagnosis.screening.lost_rows.unmeasured_rows import SMEARED, without_weight
-from diagnosis.units import recorded_signals
+from identification import recorded_signals
 
 SIGNIFICANT_STDS = 7.0
 """Std of a short change that it must exceed: it is the largest of all instants, in data with other errors."""
