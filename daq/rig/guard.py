@@ -26,14 +26,12 @@ from arm_clearance import Chain
 from arm_io import DeviceFault, InputError
 from daq.rig.preflight import check_motion
 from daq.rig.rig_file import Rig
-from daq.rig.rig_tables import Output
+from daq.rig.rig_tables import START, Output
 from daq.rig.safe_state import bring_to_safe_state
 from daq.rig.speed_check import SpeedCheck
 from drivers.protocols import AnalogOutput, ArmController, Device, DigitalOutput, HostClock, OwnWatchdog
 from experiment import Experiment
 
-START = "start"
-"""The output that begins a run."""
 PATIENCE = 0.25
 """Share of the watchdog's time that the safe state waits for a command in progress."""
 
@@ -100,7 +98,7 @@ class Guard:
                 self.controller.load(experiment)
 
     def start(self, *, motion: bool) -> tuple[int, int]:
-        """Starts the arm, if it has a ``motion``, and raises the start line; the watchdog then expects ``feed``.
+        """Starts the arm, if it has a ``motion``, and raises the start output; the watchdog then expects ``feed``.
 
         Returns host ns before and after the call by which the start signal went out.
         """
@@ -117,7 +115,7 @@ class Guard:
             if START in self.rig.outputs:
                 before = self.clock.monotonic_ns()
                 with self.awaiting(self.rig.outputs[START].device):
-                    self.set_line(START, True)
+                    self._raise_start()
             return before, self.clock.monotonic_ns()
 
     # Supervision
@@ -217,6 +215,14 @@ class Guard:
                 self._lock.release()
 
     # Inside
+
+    def _raise_start(self) -> None:
+        """A line goes high, an analogue output to its upper limit."""
+        output = self.rig.outputs[START]
+        if output.limits is None:
+            self.set_line(START, True)
+        else:
+            self.set_volts(START, output.limits[1])
 
     def _output(self, name: str) -> Output:
         if name not in self.rig.outputs:

@@ -22,6 +22,7 @@ from arm_io.table import Seconds, Table
 from daq.rig.endpoints import PageTable, ZenohTable
 from daq.rig.rig_tables import (
     COUNTS_PER_LINE,
+    START,
     DeviceTable,
     JointTable,
     Limits,
@@ -87,6 +88,9 @@ class Rig(Table):
                 known = ", ".join(names) or "none"
                 raise ValueError(f"{place}: no device {device!r}; devices of this rig: {known}")
         _check_double_use(self)
+        start = self.outputs.get(START)
+        if start is not None and start.channel is not None and (start.limits or (0.0, 0.0))[1] <= 0:
+            raise ValueError("outputs.start: an analogue start signal needs 'limits' [0, V], V its level during a run")
         for entry in ("position", "speed", "acceleration", "current"):
             values = getattr(self.limits, entry)
             if values is not None and len(values) != len(self.joint):

@@ -169,11 +169,16 @@ class Limits(Table):
         return value
 
 
+START = "start"
+"""The output that begins a run."""
+
+
 class Output(Table):
     """A line or an analogue output that the guard may drive.
 
     line     name of a digital line, or
-    channel  number of an analogue output, with ``limits`` V narrower than or equal to the device's own range
+    channel  number of an analogue output, with ``limits`` V narrower than or equal to the device's own range; as the
+             start signal it goes to the upper one
     """
 
     device: str

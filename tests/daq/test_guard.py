@@ -51,6 +51,18 @@ def test_volts_beyond_the_rigs_limits_do_not_reach_the_device(volts: float) -> N
         assert bench.devices["analog"].output == 1.5  # type: ignore[attr-defined]
 
 
+def test_an_analogue_start_signal_goes_to_its_upper_limit_during_a_run() -> None:
+    start = {"device": "analog", "channel": 0, "limits": [-1.0, 4.5]}
+    with open_bench(make_rig(outputs={"start": start})) as bench:
+        bench.guard.start(motion=False)
+        assert bench.devices["analog"].output == 4.5  # type: ignore[attr-defined]
+        bench.guard.make_safe()
+        assert bench.devices["analog"].output == 0.0  # type: ignore[attr-defined]
+    for limits in (None, [-5.0, 0.0]):
+        with pytest.raises(ValueError, match=r"an analogue start signal needs 'limits' \[0, V\]"):
+            make_rig(outputs={"start": {**start, "limits": limits}})
+
+
 def test_outputs_are_known_by_name_and_kind() -> None:
     with open_bench(make_rig(outputs=OUTPUTS)) as bench:
         with pytest.raises(InputError, match="no such output in the rig file; there are: start, drive"):
