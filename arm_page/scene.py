@@ -24,7 +24,7 @@ def chain_of_rig(rig: Rig) -> Chain | None:
     return chain
 
 
-def scene_of(rig: Rig, chain: Chain | None, visuals: Sequence[Visual] = ()) -> Table:
+def scene_of(rig: Rig, chain: Chain | None, visuals: Sequence[Visual]) -> Table:
     """Rig and arm as plain data: rad, m, A (or N m, N); matrices row by row, in the base frame of the model."""
     limits = rig.limits
     joints = [

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from experiment import Demand
 
 
-def space_of(rig: Rig | None, file: Path | None = None, floor: float | None = None) -> Space | None:
+def space_of(rig: Rig | None, file: Path | None, floor: float | None = None) -> Space | None:
     """The space in ``file``, else the rig's, with the floor at ``floor`` m where it is given; None: nothing is said.
 
     InputError: a floor that is no finite height.

@@ -80,7 +80,7 @@ def shows(motion: Motion, joint: int, direction: float) -> bool:
 
 
 def common_curves(
-    motions: Sequence[Motion], names: Sequence[str], arm: Arm, is_before: NDArray[np.bool_] | None = None
+    motions: Sequence[Motion], names: Sequence[str], arm: Arm, is_before: NDArray[np.bool_]
 ) -> list[Curve]:
     """For each joint and direction the speeds at which the ``motions`` show friction.
 

@@ -23,7 +23,7 @@ FOLLOWS = 0.7
 """Correlation of the hall's temperature with that of the previous night."""
 
 
-def temperatures(arms: int, nights: int, std: float, draw: np.random.Generator, *, season: float = 0.0) -> Array:
+def temperatures(arms: int, nights: int, std: float, draw: np.random.Generator, *, season: float) -> Array:
     """(arms, nights) degC of all motors of an arm in every night.
 
     std: K, from night to night; half of the variance is that of the hall. season: K by which the last night is warmer.

@@ -35,7 +35,7 @@ def friction_terms(arm: Arm, joint: int) -> list[EffectTerm]:
     return [term for term in arm.effects if term.joint == joint + 1 and CATALOGUE[term.name].friction]
 
 
-def speeds(arm: Arm, joint: int, top: float = 0.0) -> Array:
+def speeds(arm: Arm, joint: int, top: float) -> Array:
     """(k,) rad/s (m/s), from 0 on, at which the friction of a joint (from 0) is judged.
 
     Up to the drive's speed limit where the model states one, to ``top``, and over the speeds that its effects name.

@@ -26,7 +26,7 @@ _DRIVES_JOINT = (0, 1)
 """By MuJoCo's numbers, mjtTrn: in the frame of the joint or of its parent."""
 
 
-def compiled_text(path: Path, needed: NeedsCompiler, content: bytes | None = None) -> bytes:
+def compiled_text(path: Path, needed: NeedsCompiler, content: bytes | None) -> bytes:
     """The model in a file as MJCF with bodies, inertials and joints alone; angles in radian, masses as compiled.
 
     ``content``: of the file, where there is none.

@@ -72,10 +72,10 @@ def read_mjcf(path: str | Path, *, tip: str | None = None) -> Arm:
 
 def mjcf_of(text: str, path: str | Path) -> Arm:
     """``read_mjcf`` of a text; ``path`` names it in errors, and what it includes is looked for beside it."""
-    return read_reading(path, content=text.encode()).arm
+    return read_reading(path, tip=None, content=text.encode()).arm
 
 
-def read_reading(path: str | Path, *, tip: str | None = None, content: bytes | None = None) -> Reading:
+def read_reading(path: str | Path, *, tip: str | None, content: bytes | None = None) -> Reading:
     """As ``read_all``, with MuJoCo's own compiler for what is not read here. InputError: nested too deeply."""
     try:
         return read_all(path, tip=tip, content=content)
@@ -85,7 +85,7 @@ def read_reading(path: str | Path, *, tip: str | None = None, content: bytes | N
         return read_all(path, tip=tip, content=compiled_text(Path(path), needed, content))
 
 
-def read_all(path: str | Path, *, tip: str | None = None, content: bytes | None = None) -> Reading:
+def read_all(path: str | Path, *, tip: str | None, content: bytes | None = None) -> Reading:
     """As ``read_mjcf``, with the places of the numbers; ``content``: see ``read_tree``.
 
     NeedsCompiler where the numbers do not stand in the file; InputError where no joint moves.

@@ -153,7 +153,7 @@ class Tree:
         return _unit(values)
 
 
-def read_tree(path: str | Path, content: bytes | None = None) -> Tree:
+def read_tree(path: str | Path, content: bytes | None) -> Tree:
     """Reads a file and what it includes.
 
     ``content``: of the file, where there is none; None: it is read. InputError where it is no MJCF, NeedsCompiler where

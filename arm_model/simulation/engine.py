@@ -55,7 +55,7 @@ def _key(system: System, params: tuple[Expr, ...], width: int, single: bool) -> 
     return key_of("\0".join(text), Path(__file__).with_name("kernel.py"))
 
 
-def program_of(system: System, width: int, *, single: bool = False) -> Program:
+def program_of(system: System, width: int, *, single: bool) -> Program:
     """The compiled code of a system, from the cache folder, or generated and compiled now."""
     params = layout_of(system)
     key = _key(system, params, width, single)

@@ -16,7 +16,7 @@ KEPT = 128
 _kept: dict[str, Program] = {}
 
 
-def program_for(arm: Arm, inputs: Mapping[str, Array], lanes: int, *, single: bool = False) -> Program:
+def program_for(arm: Arm, inputs: Mapping[str, Array], lanes: int, *, single: bool) -> Program:
     """The arm's equations, compiled; kept from an arm that differs from it in numbers only."""
     zero = zeros(inputs)
     joints = [

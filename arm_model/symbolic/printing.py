@@ -89,7 +89,7 @@ def written(
 
 
 def assignments(
-    tape: Tape, outputs: Mapping[str, Expr], language: Language = PYTHON, names: Mapping[str, str] | None = None
+    tape: Tape, outputs: Mapping[str, Expr], language: Language, names: Mapping[str, str] | None
 ) -> tuple[list[str], dict[str, str]]:
     """(lines, value of each output): ``lines`` assign t1, t2, ... in order, the outputs are expressions in them.
 
@@ -147,7 +147,7 @@ def c_function(
     return head + "".join(f"    {line}\n" for line in body) + "}\n"
 
 
-def matlab_body(rows_of: str, tape: Tape, outputs: Sequence[Expr], names: Mapping[str, str] | None = None) -> str:
+def matlab_body(rows_of: str, tape: Tape, outputs: Sequence[Expr], names: Mapping[str, str] | None) -> str:
     """Lines of a MATLAB function that assign ``out``, a column per output, a row per row of the matrix ``rows_of``."""
     lines, values = assignments(tape, {str(k): expr for k, expr in enumerate(outputs)}, MATLAB, names)
     size = f"out = zeros(size({rows_of}, 1), {len(outputs)});"
@@ -157,5 +157,5 @@ def matlab_body(rows_of: str, tape: Tape, outputs: Sequence[Expr], names: Mappin
 
 def equations(tape: Tape, outputs: Mapping[str, Expr], names: Mapping[str, str] | None = None) -> str:
     """The outputs as lines of text for people, common parts first; ``names`` as of ``assignments``."""
-    lines, values = assignments(tape, outputs, names=names)
+    lines, values = assignments(tape, outputs, PYTHON, names)
     return "\n".join([*lines, *(f"{name} = {value}" for name, value in values.items())])

@@ -62,7 +62,7 @@ class System:
         return self.joints + self.thrusters
 
 
-def build(arm: Arm, zero: frozenset[str] = frozenset()) -> System:
+def build(arm: Arm, zero: frozenset[str]) -> System:
     """The system of an arm.
 
     ``zero``: parameters (names as ``arm_model.system.kernel_inputs`` gives them) that are zero throughout.

@@ -133,8 +133,8 @@ def animate(
     measured: Movement,
     other: Movement | None,
     *,
-    surfaces: tuple[Surface, ...] = (),
-    progress: Callable[[float], None] = lambda share: None,
+    surfaces: tuple[Surface, ...],
+    progress: Callable[[float], None],
 ) -> None:
     """Writes the animation of an arm, and of what it is compared with.
 

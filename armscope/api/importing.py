@@ -156,9 +156,9 @@ def write_import(
     out: Path,
     reading: Reading,
     *,
-    accept: Accept = lambda *_: False,
+    accept: Accept,
     save: Callable[[Columns | None], None] = silent,
-    say: Callable[[str], None] = silent,
+    say: Callable[[str], None],
 ) -> Imported:
     """Writes a table as a recording.
 

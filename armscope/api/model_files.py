@@ -36,7 +36,7 @@ def write_model(path: File, model: File | Arm, *, into: File | None = None) -> N
         warn(note, stacklevel=2)
 
 
-def write_arm(path: Path, arm: Arm, say: Callable[[str], None] = silent) -> None:
+def write_arm(path: Path, arm: Arm, say: Callable[[str], None]) -> None:
     """Writes a .toml or .urdf file; ``say`` is called with what URDF cannot hold. InputError for another ending."""
     from arm_model import write_model
     from arm_model.urdf import not_in_urdf, unknown_in_urdf, write_urdf

@@ -129,7 +129,7 @@ def check_together(results: Sequence[Stored]) -> None:
             raise InputError(results[k].path, "is given twice; must differ from the others")
 
 
-def structural_difference(one: Arm, other: Arm, *, nominal: bool = False) -> str:
+def structural_difference(one: Arm, other: Arm, *, nominal: bool) -> str:
     """In what two models differ on which base parameters and their units depend; "" for nothing.
 
     nominal  True: friction and inertial parameters count too, to which the causes of a diagnosis are relative; of

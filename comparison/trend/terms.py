@@ -86,22 +86,19 @@ def fit(history: History, terms: tuple[Term, ...], between: float = 0.0) -> Fit:
     return Fit(terms, between, coefficients, np.asarray(covariance, float), residual_energy, len(y) - columns.shape[1])
 
 
-def scatter_of(rest: float, freedom: float, known: Scatter) -> tuple[float, float]:
-    """Scatter of one quantity from its own residual and what is known of its kind; and its degrees of freedom."""
-    if np.isinf(known.freedom):
-        return known.value, np.inf
-    degrees = known.freedom + freedom
-    return (known.freedom * known.value + rest) / degrees, degrees
-
-
 def between_of(history: History, fitted: Fit, known: Scatter) -> float:
-    """The variance between results with which the residual would be as large as ``scatter_of`` says.
+    """The variance between results with which the residual would be as large as the scatter of the history.
 
-    As DerSimonian and Laird for a mean, here for a regression: the trace is that of the residual's weights.
+    The scatter is estimated from its own residual and what is ``known`` of its kind. As DerSimonian and Laird for a
+    mean, here for a regression: the trace is that of the residual's weights.
     """
-    scatter, _ = scatter_of(fitted.rest, fitted.freedom, known)
-    if scatter <= 1 or fitted.freedom < 1:
-        return 0.0 if scatter <= 1 else float(np.median(history.raw) ** 2 * (scatter - 1))
+    scatter = known.value
+    if np.isfinite(known.freedom):
+        scatter = (known.freedom * known.value + fitted.rest) / (known.freedom + fitted.freedom)
+    if scatter <= 1:
+        return 0.0
+    if fitted.freedom < 1:
+        return float(np.median(history.raw) ** 2 * (scatter - 1))
     q, _ = np.linalg.qr(design(history, fitted.terms) / history.raw[:, None])
     weight = history.raw**-2
     spare = float(weight.sum() - np.sum(q**2 * weight[:, None]))

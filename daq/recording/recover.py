@@ -46,7 +46,7 @@ class Recovery:
         return self.sure and not self.ledger.lost and not self.attachments
 
 
-def recover(path: str | Path, out: str | Path | None = None, *, replace: bool = False) -> Recovery:
+def recover(path: str | Path, out: str | Path | None, *, replace: bool = False) -> Recovery:
     """Copies every intact row and attachment of ``path`` into the new recording ``out``, byte for byte.
 
     out      default: ``path`` without '.active'

@@ -54,9 +54,7 @@ def call(
     return table
 
 
-def call_for_bytes(
-    session: zenoh.Session, keys: Keys, verb: str, arguments: Table | None = None, *, timeout: float = 10.0
-) -> bytes:
+def call_for_bytes(session: zenoh.Session, keys: Keys, verb: str, arguments: Table | None, *, timeout: float) -> bytes:
     """As ``call``, errors too, for a command whose answer is no JSON."""
     import zenoh
 

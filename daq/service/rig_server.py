@@ -28,7 +28,7 @@ class RigServer(Protocol):
     def close(self) -> None: ...
 
 
-def server_of(path: Path, rig: Rig, read_chain: ChainReader | None = None) -> RigServer:
+def server_of(path: Path, rig: Rig, read_chain: ChainReader | None) -> RigServer:
     """The daemon that has the rig of the file ``path``.
 
     An embedded one where there is none and the rig is this machine's; ``read_chain`` as of ``Service``.

@@ -149,7 +149,7 @@ def session_config(rig: Rig, *, listen: bool, send_seconds: float) -> dict[str, 
     return config
 
 
-def access_control(keys: Keys, users: list[str], *, ros2: bool = False) -> dict[str, Any]:
+def access_control(keys: Keys, users: list[str], *, ros2: bool) -> dict[str, Any]:
     """What a client may do: ask and listen, below the rig's keys, and show that it lives. Everything else is denied.
 
     users  names that have to be proven by password; empty: anybody who reaches the endpoint, which then is loopback

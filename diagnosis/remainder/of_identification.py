@@ -60,7 +60,7 @@ class LeftOver:
         )
 
 
-def left_over(arm: Arm, recordings: Sequence[Recording], others: Sequence[Recording] = ()) -> LeftOver:
+def left_over(arm: Arm, recordings: Sequence[Recording], others: Sequence[Recording]) -> LeftOver:
     """Residual of ``arm`` in ``recordings`` above the noise, in rows in which a joint moves, away from reversals.
 
     others: of the same rig, whose standstills show its noise as well, and from which variables are learned.

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def write_identification(
-    folder: str | PathLike[str], result: Identification, pictures: Collection[str] = (), *, mat: bool = False
+    folder: str | PathLike[str], result: Identification, pictures: Collection[str], *, mat: bool
 ) -> dict[str, Any]:
     """Writes the files into ``folder`` (made if need be) and returns what identification.json says.
 
@@ -31,7 +31,7 @@ def write_identification(
 
 
 def write_base_identification(
-    folder: str | PathLike[str], result: BaseIdentification, pictures: Collection[str] = ()
+    folder: str | PathLike[str], result: BaseIdentification, pictures: Collection[str]
 ) -> dict[str, Any]:
     """The same of a floating base."""
     return _written(Path(folder), result, floating_base.report(result), "Base identified by armscope", pictures)

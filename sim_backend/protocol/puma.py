@@ -91,8 +91,8 @@ def wires(
     currents: Mapping[int, CurrentWire],
     *,
     gear: Array,
-    target: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    tracker_from_base: Array | None = None,
+    target: tuple[float, float, float],
+    tracker_from_base: Array | None,
 ) -> Wires:
     """The terminals of one device: channel -> what is wired to it.
 

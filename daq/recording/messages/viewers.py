@@ -130,7 +130,7 @@ class Viewers:
         self._described = False
 
     def contents(
-        self, q: NDArray[np.float64], wall_ns: NDArray[np.int64], pose: NDArray[np.float64] | None = None
+        self, q: NDArray[np.float64], wall_ns: NDArray[np.int64], pose: NDArray[np.float64] | None
     ) -> list[bytes]:
         """Contents of the chunks that belong to rows q (n, J) at ``wall_ns`` (n,): one or two, or none.
 

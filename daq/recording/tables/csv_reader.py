@@ -42,7 +42,7 @@ def read_csv(
 
 
 def read_csv_blocks(
-    path: str | Path, *, joints: int | None = None, keep_extra: bool = False, unit: TimeUnit | None = None
+    path: str | Path, *, joints: int | None, keep_extra: bool, unit: TimeUnit | None
 ) -> Iterator[Table]:
     """Reads a table in our columns, some lines at a time; arguments and errors as ``read_blocks`` has them."""
     return read_blocks(CsvSource(path), joints=joints, keep_extra=keep_extra, unit=unit)

@@ -85,7 +85,7 @@ def guess(names: Sequence[str], columns: dict[str, Array] | None = None, joints:
     return _from_topics(names, joints) or _from_words(names, columns or {}, joints)
 
 
-def guess_csv(path: str | Path, joints: Sequence[str] = ()) -> Mapping | None:
+def guess_csv(path: str | Path, joints: Sequence[str]) -> Mapping | None:
     """The mapping that a text suggests, with its separator and decimal sign; None where it says too little.
 
     InputError where the first line is no header, or some of its joints have a position without a current.

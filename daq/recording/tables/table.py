@@ -64,8 +64,8 @@ def write_blocks(
     others: Iterable[Table],
     attachments: Attachments,
     *,
-    joints: Sequence[str] = (),
-    effort: Sequence[float] = (),
+    joints: Sequence[str],
+    effort: Sequence[float],
 ) -> LedgerSummary:
     """``write_table`` of a table that comes block by block; only one of them is in memory."""
     whole = len(first.having.get("i", ())) == first.joints

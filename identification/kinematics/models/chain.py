@@ -122,7 +122,7 @@ def position_jacobian(chain: Chain, q: ArrayLike, target: Index | None = None) -
     return end.copy(), derivative
 
 
-def pose_jacobian(chain: Chain, q: ArrayLike, target: Index | None = None) -> tuple[Array, Array]:
+def pose_jacobian(chain: Chain, q: ArrayLike, target: Index | None) -> tuple[Array, Array]:
     """Rotations (N, 3, 3) of the end frame, and their derivatives (N, 3, steps) as rotation vectors in the world.
 
     A small change dx of the values turns the end frame by derivative dx (rad): R becomes exp([derivative dx]) R.
