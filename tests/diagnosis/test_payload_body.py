@@ -17,8 +17,8 @@ from diagnosis.measurements.currents.columns import candidates
 from diagnosis.measurements.currents.design_matrix import Library, dataset_of
 from diagnosis.measurements.currents.estimates import estimates_of
 from diagnosis.measurements.currents.model import Currents
+from diagnosis.measurements.currents.replacement.simplified import simplified
 from diagnosis.measurements.currents.search import attributed_to_body
-from diagnosis.measurements.currents.simplification import simplified
 from diagnosis.residual.generation import residual_run
 from diagnosis.residual.noise.channels import KnownNoise
 from diagnosis.residual.run import Run

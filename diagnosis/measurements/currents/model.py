@@ -13,11 +13,13 @@ from arm_model.effects import same_columns
 from diagnosis.cause import EffectKey
 from diagnosis.measurements.currents.design_matrix import Library, columns_of
 from diagnosis.measurements.currents.limits import LIMITS, CurrentLimits, leakage, matters
+from diagnosis.measurements.currents.long_delays import long_delays
 from diagnosis.measurements.currents.model_errors import ModelUncertainty
 from diagnosis.measurements.currents.pairs import pair_of
 from diagnosis.measurements.currents.possible import is_physical
 from diagnosis.measurements.currents.refinement import refined
-from diagnosis.measurements.currents.simplification import exchanged
+from diagnosis.measurements.currents.replacement.exchange import exchanged
+from diagnosis.measurements.currents.replacement.next_orders import rival_with_term
 from diagnosis.measurements.currents.state import Rivals, State, corrected
 from diagnosis.measurements.currents.structure.noise_ratio import joints_above_noise
 from diagnosis.selection.bodies import body_of, link_of
@@ -25,17 +27,13 @@ from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Dataset, Pair
 from diagnosis.selection.harmonics import is_further_order, is_of_ripple
 from diagnosis.selection.next_order import next_orders, of_last_term, small_term, term_share
-from diagnosis.selection.regression import SPARSE_P, best_of_each, fit_gain, score
+from diagnosis.selection.regression import SPARSE_P, best_of_each, score
 from diagnosis.selection.ripple_orders import detectable, joint_of_ripple
 from diagnosis.selection.unseen_inertia import explained, unseen_inertia
 from identification.selection import MeasurementModel, Score, Split, p_value
 
-FIRST_ORDER = 2e-3
-"""s: a delay whose change of a current at COMPARE_BAND is of the first order, 2 pi 20 Hz times it a quarter."""
 CONFIRMED = 0.05
 """Probability of a held-out gain by chance below which it confirms what all recordings show together."""
-DELAYS = 6
-"""Values at most by which the value of a long delay is approached."""
 
 
 @dataclass(frozen=True)
@@ -69,28 +67,28 @@ class Currents(MeasurementModel[Candidate, State]):
     def scores(self, state: State) -> list[Score[Candidate]]:
         """Every effect at every joint, at the nonlinear parameters that fit best; the largest gain first."""
         self._add_ripples(state.residual.fit)
-        long = self._long_delays(state)
+        long = long_delays(self.library, state.fitted, self.taken(state))
         self.library.compute_grids()
         every = [c for c in self.library if not c.about or c in long]
         best = best_of_each(every, self.library.where_shown, state.fitted, self.taken(state))
         self.library.compute(best)
-        scores = [self._scored(c, self.library[c], state) for c in best]
+        scores = [self.scored(c, self.library[c], state) for c in best]
         scores += [
-            self._scored(alone, self._of_column(c, k), state) for c in best for k, alone in enumerate(c.single_sizes())
+            self.scored(alone, self._of_column(c, k), state) for c in best for k, alone in enumerate(c.single_sizes())
         ]
         scores += [
-            self._scored(body, self._of_inertia(body), state)
+            self.scored(body, self._of_inertia(body), state)
             for body in (body_of(c) for c in state.chosen if not c.body)
             if body is not None
         ]
         scores += [
-            self._scored(c, of_last_term(self.columns(c)), state)
+            self.scored(c, of_last_term(self.columns(c)), state)
             for k, (chosen, own) in enumerate(zip(state.chosen, state.coefficients))
             if not is_further_order(chosen, state.chosen[:k])
             for c in next_orders(chosen, own, self.seconds)
         ]
         scores += [
-            self._scored(c, self.library[c], state)
+            self.scored(c, self.library[c], state)
             for c in self.library
             if is_further_order(c, state.chosen) and c.key not in self.excluded
         ]
@@ -98,7 +96,7 @@ class Currents(MeasurementModel[Candidate, State]):
             scores, key=lambda score: -score.gain * (1.0 + self.limits.family * self._of_chosen(score, state))
         )
 
-    def _scored(self, candidate: Candidate, pair: Pair, state: State) -> Score[Candidate]:
+    def scored(self, candidate: Candidate, pair: Pair, state: State) -> Score[Candidate]:
         """A candidate of these columns conditional on those chosen.
 
         The signs of few held-out blocks may agree by chance. Where they confirm an effect of the whole arm, its
@@ -175,7 +173,7 @@ class Currents(MeasurementModel[Candidate, State]):
         if score.candidate.terms:
             before = next(c for c in state.chosen if c.key == score.candidate.key)
             sharp = refined(score.candidate, self.without(before, state).fitted, self.data.fit)
-            return _replaced(state, before, sharp)
+            return state.replaced(before, sharp)
         if score.candidate.body:
             return self._with_body(score.candidate, rivals, state)
         if is_further_order(score.candidate, state.chosen):
@@ -208,7 +206,7 @@ class Currents(MeasurementModel[Candidate, State]):
         if not both:
             # a residual that one law leaves in the fitted recordings only may also be explained by another law
             in_fit = joints_above_noise(state.residual.fit, state.data.fit, self.arm)
-            return self._swapped(state, {*joints, *in_fit}) or exchanged(state)
+            return rival_with_term(state, {*joints, *in_fit}) or exchanged(state)
         held_out = state.data.held_out
         alone = {c.key: [score(c, self.library[c], state.fitted, held_out)] for c in both}
         return State(self, (*state.chosen, *both), state.data, {**state.rivals, **alone})
@@ -219,7 +217,7 @@ class Currents(MeasurementModel[Candidate, State]):
 
     def conditional(self, candidate: Candidate, without: State, state: State) -> Score[Candidate]:
         """One candidate conditional on all others."""
-        return self._scored(candidate, self.columns(candidate), without)
+        return self.scored(candidate, self.columns(candidate), without)
 
     def after_round(self, state: State) -> State:
         """The data corrected by the exact model of the chosen."""
@@ -241,37 +239,6 @@ class Currents(MeasurementModel[Candidate, State]):
         state = State(self, tuple(chosen), self.data, rivals)
         return corrected(state) if chosen else state
 
-    def with_terms(self, state: State, chosen: Candidate, rival: Candidate) -> State:
-        """The state with a rival in place of a chosen candidate, and its first next-order term that is admissible."""
-        others = self.without(chosen, state).fitted
-        sharp, place = refined(rival, others, self.data.fit), state.chosen.index(chosen)
-        trial = _replaced(state, chosen, sharp)
-        for with_term in next_orders(sharp, trial.coefficients[place], self.seconds):
-            own = of_last_term(self.columns(with_term))
-            if self.admissible(self._scored(with_term, own, trial), trial):
-                return _replaced(trial, sharp, refined(with_term, others, self.data.fit))
-        return trial
-
-    def _swapped(self, state: State, joints: Set[int]) -> State | None:
-        """With a rival, and the next-order terms of its law, in the place of a cause of one of the ``joints``.
-
-        Where what is left falls to ``LIMITS.swapped`` of it: the nearest single law need not be the one whose terms
-        explain the rest. None where none does.
-        """
-        best, least = None, self.limits.swapped * sum(state.energy)
-        for c in (one for one in state.chosen if one.joint in joints):
-            for rival in (one.candidate for one in state.rivals[c.key] if one.candidate.definition.terms):
-                if rival.key in self.taken(state):
-                    continue
-                trial = self.with_terms(replace(state, rivals={**state.rivals, rival.key: ()}), c, rival)
-                # only exchanges that are promising by first-order columns are evaluated exactly
-                if sum(trial.energy) >= least:
-                    continue
-                exact = self.refitted(trial.chosen, trial.rivals)
-                if sum(exact.energy) < least:
-                    best, least = exact, sum(exact.energy)
-        return best
-
     def is_next_order(self, score: Score[Candidate], state: State) -> bool:
         """Whether a term is smaller than its effect, and explains no more than a next order of what the two explain."""
         chosen = next(c for c in state.chosen if c.key == score.candidate.key)
@@ -281,7 +248,7 @@ class Currents(MeasurementModel[Candidate, State]):
             return False
         # the law alone, refitted, follows much of a cubic term: with the term in, the law must still be the larger part
         sharp = refined(score.candidate, others.fitted, self.data.fit)
-        own = _replaced(state, chosen, sharp).coefficients[state.chosen.index(chosen)]
+        own = state.replaced(chosen, sharp).coefficients[state.chosen.index(chosen)]
         return small_term(sharp, self.columns(sharp).fit.x * own, self.limits.next_order)
 
     @cached_property
@@ -326,24 +293,3 @@ class Currents(MeasurementModel[Candidate, State]):
         for strongest in in_parallel(of_joint, sorted({c.joint for c in self.ripples if c.joint})):
             for c in strongest:
                 self.library.add(c)
-
-    def _long_delays(self, state: State) -> list[Candidate]:
-        """Delays too long for a first-order change, each about the value that it has; added to the library.
-
-        Approached from the first-order estimate: each value is about the one before. Without a delay in the data, but
-        much else, the values do not settle.
-        """
-        taken, found = self.taken(state), []
-        for candidate in [c for c in self.library if c.definition.delay is not None and not c.about]:
-            for _ in range(DELAYS if candidate.key not in taken else 0):
-                (delay,) = fit_gain(self.library.where_shown(candidate), state.fitted)[1]
-                if abs(delay - candidate.about) < FIRST_ORDER:
-                    found += [candidate] if candidate.about else []
-                    break
-                candidate = replace(candidate, about=float(delay))
-                self.library.add(candidate)
-        return found
-
-
-def _replaced(state: State, old: Candidate, new: Candidate) -> State:
-    return replace(state, chosen=tuple(new if c is old else c for c in state.chosen))

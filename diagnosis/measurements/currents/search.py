@@ -12,7 +12,7 @@ from diagnosis.cause import EffectKey, Structure
 from diagnosis.measurements.currents.estimates import estimates_of
 from diagnosis.measurements.currents.model import Currents
 from diagnosis.measurements.currents.refinement import gauss_newton_refined
-from diagnosis.measurements.currents.simplification import simplified
+from diagnosis.measurements.currents.replacement.simplified import simplified
 from diagnosis.measurements.currents.state import State, corrected
 from diagnosis.measurements.currents.structure.coefficient_doubt import CoefficientDoubt
 from diagnosis.measurements.currents.structure.noise_ratio import joints_above_noise

@@ -94,6 +94,10 @@ class State:
         of_chosen = self.fitted.coefficients[len(self.free) :]
         return np.split(of_chosen, np.cumsum(widths)[:-1]) if self.chosen else []
 
+    def replaced(self, old: Candidate, new: Candidate) -> State:
+        """The same with a candidate in the place of another, the data as it is."""
+        return replace(self, chosen=tuple(new if c is old else c for c in self.chosen))
+
     @property
     def energy(self) -> Split[float]:
         """Squared residual, in units of the noise variance."""
