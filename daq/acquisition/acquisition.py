@@ -13,7 +13,6 @@ angles and currents. No step loops over samples.
 
 from __future__ import annotations
 
-import threading
 from collections import Counter
 from collections.abc import Iterator
 from typing import cast
@@ -23,7 +22,7 @@ from numpy.typing import NDArray
 
 from arm_io import DeviceFault, InputError
 from daq.acquisition.clock_fit import ArrivalClock, ClockFit, fit_clock
-from daq.acquisition.device_stream import Stream
+from daq.acquisition.end_watch import PATIENCE, EndWatch
 from daq.acquisition.join import Join, Joined
 from daq.acquisition.ledger import Ledger
 from daq.acquisition.readers import Intake
@@ -33,11 +32,9 @@ from daq.acquisition.tracker_memory import merge_points
 from daq.rig.bench import Bench
 from daq.rig.calibration import currents, of_another_time, positions, without_position
 from daq.rig.preflight import check_plan
-from drivers.protocols import ClockReadings, EdgeSource, Plan, PositionTracker, Reconnecting
+from drivers.protocols import ClockReadings, EdgeSource, Plan, PositionTracker
 from experiment import Experiment, demand_of
 
-PATIENCE = 0.5
-"""s without a trigger, or that a device may lag behind the others, before it counts as gone."""
 RATE_TOLERANCE = 0.01
 """Relative: a trigger that is further off the rig's rate is noted."""
 START_WINDOW = 0.002
@@ -77,8 +74,7 @@ class Acquisition:
         self._wall_offset = 0
         self._first = (0, 0)
         self._pace_ns = 1e9 / rate
-        self._stop: Ending | None = None
-        self._lock = threading.Lock()
+        self._watch = EndWatch(bench, self.plan, moves=experiment is not None)
         self._held: list[Rows] = []
         self._make_join()
 
@@ -125,7 +121,8 @@ class Acquisition:
         except BaseException as error:
             self._end(Ending(End.DEVICE_LOST, str(error)))
             raise
-        self.started_ns, self._newest_ns = (before + after) // 2, after
+        self.started_ns = (before + after) // 2
+        self._watch.begin(after)
         if self.experiment is not None and after - before > START_WINDOW * 1e9:
             late = 0.5e-6 * (after - before)
             self.notes.append(f"the start signal took {2 * late:.2g} ms: the demand's times are known to {late:.2g} ms")
@@ -133,8 +130,7 @@ class Acquisition:
 
     def stop(self, reason: End = End.STOPPED, detail: str = "") -> None:
         """Ends the run with the rows of the triggers so far; from any thread."""
-        with self._lock:
-            self._stop = self._stop or Ending(reason, detail)
+        self._watch.stop(Ending(reason, detail))
 
     def _stop_at_once(self, reason: End, detail: str) -> None:
         """Ends the run with all outputs safe now, without waiting for other devices or the consumer of the rows."""
@@ -193,7 +189,7 @@ class Acquisition:
                 self._stop_at_once(End.DEVICE_LOST, str(fault))
                 self._join.lose_device(stream.name, fault.what)
         self._join.rebase()
-        return self._clock.newest, self._ending(asked)
+        return self._clock.newest, self._watch.judge(asked, self._intake, self._join)
 
     def _tail(self, last: int, ending: Ending) -> Iterator[Rows]:
         """The rows up to the last trigger: waits for devices that are late, then gives up what is missing."""
@@ -271,53 +267,6 @@ class Acquisition:
 
     # Ends
 
-    def _ending(self, now: int) -> Ending | None:
-        """Why the run ends, or None; ``now`` ns is when the devices were last asked."""
-        newest, plan = self._clock.newest, self.plan
-        if self._clock.ready is not None:
-            self._newest_ns = max(self._newest_ns, int(self._clock.ready["host"][-1]))
-        controller = self.bench.guard.controller
-        if self._stop is None and self.bench.guard.tripped is not None:
-            silent = self.bench.guard.silent
-            self.stop(End.WATCHDOG if silent is None else End.NO_ANSWER, self.bench.guard.tripped)
-        if self._stop is None and self.experiment is not None and controller is not None:
-            try:
-                if controller.finished():
-                    self.stop(End.MOTION_DONE)
-            except DeviceFault as fault:
-                self.stop(End.DEVICE_LOST, str(fault))
-        elif self._stop is None and plan.rows is not None and newest + 1 >= plan.rows:
-            self.stop(End.ROWS_DONE)
-        if self._seeks(self._clock):
-            self._newest_ns = now
-        if self._stop is None and now - self._newest_ns > max(PATIENCE, 20 / plan.rate) * 1e9:
-            self.stop(*self._quiet())
-        if self._stop is None:
-            self._look_for_silent_devices()
-        return self._stop
-
-    def _quiet(self) -> tuple[End, str]:
-        """Why there are no edges any more."""
-        newest = self._clock.newest
-        if newest < 0:
-            return End.NO_TRIGGER, ""
-        for name, device in self.bench.devices.items():
-            if isinstance(device, PositionTracker) and newest + 1 == device.memory:
-                return End.TRACKER_FULL, f"{name}, {device.memory} samples"
-        return End.TRIGGER_STOPPED, f"after trigger {newest}"
-
-    def _look_for_silent_devices(self) -> None:
-        for stream in self._intake.others:
-            behind = self._clock.newest - stream.newest > PATIENCE * self.plan.rate + 2
-            if stream.required and behind and not self._seeks(stream):
-                self._join.lose_device(stream.name, "stopped making rows")
-                self.stop(End.DEVICE_SILENT, stream.name)
-
-    def _seeks(self, stream: Stream) -> bool:
-        """Whether its device has lost its connection and tries to reconnect; it then returns or raises DeviceFault."""
-        device = self.bench.devices[stream.name]
-        return isinstance(device, Reconnecting) and device.seeking
-
     def _check_first(self, rows: Rows) -> None:
         """A joint that does not read the start pose was never referenced, or shows a stale value."""
         if self.experiment is None:
@@ -334,12 +283,7 @@ class Acquisition:
 
     def _note_oddities(self) -> None:
         """Adds notes about irregularities of this run that are not losses."""
-        for stream in self._intake.streams:
-            if stream.indexer.extra:
-                self.notes.append(f"{stream.name}: {stream.indexer.extra} edges on its trigger input were interference")
-            if stream.indexer.unguarded and not stream.by_time:
-                until = "" if stream.indexer.regular is False else f" before row {stream.indexer.unguarded}"
-                self.notes.append(f"{stream.name}: its time stamps are too uneven to detect a missed edge{until}")
+        self.notes += self._intake.oddities()
         if self._clock.newest > 20 and abs(self._pace_ns * self.plan.rate * 1e-9 - 1) > RATE_TOLERANCE:
             self.notes.append(f"triggers came at {1e9 / self._pace_ns:.4g}/s where {self.plan.rate:g}/s were expected")
 

@@ -119,6 +119,17 @@ class Intake:
         for stream in self.streams:
             stream.push(empty(), final=True)
 
+    def oddities(self) -> list[str]:
+        """Sentences about irregularities of the trigger inputs that are no losses."""
+        notes = []
+        for stream in self.streams:
+            if stream.indexer.extra:
+                notes.append(f"{stream.name}: {stream.indexer.extra} edges on its trigger input were interference")
+            if stream.indexer.unguarded and not stream.by_time:
+                until = "" if stream.indexer.regular is False else f" before row {stream.indexer.unguarded}"
+                notes.append(f"{stream.name}: its time stamps are too uneven to detect a missed edge{until}")
+        return notes
+
     def disarm(self) -> list[str]:
         """Disarms every device; sentences about those that would not."""
         problems = []
