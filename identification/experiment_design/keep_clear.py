@@ -11,7 +11,7 @@ from arm_io.types import Array
 from experiment import Demand
 
 RESERVE = 1e-3
-"""M beyond what must be kept, so that a check of the same motion agrees."""
+"""m beyond what must be kept, so that a check of the same motion agrees."""
 DRAWN = 64
 """Start poses that are drawn for a candidate; the first that is clear, and that the motors hold, is taken."""
 SHRINK = 0.8

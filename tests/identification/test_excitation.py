@@ -18,7 +18,8 @@ from daq.rig.preflight import check_motion
 from daq.rig.rig_file import read_rig
 from experiment import Experiment, demand_of, read_experiment
 from identification.experiment_design import Limits, design_excitation
-from identification.experiment_design.excitation import ROWS, Criterion, _shown, scores_of, singular_values
+from identification.experiment_design.criterion import Criterion, score_in_words, scores_of, singular_values
+from identification.experiment_design.excitation import ROWS
 from identification.experiment_design.fourier_series import sampled
 from identification.regression.base_parameters import BaseParameters, structural_base
 from tests.arm_model.pumas import three_links
@@ -169,4 +170,4 @@ def weak(arm: Arm, share: float) -> Arm:
 @pytest.mark.parametrize(("condition", "printed"), [(123.4, "123"), (1e13, "above 1e+12"), (np.inf, "above 1e+12")])
 def test_a_condition_number_beyond_any_number_is_printed_as_such(condition: float, printed: str) -> None:
     """Parameters that a motion does not show at all made it exp(800), with a warning of numpy."""
-    assert _shown(-np.log(condition), "condition") == printed
+    assert score_in_words(-np.log(condition), "condition") == printed
