@@ -249,7 +249,7 @@ class Arm:
         return len(self.joints)
 
     def __repr__(self) -> str:
-        parts = [f"{len(self)} joint{'s' * (len(self) > 1)}", *(["controller"] if self.controller else [])]
+        parts = [f"{counted(len(self), 'joint')}", *(["controller"] if self.controller else [])]
         parts += ["floating base"] if self.floating else []
         parts += [term.name + (f" of joint {term.joint}" if term.joint else "") for term in self.effects]
         return f"<Arm {self.name}: {', '.join(parts)}>"

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from arm_io import numbered
 from arm_io.types import Array
 from arm_model import Arm
 from arm_model.tables.friction_of_days import UNRECORDED
@@ -119,10 +120,9 @@ def _motion(motions: Sequence[Motion], is_before: NDArray[np.bool_], arm: Arm) -
         if max(before, after) > FASTER * min(before, after) or shift > PLACE * travel[j] > 0:
             differing.append(j + 1)
     if differing:
-        which = ", ".join(map(str, differing))
         sentence = (
-            f"the motions differ (joint{'s' * (len(differing) > 1)} {which}): effects that the model lacks may look "
-            "like changes; record the same experiment to exclude it"
+            f"the motions differ ({numbered('joint', differing)}): effects that the model lacks may look like "
+            "changes; record the same experiment to exclude it"
         )
         yield Circumstance("motion", tuple(differing), sentence)
 

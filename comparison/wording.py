@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from arm_io import counted
 from arm_model import Arm
 from comparison.change import Kind, Quantity
 from comparison.load_friction import EFFECT
@@ -42,7 +43,7 @@ def in_words(expression: str) -> str:
         words = WORDS[quantity].format(n=number)
     else:
         words = f"inertia {quantity.removeprefix('i')} of link {number}"
-    return words if not others else f"{words} (with {len(others)} more parameter{'s' * (len(others) > 1)})"
+    return words if not others else f"{words} (with {counted(len(others), 'more parameter')})"
 
 
 def joint_of(expression: str) -> int | None:

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 from pydantic import ValidationError
 
-from arm_io import InputError, read_file
+from arm_io import InputError, counted, read_file
 from arm_io.plain_data import is_number
 from arm_io.toml import one_line
 from arm_io.types import Array
@@ -189,7 +189,7 @@ def numbers_of(path: str | Path, element: xml.Element | None, name: str, default
     except ValueError:
         values = ()
     if len(values) != count or not np.isfinite(values).all():
-        told = f"expected {count} number{'s' * (count > 1)}"
+        told = f"expected {counted(count, 'number')}"
         if "${" in text:
             told = "is an expression of xacro; expand the file first: xacro FILE > ARM.urdf"
         raise InputError(path, f"{name}={text!r}: {told}")

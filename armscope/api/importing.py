@@ -13,7 +13,7 @@ from warnings import warn
 
 import numpy as np
 
-from arm_io import InputError, read_text
+from arm_io import InputError, counted, read_text
 from arm_io.dates import utc_date_of
 from arm_io.progress import silent
 from arm_io.toml import check_table
@@ -183,7 +183,7 @@ def write_import(
             "for each joint] under [scale]"
         )
     if others:
-        say(f"{table}: {len(others)} column{'s' * (len(others) > 1)} left out: {first_names(others)}")
+        say(f"{table}: {counted(len(others), 'column')} left out: {first_names(others)}")
     joints = None if checked is None else checked.joints
     torques = chosen is not None and chosen.torques
     per_current = _torque_per_current(checked) if torques else None

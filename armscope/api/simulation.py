@@ -103,7 +103,7 @@ class Simulation:
     def __str__(self) -> str:
         joints = len(self.arm)
         return (
-            f"{len(self)} rows of {joints} joint{'s' * (joints > 1)}, {self.t[-1] - self.t[0]:.2f} s simulated in "
+            f"{len(self)} rows of {counted(joints, 'joint')}, {self.t[-1] - self.t[0]:.2f} s simulated in "
             f"{self.seconds:.3f} s"
         )
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from arm_io import InputError
+from arm_io import InputError, counted
 from arm_io.json_text import json_text
 from armscope import allocation
 from armscope.commands.options import Pdf, Png, pictures
@@ -107,6 +107,6 @@ def _status(above: list[Change], limit: str) -> int:
     points = sum(one.quantity.kind == "curve" for one in above)
     named = [one.quantity.name for one in above if one.quantity.kind != "curve"]
     parts = [", ".join(named[:5]) + (" ..." if len(named) > 5 else "")] if named else []
-    parts += [f"{points} point{'s' * (points > 1)} of friction curves"] if points else []
+    parts += [f"{counted(points, 'point')} of friction curves"] if points else []
     print(f"changed beyond --fail-above {limit}: {'; '.join(parts)}", file=sys.stderr)
     return CHANGED

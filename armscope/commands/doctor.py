@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from arm_io import DeviceFault
+from arm_io import DeviceFault, counted
 from armscope.commands.options import Json, RigArgument
 from daq.rig import Bench, DeviceTable, check_plan, read_rig
 from daq.service import RigLock
@@ -113,8 +113,7 @@ def _text(rig: str, findings: list[dict[str, Any]], problems: list[str]) -> list
     lines += [f"  FAULT {problem}" for problem in problems]
     faults = sum(bool(finding["problems"]) for finding in findings) + len(problems)
     return lines + [
-        f"{len(findings)} device{'s' * (len(findings) != 1)}, "
-        + ("all is well" if not faults else f"{faults} with faults")
+        f"{counted(len(findings), 'device')}, " + ("all is well" if not faults else f"{faults} with faults")
     ]
 
 

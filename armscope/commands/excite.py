@@ -67,6 +67,7 @@ def command(
     ] = 125.0,
     as_json: Json = False,
 ) -> None:
+    from arm_io import counted
     from arm_report.picture_file import check_picture
     from armscope.motion import clearance_in_words, clearance_of, draw, travel_in_words, travel_of
     from experiment import check_trajectory, demand_of, write_experiment, write_trajectory
@@ -92,8 +93,8 @@ def command(
         table |= {"trajectories": points, "rate": designed.rate, "travel": travel_of(demand), "clearance": clearance}
         print(json_text(table))
         return
+    joints = counted(len(task.arm), "joint")
     sampled = f", {designed.rate:g} rows/s (not a multiple of the setpoint rate)" if designed.rate else ""
-    joints = f"{len(task.arm)} joint{'s' * (len(task.arm) > 1)}"
     print(f"{out}: {duration:g} s, {harmonics} harmonics of {fundamental:g} Hz for {joints}{sampled}")
     sentences = travel_in_words(demand, task.arm) + clearance_in_words(demand, task.chain, task.pairs)
     print("\n".join(f"  {line}" for line in sentences))

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from arm_io import InputError, write_text
+from arm_io import InputError, counted, write_text
 from armscope.api.importing import Reading, write_import
 from armscope.commands.options import Json, RecordingOut
 from armscope.exit_status import DONE, SAMPLES_LOST
@@ -91,8 +91,8 @@ def command(
         found = {"file": str(out), "rows": done.rows, "joints": done.joints, "duration": done.seconds, "lost": lost}
         print(json.dumps(found))
     else:
-        gaps = f", {done.missing} row{'s' * (done.missing > 1)} with missing samples" if done.missing else ""
-        print(f"{out}: {done.rows} rows of {done.joints} joint{'s' * (done.joints > 1)}, {done.seconds:.2f} s{gaps}")
+        gaps = f", {counted(done.missing, 'row')} with missing samples" if done.missing else ""
+        print(f"{out}: {counted(done.rows, 'row')} of {counted(done.joints, 'joint')}, {done.seconds:.2f} s{gaps}")
     return SAMPLES_LOST if done.cut else DONE
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from arm_io import InputError
+from arm_io import InputError, counted
 from arm_model import Arm, EffectTerm
 from arm_model.effects import CATALOGUE
 from arm_model.rigid_body import drive_mass_matrix
@@ -74,7 +74,7 @@ def summary_text(summary: dict[str, Any]) -> str:
     """The same for people, with units."""
     count = len(summary["joints"])
     lines = [
-        f"{summary['name']}: {count} joint{'s' * (count > 1)}, controller: {summary['controller'] or 'none'}",
+        f"{summary['name']}: {counted(count, 'joint')}, controller: {summary['controller'] or 'none'}",
         f"cannot be simulated: {summary['not_simulated']}"
         if summary["not_simulated"]
         else f"{summary['operations']} operations for the rates of {summary['states']} states",

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from arm_io import InputError
+from arm_io import InputError, numbered
 from arm_io.types import Array
 from arm_model import Arm, Controller, Joint
 from arm_model.rigid_body import drive_mass_matrix, nearest_line, regeared
@@ -79,7 +79,7 @@ def _sentences(arm: Arm, assumed: Sequence[Sequence[str]]) -> list[str]:
     for number, (joint, own) in enumerate(zip(arm.joints, assumed), 1):
         name = f"{number} ({joint.name})" if joint.name else f"{number}"
         joints_of.setdefault(", ".join(phrase for phrase in own if phrase not in shared), []).append(name)
-    of_each = [f"joint{'s' * (len(names) > 1)} {', '.join(names)}: {own}" for own, names in joints_of.items() if own]
+    of_each = [f"{numbered('joint', names)}: {own}" for own, names in joints_of.items() if own]
     return [f"all joints: {', '.join(shared)}", *of_each] if shared else of_each
 
 

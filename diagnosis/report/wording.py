@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+from arm_io import numbered
 from arm_model import Arm
 from arm_model.effects import CATALOGUE
 from arm_report.numbers import value_and_two_std
@@ -89,7 +90,7 @@ def deciding(joints: Sequence[Remaining]) -> Iterator[str]:
 
 
 def _joints(numbers: Sequence[int]) -> str:
-    return f"joint{'s' * (len(numbers) > 1)} {', '.join(map(str, numbers))}"
+    return numbered("joint", numbers)
 
 
 def _judged(result: Diagnosis) -> str:

@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from arm_io import counted
 from arm_io.parallel import in_parallel
 from arm_io.types import Array
 from arm_model import Arm, Joint
@@ -60,7 +61,7 @@ def _event(recordings: Sequence[Recording], drive: Joint, joint: int, found: Seq
     index, largest = max(found, key=lambda indexed: abs(indexed[1].size))
     steps = {k: _count(recordings[k].q[:, joint - 1], drive) for k, _ in found}
     step, size, r = steps[index], largest.size, recordings[index]
-    elsewhere = f", as at {len(found) - 1} more instant{'s' if len(found) > 2 else ''}" if len(found) > 1 else ""
+    elsewhere = f", as at {counted(len(found) - 1, 'more instant')}" if len(found) > 1 else ""
     showing = tuple(dict.fromkeys(k for k, _ in found))
     return Event(
         effect=MISSED_COUNTS.name,

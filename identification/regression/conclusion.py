@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from arm_io import counted
 from arm_io.types import Array
 from arm_model import Arm
 from daq.recording import Recording
@@ -146,7 +147,7 @@ def _weak_in_words(names: Sequence[str]) -> str:
     speeds = Counter(name.partition(".")[0].removeprefix("joint") for name in names if ".curve" in name)
     others = [name for name in names if ".curve" not in name]
     listed = [*others[:MOST_NAMED], *["..."] * (len(others) > MOST_NAMED)]
-    curves = [f"friction of joint {j} at {n} speed{'s' * (n > 1)} of its curve" for j, n in speeds.items()]
+    curves = [f"friction of joint {j} at {counted(n, 'speed')} of its curve" for j, n in speeds.items()]
     return ", ".join([*listed, *curves])
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from arm_io import numbered
 from arm_io.progress import Step
 from arm_io.types import Array, Progress
 from arm_model import Arm
@@ -202,7 +203,7 @@ def prepare(
     ]
     warnings += [f"{name} is in the model more than once: only the first is fitted" for name in repeated(arm)]
     if freed := freed_rotors(arm):
-        which = f"joint{'s' if len(freed) > 1 else ''} {', '.join(map(str, freed))}"
+        which = numbered("joint", freed)
         warnings.append(
             f"the model has a gear or screw, but no rotor inertia at {which}: it is identified here, at the joint side "
             "(gear^2 times the motor's), alone if the motions distinguish it from the link's inertia"

@@ -16,7 +16,7 @@ from itertools import islice
 from pathlib import Path
 from typing import TextIO
 
-from arm_io import InputError
+from arm_io import InputError, counted
 from arm_io.files import open_regular, read_head
 from arm_io.plain_data import is_number
 from daq.recording.messages.row_format import JOINT_TOPICS
@@ -218,7 +218,7 @@ def joints_of(path: str | Path, names: Sequence[str], joints: int | None, keep_e
     for match in by_joint:
         if match[0] in unknown:
             owner = "the arm" if joints else "the table (columns q1, q2, ...)"
-            raise InputError(path, f"{where}column {match[0]}, but {owner} has {count} joint{'s' * (count > 1)}")
+            raise InputError(path, f"{where}column {match[0]}, but {owner} has {counted(count, 'joint')}")
     if unknown and not keep_extra:
         raise InputError(
             path, f"{where}column {unknown[0]!r} is unknown; known are {_KNOWN}; --keep-extra keeps others"
@@ -248,7 +248,7 @@ def _check_missing(
     close = difflib.get_close_matches(missing[0], unknown[:1000], 1, 0.5)
     hint = f"; is it {close[0]!r}?" if close else ""
     more = f" (and {len(missing) - 1} more)" if len(missing) > 1 else ""
-    arm = f"; the arm has {joints} joint{'s' * (joints > 1)}" if joints else ""
+    arm = f"; the arm has {counted(joints, 'joint')}" if joints else ""
     listed = f"{', '.join(unknown[:8])}{', ..' * (len(unknown) > 8)}"
     other = f"; --map says which of {listed} are t, q1, i1, .. (docs/recordings.md)" if unknown else ""
     right = hint or other + arm or "; every row needs t (s), every joint q (rad or m) and i (A)"

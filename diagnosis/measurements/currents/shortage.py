@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
+from arm_io import numbered
 from diagnosis.cause import EffectKey, in_words
 from diagnosis.measurements.currents.search import Selection
 from diagnosis.screening.time_split import FITTED
@@ -39,11 +40,10 @@ class Shortage:
 
     def __str__(self) -> str:
         """``2 s more are needed: payload would explain ...``."""
-        joints = f"joint{'s' * (len(self.joints) > 1)} {', '.join(map(str, self.joints))}"
         where = "recording" if self.split else "held-out recordings"
         return (
             f"{self.seconds:.0f} s more are needed in the {where}: {in_words(self.effect)} would explain the residual "
-            f"of {joints} in every one-second block, but so few blocks may agree by chance"
+            f"of {numbered('joint', self.joints)} in every one-second block, but so few blocks may agree by chance"
         )
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from markupsafe import Markup
 
 import arm_report
+from arm_io import counted
 from arm_model import Arm
 from arm_model.collision import chain_of
 from arm_report import Report
@@ -97,7 +98,7 @@ def _without_outliers(table: dict[str, Any]) -> str:
     if not (count := errors["after"]["outliers"]):
         return ""
     was, now = (errors[when]["rms_inliers"] for when in ("before", "after"))
-    return f" Without {count} outlier{'s' * (count > 1)} it was {_mm(was)}, and is {_mm(now)}."
+    return f" Without {counted(count, 'outlier')} it was {_mm(was)}, and is {_mm(now)}."
 
 
 def _orientation(table: dict[str, Any]) -> str:
