@@ -34,8 +34,9 @@ from arm_io.parallel import cores
 from arm_io.types import Array
 from arm_model.description import Arm
 from arm_model.model_file import read_model
+from arm_model.simulation.lanes import prepared
 from arm_model.simulation.servo_references import references, row_times, servo_period
-from arm_model.simulation.simulation import prepared, simulate, simulate_batch
+from arm_model.simulation.simulation import simulate, simulate_batch
 from arm_model.symbolic.machine_code import lanes
 from arm_model.tables.link_shapes import Cylinder
 from benchmarks import simulation_peers as peers

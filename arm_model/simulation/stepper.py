@@ -11,8 +11,11 @@ from arm_io import InputError
 from arm_io.types import Array
 from arm_model.description import Arm
 from arm_model.motion import Motion
+from arm_model.simulation.advance import advance
 from arm_model.simulation.engine import aligned
-from arm_model.simulation.simulation import BASE, advance, motion_of_rows, prepared, single
+from arm_model.simulation.lanes import BASE, prepared
+from arm_model.simulation.motion_rows import motion_of_rows
+from arm_model.simulation.simulation import single
 from arm_model.system.floating_base import POSE
 
 

@@ -12,7 +12,8 @@ import pytest
 from arm_io.types import Array
 from arm_model import read_model
 from arm_model.simulation import simulate
-from arm_model.simulation.simulation import needed_substeps, servo_period
+from arm_model.simulation.lanes import needed_substeps
+from arm_model.simulation.servo_references import servo_period
 from arm_model.system.friction_rate import MOST, friction_rates, softened
 from arm_model.system.kernel_inputs import numbers
 

@@ -15,8 +15,9 @@ from arm_model.model_file import read_model
 from arm_model.parameters import with_parameters
 from arm_model.rigid_body import numeric
 from arm_model.servo import servo_gains
+from arm_model.simulation.lanes import prepared
 from arm_model.simulation.servo_references import references, row_times
-from arm_model.simulation.simulation import prepared, simulate, simulate_batch
+from arm_model.simulation.simulation import simulate, simulate_batch
 from arm_model.simulation.stepper import Stepper
 from arm_model.system import dynamics
 from arm_model.tables.controller import Controller
