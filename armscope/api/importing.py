@@ -13,14 +13,14 @@ from warnings import warn
 
 import numpy as np
 
-from arm_io import InputError, counted, read_text
+from arm_io import InputError, counted
 from arm_io.dates import utc_date_of
 from arm_io.progress import silent
 from arm_io.toml import check_table
 from arm_io.types import Array
+from armscope.api.import_attachments import attachments_of
 from armscope.api.reading import File
-from daq.recording import Attachments, Table, TimeUnit, write_blocks
-from daq.recording.provenance import file_identity, provenance
+from daq.recording import Table, TimeUnit, write_blocks
 from daq.recording.tables import Mapping as Columns
 from daq.recording.tables import first_names, guessed, open_source, read_blocks, read_mapping
 from daq.rig import LONGEST_RIG_NAME, read_rig
@@ -28,7 +28,6 @@ from daq.rig import LONGEST_RIG_NAME, read_rig
 if TYPE_CHECKING:
     import pandas
 
-    from arm_clearance import Chain
     from daq.recording import Recording
     from daq.rig import Rig
 
@@ -195,7 +194,7 @@ def write_import(
     save(chosen)
     if when and first.epoch is not None:
         raise InputError("--date", f"is for a table without dates; {table} has the dates of its rows")
-    attachments = _attachments(table, reading.rig, checked, first, chosen, per_current)
+    attachments = attachments_of(table, reading.rig, checked, first, chosen, per_current)
     attachments.provenance.update(when)
     effort = (per_current or [1.0] * first.joints) if torques else ()
     named: Sequence[str] = names or getattr(source, "joints", ())
@@ -265,66 +264,6 @@ def _doubt_radians(out: Path, farthest: Array, rig: Rig | None, say: Callable[[s
         )
 
 
-def _attachments(
-    table: Path,
-    rig: Path | None,
-    checked: Rig | None,
-    first: Table,
-    chosen: Columns | None,
-    per_current: list[float] | None,
-) -> Attachments:
-    """Rig, model, and where the rows come from."""
-    model = None if checked is None else checked.model_path
-    details: dict[str, Any] = {} if first.epoch is None else {"epoch": str(first.epoch)}
-    if rig is None and checked is not None:
-        details["joint_types"] = [joint.type for joint in checked.joint]
-    if chosen is not None:
-        details |= {
-            "mapping": chosen.model_dump(exclude_none=True, exclude_defaults=True),
-            "current_unit": _unit(chosen, per_current),
-        }
-    return Attachments(
-        rig=None if rig is None else read_text(rig),
-        model=None if model is None else read_text(model),
-        provenance=provenance("imported", source=_identity(table), **details),
-        chain=_chain(model, first),
-    )
-
-
-def _identity(table: Path) -> dict[str, Any]:
-    """Of a file, or of the files of a bag's folder."""
-    if not table.is_dir():
-        return file_identity(table)
-    return {"name": table.name, "files": [file_identity(path) for path in sorted(table.iterdir()) if path.is_file()]}
-
-
-def _unit(mapping: Columns, per_current: list[float] | None) -> str:
-    """Of ``i`` in the recording."""
-    unit = (mapping.units_of("i", 1) or ["drive"])[0]
-    return "A" if unit == "mA" or (mapping.torques and per_current) else unit
-
-
-def _chain(model: Path | None, first: Table) -> Chain | None:
-    """The arm for viewers; None without a model, for another number of joints, or where it floats without a pose."""
-    from arm_model import read_model
-    from arm_model.collision import chain_of
-
-    if model is None or ((arm := read_model(model)).floating is not None and not first.has_pose):
-        return None
-    chain = chain_of(arm)
-    return chain if len(chain) == first.joints else None
-
-
-def _torque_per_current(rig: Rig | None) -> list[float] | None:
-    """N m/A (N/A) of each joint by the rig's model; None where it states no motors, and torques stay torques."""
-    from arm_model import read_model
-
-    if rig is None or rig.model_path is None:
-        return None
-    constants = [joint.drive_constant for joint in read_model(rig.model_path).joints]
-    return None if all(constant == 1.0 for constant in constants) else constants
-
-
 class _Blocks(Iterator[Table]):
     """The blocks of a table, counted as they go by: rows, those with missing samples, and the last time, s.
 
@@ -348,3 +287,13 @@ class _Blocks(Iterator[Table]):
         if self._per_current is not None:
             block = replace(block, signals=block.signals | {"i": block.signals["i"] / self._per_current})
         return block
+
+
+def _torque_per_current(rig: Rig | None) -> list[float] | None:
+    """N m/A (N/A) of each joint by the rig's model; None where it states no motors, and torques stay torques."""
+    from arm_model import read_model
+
+    if rig is None or rig.model_path is None:
+        return None
+    constants = [joint.drive_constant for joint in read_model(rig.model_path).joints]
+    return None if all(constant == 1.0 for constant in constants) else constants
