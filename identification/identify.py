@@ -13,12 +13,12 @@ from arm_io.types import Progress
 from arm_model import Arm, FrictionCurve
 from arm_model.friction_split import straightened
 from daq.recording import Recording
+from identification.conclusion.channel_checks import warnings_of_fit
 from identification.methods import closed_loop, joint_by_joint, sequential
 from identification.methods.friction_tuning import simulated_error, tune_friction
 from identification.methods.inverse_dynamics import Shape, identify
 from identification.preprocessing.attenuation import attenuation_warnings
 from identification.preprocessing.readiness import Readiness
-from identification.regression.conclusion import warnings_of_fit
 from identification.regression.model_parameters import Friction, without_rotors
 from identification.regression.problem import excitation_of, motions_of, prepare
 from identification.result import Identification, Prediction, Value, unit_of

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from arm_io.types import Progress
 from arm_model import Arm
 from daq.recording import Recording
-from identification.regression.conclusion import predictions_of
+from identification.conclusion.predictions import predictions_of
 from identification.regression.equations import measured_rows, shown_rows
 from identification.regression.problem import motions_of
 from identification.result import Prediction

@@ -24,10 +24,10 @@ from arm_io.types import Array, Progress
 from arm_model import Arm
 from arm_model.simulation import simulate
 from daq.recording import Recording
+from identification.conclusion.conclude import conclude
 from identification.methods.solution import settled
 from identification.preprocessing.demands import demand_of_run
 from identification.preprocessing.signals import Motion, smooth_motion
-from identification.regression.conclusion import conclude
 from identification.regression.equations import Equations, described_rows, with_effects
 from identification.regression.least_squares import Fit, joint_noise, least_squares, weighted
 from identification.regression.physical_arm import physical_values, with_values

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_io.types import Array
+from identification.conclusion.predictions import SPLIT
 from identification.methods.solution import Solution
-from identification.regression.conclusion import SPLIT
 from identification.regression.equations import Equations, joined
 from identification.selection import p_value
 

@@ -13,6 +13,7 @@ from typing import Literal
 from arm_io.types import Progress
 from arm_model import Arm
 from daq.recording import Recording
+from identification.conclusion.conclude import conclude
 from identification.friction_band import bands_of
 from identification.methods.chosen_terms import chosen_terms
 from identification.methods.free_friction import with_free_friction
@@ -21,7 +22,6 @@ from identification.methods.lag_of_currents import Lag, delayed, in_doubt, judge
 from identification.methods.load_and_temperature import Dependence
 from identification.methods.sign_velocity import SignVelocity, with_smaller_sign_velocities
 from identification.methods.solution import Solution, fitted_arm, friction_sizes, solve
-from identification.regression.conclusion import conclude
 from identification.regression.least_squares import Method
 from identification.regression.model_parameters import Friction
 from identification.regression.problem import Problem, prepare

@@ -13,10 +13,10 @@ from arm_io.types import Array, Progress
 from arm_model import Arm, with_parameters
 from arm_model.system import rigid_torque_along
 from daq.recording import Recording
+from identification.conclusion.predictions import SPLIT
 from identification.methods.motor_link import PASSING, MotorLink, Way, fitted, joined, motor_link_rows
 from identification.preprocessing import checks
 from identification.preprocessing.signals import Motion
-from identification.regression.conclusion import SPLIT
 from identification.regression.problem import motions_of
 from identification.result import Identification, Prediction, Value, unit_of
 

@@ -20,8 +20,8 @@ from arm_io.progress import Step
 from arm_io.types import Array, Progress
 from arm_model import Arm
 from daq.recording import Recording
+from identification.conclusion.conclude import conclude
 from identification.methods.joint_by_joint import own_run
-from identification.regression.conclusion import conclude
 from identification.regression.equations import Equations
 from identification.regression.least_squares import Fit, least_squares
 from identification.regression.model_parameters import Friction, model_values

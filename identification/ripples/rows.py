@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from arm_io.types import Array
 from arm_model import Arm
+from identification.conclusion.predictions import SPLIT
 from identification.preprocessing.signals import Motion, equation_rows, equation_weight, parallel_filter, spared
-from identification.regression.conclusion import SPLIT
 from identification.regression.equations import Equations, equations, with_effects
 from identification.regression.least_squares import joint_noise
 from identification.regression.problem import Problem

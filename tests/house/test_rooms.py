@@ -34,6 +34,7 @@ ROOMS = {
         "selection",
         "preprocessing",
         "regression",
+        "conclusion",
         "ripples",
         "floating_base",
         "methods",

@@ -11,13 +11,13 @@ import pytest
 import armscope
 from armscope.api.identification import check
 from armscope.cli import run
+from identification.conclusion.conclude import _weak_in_words
 from identification.preprocessing import attenuation
 from identification.preprocessing.attenuation import attenuation_warnings, noise_in_acceleration
 from identification.preprocessing.readiness import RunReadiness
 from identification.preprocessing.run_warnings import said_once
 from identification.preprocessing.signals import Motion, parallel_filter, smooth_motion
 from identification.preprocessing.spectrum import choose_band
-from identification.regression.conclusion import _weak_in_words
 
 RATE, SECONDS = 500.0, 12.0
 MODEL = """

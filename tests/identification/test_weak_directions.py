@@ -17,8 +17,8 @@ from arm_model.system.dynamics import inverse_dynamics
 from daq.recording import Recording, open_recording
 from daq.recording.parts import Attachments
 from daq.recording.tables.table import write_table
+from identification.conclusion.conclude import UNCONSTRAINED
 from identification.identify import identify_by
-from identification.regression.conclusion import UNCONSTRAINED
 from tests.arm_model.pumas import three_links
 from tests.identification.test_effects import RATE, motor_motion
 
