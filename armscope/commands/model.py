@@ -75,9 +75,15 @@ def command(
     ] = None,
     as_json: Json = False,
 ) -> None:
+    given = {"--effects": effects, "--equations": equations is not None, "--formulations": formulations}
+    if len(several := [name for name, one in given.items() if one]) > 1:
+        raise InputError(several[0], f"and {several[1]} exclude each other")
+    if equations is not None and as_json:
+        raise InputError("--json", "is not for --equations, which are text")
+    if by is not None and equations is None:
+        raise InputError("--by", "needs --equations text, latex, python, c or matlab")
     if effects:
-        others = (model, out, equations, by, into, tip, gear, torque_constant, formulations or None)
-        if any(other is not None for other in others):
+        if any(option is not None for option in (model, out, by, into, tip, gear, torque_constant)):
             raise InputError("--effects", "lists the effects of any arm; takes no model and no option but --json")
         _catalogue(as_json)
         return
@@ -98,16 +104,11 @@ def command(
         if asked:
             on_fixed_base(arm, model, what)
     if into is not None:
-        if out is None or out.suffix != into.suffix:
-            raise InputError("--into", f"needs --out NEW{into.suffix}")
-        for line in write_into(into, arm, out, tip=tip, say=_note) or ["nothing changed"]:
-            print(f"{out}: {line}", file=sys.stderr)
+        _update(into, arm, out, tip)
     elif out is not None and (equations is None or out.suffix in (".toml", ".urdf", *SUFFIXES)):
         write_arm(out, arm, _note)
         if (model.suffix in (".urdf", *SUFFIXES) or gear is not None) and out.suffix == ".toml":
             _note_motors(arm, torque_constant is not None)
-    if by is not None and equations is None:
-        raise InputError("--by", "needs --equations text, latex, python, c or matlab")
     if equations is not None:
         text = equations_text(arm, equations, by)
         if out is None or out.suffix in (".toml", ".urdf", *SUFFIXES):
@@ -120,6 +121,14 @@ def command(
         return
     found = summary(arm)
     print(json_text(found) if as_json else wrapped(summary_text(found)))
+
+
+def _update(file: Path, arm: Arm, out: Path | None, tip: str | None) -> None:
+    """Writes a copy of a URDF or MuJoCo file with the parameters of an arm, and says what changed."""
+    if out is None or out.suffix != file.suffix:
+        raise InputError("--into", f"needs --out NEW{file.suffix}")
+    for line in write_into(file, arm, out, tip=tip, say=_note) or ["nothing changed"]:
+        print(f"{out}: {line}", file=sys.stderr)
 
 
 def _note(sentence: str) -> None:

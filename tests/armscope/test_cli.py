@@ -96,6 +96,8 @@ def test_every_command_has_a_file_and_every_file_a_command(root: Path) -> None:
         ["replay", "a", "--wait", "-3"],
         ["model", "--effects", "a.toml", "--out", "b.toml"],
         ["model", "--effects", "--gear", "100"],
+        ["model", "a.toml", "--equations", "text", "--formulations"],
+        ["model", "a.toml", "--equations", "text", "--json"],
         ["view", "a", "--port", "99999"],
         ["export", "a", "--out", "b", "--to", "xml"],
     ],
