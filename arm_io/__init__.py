@@ -1,6 +1,6 @@
 """What people hand us, and how it is refused: one line that says where, what, and what would be right."""
 
-from arm_io.errors import DeviceFault, InputError, counted, numbered
+from arm_io.errors import DeviceFault, InputError, counted
 from arm_io.files import read_file, read_text
 from arm_io.lazy import lazy
 from arm_io.results import check_file, check_folder, make_folder, whole_file, whole_path, write_text
@@ -15,7 +15,6 @@ __all__ = [
     "counted",
     "lazy",
     "make_folder",
-    "numbered",
     "read_file",
     "read_text",
     "read_toml",

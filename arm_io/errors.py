@@ -6,7 +6,6 @@ The front door (``armscope.cli``) turns them into one line on standard error and
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
 
@@ -40,8 +39,3 @@ class DeviceFault(RuntimeError):
 def counted(number: int, noun: str) -> str:
     """``1 joint``, ``6 joints``: a number of things whose plural has an s."""
     return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
-
-
-def numbered(noun: str, numbers: Sequence[object]) -> str:
-    """``joint 2``, ``joints 1, 3``: things by their numbers, whose plural has an s."""
-    return f"{noun}{'s' * (len(numbers) > 1)} {', '.join(map(str, numbers))}"

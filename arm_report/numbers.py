@@ -1,4 +1,4 @@
-"""Estimates as text, with no more digits than their standard deviation determines; and sums of parameters."""
+"""Numbers as text: estimates with no more digits than their std determines, sums of parameters, numbered things."""
 
 from __future__ import annotations
 
@@ -52,3 +52,8 @@ def shortened(name: str) -> str:
 def _first_of(terms: Sequence[str], kept: int) -> str:
     more = len(terms) - kept
     return "".join(terms[:kept]) + (f" and {more} more term{'s' * (more > 1)}" if more else "")
+
+
+def numbered(noun: str, numbers: Sequence[object]) -> str:
+    """``joint 2``, ``joints 1, 3``: things by their numbers, whose plural has an s."""
+    return f"{noun}{'s' * (len(numbers) > 1)} {', '.join(map(str, numbers))}"

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from arm_io import numbered
 from arm_io.types import Array
 from arm_model import Arm
 from arm_model.tables.friction_of_days import UNRECORDED
+from arm_report.numbers import numbered
 from daq.recording import Recording
 from diagnosis.residual.run_setup import setup_of
 from identification.preprocessing.signals import Motion

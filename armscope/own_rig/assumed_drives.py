@@ -11,11 +11,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from arm_io import InputError, numbered
+from arm_io import InputError
 from arm_io.types import Array
 from arm_model import Arm, Controller, Joint
 from arm_model.rigid_body import drive_mass_matrix, nearest_line, regeared
 from arm_model.system import inverse_dynamics
+from arm_report.numbers import numbered
 
 POSES = 64
 """Random poses within the limits at which weight and inertia of a joint are looked at."""

@@ -7,10 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from arm_io import numbered
 from arm_model import Arm
 from arm_model.effects import CATALOGUE
-from arm_report.numbers import value_and_two_std
+from arm_report.numbers import numbered, value_and_two_std
 from diagnosis.cause import Cause, EncoderJump, Estimate, LostRows, Signal, in_words
 from diagnosis.cause.structure import NO_VARIABLE
 from diagnosis.report.joint_verdicts import Remaining, remaining

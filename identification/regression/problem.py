@@ -8,13 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from arm_io import numbered
 from arm_io.progress import Step
 from arm_io.types import Array, Progress
 from arm_model import Arm
 from arm_model.effects import CATALOGUE, coupled
 from arm_model.friction_split import split_arm
 from arm_model.tables import recorded_temperatures
+from arm_report.numbers import numbered
 from daq.recording import Recording
 from identification.preprocessing import checks
 from identification.preprocessing.filtering import butterworth, zero_phase

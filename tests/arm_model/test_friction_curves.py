@@ -17,7 +17,7 @@ from arm_model.rigid_body import numeric
 from arm_model.rigid_body.friction_curve import total_at
 from arm_model.rigid_body.regressor import parameter_vector, regressor
 from arm_model.simulation import simulate, simulate_batch, system_of
-from arm_model.symbolic.printing import PYTHON_FUNCTIONS, assignments, shown
+from arm_model.symbolic.printing import PYTHON, PYTHON_FUNCTIONS, assignments, shown
 from arm_model.symbolic.tape import evaluate
 from arm_model.system import dynamics
 from arm_model.system.inverse import torque_with_effects
@@ -123,7 +123,7 @@ def test_printed_equations_evaluate_to_the_same() -> None:
     values = dict(zip(sorted(inputs), np.random.default_rng(0).uniform(0.1, 1.0, len(inputs))))
     names = {name: shown(name).replace(".", "_") for name in inputs}
     assert len(set(names.values())) == len(inputs)
-    lines, outputs = assignments(system.tape, {"torque": system.drag[2]}, names=names)
+    lines, outputs = assignments(system.tape, {"torque": system.drag[2]}, PYTHON, names)
     space = {name: getattr(np, name) for name in PYTHON_FUNCTIONS} | {names[name]: v for name, v in values.items()}
     exec("\n".join(lines), space)
     assert eval(outputs["torque"], space) == pytest.approx(evaluate(system.tape, [system.drag[2]], values)[0])

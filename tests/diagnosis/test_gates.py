@@ -24,7 +24,7 @@ from diagnosis.selection.design import Dataset
 from diagnosis.selection.estimates import estimates
 from diagnosis.selection.regression import score
 from identification.preprocessing import drifting
-from identification.selection import Split
+from identification.selection import Score, Split
 from tests.diagnosis import two_link
 from tests.diagnosis.two_link import Day
 
@@ -62,6 +62,33 @@ def test_a_search_goes_on_where_what_it_chose_is_replaced(arm: Arm, monkeypatch:
 
     monkeypatch.setattr("diagnosis.measurements.currents.search.simplified", without_the_last)
     assert {c.key for c in search(model, lambda _: None).chosen} == {viscous.key, coulomb.key} and lost
+
+
+def test_where_a_search_stalls_two_effects_may_enter_together(arm: Arm, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What two effects are that hide each other: ``test_pairs``."""
+    both = Candidate("viscous_friction", 1), Candidate("coulomb_friction", 1)
+    model = _chosen(arm, both, *[Day(viscous=(6.0, 0.0), coulomb=(2.0, 0.0))] * 2).model
+    monkeypatch.setattr("diagnosis.measurements.currents.model.pair_of", lambda *_: list(both))
+    state = model.stalled(model.start())
+    assert state is not None and state.chosen == both and set(state.rivals) == {c.key for c in both}
+
+
+@pytest.mark.parametrize(("size", "first"), [(0.97, "term"), (0.90, "other")])
+def test_a_term_of_a_chosen_effect_comes_before_another_effect_of_the_same_gain(
+    arm: Arm, monkeypatch: pytest.MonkeyPatch, size: float, first: str
+) -> None:
+    chosen, other = Candidate("coulomb_friction", 1), Candidate("current_offset", 1)
+    state = _chosen(arm, (chosen, other), *[Day(coulomb=(2.0, 0.0))] * 2)
+    state = refitted_without(state, other)
+    gains = {"term": size, "other": 1.0}
+
+    def given(self: Currents, candidate: Candidate, pair: object, of: State) -> Score[Candidate]:
+        gain = gains["term" if candidate.terms else "other"] if candidate != chosen else 0.0
+        return Score(candidate=candidate, gain=gain, p=0.01, blocks=np.zeros(1), coefficients=np.ones(1))
+
+    monkeypatch.setattr(Currents, "scored", given)
+    best = state.model.scores(state)[0].candidate
+    assert ("term" if best.terms else "other") == first
 
 
 def test_every_coefficient_of_an_effect_may_follow_what_leaked() -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import armscope
+from arm_model import Arm, Joint
 from armscope.api.identification import check
 from armscope.cli import run
 from identification.conclusion.conclude import _weak_in_words
@@ -94,7 +95,7 @@ def test_what_several_recordings_have_in_common_is_said_once() -> None:
         RunReadiness(f"{name}.mcap", 1, 0.002, {}, [], [f"{name}.mcap: {words}" for words in said])
         for name, said in (("a", ["a row is lost", "it is slow"]), ("b", ["it is slow"]))
     ]
-    said = [run.warnings for run in said_once(runs, [motion, motion])]
+    said = [run.warnings for run in said_once(runs, [motion, motion], Arm(name="axis", joints=(Joint(),)))]
     assert said == [["a.mcap: a row is lost", "a.mcap, b.mcap: it is slow"], []]
 
 

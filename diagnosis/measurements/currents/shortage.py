@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from arm_io import numbered
+from arm_report.numbers import numbered
 from diagnosis.cause import EffectKey, in_words
 from diagnosis.measurements.currents.search import Selection
 from diagnosis.screening.time_split import FITTED
