@@ -94,10 +94,6 @@ class MeasurementModel(Protocol[C, S]):
         """Whether a chosen candidate still matters conditional on all others."""
         ...
 
-    def fdr(self, score: Score[C]) -> float | None:
-        """False-discovery rate at which a candidate may enter."""
-        return self.limits.fdr
-
     def extends(self, score: Score[C]) -> bool:
         """Whether a candidate extends one that is chosen: these are a family of tests of their own."""
         return False
@@ -141,7 +137,7 @@ def forward(model: MeasurementModel[C, S], state: S) -> S | None:
     admissible = [
         score
         for score, q_score in zip(scores, q)
-        if _significant(float(q_score), model.fdr(score)) and model.admissible(score, state)
+        if _significant(float(q_score), model.limits.fdr) and model.admissible(score, state)
     ]
     for score in _ranked(model, admissible)[: model.limits.attempts]:
         entered = model.entered(score, admissible, state)

@@ -17,8 +17,6 @@ from identification.selection import Limits
 class CurrentLimits(Limits):
     """Gains are shares of one joint's noise energy.
 
-    large_gain, relaxed_fdr  a gain above the first may enter at the second: an effect active in few blocks cannot be
-                             more significant, and without an effect gains stay below a fiftieth
     coefficients             the least gain holds for every so many coefficients: many coefficients follow something
     leakage                  share of what is explained at a joint that columns of the first order may leave for every
                              coefficient of another effect: 0.3 % of an effect, a tenth of its second order
@@ -73,8 +71,6 @@ class CurrentLimits(Limits):
                              its function must explain
     """
 
-    large_gain: float = 0.25
-    relaxed_fdr: float = 0.15
     coefficients: int = 8
     leakage: float = 1e-5
     leakage_of_corrected: float = 0.01

@@ -116,11 +116,6 @@ class Currents(MeasurementModel[Candidate, State]):
         """Whether a candidate extends an effect that is already chosen; at equal gain it precedes a new effect."""
         return bool(score.candidate.terms) or is_of_ripple(score.candidate, state.chosen, self.arm)
 
-    def fdr(self, score: Score[Candidate]) -> float | None:
-        """Relaxed for a large gain, which may be active in few blocks only."""
-        large = score.gain >= self.limits.large_gain * self.data.held_out.rows
-        return self.limits.relaxed_fdr if large else self.limits.fdr
-
     def extends(self, score: Score[Candidate]) -> bool:
         """Whether a candidate is a chosen effect with a next-order term of its law."""
         return bool(score.candidate.terms)
@@ -166,8 +161,7 @@ class Currents(MeasurementModel[Candidate, State]):
     def entered(self, score: Score[Candidate], admissible: Sequence[Score[Candidate]], state: State) -> State:
         """With the candidate refined.
 
-        Its rivals are those that gain as much, or that the blocks do not distinguish from it; and the one that gains
-        most, whose further coefficients may do what several more causes would.
+        Its rivals are those that gain as much, or that the blocks do not distinguish from it.
         """
         rivals = self._rivals(score, admissible)
         if score.candidate.terms:
@@ -187,8 +181,7 @@ class Currents(MeasurementModel[Candidate, State]):
         return [
             one
             for one in admissible
-            if one is best
-            or (one.gain >= best.gain - self.tolerance(one, best) and one.determined <= fewest)
+            if (one.gain >= best.gain - self.tolerance(one, best) and one.determined <= fewest)
             or (one.gain > limits.ambiguity * best.gain and p_value(score.blocks - one.blocks) > limits.ambiguity_p)
         ]
 

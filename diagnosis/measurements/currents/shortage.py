@@ -62,7 +62,7 @@ def shortage(selection: Selection) -> Shortage | None:
         if (
             joints := tuple(one for one in unexplained_joints if score.by_joint[one - 1] > NEARLY_ALL * energy[one - 1])
         )
-        and chance >= (model.fdr(score) or 1.0)
+        and chance >= (model.limits.fdr or 1.0)
         and _unanimous(score)
         and model.admissible(score, state)
     ]
@@ -80,7 +80,7 @@ def shortage(selection: Selection) -> Shortage | None:
     chance = score.p * len(scores) / sum(one.gain > LASTING * best for one in scores)
     # of a recording that is split, only a part is held out
     share = 1.0 - FITTED if state.data.two_fold else 1.0
-    blocks = max(1, int(np.floor(np.log2(chance / (model.fdr(score) or 1.0)))) + 1)
+    blocks = max(1, int(np.floor(np.log2(chance / (model.limits.fdr or 1.0)))) + 1)
     seconds = float(np.ceil(blocks * model.limits.block_seconds / share))
     return Shortage(score.candidate.key, joints, seconds, split=state.data.two_fold)
 

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from diagnosis.measurements.currents.replacement.fewer_coefficients import fewer_coefficients
-from diagnosis.measurements.currents.replacement.one_for_several import one_for_several
 from diagnosis.measurements.currents.replacement.special_cases import special_cases
 from diagnosis.measurements.currents.replacement.two_for_one import two_for_one
 from diagnosis.measurements.currents.state import State
 
-RULES = (one_for_several, fewer_coefficients, two_for_one, special_cases)
+RULES = (fewer_coefficients, two_for_one, special_cases)
 
 
 def simplified(state: State) -> State:
