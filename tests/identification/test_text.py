@@ -48,6 +48,6 @@ def test_warnings_call_the_recorded_signal_by_its_unit(arm: Arm, signals: str, s
     assert Setpoints(0.01, "currents").as_shown(recorded_signals(arm)) == f", as the {signals} show"
     noise, joint = np.random.default_rng(1).standard_normal((100, 2)), np.ones(100, np.intp)
     with pytest.raises(InputError, match=f"expected a {second} that follows the drive"):
-        unexplained_channels("run.mcap", noise[:, 0], noise[:, 1:], noise[:, 0], joint, arm)
+        unexplained_channels("run.mcap", noise[:, 0], noise[:, 1:], noise[:, 0], np.zeros(100), joint, arm)
     with pytest.raises(InputError, match=f"the sign of its {second} is reversed"):
         check_signs(["run.mcap"], np.array([1.0, -1.0]), np.array([0.1, 0.1]), arm)
