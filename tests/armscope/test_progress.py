@@ -143,11 +143,11 @@ def test_imports_of_every_format_report_how_far_they_are(
 def test_long_simulations_report_how_far_they_are_and_have_the_same_rows(
     root: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from arm_model.simulation import simulation
+    from arm_model.simulation import advance
 
     arm, move = root / "config/models/puma560_worn.toml", root / "config/experiments/excitation_held_out.toml"
     at_once = armscope.simulate(arm, move, rate=333.0)
-    monkeypatch.setattr(simulation, "PART", 4567)
+    monkeypatch.setattr(advance, "PART", 4567)
     in_parts: list[armscope.Simulation] = []
     rises("simulating", lambda: in_parts.append(armscope.simulate(arm, move, rate=333.0)))
     np.testing.assert_array_equal(in_parts[0].q, at_once.q)
