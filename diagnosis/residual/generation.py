@@ -32,7 +32,7 @@ from diagnosis.residual.filters import (
     rate_of,
 )
 from diagnosis.residual.noise.channels import NOTHING_KNOWN, KnownNoise, encoder_steps
-from diagnosis.residual.noise.instruments import channel_noise, row_by_row, without_noise
+from diagnosis.residual.noise.instruments import band_of_angles, channel_noise, row_by_row, smoothed, without_noise
 from diagnosis.residual.other_effects import beginning_in_swing
 from diagnosis.residual.run import Run
 from diagnosis.residual.setpoint_ripple import DIRECTIONS, folded_onto, ripple_beside, that_counts
@@ -53,8 +53,10 @@ def residual_run(
 
     The recording is uniformly sampled and without gaps. ``known``: of the noise of its instruments.
     """
-    rate, angle, bent = rate_of(t), true_angle(arm, q), described(arm)
-    motion, keep = motion_of(angle, MOTION_BAND, rate), kept_rows(rate)
+    rate, bent = rate_of(t), described(arm)
+    q, steps, known = _smoothed(arm, q, i, rate, known)
+    angle, keep = true_angle(arm, q), kept_rows(rate)
+    motion = motion_of(angle, MOTION_BAND, rate)
 
     def thin(values: Array, band: float = COMPARE_BAND) -> Array:
         # stored joint by joint, as columns read them, and without the rows that are left out
@@ -65,8 +67,6 @@ def residual_run(
     low, slow_v, slow_a = (thin(values, COLUMN_BAND) for values in motion)
     brisk = [thin(values) for values in motion]
     expected = thin(predicted_current(arm, t, q, powered=powered, motion=motion))
-    steps = encoder_steps(q) if known.steps is None else known.steps
-    known = replace(known, steps=steps)
     instruments = _instruments(arm, (t, q, i), motion[2], slow_v, known, powered)
     variance = (
         instruments.instruments**2
@@ -78,11 +78,10 @@ def residual_run(
         samples = t, angle, i if known.loop is None else i - known.loop.current
         may_fold = folded_onto(arm, samples, brisk[2], keep, instruments.setpoints, known.demands)
         rippled = ripple_beside(arm, samples, instruments.noise, keep, instruments.setpoints, known.demands)
-    rows = t[keep]
     run = Run(
         name=name,
         raw=(t, q),
-        t=rows - t[0],
+        t=t[keep] - t[0],
         q=low,
         v=slow_v,
         a=slow_a,
@@ -98,16 +97,25 @@ def residual_run(
         loop_noise=instruments.loop_noise,
         instruments=instruments.instruments,
         steps=steps,
+        angle_band=known.band,
         may_fold=may_fold,
         folded=that_counts(may_fold, instruments.noise, instruments.setpoints, rate),
         rippled=rippled,
-        block=((rows - rows[0]) // 1.0).astype(np.intp),
+        block=((t[keep] - t[keep][0]) // 1.0).astype(np.intp),
         arm=arm,
         setpoints=instruments.setpoints,
         without_noise=instruments.without_noise,
         powered=powered,
     )
     return beginning_in_swing(run)
+
+
+def _smoothed(arm: Arm, q: Array, i: Array, rate: float, known: KnownNoise) -> tuple[Array, Array, KnownNoise]:
+    """Angles (k, n) rad, smoothed where their steps are coarse, these steps (n,) rad, and ``known`` with both."""
+    steps = encoder_steps(q) if known.steps is None else known.steps
+    known = replace(known, steps=steps)
+    known = replace(known, band=band_of_angles(q, i, current_inertia(arm, q), rate, known))
+    return smoothed(q, rate, known.band), steps, known
 
 
 class _Instruments(NamedTuple):

@@ -40,8 +40,9 @@ Span = tuple[float, float, int | None]
 class Run:
     """The residual of one recording under one model; m rows (``filters.kept``), n joints.
 
-    raw: t (k,) s and q (k, n) rad as recorded, events taken out; t (m,) s from the start of the recording; q, v, a (m,
-    n) rad and per second of the motor over gear; current, expected, residual (m, n) A; current_rate A/s;
+    raw: t (k,) s and q (k, n) rad as recorded, events taken out and smoothed to ``angle_band`` Hz (inf: they are not);
+    t (m,) s from the start of the recording; q, v, a (m, n) rad and per second of the motor over gear; current,
+    expected, residual (m, n) A; current_rate A/s;
     rigid (m, n) N m: torque to the links; inertia (m, n) kg m2 of the links alone; both at the drives, where joints are
     coupled;
     may_fold (m, n) A: one std of what sampling may have put into the currents unseen (``setpoint_ripple``); folded (m,
@@ -80,6 +81,7 @@ class Run:
     loop_noise: Array
     instruments: Array
     steps: Array
+    angle_band: float
     may_fold: Array
     folded: Array
     rippled: Array

@@ -13,9 +13,10 @@ from arm_io.types import Progress
 from arm_model import Arm, EffectTerm
 from daq.recording import Recording
 from diagnosis.residual.comparable_rows import comparable_rows, rms_where
-from diagnosis.residual.filters import Samples
+from diagnosis.residual.filters import Samples, rate_of
 from diagnosis.residual.generation import residual_run
 from diagnosis.residual.noise.channels import KnownNoise
+from diagnosis.residual.noise.instruments import smoothed
 from diagnosis.residual.other_effects import residual_with
 from diagnosis.residual.run import Run
 from diagnosis.residual.run_setup import set_up, setup_of
@@ -74,7 +75,10 @@ def residuals_of(arm: Arm, screened: Screened, progress: Progress = lambda sente
 
     computed = in_parallel(residual, range(len(arms)))
     # the arm itself, of which recordings of one setup have the same
-    runs = [replace(run, raw=(t, q), arm=own_arm) for run, (t, q, _), own_arm in zip(computed, screened.samples, arms)]
+    runs = [
+        replace(run, raw=(t, smoothed(q, rate_of(t), run.angle_band)), arm=own_arm)
+        for run, (t, q, _), own_arm in zip(computed, screened.samples, arms)
+    ]
     for k, gaps in enumerate(screened.counter_gaps):
         runs[k] = without_lost(runs[k], gaps, screened.recordings[k].dt) if gaps else runs[k]
     holes, blanks = screened.holes, screened.blanks

@@ -12,7 +12,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from arm_model import EffectTerm
+from diagnosis.residual.filters import rate_of
 from diagnosis.residual.noise.channels import angle_noise
+from diagnosis.residual.noise.instruments import smoothed
 from diagnosis.residual.other_effects import as_encoders_read, residual_under
 from diagnosis.residual.run import Run
 
@@ -27,8 +29,9 @@ def gain_from_encoder_noise(
     """
     generator, gain = np.random.default_rng(0), 0.0
     for run, lacking, complete in zip(runs, without, full, strict=True):
-        q = run.raw[1]
-        noisier = as_encoders_read(run, q + angle_noise(q, run.steps) * generator.standard_normal(q.shape))
+        t, q = run.raw
+        noise = angle_noise(q, run.steps) * generator.standard_normal(q.shape)
+        noisier = as_encoders_read(run, q + smoothed(noise, rate_of(t), run.angle_band))
         for sign, effects in ((1.0, lacking), (-1.0, complete)):
             noise = run.whiten(residual_under(noisier, effects) - residual_under(run, effects))
             gain += sign * float(np.sum(noise**2))

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from identification.preprocessing.setpoint_ripple import drifting, folded_along, lines_beside_zero
     from identification.preprocessing.setpoints import UNKNOWN, Setpoints, setpoints_of, stated_period
     from identification.preprocessing.signals import longest_stretch, stretches_of
+    from identification.preprocessing.spectrum import choose_band
 else:
     __getattr__ = lazy(__name__)
 
@@ -21,6 +22,7 @@ __all__ = [
     "Setpoints",
     "butterworth",
     "check_joints",
+    "choose_band",
     "demand_of_run",
     "drifting",
     "folded_along",

@@ -224,7 +224,7 @@ def speed_noise(run: Run, joint: int) -> float:
 
 def position_noise(run: Run, joint: int) -> float:
     """rad (m): std of the angle of a joint (from 1) by its encoder."""
-    return float(angle_noise(run.raw[1][:, [joint - 1]])[0])
+    return float(angle_noise(run.raw[1][:, [joint - 1]], run.steps[[joint - 1]])[0])
 
 
 def _of_run(recording: Observation, joint: int) -> NearRest:

@@ -43,6 +43,8 @@ SETTLED = 0.999
 """Share of the mean before from which on it is settled."""
 STILL_SECONDS = 0.2
 """Shortest standstill of the whole arm from which noise is estimated."""
+UNLIKE = 2.0
+"""Std of one half of a standstill over that of the other, which noise of half a second does not reach by chance."""
 
 
 def scatter(values: Array, measured: NDArray[np.bool_] | None = None) -> Array:
@@ -144,6 +146,7 @@ class KnownNoise:
 
     still   (n,) A: std of the currents at standstill; 0 where it is not known
     steps   (n,) rad: of the encoders, for angles that were interpolated and show them no more; None: as the angles show
+    band    Hz to which angles are smoothed before they are used (``instruments.band_of_angles``); inf: they are not
     setpoints  of the servos, as model or demands say; UNKNOWN: as the model or the currents say
     demands  (k, n) rad of the k rows: what the servos were asked; None: not recorded
     residual  (n,) A: std that the residual will have from the instruments, of samples that are simulated: neither it
@@ -153,6 +156,7 @@ class KnownNoise:
 
     still: Array | float = 0.0
     steps: Array | None = None
+    band: float = np.inf
     setpoints: Setpoints = UNKNOWN
     demands: Array | None = None
     residual: Array | None = None
@@ -206,7 +210,7 @@ def still_noise(recordings: Sequence[Recording]) -> Array:
     stds = []
     for recording in recordings:
         if (still := standstill(recording)) is not None:
-            stds.append(_about_trend(low_pass(recording.i, COMPARE_BAND, 1.0 / recording.dt)[still]))
+            stds.append(_of_standstill(low_pass(recording.i, COMPARE_BAND, 1.0 / recording.dt)[still]))
     return np.median(stds, axis=0) if stds else np.zeros(recordings[0].joints if recordings else 1)
 
 
@@ -254,6 +258,15 @@ def _about_lines(x: NDArray[np.intp], y: Array, block: NDArray[np.intp]) -> Arra
     slope = np.bincount(block, x_about * y_about) / np.maximum(np.bincount(block, x_about**2), 1e-300)
     variance = np.bincount(block, (y_about - slope[block] * x_about) ** 2) / rows
     return np.asarray(np.sqrt(variance[count >= QUIET_ROWS]), float)
+
+
+def _of_standstill(values: Array) -> Array:
+    """(n,) std of currents (m, n) of an arm at rest; of the quieter half, where the other has more than twice as much.
+
+    A servo may still settle in the first half; in the second, currents rise before a coarse encoder shows the motion.
+    """
+    halves = np.sort([_about_trend(half) for half in np.array_split(values, 2)], axis=0)
+    return np.where(halves[1] > UNLIKE * halves[0], halves[0], _about_trend(values))
 
 
 def _about_trend(values: Array) -> Array:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from arm_io.types import Array
-from diagnosis.residual.filters import COMPARE_BAND, MOTION_BAND
+from diagnosis.residual.filters import COMPARE_BAND, MOTION_BAND, low_pass
 from diagnosis.residual.noise.beats import beat_variance, steps_of
 from diagnosis.residual.noise.channels import KnownNoise, angle_noise, current_noise
+from identification.preprocessing import choose_band
 
 RESOLVED = 3e-4
 """Share of the rms current that sampled rows resolve, however small the noise of the instruments is.
@@ -15,13 +18,23 @@ RESOLVED = 3e-4
 Between two rows a current acts as its servo holds it, and a motion is what its samples and their filters leave of it. A
 simulated recording without noise shows these errors of inverse dynamics.
 """
+SMOOTH_BAND = 12.0
+"""Hz to which angles of coarse steps are smoothed: below, reversals of friction are smeared (19 ms are told as 14)."""
+MOTION_ENDS = 30.0
+"""Hz: cut-off for the differentiation of angles below which the motion is smooth enough for that."""
+COARSE = 4.0
+"""Noise of the residual by an encoder over that by the transducer, from which on its steps are coarse."""
 
 
-def residual_gain(frequency: Array) -> Array:
-    """(m,) amplitude that the filters of motion and of comparison leave of 1 at frequencies (m,) Hz."""
+def residual_gain(frequency: Array, of_angles: float = np.inf) -> Array:
+    """(m,) amplitude that the filters of motion and of comparison leave of 1 at frequencies (m,) Hz.
+
+    of_angles: Hz to which the angles were smoothed before; inf: they were not.
+    """
     # the eighth power by squaring: numpy's takes ten times as long
-    compare, motion = (np.square(np.square(np.square(frequency / band))) for band in (COMPARE_BAND, MOTION_BAND))
-    share: Array = 1.0 / (1.0 + compare) / (1.0 + motion)
+    bands = COMPARE_BAND, MOTION_BAND, of_angles
+    compare, motion, smooth = (np.square(np.square(np.square(frequency / band))) for band in bands)
+    share: Array = 1.0 / (1.0 + compare) / (1.0 + motion) / (1.0 + smooth)
     return share
 
 
@@ -52,17 +65,41 @@ def instrument_noise(q: Array, i: Array, inertia: Array, rate: float, known: Kno
     Angle: its step or scatter, through two differentiations and the joint's own inertia. See ``channels``.
     What a simulated loop does as well is noise of neither.
     """
-    loop = known.loop
-    white = current_noise(i, between_lines=period > 0.0, beside=None if loop is None else loop.current)
-    q = q if loop is None else q - loop.angle
+    return np.hypot(_of_currents(i, rate, known, period), _of_angles(q, inertia, rate, known))
+
+
+def _of_currents(i: Array, rate: float, known: KnownNoise, period: float) -> Array:
+    white = current_noise(i, between_lines=period > 0.0, beside=None if known.loop is None else known.loop.current)
     frequency = np.linspace(0.0, rate / 2, 2000)
-    through = residual_gain(frequency)
     share = np.trapezoid(1.0 / (1.0 + (frequency / COMPARE_BAND) ** 8) ** 2, frequency) / (rate / 2)
+    return np.maximum(white * np.sqrt(share), known.still)
+
+
+def _of_angles(q: Array, inertia: Array, rate: float, known: KnownNoise) -> Array:
+    q = q if known.loop is None else q - known.loop.angle
+    frequency = np.linspace(0.0, rate / 2, 2000)
+    through = residual_gain(frequency, known.band)
     wobble = np.trapezoid(((2 * np.pi * frequency) ** 2 * through) ** 2, frequency) / (rate / 2)
     mean_inertia = inertia.diagonal(axis1=1, axis2=2).mean(axis=0)
-    from_angle = mean_inertia * angle_noise(q, known.steps) * np.sqrt(wobble)
-    from_current = np.maximum(white * np.sqrt(share), known.still)
-    return np.asarray(np.hypot(from_current, from_angle))
+    return np.asarray(mean_inertia * angle_noise(q, known.steps) * np.sqrt(wobble))
+
+
+def band_of_angles(q: Array, i: Array, inertia: Array, rate: float, known: KnownNoise) -> float:
+    """Hz to which the angles of encoders with coarse steps are smoothed; inf where none are. As ``instrument_noise``.
+
+    Differentiated twice, steps of a milliradian are more than the acceleration of the arm below 20 Hz. Smoothed further
+    than the currents they leave a fourth of it: what the motion has above is less than their noise (``choose_band``).
+    """
+    if known.steps is None or known.loop is not None or known.residual is not None:
+        return np.inf
+    of_currents = _of_currents(i, rate, replace(known, still=0.0), 0.0)
+    coarse = (known.steps > 0.0) & (_of_angles(q, inertia, rate, known) > COARSE * of_currents)
+    return SMOOTH_BAND if coarse.any() and choose_band(q, 1.0 / rate).motion < MOTION_ENDS else np.inf
+
+
+def smoothed(q: Array, rate: float, band: float) -> Array:
+    """Angles q (n, J) rad of ``rate`` rows/s below ``band`` Hz; as they are where that is inf, or no band of theirs."""
+    return low_pass(q, band, rate) if band < 0.45 * rate else q
 
 
 def row_by_row(noise: Array, q: Array, v: Array, inertia: Array, rate: float, known: KnownNoise) -> Array:
@@ -71,5 +108,7 @@ def row_by_row(noise: Array, q: Array, v: Array, inertia: Array, rate: float, kn
     inertia: as of ``channel_noise``.
     An acceleration that is wrong at one joint is wrong in the currents of all that its inertia couples.
     """
-    beats = beat_variance(v, steps_of(q, known.steps), rate, lambda f: (2 * np.pi * f) ** 2 * residual_gain(f))
+    beats = beat_variance(
+        v, steps_of(q, known.steps), rate, lambda f: (2 * np.pi * f) ** 2 * residual_gain(f, known.band)
+    )
     return np.sqrt(np.maximum(noise**2, beats @ np.mean(inertia**2, axis=0).T))
