@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from arm_model import EffectTerm
-from daq.recording import Attachments, open_recording, write_table
 from diagnosis import diagnose
 from diagnosis.residual.generation import residual_run
-from diagnosis.residual.noise.channels import KnownNoise, standstill, still_noise
+from diagnosis.residual.noise.channels import KnownNoise, standstill
+from diagnosis.residual.noise.instruments import band_of_angles
 from diagnosis.residual.other_effects import residual_with
 from diagnosis.residual.run import Run
 from diagnosis.result import Diagnosis
@@ -71,16 +71,6 @@ def _run(root: Path, counts: int, tremor: float = 0.0) -> Run:
     return residual_run("run", two_link.model(root), t, np.round(q * counts / 2 / np.pi) / counts * 2 * np.pi, current)
 
 
-def test_currents_that_rise_before_the_motion_shows_are_no_noise_of_a_standstill(tmp_path: Path) -> None:
-    rng, t = np.random.default_rng(1), np.arange(500) / 250.0
-    i = 0.01 * rng.normal(size=(500, 2))
-    i[:, 0] += 0.5 * np.clip((t - 0.6) / 0.3, 0.0, 1.0) ** 2
-    q = np.where(t[:, None] < 0.9, 0.0, np.clip(t[:, None] - 0.9, 0.0, None) * [1.0, 1.0])
-    write_table(tmp_path / "run.mcap", t, {"q": np.round(q / 1e-3) * 1e-3, "i": i}, Attachments())
-    rising, still = still_noise([open_recording(tmp_path / "run.mcap")])
-    assert rising == pytest.approx(still, rel=0.5)
-
-
 @pytest.mark.parametrize("_steps", [2000], indirect=True)
 @pytest.mark.usefixtures("_steps")
 def test_a_standstill_ends_before_the_arm_has_turned_by_more_than_noise(tmp_path: Path) -> None:
@@ -116,3 +106,13 @@ def test_the_gain_of_a_spring_is_that_of_noise_and_the_gain_of_friction_is_not(r
     assert gain(spring, friction) > 0.1 * len(run.t) and of_noise > 0.7 * gain(spring, friction)
     assert gain(friction) > 0.5 * len(run.t)
     assert gain_from_encoder_noise([run], [()], [(friction,)]) < 0.02 * gain(friction)
+
+
+@pytest.mark.parametrize(("coarse", "band"), [(1, np.inf), (4, 12.0)])
+def test_one_joint_with_coarse_steps_does_not_smooth_the_others(coarse: int, band: float) -> None:
+    rng, t = np.random.default_rng(2), np.arange(0.0, 12.0, 1 / RATE)
+    steps = np.where(np.arange(6) < coarse, 2e-3, 1e-5)
+    q = 0.5 * np.sin(2 * np.pi * 0.3 * t[:, None] + np.arange(6))
+    current, inertia = 0.01 * rng.normal(size=q.shape), np.broadcast_to(np.eye(6), (4, 6, 6))
+    known = KnownNoise(steps=steps)
+    assert band_of_angles(np.round(q / steps) * steps, current, inertia, RATE, known) == band

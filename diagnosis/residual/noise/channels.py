@@ -43,8 +43,6 @@ SETTLED = 0.999
 """Share of the mean before from which on it is settled."""
 STILL_SECONDS = 0.2
 """Shortest standstill of the whole arm from which noise is estimated."""
-UNLIKE = 2.0
-"""Std of one half of a standstill over that of the other, which noise of half a second does not reach by chance."""
 
 
 def scatter(values: Array, measured: NDArray[np.bool_] | None = None) -> Array:
@@ -210,7 +208,7 @@ def still_noise(recordings: Sequence[Recording]) -> Array:
     stds = []
     for recording in recordings:
         if (still := standstill(recording)) is not None:
-            stds.append(_of_standstill(low_pass(recording.i, COMPARE_BAND, 1.0 / recording.dt)[still]))
+            stds.append(_about_trend(low_pass(recording.i, COMPARE_BAND, 1.0 / recording.dt)[still]))
     return np.median(stds, axis=0) if stds else np.zeros(recordings[0].joints if recordings else 1)
 
 
@@ -258,15 +256,6 @@ def _about_lines(x: NDArray[np.intp], y: Array, block: NDArray[np.intp]) -> Arra
     slope = np.bincount(block, x_about * y_about) / np.maximum(np.bincount(block, x_about**2), 1e-300)
     variance = np.bincount(block, (y_about - slope[block] * x_about) ** 2) / rows
     return np.asarray(np.sqrt(variance[count >= QUIET_ROWS]), float)
-
-
-def _of_standstill(values: Array) -> Array:
-    """(n,) std of currents (m, n) of an arm at rest; of the quieter half, where the other has more than twice as much.
-
-    A servo may still settle in the first half; in the second, currents rise before a coarse encoder shows the motion.
-    """
-    halves = np.sort([_about_trend(half) for half in np.array_split(values, 2)], axis=0)
-    return np.where(halves[1] > UNLIKE * halves[0], halves[0], _about_trend(values))
 
 
 def _about_trend(values: Array) -> Array:

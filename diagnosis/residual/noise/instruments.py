@@ -23,7 +23,7 @@ SMOOTH_BAND = 12.0
 MOTION_ENDS = 30.0
 """Hz: cut-off for the differentiation of angles below which the motion is smooth enough for that."""
 COARSE = 4.0
-"""Noise of the residual by an encoder over that by the transducer, from which on its steps are coarse."""
+"""Noise of the residual by encoders over that by transducers, median of the joints, from which on steps are coarse."""
 
 
 def residual_gain(frequency: Array, of_angles: float = np.inf) -> Array:
@@ -93,8 +93,9 @@ def band_of_angles(q: Array, i: Array, inertia: Array, rate: float, known: Known
     if known.steps is None or known.loop is not None or known.residual is not None:
         return np.inf
     of_currents = _of_currents(i, rate, replace(known, still=0.0), 0.0)
-    coarse = (known.steps > 0.0) & (_of_angles(q, inertia, rate, known) > COARSE * of_currents)
-    return SMOOTH_BAND if coarse.any() and choose_band(q, 1.0 / rate).motion < MOTION_ENDS else np.inf
+    ratio = (_of_angles(q, inertia, rate, known) / np.maximum(of_currents, 1e-300))[known.steps > 0.0]
+    coarse = len(ratio) > 0 and float(np.median(ratio)) > COARSE  # all joints are smoothed alike
+    return SMOOTH_BAND if coarse and choose_band(q, 1.0 / rate).motion < MOTION_ENDS else np.inf
 
 
 def smoothed(q: Array, rate: float, band: float) -> Array:
