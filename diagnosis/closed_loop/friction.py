@@ -23,13 +23,13 @@ from arm_model import Arm, EffectTerm
 from arm_model.effects import CATALOGUE, Effect, friction_near_rest
 from daq.recording import Recording
 from diagnosis.cause import Cause, EffectKey, Estimate, Signal, confidence_of
+from diagnosis.cause.units import fall
 from diagnosis.closed_loop.comparison import SMOOTHING
 from diagnosis.closed_loop.lanes import Lanes, chosen_lanes, lanes_of, predicted_lanes, promising_lanes
 from diagnosis.measurements.near_rest.laws import RESOLVED, SOFTEST
 from diagnosis.residual.filters import COMPARE_BAND, low_pass, rate_of
 from diagnosis.residual.noise.channels import angle_noise
 from diagnosis.residual.run_setup import has_demand
-from diagnosis.units import fall
 from identification.selection import Thresholds, p_value
 from identification.selection.cluster_covariance import cluster_covariance
 

@@ -11,11 +11,11 @@ from arm_io.types import Array
 from arm_model import Arm
 from diagnosis.cause import Signal, Structure
 from diagnosis.cause.structure import NO_VARIABLE
+from diagnosis.cause.units import readable, rounded
 from diagnosis.closed_loop.clear_errors import HIGHEST
 from diagnosis.closed_loop.comparison import LoopComparison
 from diagnosis.residual.filters import COMPARE_BAND, rate_of
 from diagnosis.selection.waves import SECONDS, SLOWEST, peak
-from diagnosis.units import readable, rounded
 
 LEAST_ANGLE = 1e-7
 """rad (m): no encoder of a joint resolves less."""

@@ -22,11 +22,11 @@ from arm_model.effects import CATALOGUE, Effect, Instrument, observed_by
 from arm_model.rigid_body import drive_mass_matrix
 from daq.recording import Recording
 from diagnosis.cause import Cause, Estimate, Signal, confidence_of
+from diagnosis.cause.units import fall
 from diagnosis.closed_loop.comparison import with_smoothing_velocities
 from diagnosis.closed_loop.loop_errors import BAND, Trial, loop_errors, noise_floor
 from diagnosis.closed_loop.servo_gains import with_servo_gains
 from diagnosis.residual.run_setup import has_demand
-from diagnosis.units import fall
 from identification import recorded_quantity
 from identification.selection import BLOCK_SECONDS, Thresholds, p_value
 from identification.selection.cluster_covariance import cluster_covariance, numbered_on

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_io.types import Array
-from diagnosis.binned_means import quantile_edges
 from diagnosis.distortion.random_walk import STEP
+from diagnosis.selection.binned_means import quantile_edges
 
 BINS = 12
 """Bins of a variable, with equal numbers of values."""

@@ -9,12 +9,12 @@ import numpy as np
 from arm_model import EffectTerm
 from arm_model.effects import Instrument
 from diagnosis.cause import Cause, Estimate, confidence_of
+from diagnosis.cause.units import fall
 from diagnosis.measurements.currents.state import State
 from diagnosis.per_recording.single_recordings import runs_of
 from diagnosis.per_recording.values import ValuesPerRecording
 from diagnosis.residual.comparable_rows import comparable_rows, rms_where
 from diagnosis.residual.other_effects import with_own
-from diagnosis.units import fall
 from identification import recorded_quantity
 from identification.selection import p_value
 

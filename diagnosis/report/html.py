@@ -15,6 +15,7 @@ from arm_model.effects import CATALOGUE
 from arm_report import Chart, Report
 from daq.recording import Recording
 from diagnosis.cause import Cause, Signal, in_words
+from diagnosis.cause.units import readable, rounded
 from diagnosis.measurements.near_rest.friction import AGAINST
 from diagnosis.report.origins import origins_table
 from diagnosis.report.plots import overview as plots
@@ -34,7 +35,6 @@ from diagnosis.report.wording import (
     values_of,
 )
 from diagnosis.result import Diagnosis
-from diagnosis.units import readable, rounded
 from identification import recorded_quantities, recorded_signals
 
 MOST_CHARTS = {"held_out": 2, "fit": 1}

@@ -10,12 +10,12 @@ from markupsafe import Markup
 
 import arm_report
 from diagnosis.cause import in_words
+from diagnosis.cause.units import readable, rounded, variable_in_words
 from diagnosis.measurements.currents.design_matrix import dataset_of
 from diagnosis.remainder.predictable import FROM
 from diagnosis.report.wording import gain, place, title, values_of
 from diagnosis.residual.comparable_rows import comparable_rows
 from diagnosis.result import Diagnosis
-from diagnosis.units import readable, rounded, variable_in_words
 
 
 def summary(result: Diagnosis) -> Markup:

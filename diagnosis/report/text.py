@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 from diagnosis.cause import in_words
+from diagnosis.cause.units import rounded
 from diagnosis.report.origins import origin_lines
 from diagnosis.report.wording import gain, remainder, remains, rise_at_rest, sentence, title, values_of
 from diagnosis.result import Diagnosis
-from diagnosis.units import rounded
 from identification import recorded_quantities
 
 

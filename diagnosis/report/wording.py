@@ -12,9 +12,9 @@ from arm_model.effects import CATALOGUE
 from arm_report.numbers import numbered, value_and_two_std
 from diagnosis.cause import Cause, EncoderJump, Estimate, LostRows, Signal, in_words
 from diagnosis.cause.structure import NO_VARIABLE
+from diagnosis.cause.units import readable, rounded, variable_in_words
 from diagnosis.report.joint_verdicts import Remaining, remaining
 from diagnosis.result import Diagnosis
-from diagnosis.units import readable, rounded, variable_in_words
 from identification import recorded_quantity
 
 SURE = 0.9

@@ -19,7 +19,7 @@ from diagnosis.closed_loop import resonance
 from diagnosis.closed_loop.comparison import compare, refuted, with_smoothing_velocities
 from diagnosis.closed_loop.loop_errors import left_over_in_loop, loop_of
 from diagnosis.residual.generation import residual_run
-from diagnosis.verification.not_simulated import not_simulated
+from diagnosis.result_warnings import not_simulated
 
 
 @pytest.fixture(scope="module")

@@ -9,8 +9,8 @@ import pytest
 from arm_model import Arm, Joint
 from arm_model.effects import CATALOGUE
 from diagnosis.cause import Cause, Signal
+from diagnosis.cause.units import fall, variable_in_words
 from diagnosis.report.wording import against, gain
-from diagnosis.units import fall, variable_in_words
 from identification import recorded_quantities, recorded_quantity, recorded_signals
 
 EVERY = sorted({(p.unit, p.name) for effect in CATALOGUE.values() if effect.per_joint for p in effect.parameters})

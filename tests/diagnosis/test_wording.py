@@ -17,6 +17,7 @@ from arm_model import Arm, Joint
 from arm_model.model_file import read_model
 from diagnosis.cause import Estimate, Signal, Structure
 from diagnosis.cause.structure import NO_VARIABLE
+from diagnosis.cause.units import rounded
 from diagnosis.measurements.currents.design_matrix import dataset_of
 from diagnosis.measurements.currents.shortage import Shortage
 from diagnosis.remainder.of_identification import AllowedResidual
@@ -25,7 +26,6 @@ from diagnosis.report.joint_verdicts import Remaining
 from diagnosis.report.tables import undetectable_table
 from diagnosis.report.wording import either, estimate, gain, sentence, values_of
 from diagnosis.result import Diagnosis
-from diagnosis.units import rounded
 from tests.diagnosis.runs import group_of, seen
 
 SIX = Arm(name="six", joints=(Joint(torque_constant=0.2),) * 6)

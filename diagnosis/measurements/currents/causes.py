@@ -11,6 +11,7 @@ from arm_io.types import Array
 from arm_model import Arm, Joint
 from arm_model.effects import CATALOGUE, Instrument
 from diagnosis.cause import Cause, EffectKey, Estimate, Signal, confidence_of
+from diagnosis.cause.units import fall
 from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.measurements.currents.refinement import refined
 from diagnosis.measurements.currents.state import State
@@ -24,7 +25,6 @@ from diagnosis.selection.design import Dataset
 from diagnosis.selection.friction_shares import with_shares
 from diagnosis.selection.regression import Fitted, score
 from diagnosis.selection.ripple_orders import in_words
-from diagnosis.units import fall
 from identification import recorded_quantity
 from identification.selection import Split
 

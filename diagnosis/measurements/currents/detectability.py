@@ -11,12 +11,12 @@ from arm_model import Arm
 from arm_model.effects import CATALOGUE, Excitation, Instrument
 from arm_model.rigid_body import drive_rigid_torque
 from diagnosis.cause import EffectKey, Undetectable
+from diagnosis.cause.units import rounded
 from diagnosis.measurements.currents.design_matrix import Library
 from diagnosis.residual.warmth import depends, not_warmed
 from diagnosis.screening.plausibility import STANDSTILL
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Columns, Dataset
-from diagnosis.units import rounded
 from identification import recorded_quantity, recorded_signals
 from identification.selection import Split
 

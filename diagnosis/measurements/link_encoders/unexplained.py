@@ -8,11 +8,11 @@ import numpy as np
 
 from arm_io.types import Array
 from arm_model import Arm
-from diagnosis.binned_means import predicted_by_bins
 from diagnosis.cause import Signal, Structure
 from diagnosis.cause.structure import NO_VARIABLE
 from diagnosis.measurements.link_encoders.candidates import standing_orders, turns
 from diagnosis.measurements.link_encoders.model import LIMITS, Chosen, LinkEncoders
+from diagnosis.selection.binned_means import predicted_by_bins
 
 BINS = 16
 """Bins of a variable, with equal numbers of rows."""

@@ -21,6 +21,7 @@ from arm_io.types import Array
 from arm_model import Arm, EffectTerm
 from arm_model.effects import CATALOGUE, Variable, friction_near_rest
 from diagnosis.cause import Cause, EffectKey, Estimate, Signal, Structure, confidence_of
+from diagnosis.cause.units import fall
 from diagnosis.measurements.near_rest.laws import (
     Law,
     Residuals,
@@ -38,7 +39,6 @@ from diagnosis.residual.filters import rate_of
 from diagnosis.residual.run import Run
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.friction_shares import with_shares
-from diagnosis.units import fall
 from identification import recorded_quantity
 from identification.selection import Split, Thresholds, p_value
 from identification.selection.cluster_covariance import cluster_covariance

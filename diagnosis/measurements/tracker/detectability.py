@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from arm_io.types import Array
 from arm_model.effects import CATALOGUE, Instrument, observed_by
-from diagnosis.binned_means import predicted_by_bins
 from diagnosis.cause import EffectKey, Signal, Structure, Undetectable
 from diagnosis.cause.structure import NO_VARIABLE
 from diagnosis.measurements.tracker.candidates import TrackedCandidate
@@ -18,6 +17,7 @@ from diagnosis.measurements.tracker.model import LIMITS
 from diagnosis.measurements.tracker.over_time import over_time
 from diagnosis.measurements.tracker.points import Side
 from diagnosis.measurements.tracker.regression import Linear, columns_of, good, linear
+from diagnosis.selection.binned_means import predicted_by_bins
 from identification.kinematics.estimation import stacked
 
 BINS = 24

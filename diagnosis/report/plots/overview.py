@@ -9,6 +9,7 @@ from arm_report import Chart, Level, Panel, Series, Zone
 from arm_report.chart import robust_range
 from arm_report.palette import AFTER, BEFORE, EDGE
 from diagnosis.cause import Cause, Signal
+from diagnosis.cause.units import readable, variable_in_words
 from diagnosis.measurements.currents.design_matrix import dataset_of
 from diagnosis.measurements.currents.structure.shared_bases import variables
 from diagnosis.report.plots.closed_loop import loop_chart
@@ -19,7 +20,6 @@ from diagnosis.report.plots.residuals import unit_of
 from diagnosis.report.plots.single_axis import axis_chart
 from diagnosis.report.plots.tracker import tracker_chart
 from diagnosis.result import Diagnosis
-from diagnosis.units import readable, variable_in_words
 from identification import recorded_quantities, recorded_quantity
 
 

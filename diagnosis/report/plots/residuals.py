@@ -14,15 +14,15 @@ from arm_report import Chart, Panel, Series, Zone
 from arm_report.chart import robust_range
 from arm_report.palette import AFTER, BEFORE, MEASURED, PALE_AFTER, PALE_BEFORE
 from daq.recording import Recording
-from diagnosis.binned_means import quantile_edges
+from diagnosis.cause.units import variable_in_words
 from diagnosis.closed_loop.comparison import LoopComparison
 from diagnosis.measurements.currents.design_matrix import dataset_of
 from diagnosis.measurements.currents.structure.shared_bases import variables
 from diagnosis.report.plots.motion import HELD_OUT, held_out_time
 from diagnosis.residual.filters import COMPARE_BAND, low_pass, rate_of
 from diagnosis.result import Diagnosis
+from diagnosis.selection.binned_means import quantile_edges
 from diagnosis.selection.design import Dataset
-from diagnosis.units import variable_in_words
 from identification import recorded_quantity, recorded_signals
 
 SHOWN = ("time", "position", "motor angle", "velocity", "load torque")

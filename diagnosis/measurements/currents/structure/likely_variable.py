@@ -19,9 +19,9 @@ from arm_io.types import Array
 from arm_model import Arm
 from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.measurements.currents.structure.basis_functions import shapes_of
+from diagnosis.measurements.currents.structure.drift import levels, own_lines
 from diagnosis.measurements.currents.structure.shared_bases import Bases
 from diagnosis.selection.design import Columns, Dataset, Pair, joined
-from diagnosis.selection.drift import levels, own_lines
 from identification.selection import Split, p_value
 
 FOLDS = 4
