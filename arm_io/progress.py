@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 
 Progress = Callable[[str], None]
-"""Told in a few words what is being done."""
+"""Called with a few words on what is being done."""
 
 
 class _Silent:
@@ -36,7 +36,7 @@ class Step(str):
 
     stage  what stays the same from step to step
     done   steps that are done
-    of     how many there are; None: nobody knows, such as in a search that ends where nothing more is found
+    of     how many there are; None: unknown, such as in a search that ends where nothing more is found
     """
 
     stage: str

@@ -59,7 +59,7 @@ class Guarded:
         try:
             await self._inner(scope, receive, sent)
         except ClientDisconnect:
-            pass  # there is nobody to answer
+            pass  # there is no client to answer
         except Exception as error:
             if scope["type"] == "websocket":
                 raise

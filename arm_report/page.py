@@ -76,7 +76,7 @@ class Report:
 
 @cache
 def environment() -> Environment:
-    """Escapes whatever is not ``Markup``, and refuses names that nobody gave."""
+    """Escapes whatever is not ``Markup``, and refuses names that were not given."""
     made = Environment(
         loader=FunctionLoader(_source), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )

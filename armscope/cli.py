@@ -21,7 +21,7 @@ BLAS_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 def main(arguments: Sequence[str] | None = None) -> None:
     """Entry point of the ``armscope`` script; always ends by SystemExit.
 
-    Linear algebra gets one thread where nobody stated a number: the products here are small, its threads wait for each
+    Linear algebra gets one thread where no number is stated: the products here are small, its threads wait for each
     other by spinning, and on a busy machine a diagnosis took twice the processor time. Simulations use all cores.
     """
     if not any(name in os.environ for name in BLAS_THREADS):

@@ -1,7 +1,7 @@
 """Progress on a terminal: what is being done, how much of it is done, and how long this step will still take.
 
 The time left is that of the step at hand, from the steps that are done: what comes after it is not predicted. A stage
-whose end nobody knows says so.
+whose end is unknown says so.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class Display:
 
     @property
     def share(self) -> float | None:
-        """0 to 1 of the stage; None where nobody knows."""
+        """0 to 1 of the stage; None where unknown."""
         step = self._sentence
         return min(1.0, step.done / step.of) if isinstance(step, Step) and step.of else None
 

@@ -41,7 +41,7 @@ def friction_drift(structure: Structure, values: Array, warmer: Array) -> Array:
         if seen.any():
             columns = shapes[:, seen].T
             if not np.ptp(asymmetry[seen]):
-                # of one direction, nothing tells it from the level
+                # of one direction, nothing distinguishes it from the level
                 columns[:, 2] = 0.0
             size = np.abs(np.linalg.lstsq(columns, values[seen], rcond=None)[0][:2])
         shares = COULOMB * size[0], VISCOUS * size[1], NEAR_REST * size[0]

@@ -132,7 +132,7 @@ def _in_joint_band(
 def _alternatives(accepted: Sequence[AcceptedChange]) -> Iterator[str]:
     """Per accepted change, what explains the recordings as well in its place."""
     for one in accepted:
-        # a body, and a mass at a point of the same link, are told alike
+        # a body, and a mass at a point of the same link, are named alike
         words = one.tested.hypothesis.words
         if rivals := dict.fromkeys(rival.words for rival in one.rivals if rival.words != words):
             yield f"{words} from {', '.join(rivals)}"

@@ -29,7 +29,7 @@ SIGNALS = (Signal.CURRENT, Signal.ANGLE, Signal.CLOSED_LOOP)
 The confidence in causes that a tracker or link encoders show is 1 - p, at most the largest success rate of the bank.
 """
 LARGEST = 1e3
-"""Largest gain, and ratio of a parameter to its std, that is told apart from a larger one."""
+"""Largest gain, and ratio of a parameter to its std, that is distinguished from a larger one."""
 DETERMINED = 3.0, 50.0
 """Ratios of a parameter to its std between which the confidence depends on them: below, the parameter may be 0; above,
 it is known to 2 %, and the error of its law is as large."""
@@ -43,7 +43,7 @@ def features(support: Support) -> tuple[float, ...]:
     """The features of the logistic regression, in the order of the table's weights: logarithms of ratios.
 
     A cause that explains little beside a large one may be an error of the law of that one. The number of named causes
-    is no feature: in the bank it tells the arms with one hidden effect from the others.
+    is no feature: in the bank it identifies the arms with one hidden effect.
     """
     gain, largest = _between(support.gain, (1.0, LARGEST)), _between(support.largest, (1.0, LARGEST))
     return gain, largest - gain, _between(support.determined, DETERMINED), _between(support.left, NOISE_RATIOS)

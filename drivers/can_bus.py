@@ -26,7 +26,7 @@ ATTENDED = 0.1
 LEFT = 0.01  # s between such looks
 TURN = 0.001  # s after which a thread that waits for another's reading checks its mailbox again
 # s for which a frame may wait for room in the transmit queue: twice the 0.1 s that a queue of 90 full frames takes at
-# 125 kbit/s. A queue that stays full longer is that of a bus on which nobody acknowledges.
+# 125 kbit/s. A queue that stays full longer is that of a bus on which no node acknowledges.
 SEND = 0.2
 RETRY = 0.001  # s between tries
 OLDEST = 2.0  # s: a frame's stamp that is older was not given by this computer's clock

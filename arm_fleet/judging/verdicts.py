@@ -58,7 +58,7 @@ class Verdict:
     cause    what changed, in words: the cause that changed in most nights of the series, else the quantity that changed
              most surely
     trends   of its identifications and diagnoses; empty if nothing was named and no limit is set
-    told     quantities with a trend; if temperature is recorded, friction only if a night with a change shows it
+    moving   quantities with a trend; if temperature is recorded, friction only if a night with a change shows it
     moved    sentences about them, and limits
     limits   per limit of its quantities: name, state, sentence
     actions  what to do next
@@ -77,7 +77,7 @@ class Verdict:
     cause: str = ""
     p: float | None = None
     trends: tuple[Trend, ...] = ()
-    told: tuple[str, ...] = ()
+    moving: tuple[str, ...] = ()
     moved: tuple[str, ...] = ()
     limits: tuple[Limited, ...] = ()
     actions: tuple[str, ...] = ()
@@ -121,8 +121,8 @@ def verdict_of(
         else Condition.RETURNED
     )
     trends = _trends(plan, nights) if series or plan.limits else []
-    told = _told(trends, series, any(one.temperature is not None for one in nights))
-    moved = [sentence(one, trend.histories) for one, trend in told]
+    moving = _moving(trends, series, any(one.temperature is not None for one in nights))
+    moved = [sentence(one, trend.histories) for one, trend in moving]
     limits = _limits(trends)
     moved += [limit.sentence for limit in limits]
     by_key = {one["key"]: one for one in records}
@@ -137,7 +137,7 @@ def verdict_of(
         cause=_cause(series),
         p=min((one.corrected for one in series), default=None),
         trends=tuple(trends),
-        told=tuple(one.moved.history.quantity.name for one, _ in told),
+        moving=tuple(one.moved.history.quantity.name for one, _ in moving),
         moved=tuple(moved),
         limits=tuple(limits),
         actions=tuple(_actions(condition, series, by_key, failed, limits)),
@@ -189,7 +189,7 @@ def _nights_of_causes(series: Sequence[Alarm]) -> Counter[Place]:
     return counts
 
 
-def _told(trends: Sequence[Trend], series: Sequence[Alarm], heated: bool) -> list[tuple[Movement, Trend]]:
+def _moving(trends: Sequence[Trend], series: Sequence[Alarm], heated: bool) -> list[tuple[Movement, Trend]]:
     """Quantities with a trend, those of nights with a change first; other friction may follow the temperature."""
     if not series:
         return []

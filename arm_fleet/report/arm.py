@@ -18,7 +18,7 @@ MOST_PANELS = 12
 
 def arm_page(arm: Verdict, tasks: Sequence[TaskLine], alarms: Sequence[Alarm]) -> Report:
     """Page of an arm that changed: histories of its changed quantities, and its nights with their reports."""
-    changed = {change.quantity.name for one in alarms if one.named for change in one.changes} | {*arm.told}
+    changed = {change.quantity.name for one in alarms if one.named for change in one.changes} | {*arm.moving}
     charts = []
     for trend in arm.trends:
         shown = [movement for movement in trend.movements if movement.moved.history.quantity.name in changed]

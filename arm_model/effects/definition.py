@@ -202,7 +202,7 @@ class Effect:
                      "": there are none
     per_joint        False: it belongs to the arm (or the instrument) as a whole
     shows            what a person sees in the residual
-    confused_with    effects that a recording may fail to tell from it, each with what separates them
+    confused_with    effects that a recording may fail to distinguish from it, each with what separates them
     observed_by      the instruments that show it, and how each does
     excited_by       what a joint must do for it to show
     aliases          effects that may as well be it, whatever is recorded; two that name each other have the same
@@ -216,7 +216,7 @@ class Effect:
     body             effect of a link that has its columns where it is a body with an inertia of its own, not a point
     own_joint        a change of the description that only the current of its own joint shows
     driven           its law looks at ``s.driver``, or at how the weight of that link lies
-    settable         of an effect that somebody, or the day, may change between two recordings of one arm: what was done
+    settable         of an effect that a person, or the day, may change between two recordings of one arm: what was done
     sparse           acts at a few instants of a recording: may also be judged by when these are
     near_rest        friction that differs from Coulomb's only where the joint turns or creeps: judged there as well
     rises_by         of friction near rest with a level: the effect by which it rises with the time at rest; it has the

@@ -12,7 +12,7 @@ from arm_model.description import Arm, Joint
 def _exact(angle: float) -> tuple[float, float]:
     """cos and sin.
 
-    Multiples of a quarter turn come out exactly, so that a right angle leaves no dust in the equations.
+    Multiples of a quarter turn come out exactly, so that a right angle leaves no rounding errors in the equations.
     """
     quarter = 2 * angle / np.pi
     nearest = round(quarter)

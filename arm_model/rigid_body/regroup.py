@@ -33,6 +33,6 @@ def regrouped(chain: Chain, bodies: Array) -> Array:
             pose = np.eye(4)
             pose[:3, :3], pose[:3, 3] = chain.rotation[j], chain.shift[j]
             bodies[..., j - 1, :] += transform(moved, pose)
-    # rounding leaves dust where a structural zero belongs, and dust costs operations
+    # rounding leaves tiny numbers where a structural zero belongs, and each costs operations
     scale = np.abs(bodies).max(axis=tuple(range(bodies.ndim - 1)), keepdims=True).max(initial=1e-30)
     return np.where(np.abs(bodies) < 1e-14 * scale, 0.0, bodies)

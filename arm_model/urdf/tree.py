@@ -25,7 +25,7 @@ def robot_of(path: str | Path, text: str | bytes) -> xml.Element:
     parser.CharacterDataHandler = builder.data
     try:
         parser.Parse(text, True)
-    except (ValueError, LookupError, expat.ExpatError) as error:  # LookupError: an encoding that nobody knows
+    except (ValueError, LookupError, expat.ExpatError) as error:  # LookupError: an unknown encoding
         raise InputError(path, f"cannot be read as URDF: {error}") from None
     robot = builder.close()
     if robot.tag != "robot":

@@ -202,11 +202,11 @@ class _Scene:
         axis.set_box_aspect(tuple(sizes), zoom=0.95)
         axis.view_init(elev=22, azim=-55)
         colours = (MEASURED, OTHER)
-        (ghost,) = axis.plot([], [], [], color=colours[1 - number], lw=2, alpha=0.25)
+        (other,) = axis.plot([], [], [], color=colours[1 - number], lw=2, alpha=0.25)
         (arm,) = axis.plot([], [], [], "o-", color=colours[number], lw=4, ms=5, solid_capstyle="round")
         (way,) = axis.plot([], [], [], color=colours[number], lw=1, alpha=0.7)
         (point,) = axis.plot([], [], [], "D", color=TRACKER, ms=5)
-        return [ghost, arm, way, point]
+        return [other, arm, way, point]
 
     def _timeline(self, axis: Any) -> Any:
         measured, *others = self._movements
@@ -226,11 +226,11 @@ class _Scene:
         """Draws the instant of that number."""
         for number, lines in enumerate(self._lines):
             points = self._points[number]
-            ghost = self._points[1 - number][instant] if len(self._points) > 1 else np.empty((0, 3))
+            other = self._points[1 - number][instant] if len(self._points) > 1 else np.empty((0, 3))
             way = points[max(0, instant - TRAIL) : instant + 1, -1]
             tracked = self._movements[number].point
             spot = np.empty((0, 3)) if tracked is None else tracked[instant : instant + 1]
-            for line, drawn in zip(lines, (ghost, points[instant], way, spot)):
+            for line, drawn in zip(lines, (other, points[instant], way, spot)):
                 line.set_data_3d(*drawn.T)
         for drawn_link, frames in zip(self._drawn, self._frames):
             drawn_link.show(frames[instant])

@@ -1,4 +1,4 @@
-"""Recordings in, parameters with honest uncertainty out."""
+"""Estimates parameters, with their uncertainty, from recordings."""
 
 from __future__ import annotations
 

@@ -254,7 +254,7 @@ def _joints_of(rig: Path | None, model: Path | None) -> Rig | None:
 
 
 def _doubt_radians(out: Path, farthest: Array, rig: Rig | None, say: Callable[[str], None]) -> None:
-    """A note where a joint that turns goes beyond two turns, and nobody said that the unit is rad."""
+    """A note where a joint that turns goes beyond two turns, and the unit is not stated to be rad."""
     turning = [rig is None or rig.joint[j].unit == "rad" for j in range(len(farthest))]
     wide = [j for j, angle in enumerate(farthest) if turning[j] and angle > 4 * math.pi]
     if wide:

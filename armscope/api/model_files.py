@@ -1,4 +1,4 @@
-"""An arm into a file: a model file, a URDF file, or a copy of somebody's own URDF file or MuJoCo model."""
+"""An arm into a file: a model file, a URDF file, or a copy of a user's own URDF file or MuJoCo model."""
 
 from __future__ import annotations
 

@@ -53,7 +53,7 @@ def command(
 
 
 def _tell(folder: Path, fit: str, held_out: str) -> Path:
-    """The whole story, told on standard output; returns the rig file of its first arm."""
+    """All steps, described on standard output; returns the rig file of its first arm."""
     rig_file = _write_rig(folder)
     runs = {name: folder / f"{name}.mcap" for name in (fit, held_out)}
     _say(
@@ -115,7 +115,7 @@ def _diagnose_worn(folder: Path, experiments: tuple[str, str]) -> None:
 
 
 def _open_page(folder: Path, rig_file: Path) -> None:
-    """The page of the demo's rig, until Ctrl-C, where somebody can see it."""
+    """The page of the demo's rig, until Ctrl-C, where it can be seen."""
     arguments = ["page", str(rig_file), "--recordings", str(folder), "--port", "0"]
     if not (has_display() and sys.stdout.isatty() and importlib.util.find_spec("uvicorn")):
         return

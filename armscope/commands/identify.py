@@ -1,4 +1,4 @@
-"""``armscope identify``: recordings in, parameters with honest uncertainty out."""
+"""``armscope identify``: estimates parameters, with their uncertainty, from recordings."""
 
 from __future__ import annotations
 

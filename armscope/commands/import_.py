@@ -86,7 +86,7 @@ def command(
             say=lambda note: print(f"note: {note}", file=sys.stderr),
         )
     if as_json:
-        # of a bag that is cut off nobody knows how many messages followed
+        # of a bag that is cut off, the number of messages that followed is unknown
         lost = None if done.cut else 0
         found = {"file": str(out), "rows": done.rows, "joints": done.joints, "duration": done.seconds, "lost": lost}
         print(json.dumps(found))

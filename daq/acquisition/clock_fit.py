@@ -1,7 +1,7 @@
 """A device's clock related to the host's: a continuous, piecewise-linear fit with its uncertainty.
 
 Ticks are read once a block together with the host's time. The fit is the least-squares polyline through these pairs
-with knots every ``KNOT_SECONDS``: crystals wander over minutes, so that a line of 10 s is straight to well below a
+with knots every ``KNOT_SECONDS``: crystals drift over minutes, so that a line of 10 s is straight to well below a
 microsecond. The uncertainty of a knot is that of least squares with the residuals' own scatter; it says how well the
 polyline is known, and ``residual_rms`` how far a single reading lies from it.
 """

@@ -1,4 +1,4 @@
-"""Why a run ends: motion or rows are done, the trigger or a device has fallen silent, or somebody stopped it."""
+"""Why a run ends: motion or rows are done, the trigger or a device has fallen silent, or it was stopped."""
 
 from __future__ import annotations
 

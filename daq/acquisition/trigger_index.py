@@ -43,7 +43,7 @@ class Indexer:
     period_ns  expected interval of triggers, ns of the host
     numbered   False: the device does not number its rows, they are counted in the order of their arrival
     regular    True once the stamps have shown to be even enough to find missed edges; None before that is known
-    unguarded  rows that came while they were not: of these nobody knows whether an edge was missed
+    unguarded  rows that came while they were not: whether an edge of these was missed is unknown
     missed     indices of edges that the device's input did not see; ``extra`` counts edges that were none
     period     interval of triggers by the clock that is used: the device's ticks where it has them, else host ns
     """

@@ -89,7 +89,7 @@ def _of_change(recording: int, change: Change, period: float) -> DroppedTriggers
 def _gain(losses: Sequence[tuple[DroppedTriggers, LagCosts, Change]]) -> Gain:
     """The closed-loop error of the first recording that the change of lag explains, at the joint with the most.
 
-    With the probability that all recordings gain as much by chance: above 10 Hz, errors of one piece tell nothing of
+    With the probability that all recordings gain as much by chance: above 10 Hz, errors of one piece show nothing of
     the next.
     """
     _, costs, change = losses[0]

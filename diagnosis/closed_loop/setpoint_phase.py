@@ -1,7 +1,7 @@
 """When the setpoints of a host came, against the rows of a recording.
 
 Demands are recorded as a plan, of which the host sends a setpoint every some 10 ms; which instants these are, the
-recording does not tell. Each setpoint makes a transient of the currents, so a simulation whose setpoints come 1 ms
+recording does not state. Each setpoint makes a transient of the currents, so a simulation whose setpoints come 1 ms
 later differs by half of the transient at 50 Hz, while its angles differ by micrometres. The transients themselves show
 the lag: it is the one at which measured and simulated currents agree best.
 """

@@ -97,7 +97,7 @@ class BaseCause:
 class ThrusterTest:
     """One thruster (from 1) with the gains of all others free.
 
-    forward, reverse  (share of the demand that it gives, std), the same where no cause tells them apart
+    forward, reverse  (share of the demand that it gives, std), the same where no cause distinguishes them
     dead_zone         N, as found or as the model has it
     p                 that its gains equal the model's, over all thrusters
     """

@@ -18,7 +18,7 @@ from arm_io.types import Array
 FLAT_SECONDS = 0.03
 """s for which a clipped current is constant once."""
 AT_SECONDS = 1.0
-"""s for which it is constant in all, where few visits tell."""
+"""s for which it is constant in all, where there are few visits."""
 PILED = 4.0
 """Rows at a limit over those in an equally wide range below, at least."""
 BEYOND = 0.03

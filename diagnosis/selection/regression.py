@@ -24,7 +24,7 @@ SPARSE_P = 1e-4
 LARGE = 0.25
 """Gain over the noise energy of a joint, for every coefficient, from which an effect is large, in however few blocks.
 
-A joint that moves once in a recording is quick for a second or two, and signs of so few blocks tell nothing from
+A joint that moves once in a recording is quick for a second or two, and signs of so few blocks distinguish nothing from
 chance. The more coefficients, the more of another law an effect follows at the same instants.
 """
 LARGEST = 1.0

@@ -1,4 +1,4 @@
-"""What sampling may put onto a joint's own acceleration where nothing tells how often setpoints come.
+"""What sampling may put onto a joint's own acceleration where nothing shows how often setpoints come.
 
 A servo follows a broken line of setpoints, one every T s. At each corner the speed asked for jumps by a T, and by its
 gain k on speed a saw of the current answers, whose first line has the amplitude k a T / pi of the joint's own inertia.
@@ -39,7 +39,7 @@ def _of_run(run: Run) -> Array:
 
 
 def setpoints_unknown(run: Run) -> bool:
-    """Whether nothing tells how often the setpoints of a recording come, so that it may be once per row."""
+    """Whether nothing shows how often the setpoints of a recording come, so that it may be once per row."""
     return run.arm.controller is None and not run.setpoints.period and run.powered
 
 

@@ -1,4 +1,4 @@
-"""Inertias that all joints lack alike, where nothing tells how often setpoints come: sampling puts them there.
+"""Inertias that all joints lack alike, where nothing shows how often setpoints come: sampling puts them there.
 
 With one row per setpoint, what a servo does at setpoints looks like a share of its joint's own inertia, of one sign:
 its gain on speed times the time between setpoints (``diagnosis.selection.unseen_inertia``). The gains of an arm's

@@ -25,7 +25,7 @@ PRODUCT = 1e-11
 HIDDEN = -1e6
 """Larger than any score: a motion that excites more parameters is always better."""
 LARGEST_CONDITION = 1e12
-"""Condition number from which on double precision tells nothing of the least singular value."""
+"""Condition number from which on double precision does not resolve the least singular value."""
 
 
 def scores_of(

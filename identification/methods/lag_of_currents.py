@@ -82,7 +82,7 @@ def delayed(arm: Arm, delay: float) -> Arm:
 def in_doubt(problem: Problem, lag: Lag) -> Problem:
     """The problem whose torques may be off by ``lag``: fitted rows show it, and held-out ones do not confirm it.
 
-    Neither is taken for the truth: the lag is one standard deviation of what the torques may be off by all along.
+    Neither is taken as exact: the lag is one standard deviation of what the torques may be off by all along.
     """
     return problem.doubting(lag.delay * _derivatives(problem.motions))
 

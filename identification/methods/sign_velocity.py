@@ -89,7 +89,7 @@ def with_smaller_sign_velocities(
     stay = {one.joint - 1: one.found for one in judged if one.stays}
     problem, levels = with_sign_velocities(problem, stay) if stay else problem, _levels(bare)
     for one in judged:
-        if not one.stays:  # neither is taken for the truth
+        if not one.stays:  # neither is taken as exact
             j = one.joint - 1
             problem = problem.doubting(levels[j] * _more(problem.arm, problem.motions, j, one.found))
     return problem, judged

@@ -1,6 +1,6 @@
 """Standard deviations of a least-squares fit whose residual is coloured.
 
-The textbook formula sigma^2 (W^T W)^-1 counts every row as news. Filters, quantisation and whatever the model lacks
+The textbook formula sigma^2 (W^T W)^-1 takes rows as independent. Filters, quantisation and whatever the model lacks
 make neighbouring rows say the same, and the formula too confident by a factor of two to ten. Here whole blocks of time
 are resampled (moving them together over all joints): the spread of the refits is what another recording of the same
 motion would give (Kuensch, Annals of Statistics 17 (1989) 1217). Each block enters by its normal equations, so that a

@@ -8,7 +8,7 @@ import time
 class FastClock:
     """A host clock on which nothing takes time but ``sleep`` (drivers.protocols.HostClock).
 
-    monotonic_ns starts at one second; wall_ns starts at the real time, so that recordings carry an honest date.
+    monotonic_ns starts at one second; wall_ns starts at the real time, so that recordings have the right date.
     """
 
     def __init__(self) -> None:

@@ -86,7 +86,7 @@ class Source(Protocol):
     where    of its names in messages: 'line 1: ', or '' where they stand on no line
     names    of its columns
     mapping  which column is which, where the format itself says it
-    rows     how many there are; None: nobody knows before they are read
+    rows     how many there are; None: unknown before they are read
     """
 
     path: Path

@@ -17,7 +17,7 @@ from diagnosis.selection.candidate import Candidate
 
 DEVIATIONS = 2.0
 """std by which a size must miss what a body may have to be impossible."""
-DUST = 1e-9
+ROUNDING = 1e-9
 """Relative rounding errors."""
 UNIT_AMPLITUDE = 0.25, 4.0
 """Coefficients between which an effect without a linear parameter may be: the true one is 1, and between the values of
@@ -65,7 +65,7 @@ def impossible(arm: Arm, causes: Sequence[Cause]) -> int | None:
         now = arm.joints[cause.joint - 1]
         changed = described(replace(arm, effects=(*arm.effects, *terms))).joints[cause.joint - 1]
         turns = changed.ratio**2 * changed.rotor_inertia
-        if turns < -DEVIATIONS * std.get("inertia", 0.0) - DUST or _misses(now, changed, std):
+        if turns < -DEVIATIONS * std.get("inertia", 0.0) - ROUNDING or _misses(now, changed, std):
             return index
     return None
 
@@ -80,7 +80,7 @@ def _misses(now: Joint, changed: Joint, std: dict[str, float]) -> bool:
     slopes = np.array([along @ unit @ along for unit in pseudo_inertia(np.eye(len(PARAMETERS)))])
     doubt = float(np.linalg.norm(slopes * [std.get(name, 0.0) for name in PARAMETERS]))
     least = min(float(before.eigenvalues[0]), 0.0)  # a published set that no body has is not the fault of a cause
-    return bool(after.eigenvalues[0] < least - DEVIATIONS * doubt - DUST * float(np.abs(before.eigenvalues).max()))
+    return bool(after.eigenvalues[0] < least - DEVIATIONS * doubt - ROUNDING * float(np.abs(before.eigenvalues).max()))
 
 
 def _pseudo_inertia(link: Joint) -> Array:

@@ -50,7 +50,7 @@ class NearRestLimits(Thresholds):
 
     above_noise  residual over its std near rest, whatever the smoothing velocity, from which anything is searched:
                  healthy simulated joints have 0.4 to 1.4
-    clear        ... from which on the passages are told as unexplained if no law is named, beside a model that states
+    clear        ... from which on the passages are unexplained structure if no law is named, beside a model that states
                  what it left there when it was identified: an exact one knows nothing of what else acts near rest
     left         share of the squared residual that it may leave: where nothing is hidden, the best hump leaves 0.6 and
                  more of what is noise anyway
@@ -60,7 +60,7 @@ class NearRestLimits(Thresholds):
                  wider smoothing took away is another law of the turn
     determined   std by which a coefficient must differ from zero: what comes from another joint at a few instants of a
                  rest fits a law as well, but determines none
-    apparent     ... from which on the passages are told as unexplained, where its size is not determined
+    apparent     ... from which on the passages are reported as unexplained, where its size is not determined
     beyond       times the searched range of the other parameters in which they must end
     """
 

@@ -205,7 +205,7 @@ def _with_nuisance(one: NearRest, variables: Collection[Variable]) -> NearRest:
 
 
 def known_speed(recording: Observation, joint: int) -> bool:
-    """Whether the encoder tells motion from standstill; if its noise is not counted, it must not be ``coarse``."""
+    """Whether the encoder shows a motion as one; if its noise is not counted, it must not be ``coarse``."""
     counted = recording.noise[:, joint - 1].any()
     return speed_noise(recording.run, joint) < (SPEED_NOISE if counted else COARSE)
 

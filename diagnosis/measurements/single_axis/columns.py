@@ -137,8 +137,8 @@ def _noise(arm: Arm, q: Array, rate: float) -> float:
     inertia = arm.joints[0].mass + arm.joints[0].ratio ** 2 * arm.joints[0].rotor_inertia
     w = 2 * np.pi * _bands(rate)[1]
     # sqrt(int_0^w x^4 dx / (pi rate))
-    wobble = float(angle_noise(q[:, None])[0]) * w**2 * np.sqrt(w / (5 * np.pi * rate))
-    return float(inertia * wobble / arm.joints[0].drive_constant)
+    acceleration = float(angle_noise(q[:, None])[0]) * w**2 * np.sqrt(w / (5 * np.pi * rate))
+    return float(inertia * acceleration / arm.joints[0].drive_constant)
 
 
 def encoder_noise(rows: Rows) -> float:

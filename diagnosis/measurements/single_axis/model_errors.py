@@ -2,7 +2,7 @@
 
 The residual of an axis is not whitened: here it is in units of the noise that its encoder and its current leave in it.
 What the model left over on the recordings that it was identified from hides nothing: at the full rate the laws of the
-effects themselves tell it apart, and it is what such a model lacks.
+effects themselves distinguish it, and it is what such a model lacks.
 """
 
 from __future__ import annotations

@@ -224,7 +224,7 @@ def _sparse(state: State, model: TrackedPoints) -> State:
 def _leaves_more(without: State, state: State, model: TrackedPoints) -> bool:
     """Whether a state leaves more of the fitted points by what an error must explain, or of held-out ones as a cause.
 
-    While the joints beyond it stand, an error of a link is taken for another one; a held-out motion of theirs tells.
+    While the joints beyond it stand, an error of a link is taken for another one; a held-out motion of theirs decides.
     """
 
     def more(side: Side) -> float:

@@ -20,7 +20,7 @@ from diagnosis.selection.waves import SLOWEST
 from identification.selection import BLOCK_SECONDS
 
 LEAST = 0.35
-"""Rms of a wave or a drift over the noise of a coordinate from which it is told: an eighth of the noise's energy."""
+"""Rms of a wave or a drift over the noise of a coordinate, from which it counts: an eighth of the noise's energy."""
 NEIGHBOURS = 61
 """Bins around a line whose median power is its floor."""
 OVER_FLOOR = 20.0

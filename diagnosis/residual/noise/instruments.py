@@ -19,7 +19,10 @@ Between two rows a current acts as its servo holds it, and a motion is what its 
 simulated recording without noise shows these errors of inverse dynamics.
 """
 SMOOTH_BAND = 12.0
-"""Hz to which angles of coarse steps are smoothed: below, reversals of friction are smeared (19 ms are told as 14)."""
+"""Hz to which angles of coarse steps are smoothed.
+
+Below, reversals of friction are smeared: a delay of 19 ms is estimated as 14.
+"""
 MOTION_ENDS = 30.0
 """Hz: cut-off for the differentiation of angles below which the motion is smooth enough for that."""
 COARSE = 4.0
@@ -69,6 +72,7 @@ def instrument_noise(q: Array, i: Array, inertia: Array, rate: float, known: Kno
 
 
 def _of_currents(i: Array, rate: float, known: KnownNoise, period: float) -> Array:
+    """(n,) A: noise of recorded currents below the comparison band."""
     white = current_noise(i, between_lines=period > 0.0, beside=None if known.loop is None else known.loop.current)
     frequency = np.linspace(0.0, rate / 2, 2000)
     share = np.trapezoid(1.0 / (1.0 + (frequency / COMPARE_BAND) ** 8) ** 2, frequency) / (rate / 2)
@@ -76,12 +80,13 @@ def _of_currents(i: Array, rate: float, known: KnownNoise, period: float) -> Arr
 
 
 def _of_angles(q: Array, inertia: Array, rate: float, known: KnownNoise) -> Array:
+    """(n,) A: noise of recorded angles, differentiated twice, times the mean inertia of each joint."""
     q = q if known.loop is None else q - known.loop.angle
     frequency = np.linspace(0.0, rate / 2, 2000)
     through = residual_gain(frequency, known.band)
-    wobble = np.trapezoid(((2 * np.pi * frequency) ** 2 * through) ** 2, frequency) / (rate / 2)
+    square = np.trapezoid(((2 * np.pi * frequency) ** 2 * through) ** 2, frequency) / (rate / 2)
     mean_inertia = inertia.diagonal(axis1=1, axis2=2).mean(axis=0)
-    return np.asarray(mean_inertia * angle_noise(q, known.steps) * np.sqrt(wobble))
+    return np.asarray(mean_inertia * angle_noise(q, known.steps) * np.sqrt(square))
 
 
 def band_of_angles(q: Array, i: Array, inertia: Array, rate: float, known: KnownNoise) -> float:

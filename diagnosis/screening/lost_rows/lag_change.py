@@ -169,7 +169,7 @@ def _leverage(weight: Array, at: int) -> Array:
 def _of_pieces(residual: Array, weight: Array, at: int) -> Array:
     """(n,) variance of each joint's step by what its own pieces miss (HC2: MacKinnon & White, J. Econom. 29, 1985).
 
-    A joint that moves for a second of a recording tells its lag by a few pieces; that many pieces at rest agree says
+    A joint that moves for a second of a recording shows its lag in a few pieces; that many pieces at rest agree says
     nothing of what these miss.
     """
     variance = np.zeros(weight.shape[1])

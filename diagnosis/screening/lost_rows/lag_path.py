@@ -44,7 +44,7 @@ REMAINING = 0.6
 MOST = 0.6
 """Share of a piece's rows that must lie within the recording at a lag."""
 QUIET = 0.05
-"""Mean square rate of a current in a piece, in that of the recording, below which the piece tells no lag."""
+"""Mean square rate of a current in a piece, in that of the recording, below which the piece shows no lag."""
 SMALLEST_RESIDUAL = 3.0
 """Whitened residual, rms of the worst piece, below which no change of lag is looked for."""
 
@@ -60,7 +60,7 @@ class Step:
 def lag_steps(run: Run) -> list[list[Step]]:
     """The changes of lag of a run by at least two of its rows, in time: the possible ones, of several or of none.
 
-    By all rows alike, and by rows as certain as they are (``Run.deviation``): friction that turns abruptly tells a lag
+    By all rows alike, and by rows as certain as they are (``Run.deviation``): friction that turns abruptly shows a lag
     best where the model has it right, and worst where it has not.
     """
     if len(run.t) < 4 * PIECE or not _worth_looking(run):

@@ -80,7 +80,7 @@ def judged(estimated: Estimated, nominal: Chain) -> Judgement:
             lever = points.lever[~placed, None]
             orientation[part] = {when: float(np.sqrt(np.mean((off[~placed] / lever) ** 2))) for when, off in both}
         left_out += _by_run(part, runs, rows, residual, outlier)
-    # a blunder is as far off before as after, and hides what becomes of the others
+    # an outlier is as far off before as after, and hides what becomes of the others
     was, now = before["held_out"].rms_inliers, after["held_out"].rms_inliers
     warnings = []
     if now >= was:
