@@ -17,7 +17,7 @@ import numpy as np
 from arm_io.types import Array
 from arm_model import Arm, EffectTerm, read_model, write_model
 from arm_model.sensing import recorded
-from arm_model.simulation.simulation import simulate
+from arm_model.simulation.simulation import simulate_at
 from daq.recording.parts import Attachments
 from daq.recording.tables.table import write_table
 
@@ -70,7 +70,7 @@ def chain(joints: int) -> Arm:
 def write(arm: Arm, path: Path, seconds: float, random: np.random.Generator) -> None:
     """One recording of the arm on a motion of its own."""
     times = np.arange(int(seconds * RATE)) / RATE
-    motion = simulate(arm, demand(arm, random), duration=seconds, rate=RATE, times=times)
+    motion = simulate_at(arm, demand(arm, random), times)
     shown = recorded(arm, motion)
     step = np.array([2 * np.pi / (4 * (joint.encoder_lines or 250) * joint.ratio) for joint in arm.joints])
     q = np.round(shown.q / np.abs(step)) * np.abs(step)

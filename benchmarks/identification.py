@@ -41,7 +41,7 @@ from arm_io.types import Array
 from arm_model.description import Arm
 from arm_model.model_file import read_model
 from arm_model.motion import Motion as Simulated
-from arm_model.simulation.simulation import simulate
+from arm_model.simulation.simulation import simulate_at
 from benchmarks import sysid_peer
 from benchmarks.report import report
 from experiment import Experiment, demand_of
@@ -161,7 +161,7 @@ def sampled(arm: Arm, experiment: Experiment, seed: int, rate: float) -> Simulat
     demand = demand_of(experiment)
     period = (1 + 50e-6 * random.standard_normal()) / rate
     times = period * (np.arange(int(demand.duration / period) - 1) + random.uniform())
-    return simulate(arm, demand, duration=demand.duration, rate=rate, times=times)
+    return simulate_at(arm, demand, times)
 
 
 def recorded(arm: Arm, run: Simulated, seed: int) -> Motion:

@@ -36,7 +36,7 @@ from arm_model.description import Arm
 from arm_model.model_file import read_model
 from arm_model.simulation.lanes import prepared
 from arm_model.simulation.servo_references import references, row_times, servo_period
-from arm_model.simulation.simulation import simulate, simulate_batch
+from arm_model.simulation.simulation import simulate, simulate_at, simulate_batch
 from arm_model.symbolic.machine_code import lanes
 from arm_model.tables.link_shapes import Cylinder
 from benchmarks import simulation_peers as peers
@@ -130,7 +130,7 @@ def against(figures: dict[str, float], puma: Arm) -> None:
 
     def at_ticks(duration: float) -> Array:
         count = int(duration / period)
-        return simulate(arm, demand, duration=duration, rate=1, times=np.arange(count) * period).qm
+        return simulate_at(arm, demand, np.arange(count) * period).qm
 
     singles: dict[str, Callable[[Arm], Callable[[Array], Array]]] = {
         "pinocchio": peers.pinocchio,

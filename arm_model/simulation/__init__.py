@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 from arm_io import lazy
 
 if TYPE_CHECKING:
-    from arm_model.simulation.servo_references import Demand, Sampled, references, servo_period
-    from arm_model.simulation.simulation import simulate, simulate_batch, system_of
+    from arm_model.simulation.servo_references import Demand, Sampled, references, row_times, servo_period
+    from arm_model.simulation.simulation import simulate, simulate_at, simulate_batch, system_of
     from arm_model.simulation.stepper import Stepper
 else:
     __getattr__ = lazy(__name__)
@@ -16,8 +16,10 @@ __all__ = [
     "Sampled",
     "Stepper",
     "references",
+    "row_times",
     "servo_period",
     "simulate",
+    "simulate_at",
     "simulate_batch",
     "system_of",
 ]

@@ -76,17 +76,20 @@ def simulate(
     *,
     duration: float,
     rate: float,
-    times: Array | None = None,
     start: Array | None = None,
     substeps: int | None = None,
 ) -> Motion:
-    """One simulation of ``duration`` s with rows at ``rate`` per second, or at ``times`` (R,) s.
+    """One simulation of ``duration`` s with rows at ``rate`` per second; see ``simulate_at``."""
+    return simulate_at(arm, demand, row_times(duration, rate), start=start, substeps=substeps)
 
-    See ``simulate_batch``.
+
+def simulate_at(
+    arm: Arm, demand: Demand, times: Array, *, start: Array | None = None, substeps: int | None = None
+) -> Motion:
+    """One simulation with rows at ``times`` (R,) s; see ``simulate_batch``.
 
     InputError where it diverges (a batch gives NaN).
     """
-    times = row_times(duration, rate) if times is None else times
     motion = simulate_batch(arm, demand, times, start=start, substeps=substeps)
     there = np.isfinite(motion.q[0]).all(axis=-1)
     if not there.all():

@@ -18,8 +18,7 @@ from arm_model import Arm, EffectTerm, Motion, write_model
 from arm_model.collision import chain_of
 from arm_model.effects.description_errors import PAYLOAD
 from arm_model.sensing import Readings, recorded
-from arm_model.simulation import Demand, servo_period
-from arm_model.simulation import simulate as run
+from arm_model.simulation import Demand, row_times, servo_period, simulate_at
 from arm_model.tables import constant_temperatures, recorded_temperatures
 from arm_model.tracking import tracked
 from armscope.api.reading import File, Source, open_recording, read_experiment, read_model
@@ -282,7 +281,7 @@ def _times(seconds: float, rate: float, arm: Arm) -> Array:
     if not 1e-3 <= rate <= 1e7:
         raise InputError("--rate", f"must be between 0.001 and 1e7 rows/s (is {rate:g})")
     _check_size(seconds, rate, arm)
-    return np.arange(int(np.floor(seconds * rate + 1e-9)) + 1) / rate
+    return row_times(seconds, rate)
 
 
 def _check_size(seconds: float, rate: float, arm: Arm) -> None:
@@ -305,7 +304,7 @@ def _without_holes(path: Path, t: Array, values: Array) -> Array:
 
 def _run(task: _Task) -> Motion:
     if task.powered:
-        return run(task.arm, task.demand, duration=float(task.times[-1]), rate=RATE, times=task.times)
+        return simulate_at(task.arm, task.demand, task.times)
     shown = task.demand(task.times)
     still = np.tile(task.demand(np.zeros(1))[0], (len(task.times), 1))
     nothing = np.zeros_like(still)

@@ -29,7 +29,7 @@ from arm_io.parallel import in_parallel
 from arm_io.types import Array
 from arm_model import Arm
 from arm_model.sensing import recorded
-from arm_model.simulation import simulate, simulate_batch
+from arm_model.simulation import simulate_at, simulate_batch
 from daq.recording import Recording
 from diagnosis.residual.comparable_rows import comparable_rows, rms_where
 from diagnosis.residual.filters import COMPARE_BAND, kept_rows, low_pass, rate_of
@@ -146,7 +146,7 @@ def _simulated(case: Case) -> tuple[Array, Array] | None:
     arm = set_up(replace(arm, effects=(*arm.effects, *run.own)), recording)
     knots, demand = recording.t, demand_of_run(recording, arm)
     try:
-        motion = simulate(arm, demand, duration=float(knots[-1]), rate=1.0 / recording.dt, times=knots - knots[0])
+        motion = simulate_at(arm, demand, knots - knots[0])
     except InputError:  # the loop is unstable
         return None
     shown = recorded(arm, motion)

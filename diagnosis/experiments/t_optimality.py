@@ -16,7 +16,7 @@ import numpy as np
 from arm_io import InputError
 from arm_io.types import Array
 from arm_model import Arm
-from arm_model.simulation import simulate
+from arm_model.simulation import simulate_at
 from diagnosis.cause import EffectKey
 from diagnosis.experiments.motions import Stage, Trial
 from diagnosis.measurements.currents.columns import columns
@@ -164,7 +164,7 @@ def predicted_run(trial: Trial, stage: Stage, noise: Array) -> Run | None:
         q, current = demand(np.zeros(len(t))), np.zeros((len(t), len(arm)))
     else:
         try:
-            motion = simulate(arm, demand, duration=float(t[-1]), rate=SIMULATED_RATE, times=t)
+            motion = simulate_at(arm, demand, t)
         except InputError:  # the simulation diverges: the motion is not feasible
             return None
         limits, q, current = stage.limits, motion.qm, motion.current

@@ -22,7 +22,7 @@ from arm_io import InputError
 from arm_io.progress import Step
 from arm_io.types import Array, Progress
 from arm_model import Arm
-from arm_model.simulation import simulate
+from arm_model.simulation import simulate_at
 from daq.recording import Recording
 from identification.conclusion.conclude import conclude
 from identification.methods.solution import settled
@@ -115,8 +115,7 @@ def simulated_motion(arm: Arm, recording: Recording, motion: Motion) -> Motion:
     InputError where it leaves the recorded motion.
     """
     demand = demand_of_run(recording, arm)
-    end, rate = float(motion.t[-1]), 1 / motion.dt
-    run = simulate(arm, demand, duration=end, rate=rate, start=motion.q[0], times=motion.t)
+    run = simulate_at(arm, demand, motion.t, start=motion.q[0])
     off = np.max(np.abs(run.qm - motion.q), axis=0) / np.maximum(np.ptp(motion.q, axis=0), 1e-9)
     moving = motion.usable.any(axis=0)
     if not np.isfinite(run.qm).all() or np.any(off[moving] > ASTRAY):

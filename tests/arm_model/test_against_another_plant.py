@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from arm_model.description import Arm, EffectTerm
-from arm_model.simulation.simulation import simulate
+from arm_model.simulation.simulation import simulate_at
 from tests.arm_model.pumas import swing
 
 pytest.importorskip("numba")
@@ -61,7 +61,7 @@ def _theirs(model: Path, hidden: tuple[Hidden, ...]) -> tuple[np.ndarray, np.nda
 def _ours(arm: Arm) -> tuple[np.ndarray, np.ndarray]:
     assert arm.controller is not None
     times = np.arange(round(DURATION / arm.controller.servo_period)) * arm.controller.servo_period
-    motion = simulate(arm, swing(6), duration=DURATION, rate=1, times=times, substeps=8)
+    motion = simulate_at(arm, swing(6), times, substeps=8)
     return motion.qm, motion.current
 
 

@@ -14,7 +14,7 @@ from arm_model.parameters import parameter
 from arm_model.rigid_body import numeric
 from arm_model.sensing import recorded
 from arm_model.simulation.servo_references import row_times
-from arm_model.simulation.simulation import simulate, simulate_batch
+from arm_model.simulation.simulation import simulate, simulate_at, simulate_batch
 from arm_model.system import dynamics
 from arm_model.tables import constant_temperatures
 from arm_model.tables.controller import Controller
@@ -76,7 +76,7 @@ def test_motor_crosses_the_gap_freely() -> None:
     arm = one_axis(EffectTerm("backlash", 1, {"half_gap": gap, "contact_stiffness": 1e5, "contact_damping": 50.0}))
     crossing = np.sqrt(2 * ROTOR * gap / 2.0)
     times = np.linspace(0, 0.98 * crossing, 30)
-    motion = simulate(arm, torque(2.0), duration=1.0, rate=1, times=times, start=np.zeros(1))  # type: ignore[arg-type]
+    motion = simulate_at(arm, torque(2.0), times, start=np.zeros(1))  # type: ignore[arg-type]
     np.testing.assert_allclose(motion.qm[:, 0], 2.0 / ROTOR * times**2 / 2, rtol=1e-6, atol=1e-12)
     np.testing.assert_allclose(motion.q, 0.0, atol=1e-15)
     later = simulate(arm, torque(2.0), duration=3.0, rate=100, start=np.zeros(1))  # type: ignore[arg-type]
@@ -107,7 +107,7 @@ def test_teeth_push_and_never_pull(series: bool) -> None:
         return np.where(t < 0.001 - 1e-9, ROTOR * speed / 0.001, 0.0)[:, None]
 
     times = np.array([0.001, 0.0014, 0.01])
-    motion = simulate(arm, pulse, duration=0.03, rate=1, times=times, start=np.zeros(1), substeps=20)
+    motion = simulate_at(arm, pulse, times, start=np.zeros(1), substeps=20)
     apart = (motion.qmd - motion.qd)[:, 0]
     np.testing.assert_allclose(apart[:2], speed, rtol=1e-6)
     assert abs((motion.qm - motion.q)[-1, 0]) < gap
@@ -177,14 +177,7 @@ def test_free_effects_agree_with_scipy(puma: Arm) -> None:
         return np.concatenate([x[3:], np.linalg.solve(mass, pull - at_rest)])
 
     exact = solve_ivp(rates, (0, 0.3), np.zeros(6), t_eval=[0.15, 0.3], rtol=1e-7, atol=1e-10)
-    ours = simulate(
-        arm,
-        lambda t: np.tile(pull / drive, (len(t), 1)),
-        duration=0.3,
-        rate=1,
-        times=np.array([0.15, 0.3]),
-        start=np.zeros(3),
-    )
+    ours = simulate_at(arm, lambda t: np.tile(pull / drive, (len(t), 1)), np.array([0.15, 0.3]), start=np.zeros(3))
     np.testing.assert_allclose(ours.q, exact.y[:3].T, rtol=2e-5, atol=1e-7)
 
 

@@ -17,7 +17,7 @@ from arm_model.moving_base.numeric import (
 from arm_model.rigid_body import kinematics
 from arm_model.rigid_body.numeric import drive_torque, rigid_torque
 from arm_model.simulation.sensitivity import sensitivities
-from arm_model.simulation.simulation import simulate, system_of
+from arm_model.simulation.simulation import simulate, simulate_at, system_of
 from arm_model.simulation.stepper import Stepper
 from arm_model.symbolic.tape import evaluate
 from arm_model.system.kernel_inputs import numbers
@@ -151,9 +151,7 @@ def test_momentum_is_kept_without_forces_whatever_the_motors_do() -> None:
     begin = np.array([0.1, -0.4, 0.3, 1.0, 2.0, 3.0, 1.0, 0.0, 0.0, 0.0, 0.2, -0.1, 0.3, 0.2, 0.1, -0.3])
     push = np.array([0.5, -0.3, 0.4])
     times = np.linspace(0.0, 2.0, 41)
-    done = simulate(
-        arm, lambda t: push * np.sin(3 * t)[:, None], duration=2.0, rate=20.0, times=times, start=begin, substeps=2
-    )
+    done = simulate_at(arm, lambda t: push * np.sin(3 * t)[:, None], times, start=begin, substeps=2)
     rows = BaseRows(done.base.attitude, done.base.velocity)
     kept = momentum_of(arm, done.base.position, rows, done.q, done.qd)
     assert np.abs(done.q[-1] - done.q[0]).max() > 0.1

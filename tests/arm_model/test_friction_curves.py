@@ -16,7 +16,7 @@ from arm_model.friction_split import split
 from arm_model.rigid_body import numeric
 from arm_model.rigid_body.friction_curve import total_at
 from arm_model.rigid_body.regressor import parameter_vector, regressor
-from arm_model.simulation import simulate, simulate_batch, system_of
+from arm_model.simulation import simulate, simulate_at, simulate_batch, system_of
 from arm_model.symbolic.printing import PYTHON, PYTHON_FUNCTIONS, assignments, shown
 from arm_model.symbolic.tape import evaluate
 from arm_model.system import dynamics
@@ -111,7 +111,7 @@ def test_a_wheel_runs_out_as_an_independent_integration_says() -> None:
         return np.where(t < 0.5, driven, 0.0)[:, None]
 
     times = np.linspace(0.0, 2.0, 41)
-    ours = simulate(Arm("wheel", (joint,)), current, duration=2.0, rate=20.0, times=times).q[:, 0]
+    ours = simulate_at(Arm("wheel", (joint,)), current, times).q[:, 0]
     theirs = solve_ivp(rate, (0, 2), [ours[0], 0.0], t_eval=times, rtol=1e-9, atol=1e-11, max_step=1e-3).y[0]
     assert np.ptp(theirs) > 0.5
     np.testing.assert_allclose(ours, theirs, atol=2e-4 * np.ptp(theirs))

@@ -17,7 +17,7 @@ from arm_model.rigid_body import numeric
 from arm_model.servo import servo_gains
 from arm_model.simulation.lanes import prepared
 from arm_model.simulation.servo_references import references, row_times
-from arm_model.simulation.simulation import simulate, simulate_batch
+from arm_model.simulation.simulation import simulate, simulate_at, simulate_batch
 from arm_model.simulation.stepper import Stepper
 from arm_model.system import dynamics
 from arm_model.tables.controller import Controller
@@ -40,7 +40,7 @@ def test_free_motion_is_scipys(seed: int, wet: bool) -> None:
 
     exact = solve_ivp(rates, (0, 0.5), np.zeros(6), t_eval=[0.1, 0.25, 0.5], rtol=1e-11, atol=1e-12, method="DOP853")
     times = np.array([0.1, 0.25, 0.5])
-    ours = simulate(arm, lambda t: np.tile(torque / drive, (len(t), 1)), duration=0.5, rate=1, times=times)
+    ours = simulate_at(arm, lambda t: np.tile(torque / drive, (len(t), 1)), times)
     np.testing.assert_allclose(ours.q, exact.y[:3].T, rtol=1e-6, atol=1e-7)
     np.testing.assert_allclose(ours.qd, exact.y[3:].T, rtol=1e-6, atol=1e-6)
 
@@ -104,7 +104,7 @@ def test_servo_is_what_the_controller_says(puma: Arm) -> None:
 
         x = solve_ivp(rates, (0, period), x, rtol=1e-9, atol=1e-12, method="DOP853").y[:, -1]
         current = command + (current - command) * np.exp(-period / 0.0004)
-    ours = simulate(arm, demand, duration=0.1, rate=1, times=np.array([ticks * period]))
+    ours = simulate_at(arm, demand, np.array([ticks * period]))
     np.testing.assert_allclose(ours.q[0], x[:3], rtol=2e-4)
     np.testing.assert_allclose(ours.current[0], current, rtol=2e-3, atol=1e-4)
 

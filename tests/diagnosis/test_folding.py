@@ -12,7 +12,7 @@ from scipy import signal
 
 import armscope
 from arm_model import Arm, EffectTerm
-from arm_model.simulation import simulate
+from arm_model.simulation import simulate, simulate_at
 from daq.recording import Recording, open_recording
 from daq.recording.parts import Attachments
 from daq.recording.tables.table import write_table
@@ -56,7 +56,7 @@ def recorded(root: Path, tmp_path: Path) -> Callable[..., list[Recording]]:
         for name in ("fit", "held_out"):
             demand = demand_of(read_experiment(root / f"config/starters/csv/{name}.toml"))
             t = (np.arange(int(demand.duration * rate) - 1) + phase) / rate
-            motion = simulate(arm, demand, duration=demand.duration, rate=rate, times=t)
+            motion = simulate_at(arm, demand, t)
             current = motion.torque / arm.joint_array("drive_constant")
             step = 2 * np.pi / COUNTS
             table = {
@@ -91,7 +91,7 @@ def _gains_of_inertia(arm: Arm, demand: Demand, rate: float, known: KnownNoise) 
     One of a tenth is named.
     """
     t = np.arange(int(demand.duration * rate)) / rate
-    motion = simulate(arm, demand, duration=demand.duration, rate=rate, times=t)
+    motion = simulate_at(arm, demand, t)
     rng, step, drive = np.random.default_rng(5), 2 * np.pi / COUNTS, arm.joint_array("drive_constant")
     current = motion.torque / drive + 1e-3 * rng.standard_normal(motion.torque.shape)
     run = residual_run("run", arm, t, np.round(motion.qm / step) * step, current, known=known)
@@ -113,7 +113,7 @@ def test_what_folds_ahead_of_the_motion_is_no_time_skew(arm: Arm, root: Path, re
     """Setpoints are some 20 ms ahead: joint 2 seemed 0.8 ms late, by 1.6 times its noise energy."""
     demand, rate = demand_of(read_experiment(root / "config/starters/csv/held_out.toml")), 500.0
     t = (np.arange(int(demand.duration * rate) - 1) + 0.5) / rate
-    motion = simulate(arm, demand, duration=demand.duration, rate=rate, times=t)
+    motion = simulate_at(arm, demand, t)
     rng, step = np.random.default_rng(5), 2 * np.pi / COUNTS
     current = motion.torque / arm.joint_array("drive_constant") + 1e-3 * rng.standard_normal(motion.torque.shape)
     known = KnownNoise(demands=demand(t) if recorded_demands else None)
@@ -177,7 +177,7 @@ def test_an_inertia_of_many_times_what_folds_is_searched_for_as_if_nothing_did(r
     for name in ("excitation", "excitation_held_out"):
         demand = demand_of(read_experiment(root / f"config/experiments/{name}.toml"))
         t = np.arange(int(15.0 * 500.0)) / 500.0
-        motion = simulate(actual, demand, duration=15.0, rate=500.0, times=t)
+        motion = simulate_at(actual, demand, t)
         current = motion.torque / drive + 2e-3 * rng.standard_normal(motion.torque.shape)
         runs.append(residual_run(name, arm, t, np.round(motion.qm / step) * step, current))
     every = [c for c in candidates(arm) if c.effect == "rotor_inertia"]

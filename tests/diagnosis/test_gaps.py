@@ -13,7 +13,7 @@ import pytest
 import armscope
 from arm_model import Arm, EffectTerm
 from arm_model.sensing import recorded
-from arm_model.simulation import simulate
+from arm_model.simulation import simulate_at
 from diagnosis.measurements.currents import chatter
 from diagnosis.measurements.currents.chatter import Judged, chattering_gaps
 from diagnosis.measurements.currents.limits import LIMITS
@@ -42,7 +42,7 @@ def _swung(arm: Arm, true: Arm, size: float, hertz: float, number: int, rate: fl
     def demand(times: np.ndarray) -> np.ndarray:
         return np.column_stack([np.interp(times, knots, one) for one in plan.T])
 
-    shown = recorded(true, simulate(true, demand, duration=float(t[-1]), rate=rate, times=t))
+    shown = recorded(true, simulate_at(true, demand, t))
     noise = NOISE * np.random.default_rng([number, 1]).standard_normal((len(t), 2))
     return residual_run(str(number), arm, t, np.round(shown.q / STEP) * STEP, shown.current + noise)
 

@@ -13,7 +13,7 @@ from scipy import signal
 import armscope
 from arm_model import Arm, EffectTerm
 from arm_model.sensing import recorded
-from arm_model.simulation import simulate
+from arm_model.simulation import simulate_at
 from daq.recording import Attachments, Recording, open_recording, write_table
 from diagnosis.measurements.currents.columns import columns
 from diagnosis.residual.filters import COMPARE_BAND, kept_rows, low_pass, motion_of
@@ -48,7 +48,7 @@ def _sampled(arm: Arm, rate: float, number: int = 0, seconds: float = 10.0) -> S
     def demand(times: np.ndarray) -> np.ndarray:
         return np.column_stack([np.interp(times, knots, one) for one in plan.T])
 
-    motion = simulate(arm, demand, duration=float(t[-1]), rate=rate, times=t)
+    motion = simulate_at(arm, demand, t)
     shown, noise = recorded(arm, motion), np.random.default_rng([number, 1]).standard_normal((len(t), 2))
     return t, np.round(shown.q / STEP) * STEP, shown.current + NOISE * noise, demand(t)
 

@@ -14,7 +14,7 @@ import pytest
 from arm_model.description import Arm
 from arm_model.model_file import read_model
 from arm_model.simulation.servo_references import Sampled
-from arm_model.simulation.simulation import simulate
+from arm_model.simulation.simulation import simulate_at
 from daq.recording import Recording, open_recording
 from daq.recording.parts import Attachments
 from daq.recording.tables.table import write_table
@@ -39,7 +39,7 @@ def runs(arm: Arm, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Record
     """One run of the servos; beside it the plan, and what they made of it."""
     demand = demand_of(design_excitation(arm, Series(12.0), candidates=160, seed=3))
     t = np.arange(int(demand.duration * RATE) - 1) / RATE
-    run = simulate(arm, demand, duration=demand.duration, rate=RATE, times=t)
+    run = simulate_at(arm, demand, t)
     random = np.random.default_rng(0)
     q = np.floor(run.qm / 1e-4 + random.uniform(0, 1, 3)) * 1e-4
     i = run.current + 0.01 * random.standard_normal(q.shape)

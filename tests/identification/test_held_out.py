@@ -15,7 +15,7 @@ import armscope
 from arm_model.description import Arm
 from arm_model.model_file import read_model
 from arm_model.parameters import with_parameters
-from arm_model.simulation.simulation import simulate
+from arm_model.simulation.simulation import simulate_at
 from daq.recording import Recording, open_recording
 from daq.recording.parts import Attachments
 from daq.recording.tables.table import write_table
@@ -54,7 +54,7 @@ def runs(arm: Arm, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Record
 def recorded(arm: Arm, experiment: Experiment, path: Path, seed: int) -> Recording:
     random, demand = np.random.default_rng(seed), demand_of(experiment)
     t = np.arange(int(demand.duration * RATE) - 1) / RATE
-    run = simulate(arm, demand, duration=demand.duration, rate=RATE, times=t)
+    run = simulate_at(arm, demand, t)
     q = np.floor(run.qm / COUNTS + random.uniform(0, 1, len(arm))) * COUNTS
     write_table(path, t, {"q": q, "i": run.current + 0.01 * random.standard_normal(q.shape)}, Attachments())
     return open_recording(path)

@@ -10,7 +10,7 @@ import pytest
 
 from arm_model.description import Arm
 from arm_model.model_file import read_model
-from arm_model.simulation.simulation import simulate
+from arm_model.simulation.simulation import simulate_at
 from daq.recording import Recording, open_recording
 from daq.recording.parts import Attachments
 from daq.recording.tables.table import write_table
@@ -45,7 +45,7 @@ def run(arm: Arm, tmp_path_factory: pytest.TempPathFactory) -> Recording:
     """The closed loop through encoders whose counters tremble by two counts, and noisy currents."""
     random = np.random.default_rng(4)
     t = (np.arange(int(DURATION * RATE) - 2) + 0.5) / RATE
-    motion = simulate(arm, demand, duration=DURATION, rate=RATE, times=t)
+    motion = simulate_at(arm, demand, t)
     counts = np.array([4 * (joint.encoder_lines or 250) * joint.ratio / (2 * np.pi) for joint in arm.joints])
     trembling = random.integers(-1, 2, motion.qm.shape) * np.isin(range(6), WRIST)
     q = (np.floor(motion.qm * counts) + trembling) / counts

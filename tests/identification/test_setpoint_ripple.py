@@ -10,7 +10,7 @@ import pytest
 
 from arm_model.description import Arm
 from arm_model.model_file import read_model
-from arm_model.simulation.simulation import simulate
+from arm_model.simulation.simulation import simulate_at
 from experiment import Experiment, demand_of
 from identification.experiment_design import Series, design_excitation
 from identification.methods.joint_by_joint import WAYS
@@ -43,7 +43,7 @@ def sampled(arm: Arm, experiment: Experiment, rate: float, phase: float, random:
     """The smooth motion of an experiment sampled so, with noise of encoders and currents."""
     demand = demand_of(experiment)
     t = (np.arange(int(demand.duration * rate) - 1) + phase) / rate
-    run = simulate(arm, demand, duration=demand.duration, rate=rate, times=t)
+    run = simulate_at(arm, demand, t)
     q = run.qm + 3e-5 * random.standard_normal(run.qm.shape)
     torque = run.torque + 0.1 * random.standard_normal(run.torque.shape)
     motion = smooth_motion(t, q, torque)

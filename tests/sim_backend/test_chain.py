@@ -9,7 +9,7 @@ import pytest
 
 from arm_model.model_file import read_model
 from arm_model.rigid_body.kinematics import link_frames
-from arm_model.simulation.simulation import simulate
+from arm_model.simulation.simulation import simulate_at
 from daq.acquisition.acquisition import Acquisition
 from daq.acquisition.rows import Rows
 from daq.rig.bench import open_bench
@@ -69,12 +69,12 @@ def test_positions_currents_and_points_are_those_of_the_same_simulation(
     arm = read_model(root / "config/models/puma560.toml")
     demand = demand_of(_experiment())
     t = (1 + rows.number) * 1e-3
-    motion = simulate(arm, demand, duration=float(t[-1]) + 0.1, rate=1000.0, times=np.append(0.0, t))
+    motion = simulate_at(arm, demand, np.append(0.0, t))
     counts_per_radian = np.array([abs(j.gear) * j.encoder_lines * 4 / (2 * np.pi) for j in arm.joints])
     assert (np.abs(rows.q - motion.qm[1:]) * counts_per_radian).max() < 1.6, "half a count of zero, one of reading"
     for joint, turns in enumerate((10, 10, 10, 20, 20, 20)):
         converted = np.append(0.0, t + joint / 83.3e3)
-        late = simulate(arm, demand, duration=float(t[-1]) + 0.1, rate=1000.0, times=converted).current[1:, joint]
+        late = simulate_at(arm, demand, converted).current[1:, joint]
         error = rows.i[:, joint] - late
         spread = 20 / turns * np.sqrt((20 / 4096) ** 2 / 12 + 0.003**2 + 0.001**2)  # converter's step, noise of both
         assert abs(error.mean()) < 0.1 * spread and error.std() == pytest.approx(spread, rel=0.1)

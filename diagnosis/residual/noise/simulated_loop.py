@@ -14,7 +14,7 @@ from arm_io import InputError
 from arm_io.types import Array
 from arm_model import Arm
 from arm_model.sensing import recorded
-from arm_model.simulation import simulate
+from arm_model.simulation import simulate_at
 from daq.recording import Recording
 from diagnosis.residual.expected_current import predicted_current
 from diagnosis.residual.filters import COMPARE_BAND, Samples, kept_rows, low_pass, rate_of
@@ -39,7 +39,7 @@ def simulated_loop(arm: Arm, recording: Recording, samples: Samples) -> Simulate
     (t, _, i), arm = samples, set_up(arm, recording)
     rate = rate_of(t)
     try:
-        motion = simulate(arm, demand_of_run(recording, arm), duration=float(t[-1] - t[0]), rate=rate, times=t - t[0])
+        motion = simulate_at(arm, demand_of_run(recording, arm), t - t[0])
         shown = recorded(arm, motion)
         expected = predicted_current(arm, t, shown.q)
     except InputError:  # the loop is unstable
