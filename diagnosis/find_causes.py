@@ -122,15 +122,19 @@ def _smoothing_velocities(found: Found) -> Found:
 
 
 def _friction_in_place(found: Found) -> Found:
-    """A law of friction near rest in the place of several causes of one joint, if it explains as much."""
+    """Laws of friction near rest in the place of other causes of their joints, if they explain as much.
+
+    They are fewer causes, or the same with all parameters.
+    """
     search, currents = found.search, found.currents
     search.progress("judging friction near rest")
     if not (laws := friction_in_place(currents, search.excluded)):
         return found
     simpler = found.again(search.with_near_rest(laws))
     fewer = len(simpler.currents.causes) + len(laws) < len(currents.causes)
+    same = {cause.key for cause in (*simpler.currents.causes, *laws)} == {cause.key for cause in currents.causes}
     as_much = simpler.currents.state.energy.held_out <= AS_MUCH * currents.state.energy.held_out
-    return simpler if fewer and as_much else found
+    return simpler if (fewer or same) and as_much else found
 
 
 def _friction_near_rest(found: Found) -> Found:

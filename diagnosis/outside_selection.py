@@ -42,14 +42,16 @@ def friction_near_rest(currents: CurrentDiagnosis, recordings: Recordings, exclu
 
 
 def friction_in_place(currents: CurrentDiagnosis, excluded: Set[EffectKey]) -> list[Cause]:
-    """Laws of friction near rest at joints where the selection chose several causes, in the place of all of these.
+    """Laws of friction near rest in the place of all that the selection chose at their joints.
 
     The selection adds one effect after the other, of columns that are linear in a coefficient. Friction that builds up
-    over a distance has none, and joints that turn often imitate it by the sum of several.
+    over a distance has none, and joints that turn often imitate it by the sum of several. Where the selection names it,
+    it has the stiffness alone: the damping shows in the closed loop, and is estimated from the passages through rest.
     """
     state = currents.state
     named = Counter(cause.joint for cause in currents.causes if cause.joint is not None)
-    joints = {joint for joint, count in named.items() if count > 1}
+    joints = {cause.joint for cause in currents.causes if cause.joint and has_state(cause.effect)}
+    joints |= {joint for joint, count in named.items() if count > 1}
     if currents.axis or not currents.library or not joints:
         return []
     found = list[Cause]()
