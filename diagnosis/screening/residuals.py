@@ -34,6 +34,7 @@ from diagnosis.screening.lost_rows.lost_triggers import (
     unmeasured,
 )
 from diagnosis.screening.lost_rows.skipped_rows import Hole, without_skipped
+from identification.preprocessing import Setpoints
 
 MATTERS = 0.7
 """Share of its error that a recording may keep when a long gap is put right: its currents were far from their rows."""
@@ -67,13 +68,21 @@ def residuals_of(arm: Arm, screened: Screened, progress: Progress = lambda sente
     progress("computing residuals")
     arms, nothing = [set_up(arm, recording) for recording in screened.recordings], np.zeros(0)
 
+    known = list(screened.known_noise)
+
     def residual(k: int) -> Run:
         name, powered = screened.recordings[k].path.name, not setup_of(screened.recordings[k]).drives_off
-        run = residual_run(name, arms[k], *screened.samples[k], powered=powered, known=screened.known_noise[k])
+        run = residual_run(name, arms[k], *screened.samples[k], powered=powered, known=known[k])
         # raw rows are here already
         return replace(run, raw=(nothing, nothing))
 
     computed = in_parallel(residual, range(len(arms)))
+    if (setpoints := of_one_host([run.setpoints for run in computed])) is not None:
+        silent = [k for k, run in enumerate(computed) if run.powered and not run.setpoints.period]
+        for k in silent:
+            known[k] = replace(known[k], setpoints=setpoints)
+        for k, run in zip(silent, in_parallel(residual, silent)):
+            computed[k] = run
     # the arm itself, of which recordings of one setup have the same
     runs = [
         replace(run, raw=(t, smoothed(q, rate_of(t), run.angle_band)), arm=own_arm)
@@ -84,9 +93,17 @@ def residuals_of(arm: Arm, screened: Screened, progress: Progress = lambda sente
     holes, blanks = screened.holes, screened.blanks
     runs = [unweighted(without_skipped(run, left_out), blank) for run, left_out, blank in zip(runs, holes, blanks)]
     periods = [r.dt for r in screened.recordings]
-    return realigned(
-        Residuals(screened.events, runs, screened.samples, periods, screened.known_noise, holes, blanks), []
-    )
+    return realigned(Residuals(screened.events, runs, screened.samples, periods, known, holes, blanks), [])
+
+
+def of_one_host(found: Sequence[Setpoints]) -> Setpoints | None:
+    """The setpoints that the currents of some recordings show, which come as often in all others; None: none do.
+
+    One host sends them all. A recording whose joints hardly accelerate does not show them, but has the same share of an
+    inertia folded. Of several periods the longest: currents may show a part of it.
+    """
+    shown = [one for one in found if one.source == "currents" and one.period]
+    return max(shown, key=lambda one: one.period, default=None)
 
 
 def realigned(residuals: Residuals, terms: Sequence[EffectTerm]) -> Residuals:

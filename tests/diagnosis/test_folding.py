@@ -13,6 +13,7 @@ from scipy import signal
 import armscope
 from arm_model import Arm, EffectTerm
 from arm_model.simulation import simulate, simulate_at
+from arm_model.system import inverse_dynamics
 from daq.recording import Recording, open_recording
 from daq.recording.parts import Attachments
 from daq.recording.tables.table import write_table
@@ -25,7 +26,9 @@ from diagnosis.measurements.currents.state import State
 from diagnosis.residual.generation import residual_run
 from diagnosis.residual.noise.channels import NOTHING_KNOWN, KnownNoise
 from diagnosis.residual.run import Run
+from diagnosis.screening.cleaned import screened
 from diagnosis.screening.mains_hum import lines_near_mains, mains_hum, other_lines
+from diagnosis.screening.residuals import residuals_of
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.unseen_inertia import setpoints_unknown
 from diagnosis.verification.beyond_folding import beyond_folding, resolved
@@ -273,6 +276,24 @@ def test_an_inertia_that_all_joints_lack_alike_was_folded_there(root: Path) -> N
     runs = with_folding([run for part in state.data for run in part.runs], share)
     assert _searched(runs).chosen == ()
     assert not any(setpoints_unknown(run) for run in runs)
+
+
+def test_setpoints_that_one_recording_shows_come_as_often_in_all_others(
+    arm: Arm, recorded: Callable[..., list[Recording]], tmp_path: Path
+) -> None:
+    """One whose joints hardly accelerate shows none: inertias that sampling had put into the others were confirmed."""
+    bare, t = replace(arm, controller=None), np.arange(4000) / 500.0
+    sway = 0.05 * np.sin(0.6 * t)[:, None] * np.ones(len(arm))
+    noise = 0.01 * np.random.default_rng(3).standard_normal((2, *sway.shape))
+    current = inverse_dynamics(bare, sway, 0.6 * 0.05 * np.cos(0.6 * t)[:, None] + 0.0 * sway, -0.36 * sway)
+    table = {"q": sway + 1e-5 * noise[0], "i": current / arm.joint_array("drive_constant") + noise[1]}
+    write_table(tmp_path / "slow.mcap", t, table, Attachments())
+    shown, slow = recorded(arm, 500.0, 0.0)[0], open_recording(tmp_path / "slow.mcap")
+    (alone,) = residuals_of(bare, screened(bare, [slow])).runs
+    assert not alone.setpoints.period
+    beside = residuals_of(bare, screened(bare, [shown, slow])).runs
+    assert [run.setpoints.period for run in beside] == pytest.approx([0.01, 0.01])
+    assert beside[1].folded.any()
 
 
 def test_inertias_of_other_shares_are_not_folded(root: Path) -> None:
