@@ -207,6 +207,23 @@ def test_a_law_must_leave_less_than_the_smoothing_velocity_that_fits_all_recordi
     assert friction_causes(Split([few], [long]), (), (), ()).causes == []
 
 
+def test_a_hump_at_which_one_recording_creeps_is_named_although_no_other_predicts_its_size() -> None:
+    """Predicted from the few rows of the others, it left half of what another smoothing velocity leaves."""
+    rng, hump = np.random.default_rng(4), _hump(3.0, 0.05)
+    few = [_swings(f"few {k}", rng, hump, 6.0, 1.0, 4.0) for k in range(2)]
+    t = np.arange(0.0, 16.0, 1 / RATE)
+    v = np.where(t < 8.0, 0.03, -0.05) * (np.abs(t - 8.0) > 1.0) * (t > 1.0)
+    v = np.convolve(v, np.hanning(100) / np.hanning(100).sum(), "same")
+    q, a = np.cumsum(v) / RATE, np.gradient(v, 1 / RATE)
+    i = ROTOR * a + VISCOUS * v + hump(v, t) + NOISE * rng.normal(size=len(t))
+    creeps = residual_run("creeps", _axis(), t, np.round(q / COUNT)[:, None] * COUNT, i[:, None])
+    (cause,) = friction_causes(Split(few, [creeps]), (), (), ()).causes
+    assert cause.key == ("stribeck_friction", 1)
+    found = {p.name: p for p in cause.parameters}
+    for name, true in (("breakaway", 3.0), ("stribeck_velocity", 0.05)):
+        assert abs(found[name].value - true) < 2 * found[name].std < 0.5 * true, name
+
+
 def _dry(stiffness: float) -> Rubbing:
     return lambda v, t: built_up(v, COULOMB, stiffness, RATE)
 

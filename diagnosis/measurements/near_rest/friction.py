@@ -3,8 +3,9 @@
 Reversals and creeping are a few moments of a recording, and few blocks of the held-out ones. Every recording, fitted or
 held out, is therefore predicted from all the others: trials and coefficients come from these, and each passage through
 rest is judged by what it gains. A law of friction near rest is named if it leaves at most a share of what another
-smoothing of the model's own friction leaves, if that is above the noise, and if the passages agree. What it must beat
-is fitted to all recordings: predicted by the few rows of one, it may leave more of a long one than the model itself.
+smoothing of the model's own friction leaves, if that is above the noise, and if the passages agree. For that share,
+both are fitted to all recordings: predicted by the few rows of one, a law may leave more of a long one than the model
+itself.
 """
 
 from __future__ import annotations
@@ -163,13 +164,15 @@ def _law_of(
 ) -> Cause | None:
     """The first of the ``laws``, if it explains the passages, better than another smoothing and what it resembles."""
     best, joint = laws[0], every[0].joint
+    # fitted to all recordings, as what it must beat is: one recording alone may creep, and predict none of the others
+    energy = in_sample(every, best.law).energy
     chance = p_value(_gains(every, smooth, best))
-    if best.energy > LIMITS.left * smooth.energy or chance * tests > LIMITS.significant:
+    if energy > LIMITS.left * smooth.energy or chance * tests > LIMITS.significant:
         return None
     if not _rises(every, best.law):
         return None
     rivals = in_sample(every, confused(every, joint, library)) if library else None
-    if rivals is not None and rivals.energy < LIMITS.tie * best.energy:
+    if rivals is not None and rivals.energy < LIMITS.tie * energy:
         return None
     as_well = [one for one in laws[1:] if one.energy < LIMITS.tie * best.energy]
     return _cause(every, joint, (smooth, best, as_well), min(1.0, chance * tests))
