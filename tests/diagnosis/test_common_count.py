@@ -56,7 +56,7 @@ def test_rows_that_every_recording_lost_are_found_by_all_together(root: Path, co
         assert abs(loss.row - ROW) < 3 * loss.row_std
 
 
-@pytest.mark.parametrize("count", [6, -5])
+@pytest.mark.parametrize("count", [6, -5, 9])
 def test_a_joint_that_hardly_tells_one_number_from_the_next_is_no_contradiction(root: Path, count: int) -> None:
     runs = [_run(root, seed, (count, count), noise=(0.003, 0.02)) for seed in range(6)]
     assert _common(runs) == count

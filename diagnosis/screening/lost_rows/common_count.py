@@ -24,10 +24,14 @@ from diagnosis.screening.lost_rows.lag_change import COLOURED, FILTERED, mean_ti
 
 Index = NDArray[np.intp]
 
-LONGEST = 0.012
-"""s: longest change that is looked for here."""
+LONGEST = 0.02
+"""s: longest change that is looked for here, as far as the path of lags (``lag_path``) does not show it ..."""
+MOST = 24
+"""... and its most rows."""
+LONGEST_SKEW = 0.012
+"""s: longest time skew that all recordings may have besides."""
 SKEWS = 0.002
-"""s between the time skews that all recordings may have besides; about them, the lag of each joint is free."""
+"""s between the skews that are tried; about them, the lag of each joint is free."""
 SURE = 24.5
 """Evidence for the number in all recordings: seven std."""
 OTHERS = 8.0
@@ -83,11 +87,12 @@ class _Losses:
 
 def common_count(runs: Sequence[Run], periods: Sequence[float]) -> CommonCount | None:
     """The number of rows that several recordings lost alike; None where they do not show one."""
-    longest = int(LONGEST / max(periods, default=np.inf))
+    longest = min(int(LONGEST / max(periods, default=np.inf)), MOST)
     if len(runs) < RECORDINGS or longest == 0 or not all(len(run.t) >= FEWEST for run in runs):
         return None
     step = max(1, round(SKEWS / max(periods)))
-    skews, counts = step * np.arange(-(longest // step), longest // step + 1), np.arange(-longest - 1, longest + 2)
+    side = int(LONGEST_SKEW / max(periods)) // step
+    skews, counts = step * np.arange(-side, side + 1), np.arange(-longest - 1, longest + 2)
     losses = [_losses(run, period, skews, counts) for run, period in zip(runs, periods)]
     joints = np.ones(runs[0].current.shape[1])
     evidence = _evidence(losses, joints)
