@@ -17,6 +17,7 @@ from diagnosis.closed_loop.clear_errors import PARTS
 from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.remainder.against_noise import ratios
 from diagnosis.remainder.of_identification import AllowedResidual
+from diagnosis.residual.comparable_rows import noise_compared
 from diagnosis.result import Diagnosis
 from identification.selection import Split
 
@@ -83,7 +84,7 @@ def remaining(result: Diagnosis) -> list[Remaining]:
     }
     in_loop = {}
     for (part, of_part), pairs in zip(runs.items(), result.closed_loops) if result.in_closed_loop else ():
-        noise = np.mean([run.loop_noise for run in of_part], axis=0)
+        noise = np.mean([noise_compared(run, run.loop_noise) for run in of_part], axis=0)
         errors = [after.error_rms("current") ** 2 for _, after in pairs]
         in_loop[part] = np.sqrt(np.mean(errors, axis=0)) / noise if errors else np.zeros(len(result.arm))
     return [

@@ -11,6 +11,7 @@ from arm_io.types import Array
 from diagnosis.measurements.currents.design_matrix import dataset_of
 from diagnosis.remainder.against_noise import ratios
 from diagnosis.remainder.predictable import predictable
+from diagnosis.residual.comparable_rows import noise_compared
 from diagnosis.result import Diagnosis
 from identification.selection import Split
 
@@ -26,7 +27,7 @@ def _currents(result: Diagnosis) -> list[dict[str, Any]]:
     """In closed loop, or else along the measured motion; with the residual's ratio to the noise, and structure."""
     in_loop = result.in_closed_loop
     errors = _of_loop(result, "current") if in_loop else result.along_motion
-    noise = np.mean([run.noise for run in result.held_out], axis=0)
+    noise = np.mean([noise_compared(run, run.noise) for run in result.held_out], axis=0)
     rows = _of_joints(result, "current", "A", errors, noise, "demands" if in_loop else "measured motion")
     if not result.judged:
         return rows

@@ -31,6 +31,15 @@ def comparable_rows(run: Run) -> NDArray[np.bool_]:
     return rows
 
 
+def noise_compared(run: Run, noise: Array) -> Array:
+    """(n,) A: the ``noise`` (n,) A of a run's instruments, above which errors over its rows by ``rms_where`` are found.
+
+    Of a joint that creeps or stands throughout, all rows are compared: it has the std of friction near rest.
+    """
+    known = comparable_rows(run).any(axis=0)
+    return np.where(known, noise, np.maximum(noise, np.median(run.deviation, axis=0)))
+
+
 def rest_friction(arm: Arm) -> Array:
     """(n,) A: friction of every joint at rest, of its larger direction.
 

@@ -12,9 +12,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import signal
 
+from arm_model import Arm
 from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.measurements.currents.structure.noise_ratio import largest_of_noise
+from diagnosis.residual.comparable_rows import comparable_rows, noise_compared
 from diagnosis.residual.filters import COMPARE_BAND, low_pass
+from diagnosis.residual.generation import residual_run
 from diagnosis.residual.noise.channels import (
     angle_noise,
     angle_scatter,
@@ -23,6 +26,7 @@ from diagnosis.residual.noise.channels import (
     scatter,
     still_noise,
 )
+from tests.diagnosis.one_axis import currents, vertical_joint
 
 RATE, ROWS = 1000.0, 15000
 
@@ -162,3 +166,17 @@ def test_slow_noise_exceeds_its_limit_in_a_second_as_seldom_as_in_five(monkeypat
 def test_no_stand_tells_nothing() -> None:
     moving = _angle()[600:]
     assert np.all(still_noise([Rows(moving, moving)]) == 0.0)  # type: ignore[list-item]
+
+
+@pytest.mark.parametrize(("speed", "creeps"), [(0.005, True), (0.5, False)])
+def test_an_error_of_a_joint_that_only_creeps_is_above_what_friction_may_do_there(speed: float, creeps: bool) -> None:
+    """A twentieth of its friction was printed as 7 times the noise of the transducer, beside ``consistent``."""
+    arm, rng = Arm("axis", (vertical_joint(2.0, 10.0, 5.0, 0.01),)), np.random.default_rng(1)
+    t = np.arange(4000) / 500.0
+    q = speed * t[:, None]
+    i = currents(arm, q, np.full_like(q, speed), np.zeros_like(q)) + 0.1 * rng.normal(size=q.shape)
+    run = residual_run("run", arm, t, q + 1e-5 * rng.normal(size=q.shape), i)
+    assert comparable_rows(run).any() != creeps
+    (noise,) = noise_compared(run, run.noise)
+    assert noise == pytest.approx(float(np.median(run.deviation) if creeps else run.noise[0]), rel=0.1)
+    assert (noise > 10.0 * run.noise[0]) == creeps
