@@ -82,7 +82,26 @@ def for_analysis(*groups: Source | Sequence[Source], **bounds: Any) -> list[list
             raise InputError(one.path, f"has {len(one)} rows; several seconds of motion are needed")
         if one.model is not None and _floats(one.model):
             raise InputError(one.path, "was recorded on a floating base; give its own model (docs/underwater.md)")
+    _check_one_unit([recording for group in groups_read for recording in group])
     return groups_read
+
+
+def _check_one_unit(recordings: Sequence[Recording]) -> None:
+    """InputError where a joint has a current in one recording and a torque in another: all its parameters would differ.
+
+    A unit that a table did not say ("drive") agrees with any.
+    """
+    first: dict[int, tuple[str, Path]] = {}
+    for recording in recordings:
+        for number in range(1, len(recording.layout.joints) + 1):
+            unit = recording.current_unit(number)
+            before, where = first.setdefault(number, (unit, recording.path)) if unit != "drive" else (unit, None)
+            if unit != before:
+                raise InputError(
+                    recording.path,
+                    f"has i{number} in {unit}, {where} has it in {before}; must be in one unit: import the table again "
+                    "with --rig, by whose model torques become currents, or with a mapping with [scale] and [units]",
+                )
 
 
 def check_distinct(fitted: Sequence[Recording], held_out: Sequence[Recording]) -> None:

@@ -65,3 +65,22 @@ def test_objects_that_are_no_recordings_are_told_what_to_do(tmp_path: Path) -> N
     for table, told in ((np.zeros((10, 5)), "is ndarray"), (tmp_path / "poses.xlsx", "save its sheet as CSV")):
         with pytest.raises(armscope.InputError, match=told):
             armscope.calibrate(table, arm)  # type: ignore[arg-type]
+
+
+def test_recordings_in_two_units_are_not_analysed_together(tmp_path: Path) -> None:
+    """Torques in N m beside currents in A: ``compare`` called every joint's current 87 % smaller, with 94 changes."""
+    columns = {"t": "t", "q": "q{1}", "i": "i{1}"}
+    for name, unit in (("torques", "N m"), ("amperes", "A"), ("milliamperes", "mA")):
+        mapping = {"columns": columns, "units": {"i": unit}}
+        armscope.import_table(frame(), tmp_path / f"{name}.mcap", mapping=mapping)
+    armscope.import_table(frame(), tmp_path / "unsaid.mcap")
+    one, other = tmp_path / "torques.mcap", tmp_path / "amperes.mcap"
+    line = r"amperes.mcap: has i1 in A, .*torques.mcap has it in N m; must be in one unit"
+    with pytest.raises(armscope.InputError, match=line):
+        armscope.compare(one, other, "config/models/scara.toml")
+    for tried in (armscope.identify, armscope.diagnose):
+        with pytest.raises(armscope.InputError, match=line):
+            tried(one, "config/models/scara.toml", held_out=other)
+    for agreeing in ("milliamperes", "unsaid"):  # refused, but for something else
+        with pytest.raises(armscope.InputError, match="has 2 joints, the model|must be two recordings"):
+            armscope.compare(other, tmp_path / f"{agreeing}.mcap", "config/models/scara.toml")
