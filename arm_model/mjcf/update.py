@@ -87,12 +87,12 @@ def _inertial(reading: Reading, link: int, was: Joint, now: Joint) -> list[str]:
     for one in fixed:
         own = own - transform(one.parameters, back @ one.pose)
     mass, _, inertia = about_com(own)
-    if mass <= 0 or unphysical(mass, inertia):
+    if wrong := "mass is zero" if mass == 0 else unphysical(mass, inertia):
         if any(one.moves and np.any(one.parameters) for one in fixed):
             raise InputError(
                 reading.tree.path,
-                f"body {main.node.name!r}: {now.mass:.4g} kg are not possible for it and what moves on it; "
-                "write the arm as .toml",
+                f"body {main.node.name!r}: {now.mass:.4g} kg are not possible for it and what moves on it: "
+                f"without that its {wrong}; write the arm as .toml",
             )
         for one in fixed:
             if np.any(one.parameters):

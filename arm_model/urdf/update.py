@@ -33,7 +33,8 @@ def update_urdf(original: str | Path, arm: Arm, out: str | Path, *, tip: str | N
     text = XmlText(original, read_file(original))
     names, of_model = [joint.name for joint in before.joints], [joint.name for joint in arm.joints]
     if names != of_model:
-        raise InputError(original, f"has the joints {', '.join(names)}; the model has {', '.join(of_model)}")
+        shorter = "; --tip LINK names the arm's last link" if set(of_model) < set(names) else ""
+        raise InputError(original, f"has the joints {', '.join(names)}; the model has {', '.join(of_model)}{shorter}")
     changed: list[str] = []
     for was, now in zip(before.joints, arm.joints):
         element = text.root.named("joint", now.name)
@@ -81,13 +82,13 @@ def _inertial(text: XmlText, element: Element, was: Joint, now: Joint, names: Se
     inertial = _read_inertial(link)
     own = total - (old - inertial)
     mass, _, inertia = about_com(own)
-    if mass < 0 or unphysical(mass, inertia):
+    if wrong := unphysical(mass, inertia):
         hung = _hung_on(text, link.attributes["name"], names)
         if any(moves for _, moves in hung):
             raise InputError(
                 text.path,
-                f"link {link.attributes['name']!r}: {now.mass:.4g} kg are not possible for it and what moves on it; "
-                "write the arm as .toml",
+                f"link {link.attributes['name']!r}: {now.mass:.4g} kg are not possible for it and what moves on it: "
+                f"without that its {wrong}; write the arm as .toml",
             )
         for fixed, _ in hung:
             _set_inertial(text, fixed, np.zeros(10))

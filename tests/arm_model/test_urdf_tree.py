@@ -168,10 +168,12 @@ def test_an_identified_mass_comes_back_beside_fingers(tmp_path: Path) -> None:
     update_urdf(path, replace(arm, joints=(arm.joints[0], fore)), tmp_path / "out.urdf")
     back = read_urdf(tmp_path / "out.urdf").joints[1]
     assert back.mass == pytest.approx(fore.mass) and back.com == pytest.approx(fore.com)
-    with pytest.raises(InputError, match=r"link 'fore': 0.03 kg are not possible for it and what moves on it"):
+    with pytest.raises(InputError, match=r"link 'fore': 0.03 kg are not possible .*: without that its mass -0"):
         light = replace(arm.joints[1], mass=0.03)
         update_urdf(path, replace(arm, joints=(arm.joints[0], light)), tmp_path / "light.urdf")
     assert not (tmp_path / "light.urdf").exists()
+    with pytest.raises(InputError, match=r"the model has \w+; --tip LINK names the arm's last link$"):
+        update_urdf(path, replace(arm, joints=arm.joints[:1]), tmp_path / "short.urdf")
 
 
 def test_an_identified_mass_comes_back_beside_a_camera(tmp_path: Path) -> None:
