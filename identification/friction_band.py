@@ -16,8 +16,10 @@ from identification.regression.uncertainty import FitUncertainty
 
 SMEARED = 1.5
 """Times the lowest speed: below, a joint has just reversed, and filters smear what friction did there."""
+LOWEST = 1e-3
+"""Share of the highest speed, below which no band of a straight line begins."""
 STRAIGHT = 10
-"""Speeds at which a straight line is given."""
+"""Speeds at which a straight line is given, each the same factor apart: the lowest differ most in their std."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,11 +64,12 @@ def bands_of(problem: Problem, arm: Arm, uncertainty: FitUncertainty) -> list[Fr
     bands = []
     for j, joint in enumerate(arm.joints):
         v = np.concatenate([np.abs(motion.qd[motion.certain[:, j], j]) for motion in problem.motions])
-        if not len(v):
+        if not v.any():
             continue
         curve = joint.friction_curve
-        low, high = float(np.quantile(v, 0.01)), float(v.max())
-        speed = np.linspace(low, high, STRAIGHT) if curve is None else np.array(curve.speed)
+        high = float(v.max())
+        low = max(float(np.quantile(v, 0.01)), LOWEST * high)
+        speed = np.geomspace(low, high, STRAIGHT) if curve is None else np.array(curve.speed)
         same = problem.friction == "symmetric" and joint.coulomb[0] == joint.coulomb[1]
         for direction in (1,) if same else (1, -1):
             rows = friction_at(problem.arm, names, j, speed, direction)

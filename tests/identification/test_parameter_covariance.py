@@ -98,3 +98,19 @@ def test_a_friction_curve_from_standstill_has_a_band(first: float) -> None:
     problem = SimpleNamespace(arm=arm, base=base, columns=[0], motions=[motion], friction="symmetric")
     band, *_ = bands_of(problem, arm, SimpleNamespace(covariance=np.array([[1e-6]])))  # type: ignore[arg-type]
     assert np.isfinite(band.std).all() and 1.0 < band.std[0] < 2.1 and band.std[-1] < 0.1
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("slowest", [0.0, 0.03])
+def test_the_band_of_a_straight_line_is_as_wide_as_friction_near_its_lowest_speed_only(slowest: float) -> None:
+    """Speeds at equal distances, 0.2 rad/s here: on a logarithmic axis that was a triangle."""
+    arm = Arm(name="a", joints=(Joint(coulomb=(2.0, 2.0)),))
+    qd = np.r_[np.full(100, slowest), np.linspace(0.05, 2.0, 200)][:, None]
+    motion = SimpleNamespace(qd=qd, certain=np.ones_like(qd, bool))
+    base = SimpleNamespace(names=["joint1.viscous"])
+    problem = SimpleNamespace(arm=arm, base=base, columns=[0], motions=[motion], friction="symmetric")
+    (band,) = bands_of(problem, arm, SimpleNamespace(covariance=np.array([[1e-6]])))  # type: ignore[arg-type]
+    assert band.std[0] > 1.0
+    assert np.interp(np.log(5 * band.speed[0]), np.log(band.speed), band.std) < 0.1
+    still = SimpleNamespace(qd=0.0 * qd, certain=motion.certain)
+    assert bands_of(SimpleNamespace(**{**vars(problem), "motions": [still]}), arm, SimpleNamespace()) == []  # type: ignore[arg-type]
