@@ -220,7 +220,7 @@ def _by_run(part: str, runs: Sequence[Run], rows: Sequence[Index], residual: Arr
         if len(here):
             distance = np.linalg.norm(residual[first + here], axis=1) / (run.lever or 1.0)
             row = which[here] if run.file_row is None else run.file_row[which[here]]
-            found.append(LeftOut(part, run.name, row + 1, distance))
+            found.append(LeftOut(part, run.name, row + 1, distance, oriented=bool(run.lever)))
         first += len(which)
     return found
 

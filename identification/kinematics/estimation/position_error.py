@@ -42,13 +42,15 @@ class LeftOut:
     part   "fit": they were left out of the fit; "held_out": they are far off by the robust scale of the others. Every
            rms but ``PositionError.rms_inliers`` counts them.
     rows   (k,) rows of the run, from 1
-    distance  (k,) m from the calibrated model
+    distance  (k,) from the calibrated model: m, or rad of orientations
+    oriented  whether they are orientations of a target
     """
 
     part: str
     run: str
     rows: Index
     distance: Array
+    oriented: bool = False
 
     @property
     def why(self) -> str:

@@ -106,7 +106,7 @@ def _orientation(table: dict[str, Any]) -> str:
     if not (rms := table["orientation_rms"].get("held_out")):
         return ""
     before, after = 1e3 * rms["before"], 1e3 * rms["after"]
-    return f" The orientation error was {before:.3g} mrad rms per coordinate, and is {after:.3g}."
+    return f" The orientation error was {before:.3g} mrad rms per coordinate, and is {after:.3g} mrad."
 
 
 def _error_table(table: dict[str, Any]) -> Markup:
@@ -149,7 +149,7 @@ def _budget(table: dict[str, Any]) -> Markup:
     rows.append(["expanded uncertainty", f"k = {known['coverage_factor']:g}", "", "", _mm(known["expanded"])])
     rows.append(["distance in space", "95 % of the points are nearer", "", "", _mm(known["in_space"])])
     head = ["source", "from", "type", "degrees of freedom", "per coordinate"]
-    return arm_report.table(rows, head, (3, 4))
+    return arm_report.table(rows, head, (3, 4), stacked=True)
 
 
 def _repeated(table: dict[str, Any]) -> Markup | None:
@@ -168,7 +168,8 @@ def _repeated(table: dict[str, Any]) -> Markup | None:
 
 def _left_out(table: dict[str, Any]) -> list[str]:
     return [
-        f"{one['run']} row {row}: {_mm(distance)} off, {one['why']}"
+        f"{one['run']} row {row}: {1e3 * distance:.4g} {'mm' if one['quantity'] == 'position' else 'mrad'} off, "
+        f"{one['why']}"
         for one in table["left_out"]
         for row, distance in list(zip(one["rows"], one["distance"]))[:_LISTED]
     ]

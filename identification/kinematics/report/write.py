@@ -233,6 +233,7 @@ def _left_out(one: LeftOut) -> dict[str, Any]:
         "part": one.part,
         "run": one.run,
         "rows": [int(row) for row in one.rows],
+        "quantity": "orientation" if one.oriented else "position",
         "distance": [float(d) for d in one.distance],
         "why": one.why,
     }

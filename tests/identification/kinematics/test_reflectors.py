@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 from pathlib import Path
 
@@ -137,6 +138,14 @@ def test_orientations_are_fitted_with_their_own_noise(tmp_path: Path) -> None:
     assert table["orientation_rms"]["held_out"]["after"] == pytest.approx(5e-5, rel=0.4)
     assert table["orientation_rms"]["held_out"]["before"] > 1e-3
     assert table["position_error"]["held_out"]["after"]["points"] == 40
+    assert table["left_out"] == []
+    turns[7] = turns[7] * Rotation.from_rotvec([0.0, 4e-3, 0.0])
+    values = turns.as_quat()[:, [3, 0, 1, 2]]
+    wrong = estimated(tmp_path, saved(tmp_path / "p.csv", f"{ANGLES},x,y,z,{head}", q, xyz, values))
+    left = [one for one in wrong.to_json()["left_out"] if one["part"] == "fit"]
+    assert [(one["quantity"], one["rows"]) for one in left] == [("orientation", [8])]
+    wrong.write(tmp_path / "out")
+    assert re.search(r"p\.csv orientation row 8: 4\.?\d* mrad off", (tmp_path / "out/report.html").read_text())
     # its frame on the link, with the arm's own orientation error of the last links
     turn = Rotation.from_matrix(np.array(table["targets"][0]["pose"])[:3, :3])
     assert (turn.inv() * AIM).magnitude() < 0.03
@@ -277,7 +286,7 @@ def test_the_page_leads_with_the_errors_of_positions_and_orientations() -> None:
     }
     said, refuted = headline(table)
     assert not refuted
-    assert said.endswith("The orientation error was 7.43 mrad rms per coordinate, and is 0.125.")
+    assert said.endswith("The orientation error was 7.43 mrad rms per coordinate, and is 0.125 mrad.")
     assert "orientation" not in headline(table | {"orientation_rms": {}})[0]
     assert "0.04 mm, as stated." in headline(table | {"point_std": 4e-5})[0]
 
