@@ -94,6 +94,11 @@ class Panel:
     names: tuple[str, ...] = ()
     linear: float | None = None
 
+    @property
+    def whole(self) -> bool:
+        """Whether every x is a whole number, such as that of a row: then the ticks are, too."""
+        return all(bool(np.all(np.isnan(one.x) | (one.x % 1.0 == 0.0))) for one in self.series)
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Chart:

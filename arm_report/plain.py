@@ -116,6 +116,7 @@ def _panel(panel: Panel, arrays: Arrays, points: int) -> Table:
         "equal": panel.equal,
         "names": panel.names,
         "linear": panel.linear,
+        "whole": panel.whole,
         "series": [_series(one, panel, arrays, points) for one in panel.series if len(one.y)],
     }
 

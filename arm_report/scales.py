@@ -22,13 +22,14 @@ ROOM = 0.04
 
 @dataclass(frozen=True, kw_only=True)
 class Scale:
-    """An axis from ``low`` to ``high``; log, dates and linear as in ``arm_report.chart.Panel``."""
+    """An axis from ``low`` to ``high``; log, dates, linear and whole as in ``arm_report.chart.Panel``."""
 
     low: float
     high: float
     log: bool = False
     linear: float | None = None
     dates: bool = False
+    whole: bool = False
 
     def place(self, values: Array | float) -> Array:
         """Share of the axis at which values lie: 0 at ``low``, 1 at ``high``; NaN where it has no place for them."""
@@ -55,7 +56,7 @@ class Scale:
         elif self.dates:
             return [(x, _date(x, self.high - self.low)) for x in _multiples(self.low, self.high, most, dates=True)]
         else:
-            values = _multiples(self.low, self.high, most, dates=False)
+            values = _multiples(self.low, self.high, most, dates=False, finest=1.0 if self.whole else 0.0)
         return [(x, written(x)) for x in values if self.low <= x <= self.high]
 
 
@@ -65,11 +66,17 @@ def written(value: float) -> str:
 
 
 def scale_of(
-    values: list[Array], stated: tuple[float, float] | None, *, log: bool, linear: float | None, dates: bool
+    values: list[Array],
+    stated: tuple[float, float] | None,
+    *,
+    log: bool,
+    linear: float | None,
+    dates: bool,
+    whole: bool = False,
 ) -> Scale:
     """The axis that shows these values, or the range stated for it."""
     low, high = stated if stated is not None and stated[0] < stated[1] else _range(values, log=log)
-    return Scale(low=low, high=high, log=log, linear=linear, dates=dates)
+    return Scale(low=low, high=high, log=log, linear=linear, dates=dates, whole=whole)
 
 
 def _range(values: list[Array], *, log: bool) -> tuple[float, float]:
@@ -85,9 +92,9 @@ def _range(values: list[Array], *, log: bool) -> tuple[float, float]:
     return low - room, high + room
 
 
-def _multiples(low: float, high: float, most: int, *, dates: bool) -> list[float]:
-    """Multiples of the smallest round step of which at most ``most`` fit."""
-    least = (high - low) / max(most, 1)
+def _multiples(low: float, high: float, most: int, *, dates: bool, finest: float = 0.0) -> list[float]:
+    """Multiples of the smallest round step, not below ``finest``, of which at most ``most`` fit."""
+    least = max((high - low) / max(most, 1), finest)
     if dates:
         doubled = DATE_STEPS[-1] * 2.0 ** max(0, math.ceil(math.log2(max(least / DATE_STEPS[-1], 1.0))))
         step = next((one for one in DATE_STEPS if one >= least), doubled)

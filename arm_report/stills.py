@@ -114,6 +114,7 @@ def _scales(panel: Panel) -> tuple[Scale, Scale]:
         log=panel.log_x,
         linear=panel.linear,
         dates=panel.dates,
+        whole=panel.whole,
     )
     if panel.names:
         return x, Scale(low=len(panel.names) - 0.5, high=-0.5)

@@ -117,7 +117,8 @@ class PanelView {
     const decades = (_, ticks) => ticks.map((v) => (v === null || Math.abs(Number(v.toPrecision(1)) / v - 1) > 1e-6 ? "" : digits(v)));
     // uPlot's own ticks never end where an axis begins shortly before a power of ten, and it writes powers of ten alone
     const ticksX = panel.log_x ? { splits: (_, _axis, low, high) => decadeTicks(low, high) }
-      : panel.linear !== null ? { splits: (_, _axis, low, high) => ticksAboutZero(low, high, panel.linear), filter: (_, ticks) => ticks } : {};
+      : panel.linear !== null ? { splits: (_, _axis, low, high) => ticksAboutZero(low, high, panel.linear), filter: (_, ticks) => ticks }
+      : panel.whole ? { incrs: [1, 2, 5].concat(...[1, 2, 3, 4, 5, 6, 7].map((power) => [1, 2, 5].map((times) => times * 10 ** power))) } : {};
     const ticksY = panel.log_y ? { splits: (_, _axis, low, high) => decadeTicks(low, high) } : {};
     const instants = (_plot, ticks, _axis, _space, step) => ticks.map((v) => (v === null ? "" : instant(v, step)));
     const shown = this.last || !this.chart.shared;

@@ -112,7 +112,7 @@ def undetectable_table(table: dict[str, Any]) -> Markup | None:
             texts[1] = row[1]
         rows.append([texts[0], ", ".join(of_effects), why, texts[1] or "as above"])
         last = row
-    return arm_report.table(rows, ("effect", "joint", "reason", "detection experiment"), (1,))
+    return arm_report.table(rows, ("effect", "joint", "reason", "detection experiment"), (1,), stacked=True)
 
 
 def _still(rows: Sequence[dict[str, Any]]) -> Iterator[list[str]]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from xml.etree import ElementTree
 
 import numpy as np
@@ -126,6 +127,17 @@ def test_every_value_has_a_place_between_the_ends(values: list[float], log: bool
     shown = np.isfinite(array) & ((array > 0.0) | (not log))
     places = scale.place(array[shown])
     assert ((places >= 0.0) & (places <= 1.0)).all() and scale.ticks(5) is not None
+
+
+def test_no_tick_lies_between_two_rows() -> None:
+    """Forty poses had ticks at the rows 2.5, 7.5 ..; three had them at halves."""
+    for count in (3, 7, 40):
+        rows = Series(x=np.arange(1.0, count + 1), y=np.ones(count), colour=AFTER)
+        panel = Panel(series=(rows,), x="row", y="distance, mm")
+        assert panel.whole and not replace(panel, series=(replace(rows, x=rows.x / 2),)).whole
+        scale = scale_of([rows.x], None, log=False, linear=None, dates=False, whole=True)
+        values = [value for value, _ in scale.ticks(8)]
+        assert len(values) > 1 and all(value % 1.0 == 0.0 for value in values)
 
 
 def test_a_date_reads_as_a_date() -> None:
