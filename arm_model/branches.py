@@ -4,6 +4,10 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from pathlib import Path
+
+from arm_io import InputError
+from arm_model.description import Joint
 
 MOST = 4
 """Names in a line; of more, their number."""
@@ -63,3 +67,11 @@ def listed(names: Sequence[str]) -> str:
 def are(names: Sequence[str]) -> str:
     """The verb after ``listed``."""
     return "are" if len(names) > 1 else "is"
+
+
+def check_names(path: str | Path, joints: Sequence[Joint]) -> None:
+    """InputError where two joints of the file ``path`` have one name, by which recordings tell them apart."""
+    names = [joint.name for joint in joints if joint.name]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(path, f"has two joints of the name {name!r}; names must differ")

@@ -16,7 +16,7 @@ import numpy as np
 
 from arm_io import InputError
 from arm_io.types import Array
-from arm_model.branches import ends_that_move, joints_of_arm
+from arm_model.branches import check_names, ends_that_move, joints_of_arm
 from arm_model.description import Arm, Joint
 from arm_model.mjcf.compiled import compiled_text
 from arm_model.mjcf.geom_inertia import geom_inertia
@@ -112,6 +112,7 @@ def read_all(path: str | Path, *, tip: str | None, content: bytes | None = None)
         bodies += _merged(tree, node, len(joints) - 1, pose, childclass, after)
     if not joints:
         raise InputError(tree.path, "has no moving joint")
+    check_names(tree.path, joints)
     option = {
         name: value for one in tree.sections if one.tag == "option" for name, value in one.element.attributes.items()
     }

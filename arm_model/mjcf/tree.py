@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from arm_io import InputError, read_file
+from arm_io.plain_data import check_plain
 from arm_io.types import Array
 from arm_model.xml_edit import Element, XmlText
 
@@ -114,6 +115,7 @@ class Tree:
             values = np.empty(0)
         if len(values) != count or not np.isfinite(values).all():
             raise InputError(self.path, f"{name}={text!r}: expected {count} numbers")
+        check_plain(self.path, {name: values.tolist() if count > 1 else float(values[0])})
         return values
 
     def pose(self, given: Attributes) -> Array:

@@ -19,10 +19,11 @@ import numpy as np
 from pydantic import ValidationError
 
 from arm_io import InputError, counted, read_file
-from arm_io.plain_data import is_number
+from arm_io.plain_data import check_plain, is_number
 from arm_io.toml import one_line
 from arm_io.types import Array
 from arm_model.assumed_capsules import assumed_capsules
+from arm_model.branches import check_names
 from arm_model.capsules import moved, of_geometry, round_points
 from arm_model.description import Arm, Joint
 from arm_model.meshes import mesh_file, vertices_of
@@ -86,6 +87,7 @@ def urdf_of(text: str | bytes, path: str | Path, *, tip: str | None = None) -> A
     joints = _with_lump(path, joints, lump)
     if not joints:
         raise InputError(path, "has no moving joint")
+    check_names(path, joints)
     bare = Arm(name=robot.get("name", "robot"), joints=tuple(joints), tool=_pose(offset))
     for number, assumed in enumerate(assumed_capsules(bare)):
         # what is fixed to a link whose own shape is not known does not take its place
@@ -195,6 +197,7 @@ def numbers_of(path: str | Path, element: xml.Element | None, name: str, default
         raise InputError(path, f"{name}={text!r}: {told}")
     if count == 3 and max(map(abs, values)) > FURTHEST:
         raise InputError(path, f"{name}={text!r}: is beyond {FURTHEST:g}; lengths are in m, angles in rad")
+    check_plain(path, {name: list(values) if count > 1 else values[0]})
     return values
 
 

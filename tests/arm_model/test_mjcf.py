@@ -172,6 +172,8 @@ def test_what_is_fixed_to_a_body_gives_way_where_the_rest_were_impossible(origin
         ('childclass="arm"', 'childclass="leg"', "there is no default class 'leg'"),
         ('quat="1 0 0.2 0"', 'quat="0 0 0 0"', "needs a direction"),
         ('quat="1 0 0.2 0"', 'quat="1 0 0.2"', "expected 4 numbers"),
+        ('<joint name="shoulder"', '<joint name="elbow"', "has two joints of the name 'elbow'"),
+        ('mass = "2.5"', 'mass = "1e16"', r"mass: must be a finite number of at most 1e\+15"),
         ("forearm.xml", "elbow.xml", "no such file"),
         ("</mujoco>", "", "cannot be read"),
         ("<mujoco ", "<robot ", "cannot be read|not a MuJoCo model"),

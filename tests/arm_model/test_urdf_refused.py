@@ -45,6 +45,14 @@ def test_two_links_of_one_name_are_refused(tmp_path: Path) -> None:
         read_urdf(written(tmp_path, [*ARM, link("upper")]))
 
 
+def test_what_no_model_file_may_say_is_refused(tmp_path: Path) -> None:
+    """Two joints of one name, and a mass of 1e300 kg: ``armscope model`` wrote files that it refused to read."""
+    with pytest.raises(InputError, match="has two joints of the name 'base_upper'"):
+        read_urdf(written(tmp_path, [part.replace('"upper_fore"', '"base_upper"') for part in ARM]))
+    with pytest.raises(InputError, match=r"value: must be a finite number of at most 1e\+15"):
+        read_urdf(written(tmp_path, [FINGER.format("1e-7").replace("0.004", "1e300"), joint("hand", "finger"), *ARM]))
+
+
 FINGER = (
     '<link name="finger"><inertial><mass value="0.004"/>'
     '<inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="{}"/></inertial></link>'
