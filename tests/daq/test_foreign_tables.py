@@ -175,6 +175,14 @@ def test_nothing_is_guessed_from_too_little(names: list[str]) -> None:
             '[columns]\nt = "timestamp"\nq = "actual_q_{0}"\ni = "actual_current_{0}"\n[scale]\nq = [1.0]',
             "scale.q .* 1 entries for 2",
         ),
+        (
+            '[columns]\nt = "timestamp"\nq = "actual_q_{0}"\ni = "actual_current_{0}"\n[scale]\ni = [1.0, 0.0]',
+            "scale.i: 0 leaves nothing of the measured value",
+        ),
+        (
+            '[columns]\nt = "timestamp"\nq = "actual_q_{0}"\ni = "actual_q_{0}"',
+            "i1 and q1 of the mapping are both column 'actual_q_0'",
+        ),
     ],
 )
 def test_wrong_mappings(text: str, complaint: str, tmp_path: Path) -> None:

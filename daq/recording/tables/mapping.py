@@ -97,6 +97,9 @@ class Mapping(Table):
             for unit in given if isinstance(given, list) else [given]:
                 if unit not in UNITS[signal]:
                     raise ValueError(f"units.{signal}: {unit!r} is unknown; must be one of {', '.join(UNITS[signal])}")
+        for signal, factor in self.scale.items():
+            if 0.0 in (factor if isinstance(factor, list) else [factor]):
+                raise ValueError(f"scale.{signal}: 0 leaves nothing of the measured value; must be another factor")
         effort = self.units.get("i", "")
         if isinstance(effort, list) and 0 < effort.count("N m") < len(effort):
             raise ValueError("units.i: must be torques (N m) of all joints, or currents of all")
@@ -135,6 +138,10 @@ class Mapping(Table):
         for one in picked:
             if one.column not in there:
                 raise _absent(table, one.name, one.column)
+        first: dict[str, str] = {}
+        for one in picked:
+            if (name := first.setdefault(one.column, one.name)) != one.name:
+                raise InputError(table.path, f"{one.name} and {name} of the mapping are both column {one.column!r}")
         if keep_extra:
             taken = {name for one in picked for name in (one.name, one.column)}
             picked += [Picked(name, name) for name in table.names if name not in taken]
