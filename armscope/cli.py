@@ -7,6 +7,7 @@ What is missing in recordings that a command read is said on standard error, for
 from __future__ import annotations
 
 import os
+import signal
 import sys
 from collections.abc import Sequence
 
@@ -26,6 +27,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """
     if not any(name in os.environ for name in BLAS_THREADS):
         os.environ[BLAS_THREADS[0]] = "1"
+    ended = _undone_by(signal.SIGTERM)
     try:
         status = run(sys.argv[1:] if arguments is None else list(arguments))
         sys.stdout.flush()
@@ -38,7 +40,27 @@ def main(arguments: Sequence[str] | None = None) -> None:
         status = NOBODY_READS
         if not isinstance(error, BrokenPipeError):
             status = _refuse(f"standard output: cannot be written: {error.strerror}")
+    for number in ended:
+        os.kill(os.getpid(), number)
     sys.exit(status)
+
+
+def _undone_by(number: int) -> list[int]:
+    """Has a signal undo what is unfinished, as Ctrl-C does. Returns the list in which it is put when it has come.
+
+    It then has its default effect again: a second one ends the process at once, and the process may end by it, as its
+    parent expects. Commands that serve set handlers of their own.
+    """
+    come: list[int] = []
+
+    def end(number: int, _: object) -> None:
+        signal.signal(number, signal.SIG_DFL)
+        come.append(number)
+        raise KeyboardInterrupt
+
+    if signal.getsignal(number) is signal.SIG_DFL:
+        signal.signal(number, end)
+    return come
 
 
 def _output_fails() -> bool:

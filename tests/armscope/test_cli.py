@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -144,3 +145,39 @@ def test_output_to_a_full_disk_ends_in_one_line(arguments: list[str], root: Path
         ended = subprocess.run(command, cwd=root, stdout=full, stderr=subprocess.PIPE, text=True)
     line = "error: standard output: cannot be written: No space left on device\n"
     assert (ended.returncode, ended.stderr) == (2, line)
+
+
+UNFINISHED = """
+import sys, time
+from types import SimpleNamespace
+import armscope.application
+from armscope.cli import main
+from arm_io.results import whole_path
+from arm_io.whole_folder import whole_folder
+
+def work(*_, **options):
+    with whole_folder("results", "result") as here, whole_path("moving.gif") as picture:
+        (here / "report.html").write_text("half a page")
+        picture.write_text("half a picture")
+        print("begun", flush=True)
+        time.sleep(60)
+
+armscope.application.application = lambda: SimpleNamespace(main=work)
+main(["info"])
+"""
+
+
+def test_nothing_unfinished_is_left_of_a_command_that_is_told_to_end(tmp_path: Path, root: Path) -> None:
+    """SIGTERM, of ``timeout``, ``kill`` or systemd, left ``.results*.part`` with half of the results."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", UNFINISHED],
+        cwd=tmp_path,
+        env=os.environ | {"PYTHONPATH": str(root)},
+        stdout=subprocess.PIPE,
+    )
+    assert process.stdout is not None and process.stdout.readline() == b"begun\n"
+    assert len(list(tmp_path.iterdir())) == 2
+    process.terminate()
+    process.stdout.close()
+    assert process.wait(30) == -signal.SIGTERM
+    assert list(tmp_path.iterdir()) == []
