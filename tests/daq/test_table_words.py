@@ -9,6 +9,7 @@ import pytest
 from scipy.io import savemat
 
 from armscope.cli import run
+from daq.recording.tables.guess import guess
 from tests.daq.test_foreign_tables import imported
 
 
@@ -36,6 +37,9 @@ def test_a_german_table_in_degrees(tmp_path: Path) -> None:
         ("elapsed time [s];angle1;torque1", 1.0),
         ("Zeit [ms];Gelenk1 Winkel [Grad];Strom Achse 1 [A]", 1e-3),
         ("Zeitstempel [ms];Ist A1 [Grad];Motorstrom A1 [A]", 1e-3),
+        # told by their units
+        ("Zeit [ms];Lage A1 [°];Strom A1 [A]", 1e-3),
+        ("temps [ms];Articulation 1 (deg);Couple 1 (Nm)", 1e-3),
     ],
 )
 def test_other_words_for_time_position_and_current(header: str, factor: float, tmp_path: Path) -> None:
@@ -45,6 +49,11 @@ def test_other_words_for_time_position_and_current(header: str, factor: float, t
     recording = imported(tmp_path / "log.csv", "--guess")
     np.testing.assert_allclose(recording.t, np.arange(30) * 0.1 * factor, atol=1e-12)
     np.testing.assert_allclose(recording.q[:, 0], np.deg2rad(20 * np.arange(30)))
+
+
+@pytest.mark.parametrize("header", ["t;Place 1 [deg];Error 1 [deg];Coppia 1 [Nm]", "t;Place 1 [deg/s];Coppia 1 [Nm]"])
+def test_a_unit_of_two_words_or_of_another_quantity_tells_nothing(header: str) -> None:
+    assert guess(header.split(";")) is None
 
 
 def test_columns_of_matlab_matrices_whose_names_end_in_their_unit(tmp_path: Path) -> None:

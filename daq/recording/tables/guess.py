@@ -65,6 +65,9 @@ _WORDS = {
 }
 _UNIT = r"(?P<unit>[ _]*[\[(]?(rad|deg|degrees|grad|°|mA|A|%|Nm|N m|N\*m|V|C|degC)[\])]?|[ _]*[ _\[(](mm|cm|m)[\])]?)?"
 _SPELLED = {"degrees": "deg", "Grad": "deg", "grad": "deg", "°": "deg", "Nm": "N m", "N*m": "N m", "C": "degC"}
+_ANY = r"(?P<word>[^\d\[(]*[^\W\d_])"
+_TOLD_BY = {"q": {"rad", "deg"}, "i": {"mA", "A", "N m"}}
+"""Signal -> units of it alone, by which its columns are told where their word is of no language that is known here."""
 _COMMA = re.compile(r"\s*-?\d+,\d+(e-?\d+)?\s*")
 _Units = str | list[str]
 _Series = tuple[list[str], _Units]
@@ -183,6 +186,10 @@ def _from_words(names: Sequence[str], numbers: dict[str, Array], joints: Sequenc
             columns[signal], unit, first[signal] = series
             taken |= set(columns[signal])
             units |= {signal: unit} if unit else {}
+    for signal in _TOLD_BY.keys() - columns.keys() if "t" in columns else ():
+        if (series := _by_unit([name for name in names if name not in taken], signal)) is not None:
+            columns[signal], units[signal], first[signal] = series
+            taken |= set(columns[signal])
     # signals numbered from 0 and from 1 do not belong to the same joints
     for signal in [one for one, number in first.items() if number != first.get("q", number)]:
         del columns[signal]
@@ -243,6 +250,22 @@ def _of_joints(names: Sequence[str], signal: str, word: str) -> tuple[list[str],
         return None
     columns = [found[number] for number in numbers]
     return [name for name, _ in columns], _units(signal, [unit for _, unit in columns]), first
+
+
+def _by_unit(names: Sequence[str], signal: str) -> tuple[list[str], _Units, int] | None:
+    """The columns of any word with numbers, all in a unit of the signal; None where there are none, or of two words."""
+    words: dict[str, list[str]] = {}
+    for name in names:
+        match = re.fullmatch(
+            rf"{_ANY}[ _.\[#]*(({_JOINT}|(?<=[ _.])[ja])[ _.]*)?\d+\]?{_UNIT}", name.strip(), re.IGNORECASE
+        )
+        unit = "" if match is None else (match["unit"] or "").strip(" _[]()")
+        if match is not None and _SPELLED.get(unit, unit) in _TOLD_BY[signal]:
+            words.setdefault(match["word"], []).append(name)
+    if len(words) != 1:
+        return None
+    ((word, there),) = words.items()
+    return _of_joints(there, signal, re.escape(word))
 
 
 def _of_named_joints(names: Sequence[str], joints: Sequence[str]) -> dict[str, _Series]:
