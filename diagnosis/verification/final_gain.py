@@ -7,7 +7,8 @@ that gain away.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from arm_model import EffectTerm
 from diagnosis.cause import Cause
 from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.measurements.currents.model_errors import Significance
+from diagnosis.measurements.currents.possible import exists
 from diagnosis.measurements.currents.state import State
 from diagnosis.measurements.currents.structure.unseen_friction import unseen_friction
 from diagnosis.residual.other_effects import residual_under
@@ -30,33 +32,69 @@ SMOOTHED = 0.1
 """Share of a gain that is of the noise of encoders, from which on what is left with an effect is no measure of it."""
 
 
-def negligible(state: State, causes: Sequence[Cause]) -> int | None:
-    """The chosen candidate that gains least in the final model, if that does not matter; None where all matter.
+@dataclass(frozen=True)
+class FinalGain:
+    """Held-out gain of one cause beside all others, in units of the noise variance.
 
-    causes: the chosen ones. Each must gain twice, over all held-out rows: with the others refitted to do without it,
-    and in the exact model of all, whose columns are not of the first order. Where it acts, what is left without it must
-    be above the noise, which is no larger than what is left with it unless that was smoothed: below a noise that is
-    overestimated, any law of many rows gains something.
+    needed: whether its columns matter; by_columns, exact: the gain with the others refitted to do without it, and that
+    of its law in the exact model, whose columns are not of the first order
     """
-    found: list[tuple[float, int]] = []
-    for index, (needed, gain, exact_gain) in enumerate(_gains(state, causes)):
-        if not needed or exact_gain < _least(state):
-            found.append((min(gain, exact_gain), index))
-    return min(found)[1] if found else None
+
+    needed: bool
+    by_columns: float
+    exact: float
 
 
-def disproved(state: State, causes: Sequence[Cause]) -> int | None:
-    """The chosen candidate that gains what matters by its columns, and least in the exact model; None if all do there.
+@dataclass(frozen=True)
+class FinalModel:
+    """The candidates chosen in a state as causes of one model, and what each gains there.
 
-    Its law is then another than its columns, such as that of a mass whose lever the data says nothing of.
+    Each must gain twice, over all held-out rows: by its columns and by its exact law. Where it acts, what is left
+    without it must be above the noise, which is no larger than what is left with it unless that was smoothed: below a
+    noise that is overestimated, any law of many rows gains something.
     """
-    gains = [(exact_gain, index) for index, (needed, _, exact_gain) in enumerate(_gains(state, causes)) if needed]
-    lost = [(exact_gain, index) for exact_gain, index in gains if exact_gain < _least(state)]
-    return min(lost)[1] if lost else None
+
+    state: State
+    causes: Sequence[Cause]
+
+    @property
+    def needless(self) -> int | None:
+        """The candidate that is not beyond what is known of the model, or whose gain does not matter; None: all do."""
+        removed = within_model(self.state)
+        return self.negligible if removed is None else removed
+
+    @property
+    def negligible(self) -> int | None:
+        """The candidate that gains least, if that does not matter; None where all matter."""
+        idle = [
+            (min(one.by_columns, one.exact), index)
+            for index, one in enumerate(self.gains)
+            if not one.needed or one.exact < self._least
+        ]
+        return min(idle)[1] if idle else None
+
+    @property
+    def disproved(self) -> int | None:
+        """The candidate whose columns gain what matters, and whose exact law gains least and too little; None: none.
+
+        Its law is then another than its columns, such as that of a mass whose lever the data says nothing of.
+        """
+        lost = [(one.exact, index) for index, one in enumerate(self.gains) if one.needed and one.exact < self._least]
+        return min(lost)[1] if lost else None
+
+    @property
+    def _least(self) -> float:
+        return LIMITS.min_gain * self.state.data.held_out.rows
+
+    @cached_property
+    def gains(self) -> list[FinalGain]:
+        """Of each candidate; empty where no arm can be as the causes say: the impossible one is refuted first."""
+        terms = [term for cause in self.causes for term in cause.terms]
+        return list(_gains(self.state, self.causes)) if exists(self.state.model.arm, terms) else []
 
 
-def _gains(state: State, causes: Sequence[Cause]) -> Iterator[tuple[bool, float, float]]:
-    """Of each chosen candidate: whether its columns matter beside the others, what they gain, and its exact law.
+def _gains(state: State, causes: Sequence[Cause]) -> Iterator[FinalGain]:
+    """Of each chosen candidate, the causes in the same order.
 
     Of a joint that creeps, what the law explains of one std of friction near rest does not count (``unseen_friction``),
     nor what it gains of the noise of encoders.
@@ -79,7 +117,7 @@ def _gains(state: State, causes: Sequence[Cause]) -> Iterator[tuple[bool, float,
         )
         noise = min(with_it, 1.0) if of_noise < SMOOTHED * gain else 1.0
         needed = model.needed(alone, state) and without_it > LIMITS.noise * noise
-        yield needed, alone.gain, gain - of_unseen - of_noise
+        yield FinalGain(needed, alone.gain, gain - of_unseen - of_noise)
 
 
 def left_where_it_acts(columns: Columns, coefficients: Array, state: State) -> float:
@@ -90,10 +128,6 @@ def left_where_it_acts(columns: Columns, coefficients: Array, state: State) -> f
     residual = state.residual.held_out
     weight = columns.contribution(coefficients, len(residual)) ** 2
     return float(np.sqrt(weight @ residual**2 / max(float(weight.sum()), 1e-300)))
-
-
-def _least(state: State) -> float:
-    return LIMITS.min_gain * state.data.held_out.rows
 
 
 def within_model(state: State) -> int | None:

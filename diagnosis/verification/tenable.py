@@ -21,7 +21,7 @@ from diagnosis.measurements.currents.causes import of_candidate
 from diagnosis.measurements.currents.estimates import estimates_of, together
 from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.measurements.currents.model import Currents
-from diagnosis.measurements.currents.possible import exists, impossible
+from diagnosis.measurements.currents.possible import impossible
 from diagnosis.measurements.currents.search import Selection, refitted_without, search, without_spurious
 from diagnosis.measurements.currents.state import State
 from diagnosis.measurements.currents.structure.dominant import dominant, remainder_of
@@ -30,7 +30,7 @@ from diagnosis.measurements.currents.structure.unexplained import Unexplained
 from diagnosis.residual.run import Run
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.harmonics import is_further_order
-from diagnosis.verification.final_gain import disproved, negligible, with_significance, within_model
+from diagnosis.verification.final_gain import FinalModel, with_significance
 from identification.selection import Split
 
 
@@ -42,13 +42,13 @@ def tenable_causes(
     In the place of a refuted one it searches again. runs: residuals of the held-out ones.
     """
     refused, bases = list[EffectKey](), Bases(*model.data)
-    selection = _selected(_searched(model, refused, progress), bases, progress)
+    selection, final = _selected(_searched(model, refused, progress), bases, progress)
     while True:
         progress("estimating parameters")
         causes = causes_of(selection)
         progress("judging in closed loop")
         state = selection.state
-        needless = _needless(state, causes)
+        needless = (final if final.state is state else FinalModel(state, causes)).needless
         removed = _untenable(state, causes, recordings, runs) if needless is None else needless
         if removed is None:
             return selection, with_significance(state, causes)
@@ -57,7 +57,7 @@ def tenable_causes(
             refused.append(candidate.key)
             if len(refused) <= LIMITS.searched_again:
                 # another effect may explain the same
-                selection = _selected(_searched(model, refused, progress), bases, progress)
+                selection, final = _selected(_searched(model, refused, progress), bases, progress)
                 continue
         selection = without_spurious(refitted_without(state, candidate), bases, selection.refuted)
 
@@ -68,41 +68,33 @@ def _significant_together(state: State, index: int) -> bool:
     return several and together(state, index) > LIMITS.significant_sizes
 
 
-def _searched(model: Currents, refused: list[EffectKey], progress: Progress) -> State:
+def _searched(model: Currents, refused: list[EffectKey], progress: Progress) -> FinalModel:
     """What the search finds without the ``refused``, to which it adds causes that their exact laws disprove."""
     while True:
-        state = search(replace(model, excluded=model.excluded | set(refused)), progress)
-        causes = causes_of(Selection(state, Unexplained([], [], {})))
-        possible = exists(model.arm, [term for cause in causes for term in cause.terms])
-        index = disproved(state, causes) if possible else None
-        if index is None or len(refused) >= LIMITS.searched_again:
-            return state
-        refused.append(state.chosen[index].key)
+        final = _final_model(search(replace(model, excluded=model.excluded | set(refused)), progress))
+        if (index := final.disproved) is None or len(refused) >= LIMITS.searched_again:
+            return final
+        refused.append(final.state.chosen[index].key)
 
 
-def _selected(state: State, bases: Bases, progress: Progress) -> Selection:
-    """The causes of a state, and the structure that they leave unexplained.
+def _final_model(state: State) -> FinalModel:
+    return FinalModel(state, causes_of(Selection(state, Unexplained([], [], {}))))
+
+
+def _selected(found: FinalModel, bases: Bases, progress: Progress) -> tuple[Selection, FinalModel]:
+    """The causes that were found, and the structure that they leave unexplained; the model that was judged last.
 
     Causes that the final model does not need are removed first, so that structure is searched for once. Where there is
     some it is searched for beside all of them: it decides which are no names for it, and what the others then gain.
     """
     progress("searching for unexplained structure")
-    nothing, fewer = Unexplained([], [], {}), state
-    while (removed := _needless(fewer, causes_of(Selection(fewer, nothing)))) is not None:
-        fewer = refitted_without(fewer, fewer.chosen[removed])
-    selection = without_spurious(fewer, bases)
-    if fewer is state or (selection.state is fewer and not selection.unexplained.structures):
-        return selection
-    return without_spurious(state, bases)
-
-
-def _needless(state: State, causes: Sequence[Cause]) -> int | None:
-    """The cause of a state that is not beyond what is known of the model, or whose gain in it does not matter."""
-    removed = within_model(state)
-    # an arm that cannot be has no gain to judge: the cause that makes it impossible is refuted first
-    if removed is None and exists(state.model.arm, [term for cause in causes for term in cause.terms]):
-        removed = negligible(state, causes)
-    return removed
+    fewer = found
+    while (removed := fewer.needless) is not None:
+        fewer = _final_model(refitted_without(fewer.state, fewer.state.chosen[removed]))
+    selection = without_spurious(fewer.state, bases)
+    if fewer is not found and (selection.state is not fewer.state or selection.unexplained.structures):
+        selection = without_spurious(found.state, bases)
+    return selection, fewer
 
 
 def causes_of(selection: Selection) -> list[Cause]:

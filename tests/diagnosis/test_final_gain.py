@@ -23,7 +23,7 @@ from diagnosis.measurements.currents.structure.noise_ratio import noise_ratio
 from diagnosis.residual.comparable_rows import comparable_rows
 from diagnosis.residual.generation import residual_run
 from diagnosis.selection.candidate import Candidate
-from diagnosis.verification.final_gain import left_where_it_acts, negligible
+from diagnosis.verification.final_gain import FinalModel, left_where_it_acts
 from diagnosis.verification.idle_limits import held_at_standstill, idle_limits
 from diagnosis.verification.tenable import causes_of, tenable_causes
 from identification.selection import Split
@@ -42,9 +42,9 @@ def test_a_cause_whose_gain_in_the_final_model_does_not_matter_is_found(arm: Arm
     true, idle = Candidate("coulomb_friction", 1), Candidate("rotor_inertia", 2)
     model = Currents(arm, data, Library((true, idle), data), [])
     state = model.refitted([true], {true.key: []})
-    assert negligible(state, _causes(state)) is None
+    assert FinalModel(state, _causes(state)).negligible is None
     state = model.refitted([true, idle], {true.key: [], idle.key: []})
-    assert negligible(state, _causes(state)) == 1
+    assert FinalModel(state, _causes(state)).negligible == 1
 
 
 @pytest.mark.parametrize(("coulomb", "scale", "refused"), [(0.02, 1.0, None), (0.04, 0.5, None), (0.012, 0.7, 0)])
@@ -67,7 +67,7 @@ def test_no_larger_than_the_noise_where_it_acts_there_is_no_effect(
     assert (lacking < 1.3) is (scale < 1.0) and (lacking < 1.3 * left) is (refused is not None)
     assert (data.held_out.y @ data.held_out.y - state.energy.held_out) > 0.1 * data.held_out.rows
     assert state.model.needed(alone, state)
-    assert negligible(state, _causes(state)) == refused
+    assert FinalModel(state, _causes(state)).negligible == refused
 
 
 def test_a_cause_of_which_no_arm_is_left_is_refused_before_its_gain_is_judged(arm: Arm) -> None:
@@ -94,7 +94,7 @@ def test_a_joint_that_creeps_in_all_held_out_rows_is_judged_by_them(
     assert not comparable_rows(runs[1])[:, 0].any()
     data, friction = Split(*(dataset_of([run]) for run in runs)), Candidate("coulomb_friction", 1)
     state = Currents(arm, data, Library((friction,), data), []).refitted([friction], {friction.key: []})
-    assert negligible(state, _causes(state)) == refused
+    assert FinalModel(state, _causes(state)).negligible == refused
 
 
 @pytest.mark.parametrize("scale", [0.5, 0.9, 1.0])

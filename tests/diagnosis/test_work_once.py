@@ -19,7 +19,7 @@ from diagnosis.measurements.currents.structure.shared_bases import Bases
 from diagnosis.residual.noise.encoder_step import found_once
 from diagnosis.screening.lost_rows.lag_path import MOST, PIECE, _errors
 from diagnosis.selection.candidate import Candidate
-from diagnosis.verification import tenable
+from diagnosis.verification import final_gain, tenable
 from identification.selection import Split
 from tests.diagnosis import two_link
 from tests.diagnosis.two_link import Day, residual_of
@@ -57,10 +57,19 @@ def test_structure_is_searched_for_once_where_there_is_none(
     model = _model(arm, Day(coulomb=(6.0, 0.0), ripple=ripple), TRUE, IDLE)
     state = model.refitted([TRUE, IDLE], {TRUE.key: [], IDLE.key: []})
     calls = _counted(monkeypatch, tenable, "without_spurious")
-    found = tenable._selected(state, Bases(*model.data), lambda sentence: None)
+    found, _ = tenable._selected(tenable._final_model(state), Bases(*model.data), lambda sentence: None)
     assert len(calls) == searches
     assert bool(found.unexplained.structures) is (ripple > 0.0)
     assert IDLE not in found.state.chosen or ripple
+
+
+def test_gains_in_the_final_model_are_computed_once_where_all_matter(arm: Arm, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The search, what it leaves unexplained and the closed loop ask for those of the same model."""
+    model = _model(arm, Day(coulomb=(6.0, 0.0)), TRUE)
+    calls = _counted(monkeypatch, final_gain, "_gains")
+    found, causes = tenable.tenable_causes(model, Split([], []), model.data.held_out.runs, lambda sentence: None)
+    assert found.state.chosen == (TRUE,) and [cause.key for cause in causes] == [TRUE.key]
+    assert len(calls) == 1
 
 
 @pytest.mark.parametrize("coulomb", [1.0, 6.0])
