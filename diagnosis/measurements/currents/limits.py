@@ -28,14 +28,9 @@ class CurrentLimits(Limits):
                              tenth of it, that of the rest a hundredth
     worse                    times the first-order residual: an exact model that leaves more is outside of its range
     pair_share               share of the residual energy of a joint that two effects must explain to enter together
-    many, many_leave         causes of a joint with so many coefficients together are a makeshift for one function of
-                             one variable if that leaves at most this share more than they do
-    many_causes              ... and so are so many causes
-    makeshift                energies of four or more causes over the energy of their sum above which they are one as
-                             well: independent causes add up, hidden triples to 1.0 ...
-    makeshift_leave          ... if that function leaves at most this share of what they explain more
-    compensating             energies of what several causes contribute to a joint, over all that there was to explain,
-                             above which they make up for each other
+    many, many_causes        causes of a joint with so many coefficients together, or so many of them, imitate one
+                             function of one variable ...
+    many_leave               ... if that leaves at most this share more than they do
     superfluous              share of its gain that a cause must keep conditional on unexplained structure, or it was a
                              name for part of that
     significant_sizes        std that the linear parameter of a cause must be from zero; of several, one, by so many
@@ -81,11 +76,8 @@ class CurrentLimits(Limits):
     worse: float = 1.1
     pair_share: float = 0.5
     many: int = 6
-    many_leave: float = 0.2
     many_causes: int = 5
-    makeshift: float = 1.5
-    makeshift_leave: float = 0.1
-    compensating: float = 4.0
+    many_leave: float = 0.2
     superfluous: float = 0.5
     significant_sizes: float = 2.0
     body_deviations: float = 3.0

@@ -6,7 +6,7 @@ it leaves is reported beside it (``dominant``).
 
 from __future__ import annotations
 
-from collections.abc import Container, Sequence
+from collections.abc import Container
 from dataclasses import replace
 
 import numpy as np
@@ -33,7 +33,7 @@ from diagnosis.selection.regression import at_joint, score, with_columns
 def spurious(state: State, unexplained: Unexplained, bases: Bases) -> list[Candidate]:
     """Chosen candidates that only name a part of the structure that remains unexplained; empty if none does."""
     dominating = dominant(state)
-    return _superfluous(state, unexplained, dominating) or _outdone(state, dominating, bases) or _compensating(state)
+    return _superfluous(state, unexplained, dominating) or _outdone(state, dominating, bases)
 
 
 def of_another_order(state: State) -> tuple[list[Candidate], Structure] | None:
@@ -133,12 +133,9 @@ def _outdone(state: State, kept: Container[Candidate], bases: Bases) -> list[Can
         own = [c for c in state.chosen if c.joint == joint]
         reduced = replace(state, chosen=tuple(c for c in state.chosen if c not in own))
         before, after = (float(np.sum(s.residual.held_out[held_out.of(joint)] ** 2)) for s in (reduced, state))
-        allowed = 0.0
         coefficients = sum(at_joint(model.columns(c).fit, joint, state.data.fit).determined for c in own)
-        if len(own) > 1 and (coefficients >= limits.many or len(own) >= limits.many_causes):
-            allowed = limits.many_leave * after
-        if len(own) > 3 and _cancelling(own, state) > limits.makeshift:
-            allowed = max(allowed, limits.makeshift_leave * (before - after))
+        several = len(own) > 1 and (coefficients >= limits.many or len(own) >= limits.many_causes)
+        allowed = limits.many_leave * after if several else 0.0
         better = better_than_causes(bases, reduced.fitted, state.fitted, model.arm, joint, allowed)
         # a function of the right variable also follows the residual that an identified model leaves on any day
         times = state.significance.allowed.held_out[joint - 1]
@@ -150,37 +147,6 @@ def _outdone(state: State, kept: Container[Candidate], bases: Bases) -> list[Can
         if better and (outdone := [c for c in own if not (c in kept and of_own_variable(c, clearly))]):
             return outdone
     return []
-
-
-def _compensating(state: State) -> list[Candidate]:
-    """Causes of a joint, and of the arm or another joint, whose contributions there cancel each other.
-
-    What they contribute is far more than there was to explain: one name was given to something that acts at another
-    joint alone, and the others make up for what it does here.
-    """
-    held_out = state.data.held_out
-    for joint in sorted({c.joint for c in state.chosen if c.joint}):
-        rows = held_out.of(joint)
-        energy = {
-            c: float(np.sum(state.model.columns(c).held_out.contribution(own, len(held_out.y))[rows] ** 2))
-            for c, own in zip(state.chosen, state.coefficients)
-        }
-        foreign = any(energy[c] > held_out.rows for c in state.chosen if c.joint != joint)
-        if foreign and sum(energy.values()) > state.model.limits.compensating * float(np.sum(held_out.y[rows] ** 2)):
-            return [c for c in state.chosen if energy[c] > held_out.rows]
-    return []
-
-
-def _cancelling(own: Sequence[Candidate], state: State) -> float:
-    """Sum of the energies of the contributions of some candidates over the energy of their sum; 1 if independent."""
-    contributions = [
-        state.model.columns(c).fit.contribution(coefficients, len(state.residual.fit))
-        for c, coefficients in zip(state.chosen, state.coefficients)
-        if c in own
-    ]
-    return float(
-        sum(np.sum(contribution**2) for contribution in contributions) / np.sum(np.sum(contributions, axis=0) ** 2)
-    )
 
 
 def _overlap(a: Columns, b: Columns) -> bool:
