@@ -35,6 +35,12 @@ def with_two_std(value: float, std: float | None, *, sign: str = "", mark: str =
     return f"{number} {mark} {two_std}" if two_std else number
 
 
+def significant(value: float, digits: int = 3) -> str:
+    """``"0.120"``: all significant digits, zeros at the end as well, so that the numbers of a column are as exact."""
+    text = f"{value:#.{digits}g}".removesuffix(".") if value else "0"
+    return f"{float(text):.0f}" if "e+" in text and abs(value) < LARGEST else text
+
+
 def typeset(sentence: str) -> str:
     """A sentence of the terminal with the signs of a page: '3.0 -> 4.5 +- 0.1' with an arrow and a plus-minus sign."""
     return sentence.replace(" -> ", " \N{RIGHTWARDS ARROW} ").replace(" +- ", " \N{PLUS-MINUS SIGN} ")

@@ -9,8 +9,9 @@ import numpy as np
 from markupsafe import Markup
 
 import arm_report
+from arm_report.numbers import significant
 from diagnosis.cause import in_words
-from diagnosis.cause.units import readable, rounded, variable_in_words
+from diagnosis.cause.units import readable, variable_in_words
 from diagnosis.measurements.currents.design_matrix import dataset_of
 from diagnosis.remainder.predictable import FROM
 from diagnosis.report.wording import gain, place, title, values_of
@@ -41,7 +42,7 @@ def errors(result: Diagnosis, table: dict[str, Any], extended: bool) -> Markup |
             continue
         values = [held["before"], held["after"], s["noise_rms"]]
         factor, unit = readable(s["unit"], values)
-        texts = [rounded(factor * v) for v in (values if extended else values[1:])]
+        texts = [significant(factor * v) for v in (values if extended else values[1:])]
         signal = variable_in_words(s["signal"], result.arm, s["joint"]) if s["joint"] else "tracked points"
         rows.append([signal, str(s["joint"] or ""), *texts, unit])
     if not rows:

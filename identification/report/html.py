@@ -10,7 +10,7 @@ from markupsafe import Markup
 from arm_model.collision import chain_of
 from arm_report import Report, table
 from arm_report.motion import Motion
-from arm_report.numbers import value_and_two_std
+from arm_report.numbers import significant, value_and_two_std
 from identification.regression.model_parameters import without_rotors
 from identification.report import friction, plots, ripples
 from identification.signal_words import recorded_quantities
@@ -166,7 +166,7 @@ def _errors(result: Identification) -> Markup:
         if explained:
             row += [_size(size, unit, 3) for size in (result.rms(True, j, sliding=True), result.expected_rms(j))]
         if result.noise and (one := result.noise_of(j)):
-            row += [_size(one.error, one.unit, 3), _size(one.floor, one.unit, 3), f"{one.ratio:.2g}"]
+            row += [_size(one.error, one.unit, 3), _size(one.floor, one.unit, 3), significant(one.ratio, 2)]
         elif result.noise:
             row += [""] * 3
         rows.append(row)
@@ -194,8 +194,8 @@ def _recordings(result: Identification) -> Markup:
             rows.append(
                 [
                     f"joint {joint.joint}",
-                    f"{joint.travel:.3g} {joint.unit}",
-                    f"{joint.top_speed:.3g} {joint.unit}/s",
+                    f"{significant(joint.travel)} {joint.unit}",
+                    f"{significant(joint.top_speed)} {joint.unit}/s",
                     f"{joint.used / run.rows:.0%}",
                     left_out,
                     "" if joint.torque is None else f"{joint.torque:.0%} of its limit",
@@ -213,7 +213,7 @@ def _percent(share: float) -> str:
 
 
 def _size(value: float, unit: str, figures: int = 4) -> str:
-    return "" if value != value else f"{value:.{figures}g} {unit}"
+    return "" if value != value else f"{significant(value, figures)} {unit}"
 
 
 def _values(values: list[Value], what: str) -> Markup:

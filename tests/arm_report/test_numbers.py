@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from arm_report.numbers import value_and_two_std
+from arm_report.numbers import significant, value_and_two_std
 
 
 @pytest.mark.parametrize(
@@ -25,3 +25,21 @@ from arm_report.numbers import value_and_two_std
 )
 def test_a_value_ends_where_its_two_std_ends(value: float, std: float | None, printed: tuple[str, str]) -> None:
     assert value_and_two_std(value, std) == printed
+
+
+@pytest.mark.parametrize(
+    ("value", "printed"),
+    [
+        (0.12, "0.120"),
+        (0.0932, "0.0932"),
+        (1.0, "1.00"),
+        (119.6, "120"),
+        (16540.0, "16500"),
+        (0.0, "0"),
+        (-0.02104, "-0.0210"),
+        (2e-7, "2.00e-07"),
+    ],
+)
+def test_numbers_of_a_column_are_as_exact(value: float, printed: str) -> None:
+    """A column of 0.12, 0.0932 and 0.022 N m looked as if each were measured otherwise."""
+    assert significant(value) == printed
