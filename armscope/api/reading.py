@@ -89,8 +89,10 @@ def for_analysis(*groups: Source | Sequence[Source], **bounds: Any) -> list[list
 def _check_one_unit(recordings: Sequence[Recording]) -> None:
     """InputError where a joint has a current in one recording and a torque in another: all its parameters would differ.
 
-    A unit that a table did not say ("drive") agrees with any.
+    A unit that a table did not say ("drive") agrees with any. Recordings of another arm are left to what knows the arm.
     """
+    if len({len(recording.layout.joints) for recording in recordings}) > 1:
+        return
     first: dict[int, tuple[str, Path]] = {}
     for recording in recordings:
         for number in range(1, len(recording.layout.joints) + 1):

@@ -70,7 +70,25 @@ def _by_ending(out: Path) -> Format:
     return {".parquet": Format.PARQUET, ".pq": Format.PARQUET, ".mat": Format.MAT}.get(ending, Format.CSV)
 
 
-_OF_OTHERS = (".h5", ".hdf5", ".xls", ".xlsx", ".ods", ".json", ".feather", ".npy", ".npz", ".bag", ".png", ".toml")
+_OF_OTHERS = (
+    ".h5",
+    ".hdf5",
+    ".xls",
+    ".xlsx",
+    ".ods",
+    ".docx",
+    ".pdf",
+    ".html",
+    ".zip",
+    ".gz",
+    ".json",
+    ".feather",
+    ".npy",
+    ".npz",
+    ".bag",
+    ".png",
+    ".toml",
+)
 """Endings of files that are no tables as text."""
 
 

@@ -24,7 +24,7 @@ def sentences(result: Identification) -> list[str]:
 def in_short(result: Identification) -> list[str]:
     """``sentences``, but joints whose friction the held-out data leave as it is are named together."""
     of_joint, plain = _over_speed(result), _plain(result)
-    lines = _signs(result)
+    lines = _signs_in_short(result)
     lines += [sentence for joint, sentence in of_joint.items() if joint not in plain or len(plain) == 1]
     if len(plain) > 1:
         joints = ", ".join(map(str, plain))
@@ -54,6 +54,19 @@ def _signs(result: Identification) -> list[str]:
             f"{1e3 * one['found']:.2g} {'mrad/s' if revolute else 'mm/s'}, {1e3 * one['model']:.2g} in the model"
             f"{'' if one['stays'] else '; not changed there, the standard deviations allow for it'} (held-out error "
             f"while it slides {one['before']:.3g} -> {one['after']:.3g} {unit})"
+        )
+    return lines
+
+
+def _signs_in_short(result: Identification) -> list[str]:
+    """``_signs``, but joints at which it was not changed are named together."""
+    found = list(zip(result.extra.get("sign_velocities", []), _signs(result), strict=True))
+    left = [one["joint"] for one, _ in found if not one["stays"]]
+    lines = [sentence for one, sentence in found if one["stays"] or len(left) == 1]
+    if len(left) > 1:
+        lines.append(
+            f"friction of joints {', '.join(map(str, left))} may change its sign more sharply than in the model: not "
+            "changed there, the standard deviations allow for it"
         )
     return lines
 

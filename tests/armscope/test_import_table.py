@@ -81,6 +81,9 @@ def test_recordings_in_two_units_are_not_analysed_together(tmp_path: Path) -> No
     for tried in (armscope.identify, armscope.diagnose):
         with pytest.raises(armscope.InputError, match=line):
             tried(one, "config/models/scara.toml", held_out=other)
+    shorter = armscope.import_table(frame().drop(columns=["q2", "i2"]), tmp_path / "shorter.mcap")
+    with pytest.raises(armscope.InputError, match="has 2 joints, the model 'SCARA"):
+        armscope.compare(one, shorter, "config/models/scara.toml")
     for agreeing in ("milliamperes", "unsaid"):  # refused, but for something else
         with pytest.raises(armscope.InputError, match="has 2 joints, the model|must be two recordings"):
             armscope.compare(other, tmp_path / f"{agreeing}.mcap", "config/models/scara.toml")

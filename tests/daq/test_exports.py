@@ -181,7 +181,7 @@ def test_what_cannot_be_written_leaves_nothing(file: Path, tmp_path: Path, capsy
     assert [path.name for path in tmp_path.rglob("*")] == ["bag"]
 
 
-@pytest.mark.parametrize("ending", [".xlsx", ".h5", ".JSON"])
+@pytest.mark.parametrize("ending", [".xlsx", ".h5", ".JSON", ".docx", ".gz"])
 def test_no_text_is_written_under_the_name_of_another_format(
     ending: str, file: Path, tmp_path: Path, capsys: pytest.CaptureFixture
 ) -> None:

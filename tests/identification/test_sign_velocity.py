@@ -60,11 +60,19 @@ def test_coulomb_and_viscous_friction_do_not_make_up_for_a_blunt_sign(tmp_path: 
     assert again.relative_error == pytest.approx(result.relative_error(True), rel=1e-6)
 
 
+ALIKE = [{"stays": False, "found": 4e-3, "model": 1e-2, "before": 0.1, "after": 0.1}]
+
+
 def test_a_sign_that_is_as_the_model_has_it_stays(tmp_path: Path) -> None:
     result = identified(
         tmp_path, NumpyArm(((as_the_model_has_it(9.0, 8.0),) * 2, (as_the_model_has_it(5.0, 5.0),) * 2))
     )
-    assert not any(one["stays"] for one in result.extra["sign_velocities"])
+    tried = result.extra["sign_velocities"]
+    assert not any(one["stays"] for one in tried)
+    two = replace(
+        result, extra={**result.extra, "sign_velocities": [one | {"joint": k} for k in (1, 2) for one in ALIKE]}
+    )
+    assert str(two).count("may change its sign") == 1 and "friction of joints 1, 2 may change its sign more" in str(two)
     assert [joint.sign_velocity for joint in result.arm.joints] == [DEFAULT, DEFAULT]
 
 
