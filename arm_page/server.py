@@ -52,11 +52,14 @@ class Page:
     analyses: Sequence[Analysis] = ()
     port: int | None = None
 
+    def __post_init__(self) -> None:
+        """InputError where the packages of the extra 'page' are missing: before a daemon is started for the page."""
+        _installed()
+
     def serve(self, ready: Callable[[str, str], None]) -> None:
         """Serves until SIGINT or SIGTERM; calls ``ready`` with the addresses for steering and for watching.
 
-        InputError: the rig file or its model is wrong, or the packages of the extra 'page' are missing. DeviceFault:
-        the port is taken.
+        InputError: the rig file or its model is wrong. DeviceFault: the port is taken.
         """
         uvicorn = _installed()
         from arm_page.application import Server

@@ -48,7 +48,6 @@ def command(
     if _needs_daemon(checked):
         read_rig(rig)  # refuses here what its daemon would refuse
     note_gaps(checked.model_path, "picture", *(["collisions"] if checked.space else []))
-    make_folder(recordings)
     page = Page(
         rig=rig,
         recordings=recordings,
@@ -56,6 +55,7 @@ def command(
         analyses=ANALYSES,
         port=port,
     )
+    make_folder(recordings)
     if attached:
         when_starter_ends(lambda: os.kill(os.getpid(), signal.SIGTERM))
     with _daemon(rig, checked):

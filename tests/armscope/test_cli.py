@@ -181,3 +181,15 @@ def test_nothing_unfinished_is_left_of_a_command_that_is_told_to_end(tmp_path: P
     process.stdout.close()
     assert process.wait(30) == -signal.SIGTERM
     assert list(tmp_path.iterdir()) == []
+
+
+def test_without_its_packages_no_daemon_is_started_for_a_page(
+    tmp_path: Path, root: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It opened the devices of the rig, and said then what was missing."""
+    monkeypatch.setitem(sys.modules, "starlette", None)
+    line = ["page", str(root / "config/puma560_sim.toml"), "--recordings", str(tmp_path / "recordings")]
+    assert run(line) == 2
+    said = capsys.readouterr().err
+    assert said.startswith("error: page: needs the package starlette") and "daemon" not in said
+    assert list(tmp_path.iterdir()) == []
