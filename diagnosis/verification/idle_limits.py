@@ -1,4 +1,9 @@
-"""Current limits at which nothing was clipped: the joint merely stood there, or no closed loop shows the limit."""
+"""Current limits at which nothing was clipped: the joint merely stood there, or no closed loop shows the limit.
+
+A closed loop shows a limit by its smaller error. How a servo comes out of its limit is in few models (whether its
+integrator runs on meanwhile), so that the loop with the limit may be the farther one from then on. There the loop
+without it shows the limit: it gives more than the drive gave.
+"""
 
 from __future__ import annotations
 
@@ -18,6 +23,9 @@ from identification.selection import Split
 
 AT_LIMIT = 0.97
 """Share of its limit from which on a current, filtered, is at it."""
+MORE = 5.0
+"""Times the usual error of a loop by which its current must exceed the limit: that of a loop without a fault exceeds
+the largest measured current, of which one might think as a limit, by about its error."""
 
 
 def idle_limits(
@@ -36,7 +44,8 @@ def idle_limits(
         pairs = [(compare(r, fewer, run), compare(r, extended, run)) for r, run in every]
         compared = [(a, b) for a, b in pairs if a is not None and b is not None]
         noise = float(np.mean([run.noise[cause.joint - 1] for run in runs]))
-        if all(shows_nothing(cause, a, b, noise) for a, b in compared) if compared else held_at_standstill(cause, runs):
+        idle = all(shows_nothing(cause, a, b, noise) for a, b in compared) if compared else held_at_standstill(cause, runs)
+        if idle and not asks_for_more(cause, [(a, run) for (a, _), run in zip(pairs, runs) if a is not None], noise):
             keys.append(cause.key)
     return keys
 
@@ -55,6 +64,26 @@ def held_at_standstill(cause: Cause, runs: Sequence[Run]) -> bool:
     at_limit = [np.abs(run.current[:, j]) > AT_LIMIT * limit for run in runs]
     moving = [np.abs(run.brisk_v[:, j]) > CREEP for run in runs]
     return any(rows.any() for rows in at_limit) and not any((a & b).any() for a, b in zip(at_limit, moving))
+
+
+def asks_for_more(cause: Cause, loops: Sequence[tuple[LoopComparison, Run]], noise: float) -> bool:
+    """Whether loops without the limit of a joint give more than it, while the joint moves and its current is there.
+
+    By rows of each recording, in rms, compared with the median error over the recordings. noise: A, of the residual
+    current of the joint, below which no error is.
+    """
+    limit = limit_of(cause)
+    if limit is None or cause.joint is None or not loops:
+        return False
+    j = cause.joint - 1
+    usual = max(float(np.median([loop.error_rms("current")[j] for loop, _ in loops])), noise)
+    for loop, run in loops:
+        moving = np.interp(loop.t - loop.t[0], run.t, np.abs(run.brisk_v[:, j]) > CREEP) > 0.5
+        there = moving & (np.abs(loop.current[:, j]) > AT_LIMIT * limit)
+        beyond = np.maximum(loop.simulated_current[:, j] * np.sign(loop.current[:, j]) - limit, 0.0)
+        if there.any() and float(np.sqrt(np.mean(beyond[there] ** 2))) > MORE * usual:
+            return True
+    return False
 
 
 def shows_nothing(cause: Cause, without: LoopComparison, having: LoopComparison, noise: float) -> bool:

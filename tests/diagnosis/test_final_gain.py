@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 import armscope
+from arm_io.types import Array
 from arm_model import Arm
 from arm_model.effects import CATALOGUE
 from daq.recording import open_recording
@@ -24,7 +27,7 @@ from diagnosis.residual.comparable_rows import comparable_rows
 from diagnosis.residual.generation import residual_run
 from diagnosis.selection.candidate import Candidate
 from diagnosis.verification.final_gain import FinalModel, left_where_it_acts
-from diagnosis.verification.idle_limits import held_at_standstill, idle_limits
+from diagnosis.verification.idle_limits import asks_for_more, held_at_standstill, idle_limits
 from diagnosis.verification.tenable import causes_of, tenable_causes
 from identification.selection import Split
 from tests.diagnosis import two_link
@@ -168,3 +171,27 @@ def test_a_limit_must_show_in_a_closed_loop(root: Path, tmp_path: Path) -> None:
         run = residual_run("a", arm, recording.t, recording.q, recording.i)
         side, own = Split([recording], []), Split(dataset_of([run]), dataset_of([run]))
         assert idle_limits([_limit(limit)], limited, side, own) == ([] if real else [("current_limit", 1)])
+
+
+@pytest.mark.parametrize(
+    ("asked", "speed", "more"),
+    [
+        (2.9, 0.5, True),  # a servo that came out of its limit otherwise than the model's
+        (2.52, 0.5, False),  # no more than the error of the loop elsewhere
+        (2.9, 0.0, False),  # a joint that stands holds what its friction leaves to it
+    ],
+)
+def test_a_loop_that_gives_more_than_the_drive_gave_shows_its_limit(asked: float, speed: float, more: bool) -> None:
+    t, limit, error = np.arange(0.0, 10.0, 0.01), 2.5, 0.01
+    at_limit = (t > 4.0) & (t < 5.0)
+    measured = np.where(at_limit, limit, np.sin(t))[:, None]
+    simulated = np.where(at_limit, asked, np.sin(t))[:, None]
+    run = SimpleNamespace(t=t, brisk_v=np.full((len(t), 1), speed))
+
+    def loop(of: Array) -> SimpleNamespace:
+        return SimpleNamespace(t=t, current=measured, simulated_current=of, error_rms=lambda _: np.array([error]))
+
+    loops = [(loop(of), run) for of in (simulated, measured, measured)]
+    assert asks_for_more(_limit(limit), cast(Any, loops), 0.002) is more
+    # in the other direction it is no more
+    assert asks_for_more(_limit(limit), cast(Any, [(loop(-simulated), run)]), 0.002) is False
