@@ -44,8 +44,11 @@ def idle_limits(
         pairs = [(compare(r, fewer, run), compare(r, extended, run)) for r, run in every]
         compared = [(a, b) for a, b in pairs if a is not None and b is not None]
         noise = float(np.mean([run.noise[cause.joint - 1] for run in runs]))
-        idle = all(shows_nothing(cause, a, b, noise) for a, b in compared) if compared else held_at_standstill(cause, runs)
-        if idle and not asks_for_more(cause, [(a, run) for (a, _), run in zip(pairs, runs) if a is not None], noise):
+        shown = not all(shows_nothing(cause, *pair, noise) for pair in compared)
+        if not compared:
+            shown = not held_at_standstill(cause, runs)
+        without = [(loop, run) for (loop, _), run in zip(pairs, runs) if loop is not None]
+        if not shown and not asks_for_more(cause, without, noise):
             keys.append(cause.key)
     return keys
 
