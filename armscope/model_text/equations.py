@@ -57,7 +57,8 @@ def equations_text(arm: Arm, form: Form, by: Formulation | None) -> str:
     else:
         values = _listed(arm, legal, "   {} = {}\n")
         head = f"/* {order}\n   with the values of the model, regrouped:\n{values}*/\n#include <math.h>\n\n"
-    return head + write(what, arguments, tape, list(outputs.values()), legal)
+    source = head + write(what, arguments, tape, list(outputs.values()), legal)
+    return source if python else source + _c_of_arrays(arm, what, legal)
 
 
 def _matlab(arm: Arm, what: str, tape: Tape, outputs: Mapping[str, Expr], legal: Mapping[str, str]) -> str:
@@ -76,6 +77,24 @@ def _matlab(arm: Arm, what: str, tape: Tape, outputs: Mapping[str, Expr], legal:
         f"if nargin == 0\n    out = struct( ...\n{values});\n    return\nend\n"
         + printing.matlab_body([*signals][-1], tape, list(outputs.values()), names)
     )
+
+
+def _c_of_arrays(arm: Arm, what: str, legal: Mapping[str, str]) -> str:
+    """A C function of an array per signal that calls the one of all numbers with the values of the model."""
+    given = numbers(arm)
+    signals = dict.fromkeys(text.rstrip("0123456789") for name, text in legal.items() if name not in given)
+    arguments = ", ".join([f"const double *{signal}" for signal in signals] + ["double *out"])
+    taken = [repr(float(given[name][0])) if name in given else _entry(text) for name, text in legal.items()]
+    return (
+        f"\n/* the same with the values of the model; {', '.join(signals)}: an entry per joint, from 0 */\n"
+        f"void {what}_of_model({arguments})\n{{\n    {what}({', '.join([*taken, 'out'])});\n}}\n"
+    )
+
+
+def _entry(text: str) -> str:
+    """ "theta2" -> "theta[1]"; of a signal of the whole arm the first entry."""
+    signal = text.rstrip("0123456789")
+    return f"{signal}[{int(text.removeprefix(signal) or 1) - 1}]"
 
 
 def _listed(arm: Arm, names: Mapping[str, str], line: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import inspect
 import json
 import re
@@ -64,6 +65,48 @@ def test_python_equations_run_as_printed(root: Path, capsys: pytest.CaptureFixtu
     assert run(["model", str(root / MODEL), "--equations", "python"]) == 0
     exec(compile(capsys.readouterr().out, "rates", "exec"), space)
     assert space["VALUES"]["rotor1"] > 0.0
+
+
+@pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler")
+@pytest.mark.parametrize("by", [[], ["--by", "kane"]])
+def test_c_equations_take_an_array_per_signal(
+    root: Path, by: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A function of a hundred numbers is nothing to call: beside it stands one of arrays, with the model's values."""
+    model, what, space = str(root / "config/models/puma560_worn.toml"), "torques" if by else "rates", dict[str, Any]()
+    assert run(["model", model, "--equations", "c", *by, "--out", str(tmp_path / "arm.c")]) == 0
+    subprocess.run(
+        ["cc", "-std=c99", "-Wall", "-Werror", "-shared", "-fPIC", "-o", "arm.so", "arm.c", "-lm"],
+        cwd=tmp_path,
+        check=True,
+    )
+    capsys.readouterr()
+    assert run(["model", model, "--equations", "python", *by]) == 0
+    exec(compile(capsys.readouterr().out, what, "exec"), space)
+    head = re.search(rf"void {what}_of_model\((.*), double \*out\)", (tmp_path / "arm.c").read_text())
+    assert head is not None
+    signals = [one.removeprefix("const double *") for one in head[1].split(", ")]
+    data = dict(zip(signals, np.random.default_rng(1).uniform(-1.0, 1.0, (len(signals), 6))))
+    taken = inspect.signature(space[what]).parameters
+    each = {f"{name}{j + 1}": data[name][j] for name in signals for j in range(6)}
+    expected = space[what](**space["VALUES"], **{name: value for name, value in each.items() if name in taken})
+    found, numbers = np.zeros(len(expected)), ctypes.POINTER(ctypes.c_double)
+    call = getattr(ctypes.CDLL(str(tmp_path / "arm.so")), f"{what}_of_model")
+    call(*(values.ctypes.data_as(numbers) for values in (*data.values(), found)))
+    np.testing.assert_allclose(found, expected, rtol=1e-12)
+
+
+@pytest.mark.filterwarnings("ignore::FutureWarning")  # of casadi, on its results for numpy
+def test_python_equations_take_symbols_of_casadi(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    casadi, space = pytest.importorskip("casadi"), dict[str, Any]()
+    assert run(["model", str(root / "config/models/puma560_worn.toml"), "--equations", "python"]) == 0
+    exec(compile(capsys.readouterr().out, "rates", "exec"), space)
+    names = [name for name in inspect.signature(space["rates"]).parameters if name not in space["VALUES"]]
+    symbols = casadi.SX.sym("x", len(names))
+    rates = space["rates"](**space["VALUES"], **{name: symbols[k] for k, name in enumerate(names)})
+    x = np.random.default_rng(1).uniform(-1.0, 1.0, len(names))
+    found = np.array(casadi.Function("rates", [symbols], [casadi.vertcat(*rates)])(x)).ravel()
+    np.testing.assert_allclose(found, space["rates"](**space["VALUES"], **dict(zip(names, x))), rtol=1e-12)
 
 
 def _as_python(matlab: str) -> str:
