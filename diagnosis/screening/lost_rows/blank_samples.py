@@ -16,6 +16,7 @@ from scipy import ndimage
 from arm_io import InputError
 from arm_io.types import Array
 from daq.recording import Recording
+from diagnosis.residual.noise.encoder_step import as_readings
 from diagnosis.residual.run import Run
 from diagnosis.screening.lost_rows.unmeasured_rows import SMEARED, without_weight
 from identification.preprocessing.grid import on_grid
@@ -126,10 +127,10 @@ def _check_share(recording: Recording, angles: Mask, currents: Mask) -> None:
 
 
 def _across(t: Array, values: Array) -> Array:
-    """(n, J) values with the NaN among them interpolated."""
+    """(n, J) readings with the NaN among them interpolated."""
     if not np.isnan(values).any():
         return values
     filled = values.copy()
     through = on_grid(t, values, t, float(np.median(np.diff(t))))[0]
     filled[np.isnan(values)] = through[np.isnan(values)]
-    return filled
+    return as_readings(filled, ~np.isnan(values))

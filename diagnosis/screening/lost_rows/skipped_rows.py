@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from arm_io import InputError
 from arm_io.types import Array
 from daq.recording import Recording
+from diagnosis.residual.noise.encoder_step import as_readings
 from diagnosis.residual.run import Run
 from diagnosis.screening.even_rows import SPLINED, TORN, resampled
 from diagnosis.screening.lost_rows.unmeasured_rows import without_weight
@@ -89,7 +90,7 @@ def filled(recording: Recording, holes: Sequence[Hole]) -> Recording:
         np.concatenate([np.linspace(hole.start, hole.end, hole.rows + 2)[1:-1] for hole in holes]),
     )
     before = np.searchsorted(t, stamps, side="right") - 1
-    curves = {name: partial(_across, t, stamps) for name in SMOOTH}
+    curves = {name: partial(_read_across if name in SPLINED else _across, t, stamps) for name in SMOOTH}
     return resampled(recording, stamps, before, curves)
 
 
@@ -99,6 +100,12 @@ def _across(t: Array, stamps: Array, values: Array) -> Array:
     at = np.searchsorted(stamps, t)
     through[at] = values
     return through
+
+
+def _read_across(t: Array, stamps: Array, values: Array) -> Array:
+    """``_across`` of what an instrument reads, also where no row is."""
+    measured = np.isin(stamps, t)
+    return as_readings(_across(t, stamps, values), np.broadcast_to(measured[:, None], (len(stamps), values.shape[1])))
 
 
 def without_skipped(run: Run, holes: Sequence[Hole]) -> Run:
