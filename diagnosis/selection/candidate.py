@@ -21,7 +21,8 @@ class Candidate:
     joint: from 1; None: of the whole arm. body: with an inertia of its own (a payload), not a mass point. amplitude:
     the name of the one linear parameter that it has, the others being 0; "": all, of a wave the first. terms: the
     next-order terms of the law that it has; these refer to the phase or the rest position in ``shape``. about: s, the
-    delay up to which the column of a delay is its mean change; 0: its first-order change.
+    delay up to which the column of a delay is its mean change; 0: its first-order change. expected: of its largest
+    typical sizes, the share that the coefficients of a body most likely have (``bodies.likely_share``).
     """
 
     effect: str
@@ -31,6 +32,7 @@ class Candidate:
     amplitude: str = ""
     terms: tuple[str, ...] = ()
     about: float = 0.0
+    expected: float = 1.0
 
     @property
     def definition(self) -> Effect:

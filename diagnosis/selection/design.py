@@ -114,6 +114,10 @@ class Columns:
         x[rows.start - self.where.start : rows.stop - self.where.start] = 0.0
         return Columns(x, self.where, self.known)
 
+    def expecting(self, share: float) -> Columns:
+        """The columns with coefficients whose ``known`` std is such a share of what it is."""
+        return self if self.known is None else Columns(self.x, self.where, self.known / share**2)
+
     def dot(self, values: Array) -> Array:
         """x^T other, for other (N,) or (N, r)."""
         product: Array = self.x.T @ values[self.where]

@@ -64,14 +64,14 @@ def columns_at_joint(candidate: Candidate, side: Dataset) -> Columns:
 
 
 def _known(candidate: Candidate, side: Dataset) -> Array | None:
-    """(k,) inverse variances of the errors of a link's parameters: no larger than typical, whatever the data says.
+    """(k,) inverse variances of the errors of a link's parameters: no larger than ``expected``, whatever the data says.
 
     Of the ten, a few motions determine some. The others would follow what these lack, and predict no other motion.
     """
     if not candidate.link_parameters:
         return None
     typical = np.array([candidate.largest(k) for k in range(candidate.link_parameters)])
-    return np.asarray(side.runs[0].alike / typical**2, float)
+    return np.asarray(side.runs[0].alike / (candidate.expected * typical) ** 2, float)
 
 
 def _joints_apart(side: Dataset) -> bool:

@@ -22,12 +22,12 @@ from diagnosis.measurements.currents.replacement.exchange import exchanged
 from diagnosis.measurements.currents.replacement.next_orders import rival_with_term
 from diagnosis.measurements.currents.state import Rivals, State, corrected
 from diagnosis.measurements.currents.structure.noise_ratio import joints_above_noise
-from diagnosis.selection.bodies import body_of, link_of
+from diagnosis.selection.bodies import body_of, likely_share, link_of
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Dataset, Pair
 from diagnosis.selection.harmonics import is_further_order, is_of_ripple
 from diagnosis.selection.next_order import next_orders, of_last_term, small_term, term_share
-from diagnosis.selection.regression import SPARSE_P, best_of_each, score
+from diagnosis.selection.regression import SPARSE_P, Fitted, best_of_each, score
 from diagnosis.selection.ripple_orders import detectable, joint_of_ripple
 from diagnosis.selection.unseen_inertia import explained, unseen_inertia
 from identification.selection import MeasurementModel, Score, Split, p_value
@@ -42,7 +42,8 @@ class Currents(MeasurementModel[Candidate, State]):
 
     ripples   candidates whose columns are computed only for the strongest orders of the residual
     excluded  effects that may not be chosen
-    extended  columns of candidates with next-order terms, which are candidates only once their effect is chosen
+    extended  columns of candidates with next-order terms, which are candidates only once their effect is chosen, and of
+              bodies with smaller coefficients
     uncertain what is known of the model, if it says so
     """
 
@@ -72,7 +73,8 @@ class Currents(MeasurementModel[Candidate, State]):
         every = [c for c in self.library if not c.about or c in long]
         best = best_of_each(every, self.library.where_shown, state.fitted, self.taken(state))
         self.library.compute(best)
-        scores = [self.scored(c, self.library[c], state) for c in best]
+        best = [self._with_likely_sizes(c, state.fitted) for c in best]
+        scores = [self.scored(c, self.columns(c), state) for c in best]
         scores += [
             self.scored(alone, self._of_column(c, k), state) for c in best for k, alone in enumerate(c.single_sizes())
         ]
@@ -214,12 +216,19 @@ class Currents(MeasurementModel[Candidate, State]):
 
     def after_round(self, state: State) -> State:
         """The data corrected by the exact model of the chosen."""
+        for c in (c for c in state.chosen if c.link_parameters):
+            state = state.replaced(c, self._with_likely_sizes(c, self.without(c, state).fitted))
         return corrected(state)
 
     def columns(self, candidate: Candidate) -> Pair:
         """Columns of a candidate, each computed once."""
         if candidate.body:
             return self.columns(link_of(candidate, self.arm))
+        if candidate.expected != 1.0:
+            if candidate not in self.extended:
+                every = self.columns(replace(candidate, expected=1.0))
+                self.extended[candidate] = every.map(lambda own: own.expecting(candidate.expected))
+            return self.extended[candidate]
         if not candidate.terms:
             self.library.add(candidate)
             return self.library[candidate]
@@ -258,6 +267,13 @@ class Currents(MeasurementModel[Candidate, State]):
         """The columns of a body's inertia, which a mass point does not have."""
         first = body.definition.link_parameters
         return self.columns(body).map(lambda own: own.of(columns=slice(first, None)))
+
+    def _with_likely_sizes(self, candidate: Candidate, fitted: Fitted) -> Candidate:
+        """A body with the most likely scale of its coefficients conditional on those fitted; others as they are."""
+        if not candidate.link_parameters:
+            return candidate
+        every = self.columns(replace(candidate, expected=1.0)).fit
+        return replace(candidate, expected=likely_share(every, fitted, self.data.fit.runs[0].alike))
 
     def _of_column(self, candidate: Candidate, k: int) -> Pair:
         """One column of a candidate."""
