@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
+
+import numpy as np
 
 from arm_model import Arm
 from daq.recording import Recording
@@ -20,9 +23,11 @@ from diagnosis.measurements.currents.detectability import (
 )
 from diagnosis.other_instruments import OtherInstruments
 from diagnosis.remainder.fitted_only import in_fit_alone
+from diagnosis.residual.other_effects import residual_with
 from diagnosis.residual.run import Run
 from diagnosis.residual.run_setup import has_demand
 from diagnosis.screening.cleaned import Screened
+from diagnosis.screening.lost_rows.lost_triggers import uncounted_change
 from diagnosis.selection.design import Dataset
 from diagnosis.verified import Verified
 from identification.selection import Split
@@ -44,6 +49,7 @@ def unexplained_structure(
     structures = [
         *(one for one in of_currents if currents.shortage is None or one.joint not in currents.shortage.joints),
         *fit_alone,
+        *(changes_of_lag(currents) if instruments.judged else []),
         *(instruments.link.unexplained if instruments.link else []),
         *instruments.tracked.unexplained,
         *(
@@ -64,6 +70,22 @@ def unexplained_of_currents(instruments: OtherInstruments, currents: CurrentDiag
     structures = currents.selection.unexplained.structures
     joints = {structure.joint for structure in structures}
     return [*structures, *(structure for structure in currents.undetermined if structure.joint not in joints)]
+
+
+def changes_of_lag(currents: CurrentDiagnosis) -> list[Structure]:
+    """Recordings in which the lag of the currents changes with certainty, by rows that they do not determine.
+
+    At a high rate, a loss of some rows changes a few seconds of one recording, and its residual by less than noise may.
+    """
+    structures = []
+    for run in currents.state.all_runs:
+        left = residual_with(run, currents.state.terms)
+        if (change := uncounted_change(replace(run, expected=run.current - left))) is None:
+            continue
+        joint = int(np.argmax(np.mean((left / run.deviation) ** 2, axis=0))) + 1
+        size = f"{1e3 * change.step:.1f} ({1e3 * change.std:.1f}) ms of lag of all currents, {run.name}"
+        structures.append(Structure(Signal.CURRENT, joint, "time", 0.0, size))
+    return structures
 
 
 def _in_loop(

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 
 from arm_model.model_file import read_model
+from diagnosis.cause import Structure
+from diagnosis.current_diagnosis import CurrentDiagnosis
 from diagnosis.residual.expected_current import predicted_current
 from diagnosis.residual.generation import residual_run
 from diagnosis.residual.run import Run
 from diagnosis.screening.lost_rows.common_count import common_count
 from diagnosis.screening.lost_rows.lost_triggers import dropped_triggers
+from diagnosis.unexplained import changes_of_lag
 
 RATE, ROW = 500.0, 2000
 """Rows per s, and the row after which triggers are lost."""
@@ -60,6 +65,20 @@ def test_rows_that_every_recording_lost_are_found_by_all_together(root: Path, co
 def test_a_joint_that_hardly_tells_one_number_from_the_next_is_no_contradiction(root: Path, count: int) -> None:
     runs = [_run(root, seed, (count, count), noise=(0.003, 0.02)) for seed in range(6)]
     assert _common(runs) == count
+
+
+def test_a_change_of_lag_is_told_where_its_rows_are_not_certain(root: Path) -> None:
+    """Seven rows, to a third of one: a single recording of several joints was ``consistent`` beside it."""
+    lost, whole = (_run(root, 2, rows, noise=0.02) for rows in ((7, 7), (0, 0)))
+    assert dropped_triggers([lost], [1.0 / RATE]) == []
+
+    def told(run: Run) -> list[Structure]:
+        state = SimpleNamespace(all_runs=[run], terms=())
+        return changes_of_lag(cast(CurrentDiagnosis, SimpleNamespace(state=state)))
+
+    (structure,) = told(lost)
+    assert structure.against == "time" and structure.size.startswith("-14.3 (0.6) ms of lag of all currents, run 2")
+    assert told(whole) == told(_run(root, 2, (7, 0), noise=0.02)) == []
 
 
 def test_recordings_that_lost_nothing_are_left_as_they_are(root: Path) -> None:

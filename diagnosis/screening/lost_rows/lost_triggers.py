@@ -208,6 +208,18 @@ def _sure(run: Run, change: Change) -> bool:
     return abs(refined.step) > SIGNIFICANT_STDS * refined.std
 
 
+def uncounted_change(run: Run) -> Change | None:
+    """The change of a run's lag that is certain, where its rows or its instant are not; None where there is none.
+
+    At first sight, and with the currents put back by it.
+    """
+    change = change_of_lag(run) if len(run.t) else None
+    if change is None or abs(change.step) < SIGNIFICANT_STDS * change.std:
+        return None
+    refined = _refined(run, change)
+    return refined if abs(refined.step) > SIGNIFICANT_STDS * refined.std else None
+
+
 def energy(run: Run) -> float:
     """Mean square of a run's residual over its std, at all joints, at the constant lag that fits best.
 
