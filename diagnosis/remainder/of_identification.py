@@ -24,7 +24,7 @@ from diagnosis.measurements.currents.model_errors import Significance
 from diagnosis.measurements.currents.state import State
 from diagnosis.measurements.currents.structure.noise_ratio import noise_ratio
 from diagnosis.measurements.currents.structure.shared_bases import Bases
-from diagnosis.measurements.currents.structure.unexplained import structures_at
+from diagnosis.measurements.currents.structure.unexplained import StructureSearch
 from diagnosis.measurements.near_rest.friction import left_over_near_rest
 from diagnosis.remainder.against_noise import runs_of
 from diagnosis.selection.design import Dataset
@@ -103,7 +103,8 @@ def _against(arm: Arm, learned: Dataset, data: Dataset, joint: int) -> str:
     if noise_ratio(data.y, data, joint) <= LIMITS.above_noise:
         return ""
     split, bases = Split(learned, data), Bases(learned, data)
-    return _variable(structures_at(joint, split, bases, fit_together(split, ()), arm, Significance(split, [], None))[0])
+    exact = Significance(split, [], None)
+    return _variable(StructureSearch(split, fit_together(split, ()), arm, exact, bases).at(joint)[0])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -136,7 +137,7 @@ def allowed_residuals(state: State, structures: Sequence[Structure]) -> list[All
         sides = zip(state.data, state.residual)
         if joint in reported or max(noise_ratio(y, side, joint) for side, y in sides) <= LIMITS.above_noise:
             continue
-        against = _variable(structures_at(joint, state.data, bases, state.fitted, model.arm, exact)[0])
+        against = _variable(StructureSearch(state.data, state.fitted, model.arm, exact, bases).at(joint)[0])
         result.append(
             AllowedResidual(joint=joint, against=against, before=(1.0 + remaining) ** 0.5, before_against=before)
         )

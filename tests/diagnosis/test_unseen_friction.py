@@ -12,7 +12,7 @@ from arm_model import Arm
 from diagnosis.measurements.currents.design_matrix import dataset_of
 from diagnosis.measurements.currents.model_errors import Significance
 from diagnosis.measurements.currents.structure.shared_bases import Bases
-from diagnosis.measurements.currents.structure.unexplained import structures_at
+from diagnosis.measurements.currents.structure.unexplained import StructureSearch
 from diagnosis.measurements.currents.structure.unseen_friction import as_shown
 from diagnosis.residual.generation import residual_run
 from diagnosis.residual.run import Run
@@ -47,9 +47,8 @@ def _unexplained(more: float) -> list[str]:
     fit = [_run(ways[:12], 0, more), _run(ways[12:], 1, more)]
     held_out = [_run([(0.4, CREEPS), (-0.8, 0.5), (0.36, 0.9 * CREEPS)], 2, more)]
     data = Split(dataset_of(fit), dataset_of(held_out))
-    found, _, _ = structures_at(
-        1, data, Bases(data.fit, data.held_out), fit_together(data, ()), ARM, Significance(data, [], None)
-    )
+    bases = Bases(data.fit, data.held_out)
+    found, _, _ = StructureSearch(data, fit_together(data, ()), ARM, Significance(data, [], None), bases).at(1)
     return [one.against for one in found]
 
 

@@ -97,9 +97,8 @@ def test_functions_that_do_not_follow_fitted_recordings_are_not_tried_on_others(
         monkeypatch.setattr(unexplained, "HARDLY", hardly)
         calls = _counted(monkeypatch, unexplained, "residual_with")
         state = State(model, (), model.data, {})
-        of_joints = unexplained.unexplained_structure(
-            state.data, state.fitted, arm, state.significance, Bases(*model.data)
-        )
+        search = unexplained.StructureSearch(state.data, state.fitted, arm, state.significance, Bases(*model.data))
+        of_joints = search.of_all_joints()
         found.append((of_joints.structures, len(calls)))
     assert found[0][0] == found[1][0]
     assert bool(found[0][0]) is (ripple > 0.0)

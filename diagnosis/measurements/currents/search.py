@@ -18,7 +18,7 @@ from diagnosis.measurements.currents.structure.coefficient_doubt import Coeffici
 from diagnosis.measurements.currents.structure.noise_ratio import joints_above_noise
 from diagnosis.measurements.currents.structure.shared_bases import Bases
 from diagnosis.measurements.currents.structure.spurious import of_another_order, spurious
-from diagnosis.measurements.currents.structure.unexplained import Unexplained, unexplained_structure
+from diagnosis.measurements.currents.structure.unexplained import StructureSearch, Unexplained
 from diagnosis.selection.bodies import bodies_of_link, is_body, link_of
 from diagnosis.selection.candidate import Candidate
 from identification.selection import Score, eliminate, select
@@ -124,5 +124,5 @@ def _with_refuted(selection: Selection, refuted: Mapping[EffectKey, Structure]) 
 
 def _with_unexplained(state: State, bases: Bases) -> Selection:
     beside = CoefficientDoubt(state).beside
-    unexplained = unexplained_structure(state.data, state.fitted, state.model.arm, state.significance, bases, beside)
-    return Selection(state, unexplained)
+    search = StructureSearch(state.data, state.fitted, state.model.arm, state.significance, bases, beside)
+    return Selection(state, search.of_all_joints())

@@ -50,77 +50,111 @@ class Unexplained:
     likely: dict[int, Likely]
 
 
-Beside = Callable[[Array], Array]
-"""What a held-out residual (N,) is without what the coefficients of causes may be wrong by (``CoefficientDoubt``)."""
+@dataclass(frozen=True)
+class StructureSearch:
+    """The search for structure in what ``fitted`` columns leave of recordings.
 
-
-def unexplained_structure(
-    data: Split[Dataset],
-    fitted: Fitted,
-    arm: Arm,
-    significance: Significance,
-    bases: Bases,
-    beside: Beside = np.asarray,
-) -> Unexplained:
-    """Structures conditional on what is ``fitted``, joint by joint, the strongest first.
-
-    significance: of columns beside those fitted, with the model as uncertain as it is. bases: of these recordings.
+    significance  of columns beside those fitted, with the model as uncertain as it is
+    bases         of these recordings
+    beside        what a held-out residual (N,) is without what the coefficients of causes may be wrong by
+                  (``CoefficientDoubt``)
     """
-    joints = range(1, len(arm) + 1)
-    bases.compute(arm)
-    by_joint = in_parallel(lambda joint: structures_at(joint, data, bases, fitted, arm, significance, beside), joints)
-    return Unexplained(
-        [structure for structures, _, _ in by_joint for structure in structures],
-        [pair for _, pairs, _ in by_joint for pair in pairs],
-        {joint: likely for joint, (_, _, likely) in zip(joints, by_joint) if likely},
-    )
 
+    data: Split[Dataset]
+    fitted: Fitted
+    arm: Arm
+    significance: Significance
+    bases: Bases
+    beside: Callable[[Array], Array] = np.asarray
 
-def structures_at(
-    joint: int,
-    data: Split[Dataset],
-    bases: Bases,
-    fitted: Fitted,
-    arm: Arm,
-    significance: Significance,
-    beside: Beside = np.asarray,
-) -> tuple[list[Structure], list[Pair], Likely | None]:
-    """Structures at one joint, their columns, and those of a likely variable."""
-    structures: list[Structure] = []
-    pairs: list[Pair] = []
-    fit, held_out = data
-    judged = np.ones(held_out.rows, bool)
-    shapes = list(shapes_of(bases, fitted.residual.fit, arm, joint))
-    for _ in range(LIMITS.structures):
-        best = _strongest(shapes, with_columns(fitted, pairs), data, joint, significance, judged, bases.unseen)
-        if best is None:
-            break
-        shape, share = best
-        structures.append(Structure(Signal.CURRENT, joint, shape.name, share))
-        pairs.append(shape.pair)
-        judged &= shape.known
-        shapes = [one for one in shapes if one.name != shape.name]
-    conditional = with_columns(fitted, pairs).residual.held_out
-    of_fit, of_held_out = (
-        largest_of_noise(side, joint) * times[joint - 1] for side, times in zip(data, significance.allowed)
-    )
-    if (ratio := noise_ratio(conditional, held_out, joint)) > of_held_out:
-        ratio = noise_ratio(beside(conditional), held_out, joint)
-    quiet = ratio <= of_held_out
-    if quiet and (pairs or noise_ratio(fitted.residual.fit, fit, joint) <= of_fit):
+    def of_all_joints(self) -> Unexplained:
+        """Structures conditional on what is ``fitted``, joint by joint, the strongest first."""
+        joints = range(1, len(self.arm) + 1)
+        self.bases.compute(self.arm)
+        by_joint = in_parallel(self.at, joints)
+        return Unexplained(
+            [structure for structures, _, _ in by_joint for structure in structures],
+            [pair for _, pairs, _ in by_joint for pair in pairs],
+            {joint: likely for joint, (_, _, likely) in zip(joints, by_joint) if likely},
+        )
+
+    def at(self, joint: int) -> tuple[list[Structure], list[Pair], Likely | None]:
+        """Structures at one joint, their columns, and those of a likely variable."""
+        structures: list[Structure] = []
+        pairs: list[Pair] = []
+        fit, held_out = self.data
+        judged = np.ones(held_out.rows, bool)
+        shapes = list(shapes_of(self.bases, self.fitted.residual.fit, self.arm, joint))
+        for _ in range(LIMITS.structures):
+            best = self._strongest(joint, shapes, with_columns(self.fitted, pairs), judged)
+            if best is None:
+                break
+            shape, share = best
+            structures.append(Structure(Signal.CURRENT, joint, shape.name, share))
+            pairs.append(shape.pair)
+            judged &= shape.known
+            shapes = [one for one in shapes if one.name != shape.name]
+        conditional = with_columns(self.fitted, pairs).residual.held_out
+        of_fit, of_held_out = (
+            largest_of_noise(side, joint) * times[joint - 1]
+            for side, times in zip(self.data, self.significance.allowed)
+        )
+        if (ratio := noise_ratio(conditional, held_out, joint)) > of_held_out:
+            ratio = noise_ratio(self.beside(conditional), held_out, joint)
+        quiet = ratio <= of_held_out
+        if quiet and (pairs or noise_ratio(self.fitted.residual.fit, fit, joint) <= of_fit):
+            return structures, pairs, None
+        likely = likely_variable(self.data, self.fitted.residual, self.arm, joint)
+        if quiet:
+            return [], [], likely
+        if likely is not None:
+            rows = held_out.of(joint)
+            remaining = float(np.sum(conditional[rows] ** 2)) / float(np.sum(self.fitted.residual.held_out[rows] ** 2))
+            if not pairs or 1.0 - likely.share < LIMITS.swapped * remaining:
+                return [Structure(Signal.CURRENT, joint, likely.variable, likely.share)], [], likely
+        if not pairs:
+            against = wave_of(self.fitted.residual.held_out, held_out, joint) or NO_VARIABLE
+            structures.append(Structure(Signal.CURRENT, joint, against, 0.0, f"{ratio:.1f} times the noise"))
         return structures, pairs, None
-    likely = likely_variable(data, fitted.residual, arm, joint)
-    if quiet:
-        return [], [], likely
-    if likely is not None:
+
+    def _strongest(
+        self, joint: int, shapes: Sequence[Shape], fitted: Fitted, known: NDArray[np.bool_]
+    ) -> tuple[Shape, float] | None:
+        """The function that explains most of a joint's held-out residual, and the share of its variance.
+
+        Judged where the variable is in the range that was fitted: beyond it, a function says nothing, and neither do
+        coefficients of causes that were fitted beside it. known (rows,): where functions that are fitted already do.
+        What a function would explain of ``Bases.unseen`` does not count.
+        """
+        held_out = self.data.held_out
         rows = held_out.of(joint)
-        remaining = float(np.sum(conditional[rows] ** 2)) / float(np.sum(fitted.residual.held_out[rows] ** 2))
-        if not pairs or 1.0 - likely.share < LIMITS.swapped * remaining:
-            return [Structure(Signal.CURRENT, joint, likely.variable, likely.share)], [], likely
-    if not pairs:
-        against = wave_of(fitted.residual.held_out, held_out, joint) or NO_VARIABLE
-        structures.append(Structure(Signal.CURRENT, joint, against, 0.0, f"{ratio:.1f} times the noise"))
-    return structures, pairs, None
+        gains = []
+        for shape in shapes:
+            # a function that hardly fits the fitted recordings cannot predict others
+            in_fit = shape.functions.fit.columns
+            gain, c = fit_gain(in_fit, fitted)
+            if gain < HARDLY * LIMITS.structure_gain * self.data.fit.rows:
+                gains.append(np.zeros(1))
+                continue
+            pair = Split(in_fit, shape.functions.held_out.columns, self.data.two_fold)
+            fall = fitted.residual.held_out**2 - residual_with(pair, c, fitted, held_out) ** 2
+            fall[rows] *= shape.known & known
+            gains.append(held_out.by_block(fall))
+        q = stats.false_discovery_control(np.array([p_value(gain) for gain in gains]))
+        before = float(np.sum(fitted.residual.held_out[rows] ** 2 * known))
+        of_causes = float(np.sum(held_out.y[rows] ** 2 * known)) - before
+        enough = max(LIMITS.structure_gain * held_out.rows, LIMITS.structure_share * of_causes)
+        significant = [k for k, gain in enumerate(gains) if q[k] < LIMITS.structure_p and gain.sum() > enough]
+        of_unseen = {
+            k: sum(float(explained(one, shapes[k].pair.held_out, held_out)[joint - 1]) for one in self.bases.unseen)
+            for k in significant
+        }
+        significant = [k for k in significant if gains[k].sum() - of_unseen[k] > enough]
+        significant = [k for k in significant if self.significance.beyond_model(shapes[k].pair, LIMITS.beyond_model)]
+        if not significant:
+            return None
+        best = max(significant, key=lambda k: float(gains[k].sum()))
+        return shapes[best], float(gains[best].sum()) / before
 
 
 def better_than_causes(
@@ -147,49 +181,3 @@ def better_than_causes(
         if significant or (allowed and shape.name != "velocity" and gain > -allowed):
             better[shape.name] = max(gain, better.get(shape.name, gain))
     return better
-
-
-def _strongest(
-    shapes: Sequence[Shape],
-    fitted: Fitted,
-    data: Split[Dataset],
-    joint: int,
-    significance: Significance,
-    known: NDArray[np.bool_],
-    unseen: Sequence[Array],
-) -> tuple[Shape, float] | None:
-    """The function that explains most of a joint's held-out residual, and the share of its variance.
-
-    Judged where the variable is in the range that was fitted: beyond it, a function says nothing, and neither do
-    coefficients of causes that were fitted beside it. known (rows,): where functions that are fitted already do.
-    unseen: as of ``Bases``; what a function would explain of it does not count.
-    """
-    held_out = data.held_out
-    rows = held_out.of(joint)
-    gains = []
-    for shape in shapes:
-        # a function that hardly fits the fitted recordings cannot predict others
-        in_fit = shape.functions.fit.columns
-        gain, c = fit_gain(in_fit, fitted)
-        if gain < HARDLY * LIMITS.structure_gain * data.fit.rows:
-            gains.append(np.zeros(1))
-            continue
-        pair = Split(in_fit, shape.functions.held_out.columns, data.two_fold)
-        fall = fitted.residual.held_out**2 - residual_with(pair, c, fitted, held_out) ** 2
-        fall[rows] *= shape.known & known
-        gains.append(held_out.by_block(fall))
-    q = stats.false_discovery_control(np.array([p_value(gain) for gain in gains]))
-    before = float(np.sum(fitted.residual.held_out[rows] ** 2 * known))
-    of_causes = float(np.sum(held_out.y[rows] ** 2 * known)) - before
-    enough = max(LIMITS.structure_gain * held_out.rows, LIMITS.structure_share * of_causes)
-    significant = [k for k, gain in enumerate(gains) if q[k] < LIMITS.structure_p and gain.sum() > enough]
-    of_unseen = {
-        k: sum(float(explained(one, shapes[k].pair.held_out, held_out)[joint - 1]) for one in unseen)
-        for k in significant
-    }
-    significant = [k for k in significant if gains[k].sum() - of_unseen[k] > enough]
-    significant = [k for k in significant if significance.beyond_model(shapes[k].pair, LIMITS.beyond_model)]
-    if not significant:
-        return None
-    best = max(significant, key=lambda k: float(gains[k].sum()))
-    return shapes[best], float(gains[best].sum()) / before
