@@ -18,6 +18,7 @@ from diagnosis.measurements.currents.design_matrix import Library, dataset_of
 from diagnosis.measurements.currents.estimates import estimates_of
 from diagnosis.measurements.currents.model import Currents
 from diagnosis.measurements.currents.replacement.simplified import simplified
+from diagnosis.measurements.currents.replacement.special_cases import special_cases
 from diagnosis.measurements.currents.search import attributed_to_body
 from diagnosis.residual.generation import residual_run
 from diagnosis.residual.noise.channels import KnownNoise
@@ -104,6 +105,17 @@ def test_a_solid_body_is_a_payload(arm: Arm, sides: tuple[float, float, float]) 
     assert found["mass"].std < 0.2
     # the largest moment is more than noise
     assert found["izz"].value > 2 * found["izz"].std
+
+
+@pytest.mark.parametrize("side", [0.0, 0.3])
+def test_a_chosen_body_without_inertia_becomes_a_mass_point(arm: Arm, side: float) -> None:
+    """It may have been chosen while another cause was missing, of which its inertia followed a part."""
+    real = carrying(arm, box(3.0, CENTRE, (side, side / 2, side / 2))[0])
+    data = Split(dataset_of([recorded(real, arm, 1)]), dataset_of([recorded(real, arm, 2)]), False)
+    body = Candidate("payload", None, body=True)
+    library = Library([replace(body, body=False)], data)
+    state = Currents(arm, data, library, []).refitted([body], {body.key: ()})
+    assert [c.body for c in special_cases(state).chosen] == [side > 0.0]
 
 
 def test_a_mass_point_needs_no_inertia(arm: Arm) -> None:

@@ -22,18 +22,13 @@ from diagnosis.selection.design import Dataset
 
 
 def dominant(state: State) -> list[Candidate]:
-    """The chosen candidates of one joint that alone explain ``LIMITS.dominant`` of its excess.
-
-    One per joint, or the ripples of a joint together: a wheel and a motor make several orders.
-    """
+    """The chosen candidates of one joint that alone explain ``LIMITS.dominant`` of its excess; one per joint."""
     dominating = []
     for joint in sorted({c.joint for c in state.chosen if c.joint}):
-        own = [c for c in state.chosen if c.joint == joint]
-        ripples = [c for c in own if c.definition.wave]
-        alone = [*([c] for c in own if c not in ripples), *([ripples] if ripples else [])]
-        share, best = max(((explained_alone(several, state), several) for several in alone), key=lambda one: one[0])
+        own = ((explained_alone([c], state), c) for c in state.chosen if c.joint == joint)
+        share, best = max(own, key=lambda one: one[0])
         if share > state.model.limits.dominant:
-            dominating += best
+            dominating.append(best)
     return dominating
 
 
