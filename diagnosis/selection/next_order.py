@@ -10,8 +10,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
-import numpy as np
-
 from arm_io.types import Array
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Columns, Pair
@@ -36,18 +34,6 @@ def next_orders(chosen: Candidate, coefficients: Array, seconds: float) -> Itera
 def of_last_term(pair: Pair) -> Pair:
     """The column of a candidate's last term, of all its columns."""
     return pair.map(lambda columns: Columns(columns.x[:, -1:], columns.where))
-
-
-def small_term(candidate: Candidate, parts: Array, limit: float) -> bool:
-    """Whether the last term contributes at most ``limit`` times what the law itself does (rms), by parts (N, k).
-
-    A term of time has no natural origin: the part of it that is like the law is counted to the law.
-    """
-    law, term = parts[:, :-1].sum(axis=1), parts[:, -1]
-    if candidate.definition.lasting(candidate.terms[-1]) is not None:
-        common = float(law @ term / max(float(law @ law), 1e-300)) * law
-        law, term = law + common, term - common
-    return bool(np.sum(term**2) <= limit**2 * np.sum(law**2))
 
 
 def term_share(candidate: Candidate) -> float:

@@ -40,8 +40,6 @@ class CurrentLimits(Limits):
                              unexplained
     family                   share of its gain by which a term of an effect that is chosen may gain less than another
                              effect and still come first: harmonics and directions belong to one cause
-    next_order               rms of a term of an effect that is chosen, over the rms of that effect: a spring with a
-                             cubic tenth has 0.1 to 0.2, a spring fitted to a cube alone 1 and more
     swapped                  share of what is left to which it must fall for a rival to take the place of a cause, or
                              for a likely variable that of structures which leave a residual above the noise
     follows                  share of what no effect explains that more coefficients of friction may follow: two
@@ -83,7 +81,6 @@ class CurrentLimits(Limits):
     body_deviations: float = 3.0
     searched_again: int = 2
     family: float = 0.05
-    next_order: float = 0.5
     swapped: float = 0.5
     follows: float = 0.25
     dominant: float = 0.95

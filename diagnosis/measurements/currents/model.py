@@ -26,7 +26,7 @@ from diagnosis.selection.bodies import body_of, likely_share, link_of
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Dataset, Pair
 from diagnosis.selection.harmonics import is_further_order, is_of_ripple
-from diagnosis.selection.next_order import next_orders, of_last_term, small_term, term_share
+from diagnosis.selection.next_order import next_orders, of_last_term, term_share
 from diagnosis.selection.regression import SPARSE_P, Fitted, best_of_each, score
 from diagnosis.selection.ripple_orders import detectable, joint_of_ripple
 from diagnosis.selection.unseen_inertia import explained, unseen_inertia
@@ -134,8 +134,7 @@ class Currents(MeasurementModel[Candidate, State]):
     def admissible(self, score: Score[Candidate], state: State) -> bool:
         """Whether a candidate is physically admissible, matters, and is beyond what is known of the model.
 
-        Whether a body is one is decided when all causes are known (``search.attributed_to_body``). A term must be small
-        against its effect.
+        Whether a body is one is decided when all causes are known (``search.attributed_to_body``).
         """
         if score.candidate.terms:
             return self.needed(score, state) and self.is_next_order(score, state)
@@ -242,16 +241,10 @@ class Currents(MeasurementModel[Candidate, State]):
         return corrected(state) if chosen else state
 
     def is_next_order(self, score: Score[Candidate], state: State) -> bool:
-        """Whether a term is smaller than its effect, and explains no more than a next order of what the two explain."""
+        """Whether a term explains no more than a next order of what its effect and it explain together."""
         chosen = next(c for c in state.chosen if c.key == score.candidate.key)
-        others = self.without(chosen, state)
-        alone = self.conditional(chosen, others, state).gain
-        if score.gain > term_share(score.candidate) * (alone + score.gain):
-            return False
-        # the law alone, refitted, follows much of a cubic term: with the term in, the law must still be the larger part
-        sharp = refined(score.candidate, others.fitted, self.data.fit)
-        own = state.replaced(chosen, sharp).coefficients[state.chosen.index(chosen)]
-        return small_term(sharp, self.columns(sharp).fit.x * own, self.limits.next_order)
+        alone = self.conditional(chosen, self.without(chosen, state), state).gain
+        return score.gain <= term_share(score.candidate) * (alone + score.gain)
 
     @cached_property
     def _unseen(self) -> Array:
