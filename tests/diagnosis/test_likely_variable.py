@@ -54,6 +54,14 @@ def test_a_drift_of_each_recordings_own_depends_on_time() -> None:
     assert found is not None and found[0] == "time" and found[2] > 0.95
 
 
+def test_a_level_that_differs_between_recordings_does_not_depend_on_time() -> None:
+    """A line of each recording's own follows its level; it depends on time only if it does more than that."""
+    levels = (2.0, -2.0, 1.0)
+    runs = [_run(seed, 18.0, lambda t, q, v, level=level: level + 0.0 * t) for seed, level in enumerate(levels)]
+    data = Split(dataset_of(runs[:2]), dataset_of(runs[2:]))
+    assert likely_variable(data, data.map(lambda side: side.y), AXIS, 1) is None
+
+
 def test_a_function_goes_on_straight_beyond_the_rows_that_it_is_fitted_to() -> None:
     """Where it went to zero, no function of its position explained a cable that an arm pulls at one end of its way."""
     x = np.linspace(0.0, 1.0, 400)
