@@ -24,9 +24,15 @@ RATE, ROW = 500.0, 2000
 
 
 def _run(
-    root: Path, seed: int, lost: tuple[int, int], *, noise: float | tuple[float, float] = 0.01, slowly: bool = False
+    root: Path,
+    seed: int,
+    lost: tuple[int, int],
+    *,
+    noise: float | tuple[float, float] = 0.01,
+    slowly: bool = False,
+    row: int = ROW,
 ) -> Run:
-    """10 s of two joints of which mostly one moves, with so many rows of currents lost at each.
+    """10 s of two joints of which mostly one moves, with so many rows of currents lost at each after a row.
 
     noise: as a share of the current, of both joints or of each.
     """
@@ -36,7 +42,7 @@ def _run(
     waves = sum(rng.normal(size=2) / k * np.sin(2.0 * k * t[:, None] + rng.uniform(0.0, 6.0, 2)) for k in range(1, 5))
     q = np.asarray(0.25 * turn * waves)
     i = np.asarray(predicted_current(arm, t, q))
-    gone = np.clip((np.arange(len(t)) - 500) / 4000, 0.0, 1.0) if slowly else np.arange(len(t)) >= ROW
+    gone = np.clip((np.arange(len(t)) - 500) / 4000, 0.0, 1.0) if slowly else np.arange(len(t)) >= row
     rows = np.arange(len(t))[:, None] + gone[:, None] * np.array(lost)
     i = np.stack([np.interp(at, np.arange(len(t)), column) for at, column in zip(rows.T, i.T)], axis=1)
     other = np.cumsum(rng.normal(size=i.shape), axis=0)
@@ -79,6 +85,24 @@ def test_a_change_of_lag_is_told_where_its_rows_are_not_certain(root: Path) -> N
     (structure,) = told(lost)
     assert structure.against == "time" and structure.size.startswith("-14.3 (0.6) ms of lag of all currents, run 2")
     assert told(whole) == told(_run(root, 2, (7, 0), noise=0.02)) == []
+
+
+@pytest.mark.parametrize(("count", "noise"), [(5, 0.03), (9, 0.04), (-7, 0.04)])
+def test_rows_that_are_less_than_the_number_is_known_to_are_lost_where_all_joints_changed(
+    root: Path, count: int, noise: float
+) -> None:
+    runs = [_run(root, seed, (count, count), noise=noise) for seed in range(6)]
+    found = common_count(runs, [1.0 / RATE] * 6)
+    assert found is not None and found.count_std > 0.3
+    assert abs(found.count - count) < 2 * found.count_std
+    assert len(found.instants) >= 5
+
+
+@pytest.mark.parametrize(("late", "noise"), [(9, 0.02), (-9, 0.01), (25, 0.01)])
+def test_a_time_skew_longer_than_those_that_a_loss_may_have_beside_it_is_no_loss(
+    root: Path, late: int, noise: float
+) -> None:
+    assert _common([_run(root, seed, (late, late), noise=noise, row=0) for seed in range(6)]) is None
 
 
 def test_recordings_that_lost_nothing_are_left_as_they_are(root: Path) -> None:

@@ -29,7 +29,7 @@ LONGEST = 0.02
 MOST = 24
 """... and its most rows."""
 LONGEST_SKEW = 0.012
-"""s: longest time skew that all recordings may have besides."""
+"""s: longest time skew that all recordings may have besides a loss; without one, longer ones count as well."""
 SKEWS = 0.002
 """s between the skews that are tried; about them, the lag of each joint is free."""
 SURE = 24.5
@@ -39,7 +39,8 @@ OTHERS = 8.0
 ODDS = 3.0
 """Evidence by which one recording has lost rows, or by which some joints contradict a number: 20 to 1."""
 WHOLE = 0.3
-"""Rows by which the change that fits best may miss the whole number, and largest std of it."""
+"""Rows by which the change that fits best may miss the whole number; its std where that is more: at a high rate a row
+is less than what a lag is known to, and what tells lost rows from other errors is how surely all joints changed."""
 PLACED = 1.0
 """s: largest std of an instant that counts; an error that grows slowly has none."""
 RECORDINGS = 2
@@ -70,7 +71,7 @@ class _Losses:
 
     t       (m,) s: instants of a loss
     errors  (skews, counts, m, n)
-    none    (skews, n) without a loss
+    none    (lags, n) without a loss, by every skew that is compared, with and without a loss
     scatter (n,) mean square of what the best loss leaves, times the rows over which it is correlated
     """
 
@@ -103,11 +104,7 @@ def common_count(runs: Sequence[Run], periods: Sequence[float]) -> CommonCount |
     if total[skew, best] < SURE or count == 0 or not 0 < best < len(counts) - 1:
         return None
     rows, std = _vertex(count, total.max(axis=0)[best - 1 : best + 2])
-    if (
-        abs(rows - count) > WHOLE
-        or std > WHOLE
-        or any(_contradicted(losses, weights, best) for weights in 1.0 - np.diag(joints))
-    ):
+    if abs(rows - count) > max(WHOLE, std) or any(_contradicted(losses, one, best) for one in 1.0 - np.diag(joints)):
         return None
     instants = {k: _instant(of_one, skew, best) for k, of_one in enumerate(losses) if of_each[k] > ODDS}
     placed = [k for k, (_, time_std) in instants.items() if time_std < PLACED]
@@ -125,7 +122,7 @@ def _losses(run: Run, period: float, skews: Index, counts: Index) -> _Losses:
     later = skews[:, None] + counts
     square, product, size = before[:, skews + longest][:, :, None] + (total - before)[:, later + longest]
     errors = square - product**2 / np.maximum(size, 1e-300)
-    square, product, size = total[:, skews + longest, 0]
+    square, product, size = total[:, :, 0]
     none = square - product**2 / np.maximum(size, 1e-300)
     by_loss = errors.reshape(-1, len(run.current.T))
     smallest = by_loss[np.argmin(by_loss @ (1.0 / np.maximum(none.min(axis=0), 1e-300)))]
