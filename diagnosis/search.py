@@ -11,6 +11,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+import numpy as np
+
 from arm_io.types import Progress
 from arm_model import Arm
 from diagnosis.cause import Cause, EffectKey, Structure, extend
@@ -183,7 +185,8 @@ def _candidates(search: Search, residuals: Residuals) -> list[Candidate]:
     if not has_dynamics(arm):
         return []
     cold = {j for j in range(1, len(arm) + 1) if not_warmed(residuals.runs[:fitted], residuals.runs[fitted:], j)}
-    every = [c for c in (*candidates(arm), *of_shafts(arm)) if c.key not in search.excluded]
+    inertia = np.mean([run.inertia.mean(axis=0) for run in residuals.runs], axis=0)
+    every = [c for c in (*candidates(arm, inertia), *of_shafts(arm)) if c.key not in search.excluded]
     return [c for c in every if not (is_of_gravity(c, arm) or (depends(c.effect) and c.joint in cold))]
 
 

@@ -32,7 +32,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-from math import isfinite
+from math import isfinite, sqrt
 from typing import Any
 
 import numpy as np
@@ -84,6 +84,8 @@ class Parameter:
     inverse        the effect is largest where this is least
     most           largest magnitude that is physically admissible, and that a model file holds
     scale, shares  on an axis of any size and unit, the search is at these shares of that scale instead
+    damping_ratios where the inertia that swings on a spring is known, the search is at these shares of the critical
+                   damping of its ``stiffness`` instead
     own            0, or a value that the joint's own friction has: both are tried, and nothing between
     term           the next-order term of the law that it belongs to, 0 unless what the law leaves asks for it; "": it
                    belongs to the law itself
@@ -113,6 +115,7 @@ class Parameter:
     most: float = LARGEST
     scale: Scale | None = None
     shares: tuple[float, ...] = ()
+    damping_ratios: tuple[float, ...] = ()
     own: bool = False
     term: str = ""
     term_share: float = 0.0
@@ -316,6 +319,18 @@ class Effect:
         """
         shows = self.observed_by[instrument].shows or self.shows
         return shows if isinstance(shows, str) else shows(Values(values), unit)
+
+    def damped(self, searched: Mapping[str, float], inertia: float) -> dict[str, float]:
+        """First values of a search, that of a damping as its share of the critical one.
+
+        inertia: kg m2 (kg) that swings on the spring of that ``stiffness``; 0: not known, they stay as they are.
+        """
+        values = dict(searched)
+        for p in self.parameters if inertia > 0.0 else ():
+            if p.damping_ratios and values[p.name] in p.search:
+                ratio = p.damping_ratios[p.search.index(values[p.name])]
+                values[p.name] = 2.0 * ratio * sqrt(values["stiffness"] * inertia)
+        return values
 
     def lasting(self, term: str) -> Parameter | None:
         """Of a next-order term of time, the parameter that says how long it lasts; None: a term of something else."""

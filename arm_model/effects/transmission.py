@@ -117,8 +117,9 @@ JOINT_COMPLIANCE = Effect(
             (0.0, 500.0),
             False,
             "damping of the transmission",
-            # a spring of a small arm, damped by 20, does not ring
             search=(5.0, 20.0, 80.0),
+            # a spring of a small arm, damped by 20, does not ring; one of a heavy arm, damped by 80, does not stop
+            damping_ratios=(0.0125, 0.05, 0.2),
             noun="joint damping",
         ),
     ),

@@ -181,7 +181,8 @@ def _searched(
     grid = {name: [v for v in values if "stiffness" not in name or v < stiffest] for name, values in grid.items()}
     if not all(grid.values()):
         return None
-    trials = [Trial(effect, joint, dict(zip(grid, values))) for values in itertools.product(*grid.values())]
+    every = [dict(zip(grid, values)) for values in itertools.product(*grid.values())]
+    trials = [Trial(effect, joint, CATALOGUE[effect].damped(values, link)) for values in every]
     share, best = 0.0, trials[0]
     for turn in range(1 + ROUNDS):
         shares = _shares(arm, trials, missed[: 1 + turn], noise)  # the first values in the worst recording

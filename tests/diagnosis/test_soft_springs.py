@@ -1,19 +1,24 @@
-"""Springs so soft that their link swings for seconds, and that its load changes as it gives way."""
+"""Springs: so soft that a link swings for seconds and its load changes as it gives way, and of arms of any size."""
 
 from __future__ import annotations
 
 from functools import partial
 
 import numpy as np
+import pytest
 from scipy.integrate import solve_ivp
 
 from arm_model import Arm, EffectTerm, Joint
-from diagnosis.measurements.currents.columns import columns
+from diagnosis.measurements.currents.columns import candidates, columns
+from diagnosis.measurements.currents.design_matrix import Library, dataset_of
+from diagnosis.measurements.currents.refinement import refined
 from diagnosis.residual.generation import residual_run
 from diagnosis.residual.integration import spring_twist
 from diagnosis.residual.other_effects import weighted_with
 from diagnosis.residual.run import Run
 from diagnosis.selection.candidate import Candidate
+from diagnosis.selection.regression import best_of_each, fit_together
+from identification.selection import Split
 
 SPRING = {"stiffness": 640.0, "damping": 2.0}
 """N m/rad and N m s/rad."""
@@ -49,12 +54,13 @@ def test_a_soft_spring_gives_way_to_a_load_that_changes_as_it_does() -> None:
     assert np.std(rate - exact[1]) < 0.02 * np.std(exact[1])
 
 
-def _pendulum(swing: float, *effects: EffectTerm) -> Run:
-    """14 s of a pendulum of 6 kg behind that spring, under a model with these effects.
+def _pendulum(swing: float, *effects: EffectTerm, heavier: float = 1.0) -> Run:
+    """14 s of a pendulum of 6 kg behind that spring, all ``heavier`` by a factor, under a model with these effects.
 
     It is ``swing`` rad out of its place as the recording begins.
     """
-    rate, noise, mass, length, rotor = 250.0, 0.3, 6.0, 0.5, 0.6
+    rate, length = 250.0, 0.5
+    noise, mass, rotor, stiffness, damping = heavier * np.array([0.3, 6.0, 0.6, *SPRING.values()])
     joint = Joint(
         convention="placed",
         axis=(0.0, 1.0, 0.0),
@@ -70,11 +76,11 @@ def _pendulum(swing: float, *effects: EffectTerm) -> Run:
     def rhs(x: float, y: np.ndarray) -> list[float]:
         q, _, a = (np.interp(x, t, one) for one in motor)
         load = mass * length**2 * a - mass * length * 9.81 * np.cos(q - y[0])
-        return [y[1], (load - SPRING["stiffness"] * y[0] - SPRING["damping"] * y[1]) / (mass * length**2)]
+        return [y[1], (load - stiffness * y[0] - damping * y[1]) / (mass * length**2)]
 
-    sag = -mass * length * 9.81 * np.cos(motor[0][0]) / SPRING["stiffness"]
+    sag = -mass * length * 9.81 * np.cos(motor[0][0]) / stiffness
     twist = solve_ivp(rhs, (0.0, t[-1]), [sag + swing, 0.0], t_eval=t, rtol=1e-8, atol=1e-10, max_step=0.01).y
-    torque = rotor * motor[2] + SPRING["stiffness"] * twist[0] + SPRING["damping"] * twist[1]
+    torque = rotor * motor[2] + stiffness * twist[0] + damping * twist[1]
     i = torque + noise * np.random.default_rng(5).normal(size=len(t))
     arm = Arm("pendulum", (joint,), gravity=(0.0, 0.0, -9.81), effects=effects)
     return residual_run("pendulum", arm, t, motor[0][:, None], i[:, None])
@@ -89,3 +95,16 @@ def test_a_link_may_swing_as_a_recording_begins() -> None:
     # and the columns of the search, of the first order
     (column,) = columns(Candidate("joint_compliance", 1, tuple(SPRING.items())), run).T
     assert np.std((run.residual[:, 0] - column[0]) / run.deviation[:, 0]) < 1.5
+
+
+@pytest.mark.parametrize("heavier", [3.0, 1000.0])
+def test_a_spring_is_found_in_an_arm_of_any_size(heavier: float) -> None:
+    """It rings as long in all of them: damped by the same N m s/rad, that of a heavy arm would not stop."""
+    run = _pendulum(0.05, heavier=heavier)
+    data = Split(dataset_of([run]), dataset_of([run]))
+    springs = [c for c in candidates(run.arm, run.inertia.mean(axis=0)) if c.effect == "joint_compliance"]
+    library, fitted = Library(springs, data), fit_together(data, [])
+    (best,) = best_of_each(springs, library.where_shown, fitted, set())
+    found = dict(refined(best, fitted, data.fit).shape)
+    assert found["stiffness"] == pytest.approx(heavier * SPRING["stiffness"], rel=0.02)
+    assert found["damping"] == pytest.approx(heavier * SPRING["damping"], rel=0.2)

@@ -259,22 +259,25 @@ def _coupled(run: Run, arm: Arm, unit: Values) -> Array:
     return change
 
 
-def candidates(arm: Arm) -> Iterator[Candidate]:
-    """Every candidate for this arm, with every combination of the first values of its searched parameters."""
+def candidates(arm: Arm, inertia: Array | None = None) -> Iterator[Candidate]:
+    """Every candidate for this arm, with every combination of the first values of its searched parameters.
+
+    inertia: (n,) kg m2 (kg) that swings on a spring of each drive; None: not known.
+    """
     for effect in CATALOGUE.values():
         if Instrument.CURRENT not in effect.observed_by or (effect.coupling and len(arm) < 6):
             continue
         searched = [p for p in effect.parameters if p.search and not p.derived]
-        shapes: list[tuple[tuple[str, float], ...]] = [
-            tuple(zip((p.name for p in searched), values))
-            for values in itertools.product(*(p.search for p in searched))
+        shapes = [
+            dict(zip((p.name for p in searched), values)) for values in itertools.product(*(p.search for p in searched))
         ]
         entry = next((p.name for p in effect.parameters if p.own), None)
         for joint in range(1, len(arm) + 1) if effect.per_joint else (None,):
             if effect.cylinder and joint is not None and arm.joints[joint - 1].cylinder is None:
                 continue
+            swinging = 0.0 if inertia is None or joint is None else float(inertia[joint - 1])
             for shape in shapes:
-                yield Candidate(effect.name, joint, shape)
+                yield Candidate(effect.name, joint, tuple(effect.damped(shape, swinging).items()))
             if entry is not None and joint is not None:
                 yield from (
                     Candidate(effect.name, joint, ((entry, skew),)) for skew in own_skews(arm.joints[joint - 1])
