@@ -67,6 +67,11 @@ class Dataset:
         """The row of a joint in which each block begins."""
         return np.flatnonzero(np.diff(self.block[: self.rows], prepend=-1))
 
+    @property
+    def longest_block(self) -> int:
+        """Rows of a joint in the longest block."""
+        return int(np.bincount(self.block[: self.rows]).max())
+
     def by_joint(self, values: Array) -> Array:
         """(n,) sums of values (n * rows,)."""
         sums: Array = values.reshape(-1, self.rows).sum(axis=1)

@@ -15,17 +15,17 @@ from arm_io.types import Array
 from diagnosis.cause import EffectKey
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Columns, Dataset, Pair
-from identification.selection import Score, Split, p_value, shift_p_value
+from identification.selection import Score, Split, p_of_short_blocks, p_value, shift_p_value
 
 INDEPENDENT = 1e-3
 """Relative singular value of columns of unit length below which they are dependent: rounding and model errors."""
 SPARSE_P = 1e-4
-"""p-value from blocks above which the instants of a sparse effect, or of a large one, are tested as well."""
+"""p-value from blocks of a second above which shorter ones, and the instants of an effect, are tested as well."""
 LARGE = 0.25
 """Gain over the noise energy of a joint, for every coefficient, from which an effect is large, in however few blocks.
 
-A joint that moves once in a recording is quick for a second or two, and signs of so few blocks distinguish nothing from
-chance. The more coefficients, the more of another law an effect follows at the same instants.
+A joint that moves once in a recording is quick for a second or two, and a recording of some seconds has no more blocks:
+their signs distinguish nothing from chance. The more coefficients, the more of another law an effect follows then.
 """
 LARGEST = 1.0
 """That gain at most, however many coefficients there are."""
@@ -110,15 +110,22 @@ def score(candidate: Candidate, pair: Pair, fitted: Fitted, held_out: Dataset) -
 def chance(pair: Pair, c: Array, fall: Array, fitted: Fitted, held_out: Dataset, *, sparse: bool = False) -> float:
     """Probability by chance of the ``fall`` (M,) of the squared held-out residual by columns of coefficients c (k,).
 
-    By blocks; of a sparse effect, or of a large fall, also by the instants at which the columns act.
+    By blocks of a second; of a large fall also by blocks as short as the memory of the residual along the columns
+    permits; of a large fall, or a sparse effect, by the instants at which the columns act.
     """
     blocks = held_out.by_block(fall)
     p, gain = p_value(blocks), float(blocks.sum())
-    large = min(LARGE * np.count_nonzero(c), LARGEST) * held_out.rows
-    if p > SPARSE_P and gain > 0.0 and (sparse or gain > large):
-        predicted = pair.held_out.contribution(c, len(held_out.y))
-        residual = fitted.residual.held_out
-        p = min(p, shift_p_value(held_out.by_recording(predicted), held_out.by_recording(residual)))
+    large = gain > min(LARGE * np.count_nonzero(c), LARGEST) * held_out.rows
+    if p <= SPARSE_P or gain <= 0.0 or not (sparse or large):
+        return p
+    without = fitted.residual.held_out
+    predicted = pair.held_out.contribution(c, len(held_out.y))
+    p = min(p, shift_p_value(held_out.by_recording(predicted), held_out.by_recording(without)))
+    if large:
+        remaining = residual_with(pair, c, fitted, held_out)
+        products = remaining * (without - remaining)
+        falls, toward = ([x.sum(axis=1) for x in held_out.by_recording(values)] for values in (fall, products))
+        p = min(p, p_of_short_blocks(falls, toward, held_out.longest_block))
     return p
 
 

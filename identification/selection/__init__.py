@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from identification.selection.significance import (
         BLOCK_SECONDS,
         Index,
+        p_of_short_blocks,
         p_value,
         shift_p_value,
     )
@@ -33,6 +34,7 @@ __all__ = [
     "Split",
     "Thresholds",
     "eliminate",
+    "p_of_short_blocks",
     "p_value",
     "scaled",
     "scaled_lstsq",

@@ -2,7 +2,8 @@
 
 Encoder quantisation, filters and what the model still lacks correlate the residual over tenths of a second. Tests that
 take samples for independent call more than half of all absent effects present. Summed over blocks that are long against
-that correlation, the gains are independent enough to be judged by their own scatter: no noise model is needed.
+that correlation, the gains are independent enough to be judged by their own scatter: no noise model is needed. Blocks
+of one second are long enough for any; those of a short recording may be as short as the memory of the residual permits.
 """
 
 from __future__ import annotations
@@ -19,6 +20,11 @@ Index = NDArray[np.intp]
 
 BLOCK_SECONDS = 1.0
 """Length of a block: several times the longest correlation seen in practice (0.25 s)."""
+MEMORIES = 4.0
+"""Length of the shortest blocks over the memory of what they sum up: sums of neighbours then correlate by 0.06 (noise
+of first order, whose memory is twice its time constant)."""
+WINDOW = 2.5
+"""Memories over which an autocorrelation is summed up: beyond, it is chance (Sokal, Functional Integration, 1997)."""
 DRAWS = 20000
 """Random shifts that the chance of a prediction is counted over."""
 
@@ -47,6 +53,29 @@ def p_value(gains: Array) -> float:
     smallest = float(np.min(size))
     minimum = optimize.minimize_scalar(bound, bounds=(-10.0, np.log(40.0 / smallest)), method="bounded")
     return float(min(1.0, np.exp(minimum.fun)))
+
+
+def memory(series: Sequence[Array], longest: int) -> float:
+    """Rows of series (m,) each that count as one: their integrated autocorrelation, at most ``longest``."""
+    products = np.zeros(longest + 1)
+    for values in series:
+        spectrum = np.abs(np.fft.rfft(values, len(values) + longest + 1)) ** 2
+        products += np.fft.irfft(spectrum, len(values) + longest + 1)[: longest + 1]
+    if products[0] <= 0.0:
+        return float(longest)
+    rows = 1.0 + 2.0 * np.cumsum(products[1:] / products[0])
+    enough = np.flatnonzero(np.arange(1, longest + 1) >= WINDOW * rows)
+    return float(np.clip(rows[enough[0]] if len(enough) else longest, 1.0, longest))
+
+
+def p_of_short_blocks(falls: Sequence[Array], remaining: Sequence[Array], longest: int) -> float:
+    """``p_value`` of the fall (m,) of the squared residual of each recording, in short independent blocks.
+
+    remaining (m,): what is left times what was explained, whose sign is chance if nothing was there. Its memory sets
+    how long blocks are. longest: rows of one second.
+    """
+    length = int(np.clip(np.ceil(MEMORIES * memory(remaining, longest)), 1, longest))
+    return p_value(np.concatenate([np.add.reduceat(fall, np.arange(0, len(fall), length)) for fall in falls]))
 
 
 def shift_p_value(predicted: Sequence[Array], residual: Sequence[Array]) -> float:

@@ -12,7 +12,7 @@ from scipy import signal, stats
 
 from diagnosis.selection.aliasing import confusability, span_of
 from identification.selection.cluster_covariance import numbered_on
-from identification.selection.significance import DRAWS, p_value, shift_p_value
+from identification.selection.significance import DRAWS, memory, p_of_short_blocks, p_value, shift_p_value
 
 
 def _coloured(rng: np.random.Generator, seconds: float, correlation: float, rate: float = 100.0) -> np.ndarray:
@@ -55,6 +55,35 @@ def test_p_values_are_never_smaller_than_the_exact_ones(gains: list[int]) -> Non
 def test_blocks_of_several_recordings_are_numbered_one_after_the_other() -> None:
     blocks = [np.array([0, 0, 1]), np.array([0, 2]), np.array([0])]
     assert numbered_on(blocks).tolist() == [0, 0, 1, 2, 4, 5]
+
+
+@pytest.mark.parametrize("correlation", [0.02, 0.1, 0.5])
+def test_short_blocks_keep_their_level_whatever_the_memory_of_the_noise(correlation: float) -> None:
+    """12 s in which an absent effect gains or loses by chance."""
+    rng, p = np.random.default_rng(3), []
+    for _ in range(600):
+        products = _coloured(rng, 12, correlation) * _coloured(rng, 12, 0.2)
+        p.append(p_of_short_blocks([products], [products], 100))
+    assert np.mean(np.array(p) < 0.05) < 0.05 and np.mean(np.array(p) < 0.01) < 0.01
+
+
+def test_twelve_seconds_show_an_effect_that_one_second_blocks_cannot() -> None:
+    rng, p = np.random.default_rng(4), []
+    for _ in range(20):
+        noise, column = _coloured(rng, 12, 0.02), _coloured(rng, 12, 0.2)
+        residual, remaining = noise + 0.8 * column, noise + 0.1 * column
+        fall = residual**2 - remaining**2
+        p.append((p_value(np.add.reduceat(fall, np.arange(0, 1200, 100))), fall, remaining * (residual - remaining)))
+    assert min(by_second for by_second, *_ in p) >= 2.0**-12 * 0.999
+    assert np.median([p_of_short_blocks([fall], [products], 100) for _, fall, products in p]) < 1e-6
+
+
+def test_the_memory_of_noise_of_first_order_is_twice_its_time_constant() -> None:
+    rng = np.random.default_rng(5)
+    assert memory([_coloured(rng, 600, 0.1) for _ in range(3)], 100) == pytest.approx(20.0, rel=0.1)
+    assert memory([rng.normal(size=60000)], 100) == pytest.approx(1.0, abs=0.1)
+    assert memory([np.ones(1000)], 100) == 100.0
+    assert memory([np.zeros(1000)], 100) == 100.0
 
 
 def _events(rows: int) -> np.ndarray:
