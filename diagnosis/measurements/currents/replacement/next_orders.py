@@ -7,16 +7,27 @@ from dataclasses import replace
 
 from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.measurements.currents.refinement import refined
+from diagnosis.measurements.currents.replacement.best_sets import coefficients_of
 from diagnosis.measurements.currents.state import State
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.next_order import next_orders, of_last_term
 
 
 def near_case_with_term(state: State, cause: Candidate, near: Candidate) -> State | None:
-    """The state with a near case of a cause and a term of its law, if its squared held-out residual is smaller."""
+    """The state with a near case of a cause and a term of its law, if its squared held-out residual is smaller.
+
+    Of fewer coefficients, if that of all recordings is: a law that fits them better with less has no need of more.
+    """
     if near.effect not in cause.definition.near_cases or not near.definition.terms:
         return None
-    return _exact_below(state.energy.held_out, _with_term(state, cause, near), lambda one: one.energy.held_out)
+    trial = _with_term(state, cause, near)
+    of_trial = [c for c in trial.chosen if c.key == near.key]
+    fewer = coefficients_of(of_trial, state.model) < coefficients_of([cause], state.model)
+
+    def left(one: State) -> float:
+        return sum(one.energy) if fewer else one.energy.held_out
+
+    return _exact_below(left(state), trial, left)
 
 
 def rival_with_term(state: State, joints: Set[int]) -> State | None:
