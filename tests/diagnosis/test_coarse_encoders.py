@@ -58,9 +58,10 @@ def test_angles_of_coarse_steps_are_smoothed_and_their_noise_is_what_is_left(roo
     assert np.all((0.6 * run.noise < usual) & (usual < 1.4 * run.noise))
 
 
-def test_a_motion_with_faster_parts_is_not_smoothed(root: Path) -> None:
-    """A tremor of 0.01 rad at 16 Hz has ten times the acceleration of the steps."""
-    assert _run(root, 4096, tremor=0.01).angle_band == np.inf
+@pytest.mark.parametrize(("tremor", "band"), [(0.01, np.inf), (0.0006, np.inf), (0.0001, 12.0)])
+def test_a_motion_with_faster_parts_is_not_smoothed(root: Path, tremor: float, band: float) -> None:
+    """A tremor of 0.01 rad at 16 Hz has ten times the acceleration of the steps; one of a ripple has 0.4 of a step."""
+    assert _run(root, 4096, tremor=tremor).angle_band == band
 
 
 def _run(root: Path, counts: int, tremor: float = 0.0) -> Run:

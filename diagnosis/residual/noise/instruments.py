@@ -25,6 +25,11 @@ Below, reversals of friction are smeared: a delay of 19 ms is estimated as 14.
 """
 MOTION_ENDS = 30.0
 """Hz: cut-off for the differentiation of angles below which the motion is smooth enough for that."""
+MOVES = 2.0
+"""Std of angles from ``SMOOTH_BAND`` to ``COMPARE_BAND``, over that of their steps, above which they move there; in a
+fifth of all seconds: a slow joint turns its steps into a wave. Healthy arms have 1.5 at most, ripples of 14 Hz 2.3."""
+OFTEN = 0.8
+"""Share of the seconds that may have less."""
 COARSE = 4.0
 """Noise of the residual by encoders over that by transducers, median of the joints, from which on steps are coarse."""
 
@@ -94,13 +99,28 @@ def band_of_angles(q: Array, i: Array, inertia: Array, rate: float, known: Known
 
     Differentiated twice, steps of a milliradian are more than the acceleration of the arm below 20 Hz. Smoothed further
     than the currents they leave a fourth of it: what the motion has above is less than their noise (``choose_band``).
+    They are not where a ripple moves a joint in between (``_moves_between``): its torque would be one without a motion.
     """
     if known.steps is None or known.loop is not None or known.residual is not None:
         return np.inf
     of_currents = _of_currents(i, rate, replace(known, still=0.0), 0.0)
     ratio = (_of_angles(q, inertia, rate, known) / np.maximum(of_currents, 1e-300))[known.steps > 0.0]
     coarse = len(ratio) > 0 and float(np.median(ratio)) > COARSE  # all joints are smoothed alike
-    return SMOOTH_BAND if coarse and choose_band(q, 1.0 / rate).motion < MOTION_ENDS else np.inf
+    if not coarse or _moves_between(q, rate, known.steps) or choose_band(q, 1.0 / rate).motion >= MOTION_ENDS:
+        return np.inf
+    return SMOOTH_BAND
+
+
+def _moves_between(q: Array, rate: float, steps: Array) -> bool:
+    """Whether any joint moves from ``SMOOTH_BAND`` to ``COMPARE_BAND`` by more than its ``steps`` (n,) rad leave."""
+    moved = low_pass(q, COMPARE_BAND, rate) - low_pass(q, SMOOTH_BAND, rate)
+    rows = max(1, round(rate))
+    seconds = moved[: len(moved) // rows * rows].reshape(-1, rows, q.shape[1])
+    if not len(seconds):
+        return False
+    usual = np.quantile(np.sqrt(np.mean(seconds**2, axis=1)), OFTEN, axis=0)
+    of_steps = steps * np.sqrt((COMPARE_BAND - SMOOTH_BAND) / (rate / 2.0) / 12.0)
+    return bool(np.any((usual > MOVES * of_steps)[steps > 0.0]))
 
 
 def smoothed(q: Array, rate: float, band: float) -> Array:
