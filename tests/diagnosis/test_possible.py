@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import armscope
@@ -12,7 +13,8 @@ from arm_io import InputError
 from arm_model import Arm, EffectTerm
 from arm_model.effects import CATALOGUE, described
 from diagnosis.cause import Cause, Estimate
-from diagnosis.measurements.currents.possible import exists, impossible
+from diagnosis.measurements.currents.columns import candidates
+from diagnosis.measurements.currents.possible import exists, impossible, is_physical
 from diagnosis.verification.tenable import insignificant
 
 
@@ -42,6 +44,13 @@ def test_a_link_has_no_negative_mass(arm: Arm) -> None:
     with pytest.raises(InputError, match=r"effect\[1\]: link_inertia makes joint 3 impossible: mass"):
         described(replace(arm, effects=(lighter,)))
     assert impossible(arm, [_cause("link_inertia", 3, mass=(-100.0, 1.0))]) == 0
+
+
+def test_a_law_without_a_linear_parameter_acts_once(arm: Arm) -> None:
+    """The column of a spring or a gap is its whole change of the currents: a tenfold one is another law."""
+    for c in candidates(arm):
+        if c.unit_amplitude:
+            assert [is_physical(c, np.array([size])) for size in (-1.0, 0.1, 1.0, 10.0)] == [False, False, True, False]
 
 
 def test_a_parameter_beyond_what_a_model_file_holds_is_no_cause(arm: Arm) -> None:
