@@ -16,6 +16,7 @@ from diagnosis.measurements.currents.search import refitted_without, without_spu
 from diagnosis.measurements.currents.structure.basis_functions import shapes_of
 from diagnosis.measurements.currents.structure.likely_variable import _predicted, likely_variable, share_kept
 from diagnosis.measurements.currents.structure.shared_bases import KNOTS, Bases, bends_of, splines_at
+from diagnosis.measurements.currents.structure.unexplained import StructureSearch
 from diagnosis.residual.generation import residual_run
 from diagnosis.residual.run import Run
 from diagnosis.selection.candidate import Candidate
@@ -128,3 +129,16 @@ def test_when_a_cause_goes_those_that_stay_are_judged_anew(kind: str) -> None:
     found = without_spurious(refitted_without(state, other), Bases(*data))
     assert found.state.chosen == ((own,) if stays else ())
     assert bool(found.unexplained.structures) is not stays
+
+
+@pytest.mark.parametrize(("friction", "found"), [(0.2, ["position"]), (10.0, [])])
+def test_what_a_law_may_miss_of_a_large_cause_is_no_structure(friction: float, found: list[str]) -> None:
+    """A wave over the position, as large as the noise, beside little friction and much."""
+    runs = [
+        _run(seed, 18.0, lambda t, q, v: friction * v / np.hypot(v, WIDTH) + 0.06 * np.sin(8.0 * q)) for seed in (1, 2)
+    ]
+    data, coulomb = Split(dataset_of(runs[:1]), dataset_of(runs[1:])), Candidate("coulomb_friction", 1)
+    model = Currents(AXIS, data, Library((coulomb,), data), [])
+    state = model.refitted([coulomb], {coulomb.key: []})
+    search = StructureSearch(state.data, state.fitted, AXIS, state.significance, Bases(*data))
+    assert [structure.against for structure in search.at(1)[0]] == found

@@ -40,11 +40,7 @@ def pair_of(
     allowance = leakage(held_out, fitted)
     for joint in joints:
         of_joint = [c for c in library if c.joint == joint and not c.unit_amplitude]
-        pairs = [
-            (one, other)
-            for one, other in itertools.combinations(best_of_each(of_joint, library.at_own_joint, fitted, taken), 2)
-            if other.effect not in same_columns(one.definition)
-        ]
+        pairs = distinct_pairs(best_of_each(of_joint, library.at_own_joint, fitted, taken))
         both = [_both(one, other, library, data) for one, other in pairs]
         gains = [gain_of(pair, fitted, held_out) for pair in both]
         chances = [chance(pair, *gain, fitted, held_out) for pair, gain in zip(both, gains)]
@@ -61,6 +57,12 @@ def pair_of(
             _, one, other = max(admissible, key=lambda scored: scored[0])
             return [one, other]
     return []
+
+
+def distinct_pairs(candidates: Sequence[Candidate]) -> list[tuple[Candidate, Candidate]]:
+    """All pairs of candidates but those of the same columns, of which the difference is free."""
+    pairs = itertools.combinations(candidates, 2)
+    return [(one, other) for one, other in pairs if other.effect not in same_columns(one.definition)]
 
 
 def _both(one: Candidate, other: Candidate, library: Library, data: Split[Dataset]) -> Pair:

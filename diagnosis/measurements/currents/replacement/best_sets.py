@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from arm_model.effects import same_columns
 from diagnosis.measurements.currents.limits import LIMITS
+from diagnosis.measurements.currents.pairs import distinct_pairs
 from diagnosis.measurements.currents.replacement.trial import residual_energy
 from diagnosis.measurements.currents.state import State
 from diagnosis.selection.candidate import Candidate
@@ -29,9 +28,8 @@ def best_sets(without: State, joint: int, most: int, enough: float) -> Iterator[
     of_joint = [c for c in model.library if c.joint == joint and not c.unit_amplitude]
     best = best_of_each(of_joint, model.library.at_own_joint, fitted, model.taken(without))
     own = {c: at_joint(model.columns(c).fit, joint, fit).x for c in best}
-    pairs = (both for both in itertools.combinations(best, 2) if both[1].effect not in same_columns(both[0].definition))
     found: list[tuple[float, tuple[Candidate, ...]]] = []
-    for some in (*itertools.combinations(best, 1), *pairs):
+    for some in (*((one,) for one in best), *distinct_pairs(best)):
         if (coefficients := coefficients_of(some, model)) <= most:
             x = Columns(np.hstack([own[c] for c in some]), fit.of(joint))
             left = residual_energy(without, joint) - fit_gain(x, fitted)[0]
