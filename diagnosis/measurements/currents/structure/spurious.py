@@ -107,7 +107,9 @@ def _share_beside(
     touching = [pair for pair in unexplained.pairs if _overlap(pair.fit, own.fit)]
     alone = score(candidate, own, others.fitted, held_out).gain
     if touching:
-        return score(candidate, own, with_columns(others.fitted, touching), held_out).gain / alone
+        beside = score(candidate, own, with_columns(others.fitted, touching), held_out).gain
+        # another cause may have made it superfluous already
+        return beside / alone if alone > 0.0 else 0.0
     if joint is None:
         return None
     if (likely := unexplained.likely.get(joint)) is not None:
