@@ -12,6 +12,9 @@ from scipy.signal import butter, lfilter
 from tests.foreign.arms import ForeignArm
 from tests.foreign.plant import STEP, Array, Run
 
+START = 0.05
+"""s of a run that its log leaves out at either end: what happens later is so much earlier in the file."""
+
 
 @dataclass(frozen=True)
 class Logger:
@@ -82,7 +85,7 @@ class Defects:
 def logged(run: Run, target: Array, logger: Logger, defects: Defects, seed: int, arm: ForeignArm) -> dict[str, Array]:
     """Columns t, q, tau and qref of what is logged, (m,) or (m, n); torques in N m at the joint."""
     rng = np.random.default_rng(seed)
-    t = np.arange(0.05, run.t[-1] - 0.05, 1.0 / logger.rate)
+    t = np.arange(START, run.t[-1] - START, 1.0 / logger.rate)
     t = np.round(t + np.clip(rng.normal(size=t.shape), -2.0, 2.0) * logger.jitter / logger.rate, 6)
     angle, torque = run.angle, run.torque
     if logger.filter == "both":

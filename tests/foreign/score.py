@@ -10,6 +10,7 @@ import numpy as np
 
 from tests.foreign.cases import LEAST, Case
 from tests.foreign.hide import SENSED, Hidden
+from tests.foreign.log import START
 from tests.foreign.plant import Plant
 from tests.foreign.through import Results
 
@@ -201,7 +202,12 @@ def in_group(cause: Mapping[str, Any], hidden: Hidden) -> bool:
 
 
 def as_logged(hidden: Hidden, case: Case) -> Hidden:
-    """The hidden effect with its current in A, where the log has currents; it is drawn in N m (N)."""
+    """The hidden effect with its current in A, where the log has currents, and at the time of the log.
+
+    It is drawn in N m (N), and at a time of the run.
+    """
+    if "time" in hidden.parameters:
+        hidden = replace(hidden, parameters={**hidden.parameters, "time": hidden.parameters["time"] - START})
     name = CURRENTS.get(hidden.effect)
     if name is None or hidden.joint is None or not case.logger.currents:
         return hidden

@@ -17,7 +17,7 @@ from arm_model.urdf import read_urdf
 from tests.foreign.arms import ARMS
 from tests.foreign.cases import Case, cases, logger, recorded, worn_in
 from tests.foreign.hide import Hidden
-from tests.foreign.log import Defects, logged
+from tests.foreign.log import START, Defects, logged
 from tests.foreign.motions import targets
 from tests.foreign.plant import STEP, compiled, healthy, run
 from tests.foreign.proving_ground import judged
@@ -130,6 +130,13 @@ def test_a_current_is_scored_in_the_unit_of_the_log(effect: str, name: str, curr
     arm = replace(case.arm, joints=(motor, *case.arm.joints[1:]))
     case = replace(case, arm=arm, logger=replace(case.logger, currents=currents))
     assert as_logged(Hidden(effect, 1, {name: 4.0}), case).parameters[name] == pytest.approx(size)
+
+
+def test_an_event_is_scored_at_the_time_of_the_log() -> None:
+    """A file begins at 0, a log 50 ms after its run: missed counts were found 50 ms before they were hidden."""
+    case = _case("first", "singles", "two_link", "missed_counts", 1)
+    late = as_logged(Hidden("missed_counts", 1, {"jump": 0.01, "time": 7.0}), case).parameters
+    assert late == {"jump": 0.01, "time": pytest.approx(7.0 - START)}
 
 
 def _named(*groups: list[tuple[str, int | None]]) -> Outcome:
