@@ -14,7 +14,10 @@ import pytest
 
 import armscope
 from arm_io.types import Array
+from arm_model.effects import CATALOGUE, Variable, same_columns
 from arm_model.tables.drive import FrictionCurve
+from diagnosis.measurements.currents.structure.dominant import of_own_variable
+from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.friction_shares import straight_part
 from tests.diagnosis.numpy_arm import GEAR, REST, Friction, NumpyArm, humped, model, straight
 
@@ -185,6 +188,19 @@ def test_a_spring_that_hardens_keeps_its_name(quintic: float, tmp_path: Path) ->
     assert str(result).startswith("Explained: gravity spring of joint 2 with hardening")
     (spring,) = result.extended.effects
     assert spring.parameters["hardening"] == pytest.approx(0.6, rel=0.05)
+
+
+def test_effects_of_the_same_columns_keep_their_name_alike() -> None:
+    """A gain of 25 % was kept as a current gain, and withdrawn as a torque constant, for a function of the current."""
+    aliases = [(one, other) for one in CATALOGUE.values() for other in same_columns(one)]
+    assert ("torque_constant", "current_gain") in [(one.name, other) for one, other in aliases]
+    for one, other in aliases:
+        candidates = Candidate(one.name, 1), Candidate(other, 1)
+        for variable in Variable:
+            own, of_alias = (of_own_variable(c, [variable]) for c in candidates)
+            assert own == of_alias, (one.name, other, variable)
+    assert of_own_variable(Candidate("torque_constant", 1), ["current"])
+    assert not of_own_variable(Candidate("rotor_inertia", 1), ["acceleration"])
 
 
 def test_a_dominant_cause_keeps_its_name_beside_what_no_effect_explains(tmp_path: Path) -> None:

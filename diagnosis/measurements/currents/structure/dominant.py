@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from arm_io.types import Array
-from arm_model.effects import Instrument
+from arm_model.effects import CATALOGUE, Instrument, same_columns
 from diagnosis.measurements.currents.state import State
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Dataset
@@ -35,11 +35,13 @@ def dominant(state: State) -> list[Candidate]:
 def of_own_variable(candidate: Candidate, variables: Iterable[str]) -> bool:
     """Whether a residual that depends on ``variables`` depends only on those in the candidate's own law.
 
-    Applies to laws at one joint: a change of the description (masses, geometry) depends on many variables.
+    Applies to laws at one joint: a change of the description (masses, geometry) depends on many variables. One that has
+    the columns of a law, as a torque constant has those of a gain, is that law to the recordings.
     """
-    effect = candidate.definition
-    own_law = effect.torque is not None or effect.current is not None
-    return own_law and all(variable == effect.observed_by[Instrument.CURRENT].against for variable in variables)
+    every = (candidate.definition, *(CATALOGUE[name] for name in same_columns(candidate.definition)))
+    laws = [effect for effect in every if effect.torque is not None or effect.current is not None]
+    own = {effect.observed_by[Instrument.CURRENT].against for effect in laws}
+    return bool(laws) and all(variable in own for variable in variables)
 
 
 def family_dominates(candidate: Candidate, variable: str, state: State) -> bool:
