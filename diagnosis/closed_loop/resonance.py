@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -56,6 +56,8 @@ class ResonanceLimits(Thresholds):
     explained    ... and the best of all at all joints, held out
     significant  probability below which its gain over blocks is not chance
     tie          share by which play must explain more than a spring: small play between springy teeth is one
+    damped       share of its critical damping above which a spring has no resonance: gears have 0.02 to 0.2, and what
+                 other servos do at setpoints looks like a stiff spring with 0.6
     """
 
     fastest: float = 300.0
@@ -67,6 +69,7 @@ class ResonanceLimits(Thresholds):
     explained: float = 0.75
     significant: float = 0.05
     tie: float = 0.05
+    damped: float = 0.5
 
 
 LIMITS = ResonanceLimits()
@@ -198,7 +201,14 @@ def _searched(
             for name, value in best.values.items()
             for by in (steps**3 if "damping" in name else steps)
         ]
-    return share, best
+    return None if _overdamped(best.values, link) else (share, best)
+
+
+def _overdamped(values: Mapping[str, float], inertia: float) -> bool:
+    """Whether a spring of these values is damped by more than ``LIMITS.damped``; inertia: kg m2 (kg) that it moves."""
+    if not {"stiffness", "damping"} <= set(values):
+        return False
+    return values["damping"] > LIMITS.damped * 2.0 * math.sqrt(values["stiffness"] * inertia)
 
 
 def transmissions() -> tuple[str, ...]:

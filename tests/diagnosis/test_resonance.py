@@ -16,6 +16,7 @@ from arm_model.servo import servo_gains
 from daq.recording import Recording
 from diagnosis import diagnose
 from diagnosis.cause import Cause, Estimate
+from diagnosis.closed_loop import resonance
 from diagnosis.closed_loop.loop_errors import loop_errors
 from diagnosis.closed_loop.resonance import _at_few_joints, transmission_resonance
 from diagnosis.closed_loop.servo_gains import with_servo_gains
@@ -175,3 +176,11 @@ def test_a_spring_that_the_currents_named_at_a_neighbour_hides_none(tmp_path: Pa
     assert cause is not None and cause.key == ("joint_compliance", 2)
     assert abs(cause.parameters[0].value - 30_000.0) < 3 * cause.parameters[0].std
     assert resonance_in_loop(currents, Split(fit[:1], held_out), [cause]) is None
+
+
+@pytest.mark.parametrize(("damping", "overdamped"), [(60.0, False), (600.0, False), (1600.0, True)])
+def test_a_spring_without_a_resonance_is_none(damping: float, overdamped: bool) -> None:
+    """What servos do at their setpoints was a spring of 433 kN m/rad with 1600 N m s/rad, 0.6 of the critical."""
+    spring = {"stiffness": 4.33e5, "damping": damping}
+    assert resonance._overdamped(spring, 3.9) is overdamped
+    assert not resonance._overdamped({"half_gap": 1e-3}, 3.9)
