@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy import signal
 
 from arm_io.types import Array
+from diagnosis.measurements.currents.design_matrix import dataset_of
 from diagnosis.measurements.currents.structure.basis_functions import _plane_wave, _play
-from diagnosis.measurements.currents.structure.shared_bases import harmonics_of
+from diagnosis.measurements.currents.structure.shared_bases import harmonics_of, variables
+from diagnosis.residual.generation import residual_run
 from diagnosis.residual.noise.channels import QUIET_ROWS, _about_lines, is_stationary
+from tests.diagnosis import two_link
 
 
 def _row_by_row(values: Array, width: float) -> Array:
@@ -61,3 +66,15 @@ def test_deviations_are_from_straight_lines() -> None:
             line = np.polynomial.Polynomial.fit(own, residual[own], 1)
             stds.append(np.std(residual[own] - line(own)))
     assert _about_lines(rows, residual[rows], block[rows]) == pytest.approx(stds)
+
+
+def test_a_function_of_the_current_does_not_follow_the_noise_of_its_transducer(root: Path) -> None:
+    """The measured current has the residual in it: a function of it explained more than the gain that was wrong."""
+    arm, (t, q, v, a) = two_link.model(root), two_link.motion(1, 12.0)
+    current = two_link.torque(q, v, a, two_link.Day()) / two_link.DRIVE
+    noise = 0.1 * np.random.default_rng(1).normal(size=current.shape)
+    sides = [dataset_of([residual_run("run", arm, t, q, measured)]) for measured in (current, 1.1 * current + noise)]
+    clean, noisy = (dict(variables(side, arm, 1)) for side in sides)
+    for name in ("current", "current of joint 2"):
+        assert np.ptp(clean[name]) > 1.0
+        np.testing.assert_array_equal(noisy[name], clean[name])

@@ -27,19 +27,28 @@ WAVE_STEPS = np.arange(0.5, 8.01, 0.5)
 
 
 def variables(side: Dataset, arm: Arm, joint: int) -> Iterator[tuple[str, Array]]:
-    """Name and values (rows,) of every variable that the residual of this joint may depend on."""
+    """Name and values (rows,) of every variable that the residual of this joint may depend on.
+
+    Currents are those that the model expects, as in the laws of transducers (``signals_of``): the measured one has the
+    residual in it, so that a function of it explains more than the gain that is wrong.
+    """
     yield "time", np.concatenate([run.t for run in side.runs])
     yield "position", side.at_joint("q", joint)
     yield "motor angle", np.mod(side.at_joint("q", joint) * arm.joints[joint - 1].ratio, 2 * np.pi)
     yield "velocity", side.at_joint("v", joint)
     yield "acceleration", side.at_joint("a", joint)
     yield "load torque", side.at_joint("rigid", joint)
-    yield "current", side.at_joint("current", joint)
+    yield "current", _expected(side, joint)
     for other in range(1, len(arm) + 1):
         if other != joint:
             yield f"position of joint {other}", side.at_joint("q", other)
             yield f"velocity of joint {other}", side.at_joint("v", other)
-            yield f"current of joint {other}", side.at_joint("current", other)
+            yield f"current of joint {other}", _expected(side, other)
+
+
+def _expected(side: Dataset, joint: int) -> Array:
+    """(rows,) A at a joint (from 1), by the model."""
+    return np.concatenate([run.powered * run.along[:, joint - 1] for run in side.runs])
 
 
 @dataclass(frozen=True)
