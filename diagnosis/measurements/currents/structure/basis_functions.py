@@ -15,7 +15,6 @@ from arm_model import Arm
 from arm_model.effects import Variable
 from diagnosis.measurements.currents.structure.shared_bases import WAVE_STEPS, Bases, bends_of
 from diagnosis.residual.filters import COMPARE_BAND, low_pass_gain
-from diagnosis.residual.run import Run
 from diagnosis.residual.signals import signals_of
 from diagnosis.selection.design import Columns, Dataset, Pair
 from identification.selection import Split
@@ -200,10 +199,9 @@ def _plane_wave(weighted: Array, angle: Array, other_angle: Array) -> tuple[floa
 def _past(fit: Dataset, held_out: Dataset, arm: Arm, joint: int) -> Iterator[Shape]:
     """Functions of the history of the current: play operators of several widths (Prandtl and Ishlinskii).
 
-    The current is the one that the model predicts for the smoothed motion: the measured one contains the residual and
-    would explain itself.
+    The current is the one that the model expects: the measured one contains the residual and would explain itself.
     """
-    currents = [[_expected(run, arm, joint) for run in side.runs] for side in (fit, held_out)]
+    currents = [[np.asarray(signals_of(run, arm, joint).current) for run in side.runs] for side in (fit, held_out)]
     travel = max(float(np.ptp(current)) for current in currents[0])
     if travel == 0.0:
         return
@@ -212,13 +210,6 @@ def _past(fit: Dataset, held_out: Dataset, arm: Arm, joint: int) -> Iterator[Sha
         plays = [_play(current, np.array(PLAYS) * travel) - current[:, None] for current in of_side]
         pair.append(Functions(np.concatenate(plays), (np.ones(side.rows),), side, joint))
     yield Shape("current and its past", Split(pair[0], pair[1]), np.ones(held_out.rows, bool))
-
-
-def _expected(run: Run, arm: Arm, joint: int) -> Array:
-    """(m,) A: load and Coulomb friction of a joint for the smoothed motion."""
-    s = signals_of(run, arm, joint)
-    current: Array = (s.load + s.coulomb * s.sign) / arm.joints[joint - 1].drive_constant
-    return current
 
 
 def _play(values: Array, widths: Array) -> Array:

@@ -17,6 +17,7 @@ from scipy.interpolate import CubicSpline
 from arm_io.types import Array
 from arm_model import Arm
 from diagnosis.measurements.currents.structure.unseen_friction import unseen_friction
+from diagnosis.residual.signals import signals_of
 from diagnosis.selection.design import Dataset
 from diagnosis.selection.unseen_inertia import unseen_inertia
 
@@ -38,17 +39,17 @@ def variables(side: Dataset, arm: Arm, joint: int) -> Iterator[tuple[str, Array]
     yield "velocity", side.at_joint("v", joint)
     yield "acceleration", side.at_joint("a", joint)
     yield "load torque", side.at_joint("rigid", joint)
-    yield "current", _expected(side, joint)
+    yield "current", _expected_current(side, arm, joint)
     for other in range(1, len(arm) + 1):
         if other != joint:
             yield f"position of joint {other}", side.at_joint("q", other)
             yield f"velocity of joint {other}", side.at_joint("v", other)
-            yield f"current of joint {other}", _expected(side, other)
+            yield f"current of joint {other}", _expected_current(side, arm, other)
 
 
-def _expected(side: Dataset, joint: int) -> Array:
-    """(rows,) A at a joint (from 1), by the model."""
-    return np.concatenate([run.powered * run.along[:, joint - 1] for run in side.runs])
+def _expected_current(side: Dataset, arm: Arm, joint: int) -> Array:
+    """(rows,) A at a joint (from 1)."""
+    return np.concatenate([np.asarray(signals_of(run, arm, joint).current) for run in side.runs])
 
 
 @dataclass(frozen=True)
