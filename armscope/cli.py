@@ -74,6 +74,16 @@ def _output_fails() -> bool:
 
 def run(arguments: list[str]) -> int:
     """Runs one command line and returns its exit status."""
+    try:
+        status = _run(arguments)
+    except KeyboardInterrupt:
+        status = INTERRUPTED
+    if status == INTERRUPTED:
+        print("interrupted", file=sys.stderr)
+    return status
+
+
+def _run(arguments: list[str]) -> int:
     if (said := answer(arguments)) is not None:
         print(said)
         return DONE
@@ -99,10 +109,6 @@ def run(arguments: list[str]) -> int:
         return DEVICE_FAILED
     except MemoryError:
         return _refuse(f"{arguments[0]}: needs more memory than this machine has; give it fewer rows")
-    except KeyboardInterrupt:
-        status = INTERRUPTED
-    if status == INTERRUPTED:
-        print("interrupted", file=sys.stderr)
     return status
 
 

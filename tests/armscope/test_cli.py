@@ -13,6 +13,7 @@ import pytest
 
 from armscope.application import spread
 from armscope.cli import run
+from armscope.exit_status import INTERRUPTED
 from armscope.usage import COMMANDS
 from daq.recording.parts import Attachments
 from daq.recording.tables.table import write_table
@@ -165,6 +166,17 @@ def work(*_, **options):
 armscope.application.application = lambda: SimpleNamespace(main=work)
 main(["info"])
 """
+
+
+def test_an_interruption_before_the_command_is_known_is_one_line(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(_: list[str]) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("armscope.cli.answer", interrupted)
+    assert run(["diagnose"]) == INTERRUPTED
+    assert capsys.readouterr().err == "interrupted\n"
 
 
 def test_nothing_unfinished_is_left_of_a_command_that_is_told_to_end(tmp_path: Path, root: Path) -> None:
