@@ -25,6 +25,11 @@ from armscope.model_text.summary import summary, summary_text
 from armscope.progress import shown
 
 MANY = ("--gear", "--torque-constant")
+"""Options that take several values."""
+WITHOUT_MOTORS = (".urdf", *SUFFIXES)
+"""Files of arms that have no place for motors."""
+MODELS = (".toml", *WITHOUT_MOTORS)
+"""Files of arms that ``--out`` may name; any other holds equations."""
 
 
 def command(
@@ -75,6 +80,43 @@ def command(
     ] = None,
     as_json: Json = False,
 ) -> None:
+    _refuse_combinations(equations, by, formulations=formulations, effects=effects, as_json=as_json)
+    if effects:
+        if any(option is not None for option in (model, out, by, into, tip, gear, torque_constant)):
+            raise InputError("--effects", "lists the effects of any arm; takes no model and no option but --json")
+        _print_catalogue(as_json)
+        return
+    if model is None:
+        raise InputError("model", "needs a model file, as config/models/puma560.toml")
+    arm = _with_drives(model, _read(model, tip if into is None else None), gear, torque_constant)
+    note_gaps(model, "dynamics", "collisions", tip=tip)
+    needs_fixed_base = {
+        "--formulations": formulations,
+        "--by": by is not None,
+        "--into": into is not None,
+        "a URDF file": out is not None and out.suffix == ".urdf",
+    }
+    for what in (name for name, asked in needs_fixed_base.items() if asked):
+        on_fixed_base(arm, model, what)
+    if into is not None:
+        _update(into, arm, out, tip)
+    elif out is not None and (equations is None or out.suffix in MODELS):
+        write_arm(out, arm, _note)
+        if (model.suffix in WITHOUT_MOTORS or gear is not None) and out.suffix == ".toml":
+            _note_motors(arm, torque_constant is not None)
+    if equations is not None:
+        _write_equations(arm, equations, by, out)
+    elif formulations:
+        _compare(arm, as_json)
+    else:
+        found = summary(arm)
+        print(json_text(found) if as_json else wrapped(summary_text(found)))
+
+
+def _refuse_combinations(
+    equations: Form | None, by: Formulation | None, *, formulations: bool, effects: bool, as_json: bool
+) -> None:
+    """InputError where options exclude each other, or one lacks another."""
     given = {"--effects": effects, "--equations": equations is not None, "--formulations": formulations}
     if len(several := [name for name, one in given.items() if one]) > 1:
         raise InputError(several[0], f"and {several[1]} exclude each other")
@@ -82,45 +124,6 @@ def command(
         raise InputError("--json", "is not for --equations, which are text")
     if by is not None and equations is None:
         raise InputError("--by", "needs --equations text, latex, python, c or matlab")
-    if effects:
-        if any(option is not None for option in (model, out, by, into, tip, gear, torque_constant)):
-            raise InputError("--effects", "lists the effects of any arm; takes no model and no option but --json")
-        _catalogue(as_json)
-        return
-    if model is None:
-        raise InputError("model", "needs a model file, as config/models/puma560.toml")
-    arm = _read(model, tip if into is None else None)
-    if gear is not None or torque_constant is not None:
-        if model.suffix == ".toml" and any((joint.gear, joint.torque_constant) != (1.0, 1.0) for joint in arm.joints):
-            raise InputError(model, "has drives of its own; --gear and --torque-constant are for files without drives")
-        arm = _with_drives(arm, gear, torque_constant)
-    note_gaps(model, "dynamics", "collisions", tip=tip)
-    for what, asked in (
-        ("--formulations", formulations),
-        ("--by", by is not None),
-        ("--into", into is not None),
-        ("a URDF file", out is not None and out.suffix == ".urdf"),
-    ):
-        if asked:
-            on_fixed_base(arm, model, what)
-    if into is not None:
-        _update(into, arm, out, tip)
-    elif out is not None and (equations is None or out.suffix in (".toml", ".urdf", *SUFFIXES)):
-        write_arm(out, arm, _note)
-        if (model.suffix in (".urdf", *SUFFIXES) or gear is not None) and out.suffix == ".toml":
-            _note_motors(arm, torque_constant is not None)
-    if equations is not None:
-        text = equations_text(arm, equations, by)
-        if out is None or out.suffix in (".toml", ".urdf", *SUFFIXES):
-            print(text, end="")
-        else:
-            write_text(out, text)
-        return
-    if formulations:
-        _compare(arm, as_json)
-        return
-    found = summary(arm)
-    print(json_text(found) if as_json else wrapped(summary_text(found)))
 
 
 def _update(file: Path, arm: Arm, out: Path | None, tip: str | None) -> None:
@@ -135,8 +138,15 @@ def _note(sentence: str) -> None:
     print(f"note: {sentence}", file=sys.stderr)
 
 
-def _with_drives(arm: Arm, gears: Sequence[float] | None, torque_constants: Sequence[float] | None) -> Arm:
-    """The arm with these torque constants behind these gears: limits and friction at its joints stay (``regeared``)."""
+def _with_drives(file: Path, arm: Arm, gears: Sequence[float] | None, torque_constants: Sequence[float] | None) -> Arm:
+    """The arm with these torque constants behind these gears: limits and friction at its joints stay (``regeared``).
+
+    InputError where its file states other drives.
+    """
+    if gears is None and torque_constants is None:
+        return arm
+    if file.suffix == ".toml" and any((joint.gear, joint.torque_constant) != (1.0, 1.0) for joint in arm.joints):
+        raise InputError(file, "has drives of its own; --gear and --torque-constant are for files without drives")
     joints = list(arm.joints)
     if gears is not None:
         joints = [regeared(joint, value) for joint, value in zip(joints, _of_joints("--gear", gears, len(arm)))]
@@ -182,10 +192,19 @@ def _read(path: Path, tip: str | None) -> Arm:
     return read_urdf(path, tip=tip)
 
 
-def _catalogue(as_json: bool) -> None:
+def _print_catalogue(as_json: bool) -> None:
     from armscope.model_text.catalogue import catalogue, catalogue_text
 
     print(json_text(catalogue()) if as_json else catalogue_text())
+
+
+def _write_equations(arm: Arm, form: Form, by: Formulation | None, out: Path | None) -> None:
+    """Writes the equations to ``out``; prints them where that is none, or the file of an arm."""
+    text = equations_text(arm, form, by)
+    if out is None or out.suffix in MODELS:
+        print(text, end="")
+    else:
+        write_text(out, text)
 
 
 def _compare(arm: Arm, as_json: bool) -> None:
