@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -15,9 +16,12 @@ import armscope
 from arm_model import Arm, EffectTerm
 from diagnosis.cause import Cause, Estimate
 from diagnosis.measurements.near_rest.friction import Friction
+from diagnosis.per_recording import candidates
 from diagnosis.per_recording.search import _all_exist
 from diagnosis.remainder.against_noise import runs_of
 from diagnosis.residual.run import with_free
+from diagnosis.selection.candidate import Candidate
+from identification.selection import Split
 from tests.diagnosis import two_link
 from tests.diagnosis.two_link import HUMP, Day, recorded
 
@@ -221,3 +225,34 @@ def test_values_of_one_recording_that_no_arm_has_end_the_search(arm: Arm, second
     several = [EffectTerm("payload", None, {"mass": m, "x": 0.1, "y": 0.0, "z": 0.0}) for m in (1.0, second)]
     state, own = SimpleNamespace(model=SimpleNamespace(arm=arm)), SimpleNamespace(terms=several)
     assert _all_exist([own], state) == exists  # type: ignore[list-item, arg-type]
+
+
+@pytest.mark.parametrize(
+    ("gains", "ranked"),
+    [
+        ({"payload": 100.0, "viscous_friction": 99.0, "coulomb_friction": 90.0}, ["viscous_friction", "payload"]),
+        ({"payload": 100.0, "viscous_friction": 97.0, "coulomb_friction": 98.5}, ["coulomb_friction", "payload"]),
+        ({"payload": 100.0, "viscous_friction": 90.0, "coulomb_friction": 97.0}, ["payload", "coulomb_friction"]),
+        ({"payload": 9.0, "viscous_friction": 8.0, "coulomb_friction": 11.0}, ["coulomb_friction"]),
+        ({"payload": 50.0, "viscous_friction": 40.0, "current_gain": 200.0}, ["payload", "viscous_friction"]),
+    ],
+)
+def test_of_effects_that_gain_equally_by_own_values_the_one_of_fewest_coefficients_comes_first(
+    gains: dict[str, float], ranked: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of 100 rows: less than 10 is nothing. A current gain has 199 of its 200 by one value for all recordings."""
+    library = [Candidate(effect, None if effect == "payload" else 1) for effect in gains]
+    data = Split(SimpleNamespace(rows=50), SimpleNamespace(rows=50))
+    model = SimpleNamespace(data=data, library=library, excluded=set(), columns=lambda c: c)
+
+    def fitted(several: list[Candidate], *_: object) -> list[SimpleNamespace]:
+        (c,) = several
+        alone = SimpleNamespace(values=np.zeros(4 if c.effect == "payload" else 1))
+        return [SimpleNamespace(candidate=c, gains=np.array([gains[c.effect]]), alone=[alone])]
+
+    monkeypatch.setattr(candidates, "fitted_values", fitted)
+    monkeypatch.setattr(candidates, "residuals_with", lambda *_: [])
+    monkeypatch.setattr(candidates, "exists_in_all", lambda *_: True)
+    monkeypatch.setattr(candidates, "_common_gain", lambda c, *_: 199.0 if c.effect == "current_gain" else 0.0)
+    found = candidates.promising(cast(Any, SimpleNamespace(model=model)))
+    assert [c.effect for c in found] == ranked
