@@ -26,6 +26,7 @@ from diagnosis.report.plots.residuals import against_all, left_against, side_by_
 from diagnosis.report.plots.single_axis import wave_chart
 from diagnosis.report.tables import errors, rough, summary, undetectable_table, unexplained_structures
 from diagnosis.report.wording import (
+    comparison,
     figures,
     remainder,
     remains,
@@ -35,7 +36,7 @@ from diagnosis.report.wording import (
     values_of,
 )
 from diagnosis.result import Diagnosis
-from identification import recorded_quantities, recorded_signals
+from identification import recorded_quantities
 
 MOST_CHARTS = {"held_out": 2, "fit": 1}
 """Recordings of either set that are drawn; the tables have all."""
@@ -58,7 +59,6 @@ def report(result: Diagnosis, table: dict[str, Any], held_out: Sequence[Recordin
         content={
             "asked": _asked(result, table),
             "measured": recorded_quantities(result.arm),
-            "all_measured": recorded_signals(result.arm),
             "says": sentence(result),
             "warnings": result.warnings,
             "summary": summary(result),
@@ -74,7 +74,7 @@ def report(result: Diagnosis, table: dict[str, Any], held_out: Sequence[Recordin
             "left_charts": _left_charts(result),
             "simulated": list(_simulated(result)),
             "errors": errors(result, table, bool(result.causes)),
-            "along": {s.get("along") for s in table["signals"] if s["signal"] == "current"},
+            "compared": _compared(result),
             "rough": rough(result, table) if judged else None,
             "joints_drawn": list(_joints(result, held_out)) if judged else [],
         },
@@ -102,6 +102,12 @@ def _asked(result: Diagnosis, table: dict[str, Any]) -> str:
 def _names(files: Sequence[str]) -> str:
     """The names of a few recordings, or how many there are."""
     return ", ".join(Path(name).name for name in files) if len(files) <= MOST_NAMES else f"{len(files)} recordings"
+
+
+def _compared(result: Diagnosis) -> str:
+    if not result.judged:
+        return "The recordings have no currents to compare with a simulation."
+    return comparison(result.arm, bool(result.closed_loops.held_out), result.in_closed_loop)
 
 
 def _simulated(result: Diagnosis) -> Iterator[tuple[str, Chart]]:

@@ -13,9 +13,10 @@ from arm_report.numbers import numbered, value_and_two_std
 from diagnosis.cause import Cause, EncoderJump, Estimate, LostRows, Signal, in_words
 from diagnosis.cause.structure import NO_VARIABLE
 from diagnosis.cause.units import readable, rounded, variable_in_words
+from diagnosis.closed_loop.comparison import FAITHFUL
 from diagnosis.report.joint_verdicts import Remaining, remaining
 from diagnosis.result import Diagnosis
-from identification import recorded_quantity
+from identification import recorded_quantity, recorded_signals
 
 SURE = 0.9
 """Confidence below which the verdict states it: of such names of the bank 15 of 26 were right, of others 269 of 271."""
@@ -167,6 +168,35 @@ def rise_at_rest(cause: Cause) -> str:
         largest = max(rise.value, 0.0) + 2 * rise.std
         return f"its level rises by less than {rounded(largest, 2)} {rise.unit} for ten times the time at rest {over}"
     return f"its level rises by {rounded(rise.value, 3)} {rise.unit} for ten times the time at rest {over}"
+
+
+def comparison(arm: Arm, looped: bool, faithful: bool) -> str:
+    """How measurement and simulation were compared.
+
+    looped: whether there are closed loops on held-out recordings; faithful: whether these follow the recordings as well
+    as the model follows the measured motion.
+    """
+    signals = recorded_signals(arm)
+    along = f"The {signals} of the table are those that the model predicts along the measured motion."
+    if looped and faithful:
+        return (
+            "Model and arm were given the same demands. Noise is that of the residual along the measured motion, which "
+            "contains encoder quantisation differentiated twice; the closed loop contains none, so its error may be "
+            "smaller."
+        )
+    if looped:
+        return (
+            f"Model and arm were given the same demands. At a joint at least, the {signals} of this closed loop are "
+            f"more than {FAITHFUL} times as far from the measured ones as those predicted along the measured motion: "
+            "the controller of the model is not that of this arm. The pictures and the position errors show mostly the "
+            f"difference between both controllers, and neither confirm nor refute a cause. {along}"
+        )
+    if arm.controller is None:
+        return f"No closed-loop simulation: the model has no controller. {along}"
+    return (
+        "No closed-loop simulation: the held-out recordings have no demands, or the loop is unstable with the "
+        f"controller of the model. {along}"
+    )
 
 
 def values_of(cause: Cause) -> list[str]:

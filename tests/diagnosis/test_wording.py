@@ -24,7 +24,7 @@ from diagnosis.remainder.of_identification import AllowedResidual
 from diagnosis.remainder.predictable import predictable
 from diagnosis.report.joint_verdicts import Remaining
 from diagnosis.report.tables import undetectable_table
-from diagnosis.report.wording import either, estimate, gain, sentence, values_of
+from diagnosis.report.wording import comparison, either, estimate, gain, sentence, values_of
 from diagnosis.result import Diagnosis
 from tests.diagnosis.runs import group_of, seen
 
@@ -194,3 +194,15 @@ def test_joints_alike_share_a_line_and_no_effect_is_left_out() -> None:
 def test_numbers_have_no_exponent_where_a_reader_needs_none() -> None:
     assert [rounded(x, 2) for x in (190.0, 0.0012, 99400.0, -190.0, 0.0)] == ["190", "0.0012", "99000", "-190", "0"]
     assert [rounded(x) for x in (1234.0, 1.234e6, 2.5e-7)] == ["1230", "1.23e+06", "2.5e-07"]
+
+
+def test_the_comparison_blames_a_controller_only_where_the_model_has_one(root: Path) -> None:
+    """A closed loop needs a controller; one that does not follow the arm is neither evidence for nor against causes."""
+    controlled = read_model(root / "config/models/puma560.toml")
+    bare = replace(controlled, controller=None)
+    assert "the model has no controller" in comparison(bare, False, False)
+    assert "not that of this arm" not in comparison(bare, False, False)
+    assert "no demands" in comparison(controlled, False, False)
+    strange = comparison(controlled, True, False)
+    assert "not that of this arm" in strange and "neither confirm nor refute" in strange
+    assert "same demands" in comparison(controlled, True, True) and "not that" not in comparison(controlled, True, True)
