@@ -136,7 +136,7 @@ def _instruments(arm: Arm, samples: Samples, a: Array, slow_v: Array, known: Kno
         noise = known.residual
         return _Instruments(noise, noise, np.broadcast_to(noise, slow_v.shape), UNKNOWN)
     inertia, setpoints = current_inertia(arm, q), known.setpoints
-    if not setpoints.period:
+    if setpoints.source == "model":
         setpoints = setpoints_of(arm, 1.0 / rate, currents=(lambda: _ripple_of(i, a, rate)) if powered else None)
     # of setpoints that the currents alone show, what servos do above the lines that are seen stays noise
     period = 0.0 if setpoints.source == "currents" else setpoints.period

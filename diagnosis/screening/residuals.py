@@ -78,7 +78,7 @@ def residuals_of(arm: Arm, screened: Screened, progress: Progress = lambda sente
 
     computed = in_parallel(residual, range(len(arms)))
     if (setpoints := of_one_host([run.setpoints for run in computed])) is not None:
-        silent = [k for k, run in enumerate(computed) if run.powered and not run.setpoints.period]
+        silent = [k for k, run in enumerate(computed) if run.powered and run.setpoints.source == "model"]
         for k in silent:
             known[k] = replace(known[k], setpoints=setpoints)
         for k, run in zip(silent, in_parallel(residual, silent)):
@@ -99,8 +99,9 @@ def residuals_of(arm: Arm, screened: Screened, progress: Progress = lambda sente
 def of_one_host(found: Sequence[Setpoints]) -> Setpoints | None:
     """The setpoints that the currents of some recordings show, which come as often in all others; None: none do.
 
-    One host sends them all. A recording whose joints hardly accelerate does not show them, but has the same share of an
-    inertia folded. Of several periods the longest: currents may show a part of it.
+    In others the model alone states any, or nothing does. One host sends them all. A recording whose joints hardly
+    accelerate does not show them, but has the same share of an inertia folded. Of several periods the longest: currents
+    may show a part of it.
     """
     shown = [one for one in found if one.source == "currents" and one.period]
     return max(shown, key=lambda one: one.period, default=None)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from arm_io.types import Array
 from identification.preprocessing.setpoints import Setpoints
+from identification.preprocessing.setpoints_in_currents import seen_at
 
 BEAT = 1.0
 """Hz from 0 at which a line counts as on it. A quicker beat changes its sign many times in a run: a residual shows it,
@@ -23,12 +24,6 @@ AWAY = 0.4
 """Of the setpoints' rate: the distance of a good sampling rate from its multiples."""
 
 Lines = NDArray[np.int_]
-
-
-def seen_at(lines: Lines, period: float, rate: float) -> Array:
-    """Hz at which rows at ``rate`` Hz show lines of setpoints every ``period`` s."""
-    frequency = lines / period
-    return np.asarray(np.abs(frequency - np.round(frequency / rate) * rate))
 
 
 def folded_into(band: tuple[float, float], period: float, rate: float) -> Array:

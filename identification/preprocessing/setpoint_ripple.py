@@ -18,8 +18,9 @@ import numpy as np
 
 from arm_io.types import Array
 from identification.preprocessing.filtering import butterworth, zero_phase
-from identification.preprocessing.folding import BEAT, LINES, Lines, as_one, folding_line, seen_at, unbounded
+from identification.preprocessing.folding import BEAT, LINES, Lines, as_one, folding_line, unbounded
 from identification.preprocessing.setpoints import Setpoints
+from identification.preprocessing.setpoints_in_currents import seen_at
 from identification.preprocessing.signals import Motion, smooth_motion
 
 IN_BAND = 25.0

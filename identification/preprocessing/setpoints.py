@@ -8,7 +8,7 @@ from typing import Literal
 
 from arm_io.types import Array
 from arm_model import Arm
-from identification.preprocessing.setpoints_in_currents import rows_between_setpoints
+from identification.preprocessing.setpoints_in_currents import rows_against, rows_between_setpoints
 from identification.preprocessing.setpoints_in_demands import setpoint_period
 
 OFTEN = 1.5
@@ -51,12 +51,14 @@ def setpoints_of(
 ) -> Setpoints:
     """The setpoints of a recording with rows ``dt`` s apart, by the first of three sources that knows them.
 
-    The controller of the model; the recorded ``demands`` (m, J) rad (m); the ``currents``, which are asked last:
-    ripple (m, J) and acceleration (m, J) as of ``rows_between_setpoints``.
+    The controller of the model, unless the currents refute it; the recorded ``demands`` (m, J) rad (m); the
+    ``currents``: ripple (m, J) and acceleration (m, J) as of ``rows_between_setpoints``.
     """
     if (controller := arm.controller) is not None:
         within = controller.setpoint_period > OFTEN * controller.servo_period
-        return Setpoints(controller.setpoint_period, within=within)
+        stated = Setpoints(controller.setpoint_period, within=within)
+        rows = 0 if currents is None else rows_against(stated.period, *currents(), 1.0 / dt)
+        return Setpoints(rows * dt, "currents") if rows else stated
     if demands is not None and (period := setpoint_period(demands, dt)):
         return Setpoints(period, "demands")
     if currents is not None and (rows := rows_between_setpoints(*currents(), 1.0 / dt)):

@@ -1,55 +1,40 @@
-"""Rows per setpoint, seen in the currents where no model states a controller."""
+"""Whether currents show setpoints, and refute those that a model states."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from identification.preprocessing.setpoints_in_currents import rows_between_setpoints
-
-RATE, JOINTS = 500.0, 3
+from identification.preprocessing.setpoints_in_currents import rows_against, rows_between_setpoints
 
 
-def moved(seconds: float, seed: int) -> tuple[np.ndarray, np.ndarray, np.random.Generator]:
-    """Row numbers (m,), accelerations (m, JOINTS) below 1 Hz, and more random numbers."""
-    rng, row = np.random.default_rng(seed), np.arange(int(seconds * RATE))
-    phases = 2 * np.pi * rng.uniform(0.1, 1.0, (JOINTS, 4)), rng.uniform(0.0, 6.0, (JOINTS, 4))
-    return row, np.sin(row[:, None, None] / RATE * phases[0] + phases[1]).sum(axis=2), rng
+def _servo(period: float, rate: float, seconds: float = 20.0) -> tuple[np.ndarray, np.ndarray]:
+    """(m, 1) A, rad/s2: transients of 2 ms at setpoints every ``period`` s, as large as the acceleration; and noise."""
+    t = np.arange(int(seconds * rate)) / rate
+    acceleration = 3.0 * np.sin(2 * np.pi * 0.3 * t) + 2.0 * np.sin(2 * np.pi * 0.7 * t + 1.0)
+    transients = acceleration * np.exp(-np.mod(t + 0.0007, period) / 0.002)
+    slow = acceleration * np.mean(np.exp(-np.arange(0.0, period, 1e-5) / 0.002))
+    ripple = 0.02 * (transients - slow) + 0.005 * np.random.default_rng(1).standard_normal(len(t))
+    return ripple[:, None], acceleration[:, None]
 
 
-def sawtooth(row: np.ndarray, rows: float, phase: float) -> np.ndarray:
-    """(m, 1) of zero mean, with a step at every setpoint."""
-    return ((row / rows + phase) % 1.0 - 0.5)[:, None]
+@pytest.mark.parametrize(
+    ("period", "rate", "stated"), [(0.02, 200.0, 0.028), (0.016, 500.0, 0.028), (0.01, 500.0, 0.014)]
+)
+def test_currents_refute_setpoints_that_an_arm_does_not_have(period: float, rate: float, stated: float) -> None:
+    assert rows_against(stated, *_servo(period, rate), rate) == round(period * rate)
 
 
-@pytest.mark.parametrize("rows", range(2, 11))
-def test_rows_per_setpoint_are_those_of_the_transients(rows: int) -> None:
-    row, a, rng = moved(16.0, rows)
-    ripple = sawtooth(row, rows, rng.uniform()) * a + rng.standard_normal(a.shape)
-    assert rows_between_setpoints(ripple, a, RATE) == rows
-    ripple[rng.uniform(size=len(row)) < 0.05] = np.nan
-    assert rows_between_setpoints(ripple, a, RATE) == rows
+@pytest.mark.parametrize(
+    ("period", "rate"), [(0.02, 200.0), (0.028, 1000.0), (0.028, 500.0), (0.028, 200.0), (0.004, 200.0), (0.005, 200.0)]
+)
+def test_currents_confirm_setpoints_that_come_as_stated(period: float, rate: float) -> None:
+    """Also where other lines than the first lie at a whole number of rows: every fourth of 28 ms at 1 kHz is at 7."""
+    assert rows_against(period, *_servo(period, rate), rate) == 0
 
 
-@pytest.mark.parametrize("rows", [9.8, 19.6, 20.3, 7.96, 5.95])
-def test_a_line_beside_that_of_a_whole_number_is_none_of_it(rows: float) -> None:
-    """Of 50 Hz at 980 Hz the second harmonic is 2 Hz beside that of ten rows."""
-    row, a, rng = moved(16.0, 2)
-    ripple = sawtooth(row, rows, rng.uniform()) * a + 0.5 * rng.standard_normal(a.shape)
-    assert rows_between_setpoints(ripple, a, RATE) == 0
-
-
-@pytest.mark.parametrize("rows", [2.3, 3.7, 7.5])
-def test_setpoints_whose_rate_is_no_part_of_the_sampling_rate_are_none(rows: float) -> None:
-    row, a, rng = moved(16.0, 1)
-    lines = sum(np.sin(2 * np.pi * k * (row / rows + 0.2)) / k for k in (1, 2, 3))
-    assert rows_between_setpoints(lines[:, None] * a + 0.1 * rng.standard_normal(a.shape), a, RATE) == 0
-
-
-def test_noise_the_mains_and_joints_that_stand_show_none() -> None:
-    for seed in range(60):
-        row, a, rng = moved(3.0 + seed % 20, seed)
-        a[:, 0] = 0.0
-        white = rng.standard_normal(a.shape)
-        mains = np.sin(2 * np.pi * rng.uniform(49.95, 50.05) * row / RATE)[:, None]
-        assert rows_between_setpoints(white + 0.9 * np.roll(white, 1, axis=0) + 3.0 * mains, a, RATE) == 0
+def test_currents_without_lines_refute_nothing() -> None:
+    ripple, acceleration = _servo(0.02, 200.0)
+    noise = 0.005 * np.random.default_rng(2).standard_normal(ripple.shape)
+    assert rows_between_setpoints(noise, acceleration, 200.0) == 0
+    assert rows_against(0.028, noise, acceleration, 200.0) == 0
