@@ -4,7 +4,7 @@ Along the measured motion encoder quantisation exceeds everything above 20 Hz. T
 demands has no such noise: where its servos are those of the arm, it follows measured currents to the transducers' noise
 up to a hundred hertz. At a joint with a transmission resonance it does not. Stiffness and gap are searched in batches
 of closed loops, one value per lane. They are accepted only if they explain nearly all of the excess error, at all
-joints, on held-out recordings.
+joints where they act, on held-out recordings.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class ResonanceLimits(Thresholds):
                  arm, or have other gains ...
     carried      ... but not those whose ratio is the largest over this, or less: one joint's oscillation moves others
     promising    share of the energy above the noise that the best of the first values must explain at the joint ...
-    explained    ... and the best of all at all joints, held out
+    explained    ... and the best of all at all joints where it acts, held out
     significant  probability below which its gain over blocks is not chance
     tie          share by which play must explain more than a spring: small play between springy teeth is one
     damped       share of its critical damping above which a spring has no resonance: gears have 0.02 to 0.2, and what
@@ -238,14 +238,18 @@ def _shares(arm: Arm, trials: Sequence[Trial], missed: Sequence[tuple[Recording,
 def _judged(
     bare: Arm, arm: Arm, trial: Trial, fit: Sequence[Recording], held_out: Sequence[Recording], noise: Array
 ) -> Cause | None:
-    """The cause, if it explains most of the held-out error of all joints above the noise, and significantly so.
+    """The cause, if it explains most of the held-out error above the noise where it acts, and significantly so.
 
+    It acts at its joint, and at all others whose currents it changes by more than their noise: what else is wrong at a
+    joint that it does not touch says nothing of it.
     bare: the arm that it is compared with, whose servos may have other gains than those beside the trial.
     """
     j = trial.joint - 1
     pairs = [(loop_errors(bare, r)[0], loop_errors(arm, r, [trial])[0]) for r in held_out]
     before, after = (np.sqrt(np.mean(np.concatenate(errors) ** 2, axis=0)) for errors in zip(*pairs))
-    excess = np.sum(np.maximum((before**2 - noise**2), 0.0)), np.sum(np.maximum(after**2 - noise**2, 0.0))
+    acts = np.mean(np.concatenate([b - a for b, a in pairs]) ** 2, axis=0) > noise**2
+    acts[j] = True
+    excess = [np.sum(np.maximum(errors**2 - noise**2, 0.0)[acts]) for errors in (before, after)]
     rows = [round(BLOCK_SECONDS / r.dt) for r in held_out]
     gains = np.concatenate(
         [np.add.reduceat((b**2 - a**2)[:, j], np.arange(0, len(a), n)) for (b, a), n in zip(pairs, rows)]

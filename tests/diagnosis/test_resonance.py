@@ -184,3 +184,30 @@ def test_a_spring_without_a_resonance_is_none(damping: float, overdamped: bool) 
     spring = {"stiffness": 4.33e5, "damping": damping}
     assert resonance._overdamped(spring, 3.9) is overdamped
     assert not resonance._overdamped({"half_gap": 1e-3}, 3.9)
+
+
+@pytest.mark.parametrize(
+    ("with_it", "named"),
+    [
+        ((3.8, 1.2, 1.2), True),  # the first joint as it was, which the spring does not move
+        ((3.8, 1.2, 5.0), False),  # the third is worse
+        ((3.8, 4.0, 1.2), False),  # too little of its own joint
+    ],
+)
+def test_a_spring_is_judged_by_the_joints_that_it_moves(
+    monkeypatch: pytest.MonkeyPatch, with_it: tuple[float, ...], named: bool
+) -> None:
+    """A spring of joint 2, of 98 % of its error, was none because joint 1 had another, which it left as it was."""
+    rng, without, rows = np.random.default_rng(1), np.array([3.8, 5.0, 2.0]), 5000
+    noise, pattern = rng.normal(size=(rows, 3)), rng.normal(size=(rows, 3))
+
+    def errors(arm: object, recording: object, trials: object = (), **_: object) -> np.ndarray:
+        size = np.array(with_it) if trials else without
+        return np.asarray((noise + np.sqrt(size**2 - 1.0) * pattern)[None])
+
+    monkeypatch.setattr(resonance, "loop_errors", errors)
+    monkeypatch.setattr(resonance, "_estimates", lambda *_: [])
+    trial = resonance.Trial("joint_compliance", 2, {"stiffness": 7e4, "damping": 30.0})
+    recording, arm = cast(Recording, SimpleNamespace(dt=4e-3)), read_model(MODEL)
+    cause = resonance._judged(arm, arm, trial, [], [recording], np.ones(3))
+    assert (cause is not None) == named
