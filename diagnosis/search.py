@@ -23,7 +23,7 @@ from diagnosis.measurements.currents.columns import candidates
 from diagnosis.measurements.currents.design_matrix import Library, bounded, dataset_of, dataset_with, free_columns
 from diagnosis.measurements.currents.model import Currents
 from diagnosis.measurements.currents.model_errors import model_uncertainty
-from diagnosis.measurements.currents.search import above_noise
+from diagnosis.measurements.currents.search import above_noise, by_fitted_rows
 from diagnosis.measurements.currents.shortage import shortage
 from diagnosis.measurements.single_axis.causes import AxisSide, axis_side, load_changes
 from diagnosis.residual.expected_current import has_dynamics
@@ -101,11 +101,23 @@ def searched(search: Search) -> CurrentDiagnosis:
     """The search, repeated if dropped triggers are found in its residual, or turn out to be another effect."""
     residuals = search.residuals()
     currents = searched_in(search, residuals)
-    if (behind := realigned(residuals, currents.state.terms)) is not residuals:
+    if (behind := _behind(currents)) is not residuals:
         currents = searched_in(search, behind)
     if (as_recorded := confirmed(currents.residuals, currents.state.terms)) is not currents.residuals:
         currents = searched_in(search, as_recorded)
     return currents
+
+
+def _behind(currents: CurrentDiagnosis) -> Residuals:
+    """The residuals of a search, realigned if triggers were dropped beside its causes.
+
+    Or beside what the fitted rows show, which held-out rows contradict while they are not where they belong.
+    """
+    residuals, state = currents.residuals, currents.state
+    behind = realigned(residuals, state.terms)
+    if behind is not residuals or currents.axis or (shown := by_fitted_rows(state)) is state:
+        return behind
+    return realigned(residuals, shown.terms)
 
 
 def searched_in(search: Search, residuals: Residuals) -> CurrentDiagnosis:

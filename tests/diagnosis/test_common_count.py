@@ -15,8 +15,9 @@ from diagnosis.current_diagnosis import CurrentDiagnosis
 from diagnosis.residual.expected_current import predicted_current
 from diagnosis.residual.generation import residual_run
 from diagnosis.residual.run import Run
+from diagnosis.screening.lost_rows import lost_triggers
 from diagnosis.screening.lost_rows.common_count import common_count
-from diagnosis.screening.lost_rows.lost_triggers import dropped_triggers
+from diagnosis.screening.lost_rows.lost_triggers import DroppedTriggers, dropped_triggers
 from diagnosis.unexplained import changes_of_lag
 
 RATE, ROW = 500.0, 2000
@@ -124,3 +125,24 @@ def test_a_lag_that_grows_slowly_is_no_loss(root: Path) -> None:
 def test_a_lag_that_changes_by_no_whole_number_of_rows_is_no_loss(root: Path) -> None:
     runs = [_run(root, seed, (3, 3), noise=0.003) for seed in range(6)]
     assert common_count(runs, [2.0 / RATE] * 6) is None
+
+
+def test_a_number_that_one_recording_shows_is_looked_for_in_all_others(root: Path) -> None:
+    """Seven rows at 250 Hz, which one recording showed by itself, were more than the 20 ms that several were asked."""
+    runs = [_run(root, seed, (13, 13)) for seed in range(6)]
+    periods = [1.0 / RATE] * len(runs)
+    assert common_count(runs, periods) is None
+    found = common_count(runs, periods, shown=13)
+    assert found is not None and found.count == 13 and len(found.instants) >= 5
+
+
+@pytest.mark.parametrize(("std", "stays"), [(1.0, False), (0.2, True)])
+def test_a_recording_that_knows_its_number_less_surely_has_that_of_all(
+    root: Path, monkeypatch: pytest.MonkeyPatch, std: float, *, stays: bool
+) -> None:
+    """One of eight rows, known to one, and another of seven: every phase of a ripple was wrong in the first."""
+    own = DroppedTriggers(0, ROW + 20.0, 10.0, 4, std, 1.0 / RATE)
+    monkeypatch.setattr(lost_triggers, "_of_recording", lambda index, run, period: [own] if index == 0 else [])
+    found = dropped_triggers([_run(root, seed, (3, 3)) for seed in range(6)], [1.0 / RATE] * 6)
+    assert found[0].count == (4 if stays else 3)
+    assert {loss.count for loss in found[1:]} == {3}

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 
 from diagnosis.cause import EffectKey, Structure
 from diagnosis.measurements.currents.estimates import estimates_of
+from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.measurements.currents.model import Currents
 from diagnosis.measurements.currents.refinement import gauss_newton_refined
 from diagnosis.measurements.currents.replacement.simplified import simplified
@@ -21,6 +22,7 @@ from diagnosis.measurements.currents.structure.spurious import of_another_order,
 from diagnosis.measurements.currents.structure.unexplained import StructureSearch, Unexplained
 from diagnosis.selection.bodies import bodies_of_link, is_body, link_of
 from diagnosis.selection.candidate import Candidate
+from diagnosis.selection.regression import fit_gain
 from identification.selection import Score, eliminate, select
 
 
@@ -65,6 +67,23 @@ def _settled(selected: State) -> State:
 def above_noise(state: State) -> bool:
     """Whether the residual of a joint is above the noise, in fitted or in held-out recordings."""
     return any(joints_above_noise(left, side, state.model.arm) for left, side in zip(state.residual, state.data))
+
+
+def by_fitted_rows(state: State) -> State:
+    """The state with the effect that the fitted rows show best at each joint above the noise, if it is most of it.
+
+    Whatever held-out rows say: where some of them are not where they belong, they contradict the effect that is there.
+    """
+    held_out, fit, model = state.data.held_out, state.data.fit, state.model
+    joints = joints_above_noise(state.residual.held_out, held_out, model.arm)
+    best: dict[int, tuple[float, Candidate]] = {}
+    for c in (score.candidate for score in (model.scores(state) if joints else ())):
+        if c.joint in joints and c.key not in model.taken(state):
+            gain = fit_gain(model.columns(c).fit, state.fitted)[0]
+            best[c.joint] = max(best.get(c.joint, (0.0, c)), (gain, c), key=lambda one: one[0])
+    left = fit.by_joint(state.residual.fit**2)
+    more = [c for joint, (gain, c) in best.items() if gain > LIMITS.swapped * left[joint - 1]]
+    return model.refitted([*state.chosen, *more], {**state.rivals, **{c.key: () for c in more}}) if more else state
 
 
 def attributed_to_body(state: State) -> State:

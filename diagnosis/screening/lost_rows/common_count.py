@@ -86,9 +86,12 @@ class _Losses:
         return np.asarray((self.none @ weight).min() - self.errors @ weight)
 
 
-def common_count(runs: Sequence[Run], periods: Sequence[float]) -> CommonCount | None:
-    """The number of rows that several recordings lost alike; None where they do not show one."""
-    longest = min(int(LONGEST / max(periods, default=np.inf)), MOST)
+def common_count(runs: Sequence[Run], periods: Sequence[float], shown: int = 0) -> CommonCount | None:
+    """The number of rows that several recordings lost alike; None where they do not show one.
+
+    shown: the most rows that one of them shows by itself, which others may have lost as well.
+    """
+    longest = min(max(int(LONGEST / max(periods, default=np.inf)), shown + 1), MOST)
     if len(runs) < RECORDINGS or longest == 0 or not all(len(run.t) >= FEWEST for run in runs):
         return None
     step = max(1, round(SKEWS / max(periods)))

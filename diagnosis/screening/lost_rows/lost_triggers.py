@@ -18,7 +18,7 @@ from arm_model.effects.sensing import DROPPED_TRIGGER
 from diagnosis.cause import Estimate, LostRows
 from diagnosis.residual.run import Run
 from diagnosis.screening.event import Event
-from diagnosis.screening.lost_rows.common_count import PLACED, WHOLE, common_count
+from diagnosis.screening.lost_rows.common_count import PLACED, WHOLE, CommonCount, common_count
 from diagnosis.screening.lost_rows.lag_change import Change, change_at, change_of_lag, instant_of, mean_lag, part_of
 from diagnosis.screening.lost_rows.lag_path import Step, instant, lag_steps, put_back
 from diagnosis.screening.lost_rows.unmeasured_rows import SMEARED, without_weight
@@ -64,13 +64,19 @@ def dropped_triggers(runs: Sequence[Run], periods: Sequence[float]) -> list[Drop
     """
     of_each = [_of_recording(k, run, period) for k, (run, period) in enumerate(zip(runs, periods))]
     few = [k for k, own in enumerate(of_each) if len(own) < 2 and all(abs(loss.count) <= MOST_ROWS for loss in own)]
-    common = common_count([runs[k] for k in few], [periods[k] for k in few])
+    shown = max((abs(loss.count) for k in few for loss in of_each[k]), default=0)
+    common = common_count([runs[k] for k in few], [periods[k] for k in few], shown)
     for index, (time, time_std) in common.instants.items() if common else ():
         k, period = few[index], periods[few[index]]
-        if not of_each[k] and common:
+        if common and all(_less_certain(loss, common) for loss in of_each[k]):
             row, row_std = round(time / period), time_std / period
             of_each[k] = [DroppedTriggers(k, row, row_std, common.count, common.count_std, period)]
     return [loss for losses in of_each for loss in losses]
+
+
+def _less_certain(loss: DroppedTriggers, common: CommonCount) -> bool:
+    """Whether a recording by itself shows a number that may be the common one, and shows it less surely."""
+    return abs(loss.count - common.count) <= 2.0 * loss.count_std and loss.count_std > common.count_std
 
 
 def _of_recording(index: int, run: Run, period: float) -> list[DroppedTriggers]:
@@ -161,7 +167,7 @@ def _long(
     run, aligned = runs
     steps, k = which
     half = 0.5 / run.per_second
-    certain = change is not None and change.std < half
+    certain = change is not None and change.std < half and abs(change.step) < 2.0 * half
     remaining, std = (change.step, change.std) if change is not None and certain else (0.0, half)
     count = round((steps[k].step - remaining) / period)
     if count == 0:
