@@ -109,9 +109,10 @@ def searched(search: Search) -> CurrentDiagnosis:
 
 
 def _behind(currents: CurrentDiagnosis) -> Residuals:
-    """The residuals of a search, realigned if triggers were dropped beside its causes.
+    """The residuals of a search, realigned if triggers were dropped.
 
-    Or beside what the fitted rows show, which held-out rows contradict while they are not where they belong.
+    They are looked for beside its causes, and where none are found beside what the fitted rows show: held-out rows
+    contradict that while they are not where they belong.
     """
     residuals, state = currents.residuals, currents.state
     behind = realigned(residuals, state.terms)

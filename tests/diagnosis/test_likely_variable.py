@@ -15,6 +15,7 @@ from diagnosis.measurements.currents.model import Currents
 from diagnosis.measurements.currents.search import refitted_without, without_spurious
 from diagnosis.measurements.currents.structure.basis_functions import shapes_of
 from diagnosis.measurements.currents.structure.likely_variable import _predicted, likely_variable, share_kept
+from diagnosis.measurements.currents.structure.noise_ratio import noise_ratio
 from diagnosis.measurements.currents.structure.shared_bases import KNOTS, Bases, bends_of, splines_at
 from diagnosis.measurements.currents.structure.unexplained import StructureSearch
 from diagnosis.residual.generation import residual_run
@@ -129,6 +130,29 @@ def test_when_a_cause_goes_those_that_stay_are_judged_anew(kind: str) -> None:
     found = without_spurious(refitted_without(state, other), Bases(*data))
     assert found.state.chosen == ((own,) if stays else ())
     assert bool(found.unexplained.structures) is not stays
+
+
+@pytest.mark.parametrize(
+    ("level", "drift", "named"),
+    [
+        (0.12, 0.3, False),  # twice the noise beside a level
+        (3.0, 0.3, True),  # ... which alone is nearly all of the excess
+        (0.12, 0.0, True),
+    ],
+)
+def test_a_level_beside_a_drift_that_is_nearly_noise_is_no_offset(level: float, drift: float, named: bool) -> None:
+    """A drift of 5.9 times the noise was a current offset, which left twice the noise, and explained."""
+    runs = [
+        _run(seed, seconds, lambda t, q, v: level + drift * (t / t[-1] - 0.5))
+        for seed, seconds in enumerate((18.0, 13.0, 23.0))
+    ]
+    data, offset = Split(dataset_of(runs[:2]), dataset_of(runs[2:])), Candidate("current_offset", 1)
+    model = Currents(AXIS, data, Library((offset,), data), [])
+    state = model.refitted([offset], {offset.key: []})
+    assert 1.3 < noise_ratio(state.residual.held_out, data.held_out, 1) < 2.5 or not drift
+    found = without_spurious(state, Bases(*data))
+    assert found.state.chosen == ((offset,) if named else ())
+    assert [one.against for one in found.unexplained.structures] == ([] if named else ["time"])
 
 
 @pytest.mark.parametrize(("friction", "found"), [(0.2, ["position"]), (10.0, [])])

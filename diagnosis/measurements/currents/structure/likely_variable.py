@@ -32,6 +32,8 @@ PENALTY = 1e-3
 """Of a function that is predicted, relative to the mean Gram diagonal: decides where only the predicted rows pass."""
 
 
+DRIFT = "time"
+"""The variable of a drift of each recording's own."""
 NEGLIGIBLE = 1e-6
 """The same of columns of causes, whose scales differ: decides nothing but what no row determines."""
 
@@ -115,7 +117,7 @@ def _functions(
     constants, lines = levels(every, joint), own_lines(every, joint)
     energy, energy_of_lines = (float(np.sum((y - _predicted(x, y, fold)) ** 2)) for x in (constants, lines))
     if energy_of_lines < (1.0 - LIMITS.likely_share) * energy:
-        yield "time", lines, None
+        yield DRIFT, lines, None
 
 
 def _predicted(x: Array, y: Array, fold: NDArray[np.intp], bends: Array | None = None) -> Array:

@@ -20,7 +20,7 @@ from diagnosis.measurements.currents.structure.dominant import (
     family_dominates,
     of_own_variable,
 )
-from diagnosis.measurements.currents.structure.likely_variable import share_kept
+from diagnosis.measurements.currents.structure.likely_variable import DRIFT, likely_variable, share_kept
 from diagnosis.measurements.currents.structure.noise_ratio import noise_ratio
 from diagnosis.measurements.currents.structure.shared_bases import Bases
 from diagnosis.measurements.currents.structure.unexplained import Unexplained, better_than_causes
@@ -33,7 +33,7 @@ from diagnosis.selection.regression import at_joint, score, with_columns
 def spurious(state: State, unexplained: Unexplained, bases: Bases) -> list[Candidate]:
     """Chosen candidates that only name a part of the structure that remains unexplained; empty if none does."""
     dominating = dominant(state)
-    return _superfluous(state, unexplained, dominating) or _outdone(state, dominating, bases)
+    return _superfluous(state, unexplained, dominating) or _outdone(state, dominating, bases) or _of_a_drift(state)
 
 
 def of_another_order(state: State) -> tuple[list[Candidate], Structure] | None:
@@ -148,6 +148,30 @@ def _outdone(state: State, kept: Container[Candidate], bases: Bases) -> list[Can
         clearly = [] if within else [variable for variable, gain in better.items() if gain > missed]
         if better and (outdone := [c for c in own if not (c in kept and of_own_variable(c, clearly))]):
             return outdone
+    return []
+
+
+def _of_a_drift(state: State) -> list[Candidate]:
+    """The cause of a joint that is no more than the level of a drift of each recording's own.
+
+    No recording predicts the drift of another, so that no function of time that held-out rows confirm has a part in it.
+    What a cause leaves must be above the noise, by less than makes it structure of its own, and more than a right law
+    leaves; and most of it must be a drift, beside which the cause explains little.
+    """
+    model, limits = state.model, state.model.limits
+    for joint in sorted({c.joint for c in state.chosen if c.joint}):
+        own = [c for c in state.chosen if c.joint == joint and not of_own_variable(c, [DRIFT])]
+        if not own or noise_ratio(state.residual.held_out, state.data.held_out, joint) <= limits.noise:
+            continue
+        if explained_alone([c for c in state.chosen if c.joint == joint], state) > limits.dominant:
+            continue
+        likely = likely_variable(state.data, state.residual, model.arm, joint)
+        if likely is None or likely.variable != DRIFT:
+            continue
+        for c in own:
+            others = [*state.free, *(model.columns(one) for one in state.chosen if one is not c)]
+            if share_kept(likely, model.columns(c), others, state.data) < limits.superfluous:
+                return [c]
     return []
 
 
