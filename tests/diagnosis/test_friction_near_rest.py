@@ -137,6 +137,19 @@ def test_the_chart_shows_the_passages_and_what_the_law_leaves_of_them() -> None:
     assert np.sqrt(np.mean(after.y**2)) < 0.2 * np.sqrt(np.mean(before.y**2))
 
 
+def test_the_chart_of_friction_that_turns_at_once_shows_what_the_law_leaves_and_no_smoothing() -> None:
+    """The smoothing velocity of a model is no measurement: with the true law, a sharp turn left 4 std of structure."""
+    hump = EffectTerm("stribeck_friction", 1, {"breakaway": 4.0, "stribeck_velocity": 0.05})
+    runs = _runs(lambda v, t: (COULOMB + 4.0 * np.exp(-((v / 0.05) ** 2))) * np.sign(v))
+    extended = replace(_axis(), effects=(hump,))
+    known = SimpleNamespace(arm=_axis(), extended=extended, causes=[hump], fit=runs.fit, held_out=runs.held_out)
+    chart = near_rest_chart("near_rest_1", cast(Diagnosis, known), 1)
+    assert chart is not None
+    left = chart.panels[1].series[0]
+    assert np.sqrt(np.mean(left.y**2)) < 1.5
+    assert abs(np.mean((left.y * np.sign(left.x))[np.abs(left.x) > 0.01])) < 0.5
+
+
 @pytest.mark.parametrize(("breakaway", "width"), [(3.0, 1.0), (3.0, 0.3), (0.0, 1.0), (0.0, 0.3)])
 def test_a_hump_is_told_from_none_where_noise_hides_the_direction_near_rest(breakaway: float, width: float) -> None:
     """Speeds scatter by 4 to 9 mrad/s, friction turns within 3 or 10 mrad/s, and the hump is of 60 mrad/s."""

@@ -103,6 +103,13 @@ def smoothing(every: Sequence[NearRest]) -> Law:
     return Law(None, [{"width": float(w)} for w in widths], offset, [np.zeros_like(part) for part in offset])
 
 
+def smoothing_velocity(every: Sequence[NearRest]) -> float:
+    """rad/s (m/s): the smoothing velocity that fits all recordings best, without another law."""
+    law = smoothing(every)
+    trial, _ = _fitted(*(part.sum(axis=0) for part in _products(every, law)))
+    return law.values[trial]["width"]
+
+
 def law_of(every: Sequence[NearRest], effect: Effect) -> Law:
     """Trials over the searched parameters of an effect: first over their whole range, then around the best trial.
 

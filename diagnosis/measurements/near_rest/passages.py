@@ -146,9 +146,14 @@ def observations(runs: Sequence[Run], terms: Sequence[EffectTerm]) -> list[Obser
     return [observation(run, (*run.arm.effects, *terms)) for run in runs if run.powered]
 
 
-def observation(run: Run, effects: Sequence[EffectTerm]) -> Observation:
-    """A recording under its arm with these effects instead of the arm's own."""
+def observation(run: Run, effects: Sequence[EffectTerm], velocities: Array | None = None) -> Observation:
+    """A recording under its arm with these effects instead of the arm's own.
+
+    velocities: (n,) rad/s (m/s), smoothing velocities instead of the arm's own.
+    """
     t, q = run.raw
+    if velocities is not None:
+        run = replace(run, arm=run.arm.with_sign_velocities(velocities))
     arm = replace(run.arm, effects=(*effects, *run.own))
     rate, angle = rate_of(t), between_steps(q)
     shown = motion_of(true_angle(arm, q), MOTION_BAND, rate)
@@ -158,7 +163,7 @@ def observation(run: Run, effects: Sequence[EffectTerm]) -> Observation:
     read = ndimage.uniform_filter1d((angle == q).astype(float), max(1, round(SMEARED * rate)), axis=0)
     noise = np.sqrt(np.maximum(read, 0.0)) * [speed_noise(run, joint) for joint in range(1, q.shape[1] + 1)]
     noise = noise * (arm.uncertainty is None)
-    if np.array_equal(angle, q):
+    if velocities is None and np.array_equal(angle, q):
         return Observation(run, shown[1], noise, residual_under(run, effects), standstill, delay, _model_std(run))
     motion = motion_of(true_angle(arm, angle), MOTION_BAND, rate)
     expected = low_pass(predicted_current(arm, t, angle, motion=motion), COMPARE_BAND, rate)[kept_rows(rate)]

@@ -11,6 +11,7 @@ from arm_model import EffectTerm
 from arm_report import Chart, Panel, Series, Zone
 from arm_report.chart import robust_range
 from arm_report.palette import AFTER, BEFORE
+from diagnosis.measurements.near_rest.laws import smoothing_velocity
 from diagnosis.measurements.near_rest.passages import SLIDES, near_rest, observation
 from diagnosis.report.plots.residuals import UNITS
 from diagnosis.residual.filters import kept_rows, rate_of
@@ -21,7 +22,8 @@ from identification import recorded_quantity
 def near_rest_chart(picture: str, result: Diagnosis, joint: int) -> Chart | None:
     """Residual over its std against velocity, for every recording in which the joint (from 1) reverses or creeps.
 
-    None if no encoder resolves that speed.
+    Friction of the joint turns with the smoothing velocity that leaves least, with causes and without: laws of friction
+    near rest are judged beside it, and no data sheet states it. None if no encoder resolves that speed.
     """
     arms = (result.arm, result.extended) if result.causes else (result.arm,)
     sides = [_passages(result, joint, arm.effects) for arm in arms]
@@ -49,6 +51,12 @@ def near_rest_chart(picture: str, result: Diagnosis, joint: int) -> Chart | None
 def _passages(result: Diagnosis, joint: int, effects: Sequence[EffectTerm]) -> tuple[Array, Array]:
     """(r,) velocity and (r,) residual over its std of all recordings under the arm with these effects."""
     runs = [run for run in (*result.fit, *result.held_out) if run.powered]
-    passages = near_rest([observation(run, effects) for run in runs], joint)
+    passages, velocities = (
+        near_rest([observation(run, effects) for run in runs], joint),
+        result.arm.joint_array("sign_velocity"),
+    )
+    if passages and (best := smoothing_velocity(passages)) != velocities[joint - 1]:
+        velocities[joint - 1] = best
+        passages = near_rest([observation(run, effects, velocities) for run in runs], joint)
     v = [one.v[kept_rows(rate_of(one.run.raw[0]))][one.rows] for one in passages]
     return np.concatenate([np.empty(0), *v]), np.concatenate([np.empty(0), *(one.residual for one in passages)])
