@@ -84,15 +84,14 @@ def _with_held_out(arm: Arm, fit: Sequence[Recording], held_out: Sequence[Record
     recordings: Recordings = Split(fit, held_out, bool({r.path for r in fit} & {r.path for r in held_out}))
     cleaned = screen(arm, recordings, progress)
     # angles that single counters lost are put back
-    recordings = Split(cleaned.recordings[: len(fit)], cleaned.recordings[len(fit) :], recordings.two_fold)
+    recordings = recordings.cut(cleaned.recordings)
     instruments = measure(arm, recordings, cleaned, progress)
     as_tracked = recordings, [q for _, q, _ in cleaned.samples]
     recordings, cleaned = on_uniform_grid(recordings, cleaned)
     instruments = isolated_by_currents(arm, instruments, cleaned, progress)
     instruments = links_damped(arm, instruments, cleaned, len(fit), progress)
     currents = find_causes(arm, instruments.in_model, recordings, cleaned, progress)
-    aligned = with_aligned_currents([*recordings.fit, *recordings.held_out], currents.residuals)
-    recordings = Split(aligned[: len(fit)], aligned[len(fit) :], recordings.two_fold)
+    recordings = recordings.cut(with_aligned_currents([*recordings.fit, *recordings.held_out], currents.residuals))
     instruments = tracked_beside(
         [*currents.causes, *currents.outside_selection], arm, instruments, *as_tracked, progress
     )
@@ -152,11 +151,11 @@ def _check_motions(arm: Arm, fit: Sequence[Recording], held_out: Sequence[Record
 
 def on_uniform_grid(recordings: Recordings, cleaned: Screened) -> tuple[Recordings, Screened]:
     """Both with equally spaced rows, as the filters and difference quotients below require."""
-    fit, held_out = even(recordings.fit), even(recordings.held_out)
+    on_grids = recordings.map(even)
     samples = [even_samples(recorded) for recorded in cleaned.samples]
     known_noises = [known_noise(t, q, known) for (t, q, _), known in zip(cleaned.samples, cleaned.known_noise)]
-    on_grids = replace(cleaned, recordings=(*fit, *held_out), samples=samples, known_noise=known_noises)
-    return Split(fit, held_out, recordings.two_fold), on_grids
+    every = (*on_grids.fit, *on_grids.held_out)
+    return on_grids, replace(cleaned, recordings=every, samples=samples, known_noise=known_noises)
 
 
 def _with_confidence(

@@ -26,6 +26,7 @@ from diagnosis.measurements.currents.model_errors import model_uncertainty
 from diagnosis.measurements.currents.search import above_noise, by_fitted_rows
 from diagnosis.measurements.currents.shortage import shortage
 from diagnosis.measurements.single_axis.causes import AxisSide, axis_side, load_changes
+from diagnosis.measurements.single_axis.columns import AxisSamples
 from diagnosis.residual.expected_current import has_dynamics
 from diagnosis.residual.run import Run
 from diagnosis.residual.warmth import depends, not_warmed
@@ -123,10 +124,8 @@ def _behind(currents: CurrentDiagnosis) -> Residuals:
 
 def searched_in(search: Search, residuals: Residuals) -> CurrentDiagnosis:
     """One search in the residuals of the recordings (held-out ones last), on a single axis also at the full rate."""
-    fitted, two_fold = len(search.recordings.fit), search.recordings.two_fold
-    samples = residuals.samples[:fitted], residuals.samples[fitted:]
-    temperatures = [run.arm.temperatures for run in residuals.runs]
-    axis = axis_side(search.arm, samples, two_fold=two_fold, temperatures=temperatures)
+    samples = [AxisSamples(*one, run.arm.temperatures) for one, run in zip(residuals.samples, residuals.runs)]
+    axis = axis_side(search.arm, search.recordings.cut(samples))
     if axis is None:
         return _beside_folding(search, residuals, None)
     by_axis = _beside_folding(search, residuals, axis)
@@ -175,7 +174,7 @@ def _selected(search: Search, residuals: Residuals, axis: AxisSide | None) -> Cu
     data, free = bounded(data, free)
     columns, ripples = (library, ripples) if axis is None else (Library((), data), ())
     model = Currents(arm, data, columns, free, ripples, search.excluded, model_uncertainty(arm, data, ripples))
-    selection, causes = tenable_causes(model, recordings, runs[len(recordings.fit) :], search.progress)
+    selection, causes = tenable_causes(model, recordings, recordings.cut(runs).held_out, search.progress)
     return CurrentDiagnosis(
         arm=arm,
         residuals=residuals,
@@ -194,15 +193,14 @@ def _selected(search: Search, residuals: Residuals, axis: AxisSide | None) -> Cu
 
 def _candidates(search: Search, residuals: Residuals) -> list[Candidate]:
     """Candidates that may be chosen; those that depend on temperature only if recordings can show it."""
-    arm, fitted = search.arm, len(search.recordings.fit)
+    arm, runs = search.arm, search.recordings.cut(residuals.runs)
     if not has_dynamics(arm):
         return []
-    cold = {j for j in range(1, len(arm) + 1) if not_warmed(residuals.runs[:fitted], residuals.runs[fitted:], j)}
+    cold = {j for j in range(1, len(arm) + 1) if not_warmed(runs.fit, runs.held_out, j)}
     inertia = np.mean([run.inertia.mean(axis=0) for run in residuals.runs], axis=0)
     every = [c for c in (*candidates(arm, inertia), *of_shafts(arm)) if c.key not in search.excluded]
     return [c for c in every if not (is_of_gravity(c, arm) or (depends(c.effect) and c.joint in cold))]
 
 
 def _datasets(runs: Sequence[Run], recordings: Recordings) -> Split[Dataset]:
-    fitted = len(recordings.fit)
-    return Split(dataset_of(runs[:fitted]), dataset_of(runs[fitted:]), recordings.two_fold)
+    return recordings.cut(runs).map(dataset_of)

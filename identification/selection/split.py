@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
@@ -35,3 +35,7 @@ class Split(Generic[T_co]):
     def map(self, function: Callable[[T_co], U]) -> Split[U]:
         """The function of either set."""
         return Split(function(self.fit), function(self.held_out), self.two_fold)
+
+    def cut(self: Split[Sequence[object]], every: Sequence[U]) -> Split[Sequence[U]]:
+        """One of ``every`` per item of these sequences, those of the fitted items first, as two sequences."""
+        return Split(every[: len(self.fit)], every[len(self.fit) :], self.two_fold)

@@ -8,15 +8,15 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from comparison.joint_fit import tested
 from comparison.joint_fit.hypotheses import Hypothesis
 from comparison.joint_fit.selection import LAW, _is_error_of
-from comparison.joint_fit.tested import Tested as TestedHypothesis
 
 
-def _tested(joint: int | None, gain: float, *, beyond_model: bool = False) -> TestedHypothesis:
+def _tested(joint: int | None, gain: float, *, beyond_model: bool = False) -> tested.Tested:
     added = cast(Any, SimpleNamespace()) if beyond_model else None
     none = np.zeros((1, 1))
-    return TestedHypothesis(Hypothesis("inertia", joint, none, added=added), none, none[0], none, gain, 0.0)
+    return tested.Tested(Hypothesis("inertia", joint, none, added=added), none, none[0], none, gain, 0.0)
 
 
 @pytest.mark.parametrize(
@@ -37,5 +37,5 @@ def test_only_effects_beyond_the_model_have_a_law_that_may_be_wrong() -> None:
 def test_an_effect_is_no_error_of_itself() -> None:
     """As tested again beside the others, it explains less."""
     effect = _tested(1, 1600.0, beyond_model=True)
-    again = TestedHypothesis(effect.hypothesis, *(effect.directions, effect.coefficients, effect.covariance), 1.0, 0.0)
+    again = tested.Tested(effect.hypothesis, *(effect.directions, effect.coefficients, effect.covariance), 1.0, 0.0)
     assert not _is_error_of(again, [effect])

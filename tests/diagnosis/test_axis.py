@@ -19,6 +19,8 @@ from armscope.cli import run
 from daq.recording.parts import Attachments
 from daq.recording.tables.table import write_table
 from diagnosis.measurements.single_axis.causes import AxisCause, axis_side
+from diagnosis.measurements.single_axis.columns import AxisSamples
+from identification.selection import Split
 
 MASS, FORCE = 90.0, 35.0  # kg; N per unit of command
 VISCOUS, COULOMB = 200.0, 20.0
@@ -54,8 +56,8 @@ def _strokes(t: np.ndarray, seed: int) -> np.ndarray:
 
 
 @cache
-def _record(true: Carriage, seed: int, seconds: float = 12.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """t (m,), q (m, 1), command (m, 1) at 1 kHz, from steps of 0.1 ms and a cascade that samples every step."""
+def _record(true: Carriage, seed: int, seconds: float = 12.0) -> AxisSamples:
+    """At 1 kHz, from steps of 0.1 ms and a cascade that samples every step."""
     h = 1e-4
     t = np.arange(0.0, seconds, h)
     demand = _strokes(t, seed)
@@ -81,7 +83,7 @@ def _record(true: Carriage, seed: int, seconds: float = 12.0) -> tuple[np.ndarra
     rng = np.random.default_rng(seed)
     rows = slice(None, None, 10)
     command = forces[rows] / FORCE + rng.normal(0.0, 0.01, len(t[rows]))
-    return t[rows], np.round(places[rows] / STEP)[:, None] * STEP, command[:, None]
+    return AxisSamples(t[rows], np.round(places[rows] / STEP)[:, None] * STEP, command[:, None])
 
 
 def _model() -> Arm:
@@ -97,7 +99,7 @@ def _model() -> Arm:
 
 
 def _causes(true: Carriage) -> dict[str, AxisCause]:
-    found = axis_side(_model(), ([_record(true, 1)], [_record(true, 2)]), two_fold=False)
+    found = axis_side(_model(), Split([_record(true, 1)], [_record(true, 2)]))
     assert found is not None
     return {cause.effect: cause for cause in found.causes}
 
@@ -119,10 +121,9 @@ def test_friction_at_the_recorded_temperature(more: float) -> None:
     joint = replace(_model().joints[0], temperature=20.0)
     law = {"coulomb": 0.5, "viscous": 0.0, "breakaway": 0.0, "stribeck_velocity": 0.05, "thinning": 25.0}
     arm = replace(_model(), joints=(joint,)).with_effect("temperature_friction", 1, **law)
-    samples = [_record(true, 1)], [_record(true, 2)]
-    warm = [constant_temperatures(30.0, 1)] * 2
-    known = axis_side(arm, samples, two_fold=False, temperatures=warm)
-    unknown = axis_side(arm, samples, two_fold=False)
+    samples = Split([_record(true, 1)], [_record(true, 2)])
+    warm = samples.map(lambda side: [replace(one, temperatures=constant_temperatures(30.0, 1)) for one in side])
+    known, unknown = axis_side(arm, warm), axis_side(arm, samples)
     assert known is not None and unknown is not None
     found = {cause.effect: cause for cause in known.causes}
     assert set(found) == ({"coulomb_friction"} if more else set())
@@ -150,22 +151,23 @@ def test_friction_that_differs_by_direction_a_lead_and_less_friction_at_rest_com
 def test_a_wave_over_the_place_is_named_where_another_run_has_it_at_the_same_places() -> None:
     first = _record(Carriage(wave=2.0), 1)
     same, elsewhere = (_record(Carriage(wave=2.0, ahead=ahead), 2) for ahead in (0.0, 2.0))
-    held = axis_side(_model(), ([first], [same]), two_fold=False)
+    held = axis_side(_model(), Split([first], [same]))
     assert held is not None
     assert [cause.effect for cause in held.causes] == ["cogging"]
     _near(held.causes[0], "amplitude", 2.0)
     _near(held.causes[0], "pole_pairs", 2 * np.pi / 4e-3)
     _near(held.causes[0], "phase", 0.0)
-    refuted = axis_side(_model(), ([first], [elsewhere]), two_fold=False)
+    refuted = axis_side(_model(), Split([first], [elsewhere]))
     assert refuted is not None and refuted.causes == []
 
 
 def test_a_wave_over_the_place_of_one_run_is_told_and_not_named() -> None:
-    t, q, i = _record(Carriage(wave=2.0), 1)
-    cut = len(t) // 2
-    pieces = (t[:cut], q[:cut], i[:cut]), (t[cut:] - t[cut], q[cut:], i[cut:])
+    one = _record(Carriage(wave=2.0), 1)
+    cut = len(one.t) // 2
+    first = AxisSamples(one.t[:cut], one.q[:cut], one.i[:cut])
+    second = AxisSamples(one.t[cut:] - one.t[cut], one.q[cut:], one.i[cut:])
     for parts in (True, False):  # cut by the diagnosis, or into two tables before
-        found = axis_side(_model(), ([pieces[0]], [pieces[1]]), two_fold=parts)
+        found = axis_side(_model(), Split([first], [second], parts))
         assert found is not None and found.causes == []
         assert found.wave is not None
         assert found.wave.length == pytest.approx(4e-3, rel=0.02)
@@ -175,22 +177,22 @@ def test_a_wave_over_the_place_of_one_run_is_told_and_not_named() -> None:
 def test_how_slowly_the_model_lets_friction_turn_round_decides_nothing() -> None:
     joint = replace(_model().joints[0], sign_velocity=0.01)
     true = Carriage(viscous=(165.0, 240.0), at_rest=0.5, lead=0.7e-3)
-    found = axis_side(replace(_model(), joints=(joint,)), ([_record(true, 1)], [_record(true, 2)]), two_fold=False)
+    found = axis_side(replace(_model(), joints=(joint,)), Split([_record(true, 1)], [_record(true, 2)]))
     assert found is not None
     assert {cause.effect for cause in found.causes} == {"friction_asymmetry", "time_skew", "stribeck_friction"}
 
 
 def test_friction_that_turns_round_as_the_model_says_is_no_friction_that_lacks_at_rest() -> None:
     joint = replace(_model().joints[0], sign_velocity=0.01)
-    samples = ([_record(Carriage(turning=0.01), 1)], [_record(Carriage(turning=0.01), 2)])
-    found = axis_side(replace(_model(), joints=(joint,)), samples, two_fold=False)
+    samples = Split([_record(Carriage(turning=0.01), 1)], [_record(Carriage(turning=0.01), 2)])
+    found = axis_side(replace(_model(), joints=(joint,)), samples)
     assert found is not None and found.causes == []
 
 
 @pytest.mark.parametrize("gain", [-0.5, 2.0])
 def test_a_gain_is_that_of_the_true_current(gain: float) -> None:
-    fit, held_out = ([(t, q, (1.0 + gain) * i)] for t, q, i in (_record(Carriage(), seed) for seed in (1, 2)))
-    found = axis_side(_model(), (fit, held_out), two_fold=False)
+    fit, held_out = ([replace(one, i=(1.0 + gain) * one.i)] for one in (_record(Carriage(), seed) for seed in (1, 2)))
+    found = axis_side(_model(), Split(fit, held_out))
     assert found is not None
     (cause,) = found.causes
     assert cause.effect == "current_gain"
@@ -201,8 +203,8 @@ def test_a_gain_is_that_of_the_true_current(gain: float) -> None:
 def test_an_axis_without_friction_and_inertia_explains_no_reading(size: float) -> None:
     """Of commands in another unit and a model that lacks mass: a reading that is all error leaves nothing."""
     arm = replace(_model(), joints=(replace(_model().joints[0], mass=0.5 * MASS),))
-    fit, held_out = ([(t, q, size * i)] for t, q, i in (_record(Carriage(), seed) for seed in (1, 2)))
-    found = axis_side(arm, (fit, held_out), two_fold=False)
+    fit, held_out = ([replace(one, i=size * one.i)] for one in (_record(Carriage(), seed) for seed in (1, 2)))
+    found = axis_side(arm, Split(fit, held_out))
     assert found is not None
     values = {p.name: p.value for cause in found.causes for p in cause.parameters}
     assert CATALOGUE["current_gain"].admits("error", values["error"])
@@ -210,9 +212,9 @@ def test_an_axis_without_friction_and_inertia_explains_no_reading(size: float) -
 
 
 def test_a_coarse_encoder_is_left_to_the_filters_of_arms() -> None:
-    t, q, i = _record(Carriage(), 1, 4.0)
-    coarse = np.round(q / 1e-5) * 1e-5
-    assert axis_side(_model(), ([(t, coarse, i)], [(t, coarse, i)]), two_fold=True) is None
+    one = _record(Carriage(), 1, 4.0)
+    coarse = replace(one, q=np.round(one.q / 1e-5) * 1e-5)
+    assert axis_side(_model(), Split([coarse], [coarse], two_fold=True)) is None
 
 
 def _known_to(viscous: float, std: float) -> Arm:
@@ -224,11 +226,10 @@ def _known_to(viscous: float, std: float) -> Arm:
 
 def test_a_model_that_is_off_by_what_it_says_names_nothing() -> None:
     """The same error is a cause where the model is exact, and where it is known three times as well."""
-    samples = [_record(Carriage(), 1)], [_record(Carriage(), 2)]
+    samples = Split([_record(Carriage(), 1)], [_record(Carriage(), 2)])
     model = _known_to(VISCOUS + 40.0, 30.0)
     exact, rough, fine = (
-        axis_side(arm, samples, two_fold=False)
-        for arm in (replace(model, uncertainty=None), model, _known_to(VISCOUS + 40.0, 3.0))
+        axis_side(arm, samples) for arm in (replace(model, uncertainty=None), model, _known_to(VISCOUS + 40.0, 3.0))
     )
     assert exact is not None and rough is not None and fine is not None
     assert [cause.effect for cause in exact.causes] == ["viscous_friction"] and exact.causes[0].deviations is None
@@ -244,9 +245,9 @@ def test_a_model_that_is_off_by_what_it_says_names_nothing() -> None:
 def test_the_same_rows_on_both_sides_are_refused(
     root: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    t, q, i = _record(Carriage(), 1, 4.0)
+    one = _record(Carriage(), 1, 4.0)
     for name in ("a", "b"):
-        write_table(tmp_path / f"{name}.mcap", t, {"q": q, "i": i}, Attachments())
+        write_table(tmp_path / f"{name}.mcap", one.t, {"q": one.q, "i": one.i}, Attachments())
     model = str(root / "config" / "models" / "emps.toml")
     sides = ["--fit", str(tmp_path / "a.mcap"), "--held-out", str(tmp_path / "b.mcap")]
     assert run(["diagnose", "--model", model, *sides, "--out", str(tmp_path / "out")]) == 2

@@ -14,11 +14,10 @@ from arm_io.types import Array
 from arm_model import Arm
 from arm_model.effects import described
 from arm_model.rigid_body.regressor import link_regressor
-from arm_model.tables import Temperatures
 from diagnosis.cause import Estimate
 from diagnosis.measurements.single_axis.columns import AxisSamples, Rows, columns, encoder_noise, rows_of, waves
 from diagnosis.measurements.single_axis.model import LIMITS, Chosen, SingleAxis, of_true_current
-from diagnosis.measurements.single_axis.model_errors import model_errors
+from diagnosis.measurements.single_axis.model_errors import Samples, model_errors
 from diagnosis.residual.filters import low_pass, rate_of
 from diagnosis.residual.run import Run
 from diagnosis.selection.beyond_model import in_deviations
@@ -26,8 +25,6 @@ from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.estimates import estimates
 from identification.selection import Score, Split, select
 from identification.selection.cluster_covariance import cluster_covariance
-
-Samples = tuple[Array, Array, Array]
 
 SMALL = 1e-4
 """Relative step of a nonlinear parameter by which columns are differentiated."""
@@ -85,40 +82,31 @@ class AxisSide:
     residual: Array
 
 
-def with_sharp_friction(arm: Arm, recordings: Sequence[Samples]) -> Arm:
+def with_sharp_friction(arm: Arm, recordings: Split[Samples]) -> Arm:
     """The arm of one axis with a Coulomb smoothing velocity of at most TURN times its speed.
 
     That velocity is chosen for simulation, seldom measured; if it is as large as the speeds at the start of a stroke,
     it hides what friction does there.
     """
     speed = max(
-        float(np.max(np.abs(np.diff(low_pass(q, 20.0, rate_of(t)), axis=0)))) * rate_of(t) for t, q, _ in recordings
+        float(np.max(np.abs(np.diff(low_pass(one.q, 20.0, rate_of(one.t)), axis=0)))) * rate_of(one.t)
+        for side in recordings
+        for one in side
     )
     sharp = np.minimum(arm.joint_array("sign_velocity"), max(TURN * speed, 1e-9))
     return arm.with_sign_velocities(sharp)
 
 
-def axis_side(
-    arm: Arm,
-    recordings: tuple[Sequence[Samples], Sequence[Samples]],
-    *,
-    two_fold: bool,
-    temperatures: Sequence[Temperatures | None] = (),
-) -> AxisSide | None:
-    """Diagnoses a single axis; None where the arm has several joints, or its encoder is too coarse.
-
-    recordings    fitted and held-out ones, each (t (k,) s uniform, q (k, 1), i (k, 1))
-    two_fold      they are parts of the same recordings
-    temperatures  of the motor in each of them, fitted ones first; (): in none
-    """
+def axis_side(arm: Arm, recordings: Split[Samples]) -> AxisSide | None:
+    """Diagnoses a single axis; None where the arm has several joints, or its encoder is too coarse."""
     if len(arm) != 1:
         return None
-    sharp = with_sharp_friction(arm, [*recordings[0], *recordings[1]])
-    side = _side(sharp, recordings, two_fold, temperatures)
+    sharp = with_sharp_friction(arm, recordings)
+    side = _side(sharp, recordings)
     if side is None or sharp == arm or not side.causes:
         return side
     # compared with sharp friction, the model's smoothed friction is smaller near rest
-    own = _side(arm, recordings, two_fold, temperatures)
+    own = _side(arm, recordings)
     return own if own is not None and np.sum(own.residual**2) <= np.sum(side.residual**2) else side
 
 
@@ -129,22 +117,15 @@ def load_changes(run: Run) -> bool:
     return bool(np.ptp(loads, axis=0).max() > LOAD * np.abs(loads).max(initial=1e-300))
 
 
-def _side(
-    arm: Arm,
-    recordings: tuple[Sequence[Samples], Sequence[Samples]],
-    two_fold: bool,
-    temperatures: Sequence[Temperatures | None],
-) -> AxisSide | None:
+def _side(arm: Arm, recordings: Split[Samples]) -> AxisSide | None:
     """``axis_side`` with the Coulomb smoothing velocity of ``arm``."""
-    every = [*recordings[0], *recordings[1]]
-    samples = [AxisSamples(*one, warm) for one, warm in zip(every, temperatures or [None] * len(every))]
-    fit, held_out = samples[: len(recordings[0])], samples[len(recordings[0]) :]
-    rows = Split(rows_of(arm, fit, LIMITS.block_seconds), rows_of(arm, held_out, LIMITS.block_seconds), two_fold)
+    fit, held_out = recordings
+    rows = recordings.map(lambda side: rows_of(arm, side, LIMITS.block_seconds))
     if not encoder_noise(rows.fit) < LIMITS.encoder_noise:
         return None
-    whole = rows_of(arm, [*fit, *held_out], LIMITS.block_seconds) if two_fold else rows.fit
-    errors = model_errors(arm, Split(fit, held_out, two_fold), rows, LIMITS.block_seconds)
-    model = SingleAxis(rows, whole, two_fold or _goes_on(fit, held_out), errors)
+    whole = rows_of(arm, [*fit, *held_out], LIMITS.block_seconds) if rows.two_fold else rows.fit
+    errors = model_errors(arm, recordings, rows, LIMITS.block_seconds)
+    model = SingleAxis(rows, whole, rows.two_fold or _goes_on(fit, held_out), errors)
     chosen = select(model)
     residual = model.residual(chosen, rows.fit, rows.held_out)
     return AxisSide([_cause(c, chosen, model) for c in chosen], _wave(chosen, model), rows.held_out, residual)
