@@ -47,7 +47,7 @@ from benchmarks.report import report
 from experiment import Experiment, demand_of
 from identification.experiment_design import design_excitation
 from identification.preprocessing import setpoints_of
-from identification.preprocessing.setpoint_ripple import folded_torque
+from identification.preprocessing.setpoint_ripple import Driven, folded_torque
 from identification.preprocessing.signals import Motion, smooth_motion, with_reversals
 from identification.regression.base_parameters import base_parameters, structural_base
 from identification.regression.equations import Equations, equations
@@ -177,7 +177,7 @@ def recorded(arm: Arm, run: Simulated, seed: int) -> Motion:
     torque = current * np.array([joint.drive_constant for joint in arm.joints])
     motion = smooth_motion(run.t, q, torque)
     setpoints = setpoints_of(arm, motion.dt)
-    return replace(motion, folded=folded_torque(motion, run.t - run.t[0], torque, setpoints))
+    return replace(motion, folded=folded_torque(motion, Driven(run.t, torque, setpoints)))
 
 
 def puma() -> tuple[Arm, list[Experiment]]:

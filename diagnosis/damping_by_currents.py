@@ -21,7 +21,7 @@ from daq.recording import Recording
 from diagnosis.cause import Cause, Estimate, extend
 from diagnosis.closed_loop.loop_errors import Trial, loop_errors
 from diagnosis.closed_loop.resonance import SEARCHED_IN
-from diagnosis.current_diagnosis import CurrentDiagnosis
+from diagnosis.current_diagnosis import CurrentDiagnosis, Recordings
 from diagnosis.other_instruments import OtherInstruments
 from diagnosis.residual.other_effects import block_numbers, weighted_with
 from diagnosis.residual.run import Run
@@ -54,12 +54,12 @@ Errors = Callable[[Array, float], Array]
 
 
 def links_damped(
-    arm: Arm, instruments: OtherInstruments, screened: Screened, fitted: int, progress: Progress
+    arm: Arm, instruments: OtherInstruments, recordings: Recordings, screened: Screened, progress: Progress
 ) -> OtherInstruments:
     """The causes of the link encoders, springs with the damping of the currents where that is better known.
 
     Link encoders show damping by the time by which the twist lags its load, often less than a row. All that the
-    currents show besides is not known yet: it adds to the std. fitted: number of recordings, the first of ``screened``.
+    currents show besides is not known yet: it adds to the std.
     """
     causes = list(instruments.of_links)
     places = [k for k, cause in enumerate(causes) if cause.of_arm and _insignificant(cause)]
@@ -68,7 +68,7 @@ def links_damped(
     progress("estimating the damping of springs")
     for k in places:
         known = [cause for cause in instruments.in_model if cause.key != causes[k].key]
-        runs = residuals_of(extend(arm, known), screened).runs[:fitted]
+        runs = recordings.cut(residuals_of(extend(arm, known), screened).runs).fit
         value, std = _along_motion(causes[k], runs, ())
         if std < _of(causes[k], DAMPING).std:
             causes[k] = _with_damping(causes[k], value, std)

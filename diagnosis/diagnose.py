@@ -89,7 +89,7 @@ def _with_held_out(arm: Arm, fit: Sequence[Recording], held_out: Sequence[Record
     as_tracked = recordings, [q for _, q, _ in cleaned.samples]
     recordings, cleaned = on_uniform_grid(recordings, cleaned)
     instruments = isolated_by_currents(arm, instruments, cleaned, progress)
-    instruments = links_damped(arm, instruments, cleaned, len(fit), progress)
+    instruments = links_damped(arm, instruments, recordings, cleaned, progress)
     currents = find_causes(arm, instruments.in_model, recordings, cleaned, progress)
     recordings = recordings.cut(with_aligned_currents([*recordings.fit, *recordings.held_out], currents.residuals))
     instruments = tracked_beside(

@@ -48,7 +48,7 @@ def measure(arm: Arm, recordings: Recordings, cleaned: Screened, progress: Progr
     angles = [q for _, q, _ in cleaned.samples]
     # counts that a motor's encoder missed are no difference between motor and link
     without_jumps = [replace(r, q=q) for r, q in zip((*recordings.fit, *recordings.held_out), angles)]
-    link = link_side(arm, *recordings.cut(without_jumps))
+    link = link_side(arm, recordings.cut(without_jumps))
     by_links = [cause for cause in (link.causes if link else ()) if CATALOGUE[cause.effect].coupling]
     by_demands = [] if by_links else wrist_coupling(*recordings)
     seen = _as_turned(arm, [*by_links, *by_demands])

@@ -32,11 +32,18 @@ from diagnosis.residual.filters import (
     rate_of,
 )
 from diagnosis.residual.noise.channels import NOTHING_KNOWN, KnownNoise, encoder_steps
-from diagnosis.residual.noise.instruments import band_of_angles, channel_noise, row_by_row, smoothed, without_noise
+from diagnosis.residual.noise.instruments import (
+    Channels,
+    band_of_angles,
+    channel_noise,
+    row_by_row,
+    smoothed,
+    without_noise,
+)
 from diagnosis.residual.other_effects import beginning_in_swing
 from diagnosis.residual.run import Run
 from diagnosis.residual.setpoint_ripple import DIRECTIONS, folded_onto, ripple_beside, that_counts
-from identification.preprocessing import UNKNOWN, Setpoints, setpoints_of
+from identification.preprocessing import UNKNOWN, Driven, Setpoints, setpoints_of
 
 CREEP = 0.02
 """rad/s (m/s): below it friction depends on more than the velocity."""
@@ -75,9 +82,10 @@ def residual_run(
     )
     may_fold, rippled = np.zeros_like(slow_v), np.zeros((*slow_v.shape, DIRECTIONS))
     if powered and instruments.setpoints.period:
-        samples = t, angle, i if known.loop is None else i - known.loop.current
-        may_fold = folded_onto(arm, samples, brisk[2], keep, instruments.setpoints, known.demands)
-        rippled = ripple_beside(arm, samples, instruments.noise, keep, instruments.setpoints, known.demands)
+        torque = (i if known.loop is None else i - known.loop.current) * arm.joint_array("drive_constant")
+        driven = Driven(t, torque, instruments.setpoints, known.demands, COMPARE_BAND)
+        may_fold = folded_onto(arm, angle, driven, brisk[2], keep)
+        rippled = ripple_beside(arm, angle, driven, instruments.noise, keep)
     run = Run(
         name=name,
         raw=(t, q),
@@ -114,7 +122,7 @@ def _smoothed(arm: Arm, q: Array, i: Array, rate: float, known: KnownNoise) -> t
     """Angles (k, n) rad, smoothed where their steps are coarse, these steps (n,) rad, and ``known`` with both."""
     steps = encoder_steps(q) if known.steps is None else known.steps
     known = replace(known, steps=steps)
-    known = replace(known, band=band_of_angles(q, i, current_inertia(arm, q), rate, known))
+    known = replace(known, band=band_of_angles(Channels(q, i, current_inertia(arm, q), rate, known)))
     return smoothed(q, rate, known.band), steps, known
 
 
@@ -135,15 +143,15 @@ def _instruments(arm: Arm, samples: Samples, a: Array, slow_v: Array, known: Kno
     if known.residual is not None:
         noise = known.residual
         return _Instruments(noise, noise, np.broadcast_to(noise, slow_v.shape), UNKNOWN)
-    inertia, setpoints = current_inertia(arm, q), known.setpoints
+    channels, setpoints = Channels(q, i, current_inertia(arm, q), rate, known), known.setpoints
     if setpoints.source == "model":
         setpoints = setpoints_of(arm, 1.0 / rate, currents=(lambda: _ripple_of(i, a, rate)) if powered else None)
     # of setpoints that the currents alone show, what servos do above the lines that are seen stays noise
     period = 0.0 if setpoints.source == "currents" else setpoints.period
-    noise = channel_noise(q, i, inertia, rate, known, period)
-    loop_noise = channel_noise(q, i, inertia, rate, known, 0.0) if period else noise
-    by_row = row_by_row(noise, q, slow_v, inertia, rate, known)
-    return _Instruments(noise, loop_noise, by_row, setpoints, without_noise(q, i, inertia, rate, known))
+    noise = channel_noise(channels, period)
+    loop_noise = channel_noise(channels, 0.0) if period else noise
+    by_row = row_by_row(noise, slow_v, channels)
+    return _Instruments(noise, loop_noise, by_row, setpoints, without_noise(channels))
 
 
 def current_inertia(arm: Arm, q: Array) -> Array:

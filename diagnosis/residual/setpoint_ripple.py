@@ -13,8 +13,8 @@ import numpy as np
 
 from arm_io.types import Array
 from arm_model import Arm
-from diagnosis.residual.filters import COMPARE_BAND, Samples, low_pass, rate_of
-from identification.preprocessing import Setpoints, drifting, folded_along, lines_beside_zero
+from diagnosis.residual.filters import COMPARE_BAND, low_pass, rate_of
+from identification.preprocessing import Driven, Setpoints, drifting, folded_along, lines_beside_zero
 from identification.preprocessing.folding import folding_line, unbounded
 
 LOW_LINE = 10
@@ -27,20 +27,16 @@ DIRECTIONS = 6
 """Of lines beside 0 Hz: a cosine and a sine of each of three."""
 
 
-def folded_onto(
-    arm: Arm, samples: Samples, a: Array, kept: slice, setpoints: Setpoints, demands: Array | None = None
-) -> Array:
+def folded_onto(arm: Arm, q: Array, driven: Driven, a: Array, kept: slice) -> Array:
     """(m, n) A: one std of what sampling may have put into currents unseen.
 
-    samples: t (k,) s, q (k, n) rad, i (k, n) A; a: (m, n) the acceleration in the band of comparison; kept: the rows m
-    of the k; demands (k, n) rad, as far ahead of the motion as what folds; None: not known. Of one row or two per known
-    setpoint, it is all of the acceleration times 1 kg m2 (kg).
+    q (k, n) rad (m): angles of the rows of ``driven``; a: (m, n) the acceleration in the band of comparison; kept: the
+    rows m of the k. Of one row or two per known setpoint, it is all of the acceleration times 1 kg m2 (kg).
     """
-    (t, q, i), constant = samples, arm.joint_array("drive_constant")
-    rate = rate_of(t)
-    if unbounded(setpoints, rate):
+    constant = arm.joint_array("drive_constant")
+    if unbounded(driven.setpoints, rate_of(driven.t)):
         return a / constant
-    torque = folded_along(t, q, i * constant, setpoints, demands, band=COMPARE_BAND)
+    torque = folded_along(q, driven)
     if torque is None:
         return np.zeros_like(a)
     return np.asarray(torque[kept] / constant)
@@ -55,17 +51,15 @@ def that_counts(folded: Array, noise: Array, setpoints: Setpoints, rate: float) 
     return np.asarray(folded * (low | (np.sqrt(np.mean(folded**2, axis=0)) > FOLDED * noise)))
 
 
-def ripple_beside(
-    arm: Arm, samples: Samples, noise: Array, kept: slice, setpoints: Setpoints, demands: Array | None = None
-) -> Array:
+def ripple_beside(arm: Arm, q: Array, driven: Driven, noise: Array, kept: slice) -> Array:
     """(m, n, DIRECTIONS) A: one std of spectral lines of the setpoints that appear beside 0 Hz by aliasing.
 
-    Arguments as of ``folded_onto``.
+    noise: (n,) A; other arguments as of ``folded_onto``.
     """
-    (t, q, i), constant = samples, arm.joint_array("drive_constant")
+    t, constant = driven.t, arm.joint_array("drive_constant")
     rate = rate_of(t)
     columns = np.zeros((len(t[kept]), len(arm), DIRECTIONS))
-    for k, (hz, torque) in enumerate(lines_beside_zero(t, q, i * constant, setpoints, demands, band=COMPARE_BAND)):
+    for k, (hz, torque) in enumerate(lines_beside_zero(q, driven)):
         angle = 2 * np.pi * hz * (t - t[0])[:, None]
         for part, wave in enumerate((np.cos(angle), np.sin(angle))):
             one = low_pass(wave * torque / constant, COMPARE_BAND, rate)[kept]

@@ -13,7 +13,7 @@ from daq.recording import Recording
 from diagnosis.residual.filters import Samples, rate_of
 from diagnosis.residual.generation import current_inertia, residual_run
 from diagnosis.residual.noise.channels import KnownNoise, SimulatedLoop, encoder_steps, still_noise
-from diagnosis.residual.noise.instruments import without_noise
+from diagnosis.residual.noise.instruments import Channels, without_noise
 from diagnosis.residual.noise.simulated_loop import simulated_loop
 from diagnosis.residual.run import Run
 from diagnosis.residual.run_setup import known_setpoints, set_up, setup_of
@@ -136,7 +136,8 @@ def with_simulated_loops(screened: Screened, arm: Arm) -> Screened:
     (t, q, i), own = samples[k], screened.known_noise[k]
     steps, rate = encoder_steps(q) if own.steps is None else own.steps, rate_of(t)
     few = own.setpoints.within and rate * own.setpoints.period < FEW_ROWS
-    if not (few or without_noise(q, i, current_inertia(arm, q), rate, replace(own, steps=steps, loop=loop))):
+    channels = Channels(q, i, current_inertia(arm, q), rate, replace(own, steps=steps, loop=loop))
+    if not (few or without_noise(channels)):
         return screened
     others = [k for k in range(len(recordings)) if k not in loops]
     loops |= zip(others, in_parallel(lambda k: simulated_loop(arm, recordings[k], samples[k]), others))

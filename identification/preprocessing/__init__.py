@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from identification.preprocessing.filtering import butterworth, zero_phase
     from identification.preprocessing.mechanism import check_joints
     from identification.preprocessing.readiness import Readiness
-    from identification.preprocessing.setpoint_ripple import drifting, folded_along, lines_beside_zero
+    from identification.preprocessing.setpoint_ripple import Driven, drifting, folded_along, lines_beside_zero
     from identification.preprocessing.setpoints import UNKNOWN, Setpoints, setpoints_of, stated_period
     from identification.preprocessing.signals import longest_stretch, stretches_of
     from identification.preprocessing.spectrum import choose_band
@@ -18,6 +18,7 @@ else:
 
 __all__ = [
     "UNKNOWN",
+    "Driven",
     "Readiness",
     "Setpoints",
     "butterworth",

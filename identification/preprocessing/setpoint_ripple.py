@@ -14,6 +14,8 @@ lag makes it fall faster.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from arm_io.types import Array
@@ -37,80 +39,87 @@ STRETCH = 5.0
 """s in which two clocks stay in phase to a fraction of a line's period."""
 
 
+@dataclass(frozen=True)
+class Driven:
+    """Torques of joints that servos drive from setpoint to setpoint, as recorded.
+
+    t, torque  (n,) s and (n, J) N m (N); NaN where a torque is missing
+    setpoints  how often they come
+    demands    (n, J) rad (m) that the servos follow; None: not known
+    band       Hz up to which demands are followed, that of the residual that this is held against; None: the motion's
+               own
+    """
+
+    t: Array
+    torque: Array
+    setpoints: Setpoints
+    demands: Array | None = None
+    band: float | None = None
+
+    @property
+    def since(self) -> Array:
+        """(n,) s from the first row."""
+        return self.t - self.t[0]
+
+    @property
+    def rate(self) -> float:
+        """Rows/s."""
+        return (len(self.t) - 1) / float(self.t[-1] - self.t[0])
+
+
 def drifting(folded: Array, t: Array) -> Array:
     """(m, 2, ...): ``folded`` (m, ...) at t (m,) s of a run with clocks in phase, and its drift as they diverge."""
     along = (2 * t / max(t[-1], 1e-9) - 1).reshape(-1, *[1] * (folded.ndim - 1))
     return np.stack([folded, folded * along], axis=1)
 
 
-def folded_torque(
-    motion: Motion,
-    t: Array,
-    torque: Array,
-    setpoints: Setpoints,
-    demands: Array | None = None,
-    *,
-    band: float | None = None,
-) -> Array | None:
-    """(m, J) N m (N) on the motion's grid: one std of c q'' above, of torques (n, J) at t (n,) s from its start.
+def folded_torque(motion: Motion, driven: Driven) -> Array | None:
+    """(m, J) N m (N) on the grid of the ``driven`` motion: one std of c q'' above.
 
-    demands, band: as of ``_pushing``. None where nothing folds, or nothing bounds what does (``unbounded``). Two std
-    bound c at any phase.
+    None where nothing folds, or nothing bounds what does (``unbounded``). Two std bound c at any phase.
     """
     rate = 1 / motion.dt
-    line = folding_line(setpoints, rate)
-    if line == 0 or not len(_bounding(line, setpoints, rate)):
+    line = folding_line(driven.setpoints, rate)
+    if line == 0 or not len(_bounding(line, driven.setpoints, rate)):
         return None
-    pushing = _pushing([line], motion, t, torque, setpoints, demands, band)
-    return np.asarray(pushing * _bounds([line], motion, pushing, t, torque, setpoints))
+    pushing = _pushing([line], motion, driven)
+    return np.asarray(pushing * _bounds([line], motion, pushing, driven))
 
 
-def folded_along(
-    t: Array, q: Array, torque: Array, setpoints: Setpoints, demands: Array | None, *, band: float | None
-) -> Array | None:
-    """(n, J) N m (N): ``folded_torque`` of recorded angles q (n, J) rad (m) and torques (n, J), at their times (n,) s.
+def folded_along(q: Array, driven: Driven) -> Array | None:
+    """(n, J) N m (N): ``folded_torque`` at the rows of recorded angles q (n, J) rad (m).
 
-    band: as of ``_pushing``. InputError as of ``smooth_motion``.
+    InputError as of ``smooth_motion``.
     """
-    rate = (len(t) - 1) / float(t[-1] - t[0])
-    if folding_line(setpoints, rate) == 0 or unbounded(setpoints, rate):
+    if folding_line(driven.setpoints, driven.rate) == 0 or unbounded(driven.setpoints, driven.rate):
         return None
-    motion = smooth_motion(t, q, torque)
-    folded = folded_torque(motion, t - t[0], torque, setpoints, demands, band=band)
-    return None if folded is None else _at(t, motion, folded)
+    motion = smooth_motion(driven.t, q, driven.torque)
+    folded = folded_torque(motion, driven)
+    return None if folded is None else _at(driven.since, motion, folded)
 
 
-def _pushing(
-    lines: list[int],
-    motion: Motion,
-    t: Array,
-    torque: Array,
-    setpoints: Setpoints,
-    demands: Array | None,
-    band: float | None,
-) -> Array:
+def _pushing(lines: list[int], motion: Motion, driven: Driven) -> Array:
     """(m, J) rad/s2 (m/s2): the acceleration that causes the transients, without the transients themselves.
 
     The motion is later than setpoints by the delay of its servo, and an inertia of 2 % that is 20 ms ahead of the
-    motion looks like a time skew of 0.4 ms. So it is that of the ``demands`` (n, J) rad (m) at t (n,) s of a joint that
-    follows them, and elsewhere that of the motion, as far ahead as the lines that are seen follow it best.
-
-    band: Hz up to which demands are followed, that of the residual that this is held against; None: the motion's own.
+    motion looks like a time skew of 0.4 ms. So it is that of the demands of a joint that follows them, and elsewhere
+    that of the motion, as far ahead as the lines that are seen follow it best.
     """
-    moved = _slow(motion.qdd, motion, setpoints.period)
+    t, demands, period = driven.since, driven.demands, driven.setpoints.period
+    moved = _slow(motion.qdd, motion, period)
     bends = np.zeros_like(moved)
     if demands is not None and demands.shape[1:] == moved.shape[1:] and np.isfinite(demands).all():
         on_grid = np.column_stack([np.interp(motion.t, t, column) for column in demands.T])
         bends = np.diff(on_grid, 2, axis=0, prepend=on_grid[:1], append=on_grid[-1:]) / motion.dt**2
-    alike = _slow(bends, motion, setpoints.period)
+    alike = _slow(bends, motion, period)
     followed = np.abs(np.log(np.maximum(alike.std(axis=0), 1e-12) / np.maximum(moved.std(axis=0), 1e-12))) < FOLLOWS
-    asked = alike if band is None else _slow(bends, motion, setpoints.period, band)
+    asked = alike if driven.band is None else _slow(bends, motion, period, driven.band)
     if followed.all():
         return asked
-    seen = np.unique(np.concatenate([_bounding(line, setpoints, 1 / motion.dt) for line in lines]))
-    ripple = torque - _at(t, motion, _slow(motion.torque, motion, setpoints.period))
+    seen = np.unique(np.concatenate([_bounding(line, driven.setpoints, 1 / motion.dt) for line in lines]))
+    ripple = driven.torque - _at(t, motion, _slow(motion.torque, motion, period))
     columns = [
-        asked[:, j] if followed[j] else _ahead(moved[:, j], motion.t, t, ripple[:, j], seen / setpoints.period)
+        asked[:, j] if followed[j] else _ahead(moved[:, j], motion.t, t, ripple[:, j], seen / period)
         for j in range(moved.shape[1])
     ]
     return np.column_stack(columns)
@@ -133,26 +142,20 @@ def _ahead(acceleration: Array, grid: Array, t: Array, ripple: Array, frequency:
     return np.interp(grid + max(LEADS, key=explained), grid, acceleration)
 
 
-def lines_beside_zero(
-    t: Array, q: Array, torque: Array, setpoints: Setpoints, demands: Array | None, *, band: float | None
-) -> list[tuple[float, Array]]:
+def lines_beside_zero(q: Array, driven: Driven) -> list[tuple[float, Array]]:
     """Frequency Hz, and amplitude std (n, J) N m (N), of lines that sampling aliases to near 0 Hz, but not onto it.
 
-    The MOST_BESIDE largest ones, largest first; arguments as of ``folded_along``.
+    The MOST_BESIDE largest ones, largest first; q (n, J) rad (m): recorded angles.
     """
-    rate = (len(t) - 1) / float(t[-1] - t[0])
-    of_frequency = _near_zero(setpoints, rate)
+    of_frequency = _near_zero(driven.setpoints, driven.rate)
     if not of_frequency:
         return []
-    motion = smooth_motion(t, q, torque)
+    motion = smooth_motion(driven.t, q, driven.torque)
     lines = [line for at_hz in of_frequency.values() for line in at_hz]
-    pushing = _pushing(lines, motion, t - t[0], torque, setpoints, demands, band)
-    amplitudes = [
-        (hz, 2 * pushing * _bounds(of_one, motion, pushing, t - t[0], torque, setpoints))
-        for hz, of_one in of_frequency.items()
-    ]
+    pushing = _pushing(lines, motion, driven)
+    amplitudes = [(hz, 2 * pushing * _bounds(of_one, motion, pushing, driven)) for hz, of_one in of_frequency.items()]
     largest = sorted(amplitudes, key=lambda line: -float(np.sum(line[1] ** 2)))[:MOST_BESIDE]
-    return [(hz, _at(t, motion, amplitude)) for hz, amplitude in largest]
+    return [(hz, _at(driven.since, motion, amplitude)) for hz, amplitude in largest]
 
 
 def _near_zero(setpoints: Setpoints, rate: float) -> dict[float, list[int]]:
@@ -201,8 +204,9 @@ def _slow(values: Array, motion: Motion, period: float, band: float | None = Non
     return zero_phase(low_pass, values)
 
 
-def _bounds(lines: list[int], motion: Motion, pushing: Array, t: Array, torque: Array, setpoints: Setpoints) -> Array:
+def _bounds(lines: list[int], motion: Motion, pushing: Array, driven: Driven) -> Array:
     """(J,) kg m2 (kg): std of the sum of ``lines`` per acceleration ``pushing`` (m, J), by the lines that are seen."""
+    t, setpoints = driven.since, driven.setpoints
     variance, slow = np.zeros(pushing.shape[1]), _slow(motion.torque, motion, setpoints.period)
     for line in lines:
         seen = _bounding(line, setpoints, 1 / motion.dt)
@@ -212,7 +216,7 @@ def _bounds(lines: list[int], motion: Motion, pushing: Array, t: Array, torque: 
             # one phase of the bounding line is seen: what folds may be twice as large as by both
             transients = np.cos(angle) / 2
         for j in np.flatnonzero(motion.usable.any(axis=0)):
-            ripple = torque[:, j] - np.interp(t, motion.t, slow[:, j])
+            ripple = driven.torque[:, j] - np.interp(t, motion.t, slow[:, j])
             columns = np.interp(t, motion.t, pushing[:, j])[:, None] * transients
             variance[j] += _power(columns, ripple, t, seen / line) / 4
     return np.sqrt(variance)
@@ -230,5 +234,5 @@ def _power(transients: Array, ripple: Array, t: Array, scale: Array) -> float:
 
 
 def _at(t: Array, motion: Motion, values: Array) -> Array:
-    """(n, J): values (m, J) on a motion's grid, at recorded times t (n,) s."""
-    return np.column_stack([np.interp(t - t[0], motion.t, column) for column in values.T])
+    """(n, J): values (m, J) on a motion's grid, at times t (n,) s from its start."""
+    return np.column_stack([np.interp(t, motion.t, column) for column in values.T])

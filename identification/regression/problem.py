@@ -21,7 +21,7 @@ from identification.preprocessing.filtering import butterworth, zero_phase
 from identification.preprocessing.quality import trusted
 from identification.preprocessing.readiness import Excitation, RunReadiness, readiness_of
 from identification.preprocessing.run_warnings import said_once
-from identification.preprocessing.setpoint_ripple import folded_torque
+from identification.preprocessing.setpoint_ripple import Driven, folded_torque
 from identification.preprocessing.setpoints import Setpoints, setpoints_of
 from identification.preprocessing.signals import Motion, smooth_motion, spared, with_reversals
 from identification.regression.base_parameters import BaseParameters, base_parameters, structural_base
@@ -126,7 +126,7 @@ def motion_of(recording: Recording, arm: Arm) -> tuple[Motion, RunReadiness]:
     motion = replace(
         motion,
         setpoints=setpoints,
-        folded=folded_torque(motion, recording.t - recording.t[0], torque, setpoints),
+        folded=folded_torque(motion, Driven(recording.t, torque, setpoints)),
         temperatures=recorded_temperatures(recording.t, recording.temp),
     )
     return motion, readiness_of(recording, found, motion, arm)

@@ -11,7 +11,7 @@ from arm_model import EffectTerm
 from diagnosis import diagnose
 from diagnosis.residual.generation import residual_run
 from diagnosis.residual.noise.channels import KnownNoise, standstill
-from diagnosis.residual.noise.instruments import band_of_angles
+from diagnosis.residual.noise.instruments import Channels, band_of_angles
 from diagnosis.residual.other_effects import residual_with
 from diagnosis.residual.run import Run
 from diagnosis.result import Diagnosis
@@ -116,4 +116,4 @@ def test_one_joint_with_coarse_steps_does_not_smooth_the_others(coarse: int, ban
     q = 0.5 * np.sin(2 * np.pi * 0.3 * t[:, None] + np.arange(6))
     current, inertia = 0.01 * rng.normal(size=q.shape), np.broadcast_to(np.eye(6), (4, 6, 6))
     known = KnownNoise(steps=steps)
-    assert band_of_angles(np.round(q / steps) * steps, current, inertia, RATE, known) == band
+    assert band_of_angles(Channels(np.round(q / steps) * steps, current, inertia, RATE, known)) == band

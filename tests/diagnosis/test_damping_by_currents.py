@@ -87,9 +87,10 @@ def test_link_encoders_that_do_not_show_a_damping_leave_it_to_the_currents(
         causes=[cause], unexplained=[], held_out=cast(Any, None), without=nothing, residual=nothing, remarks=()
     )
     instruments = OtherInstruments(tracked=Tracked([], [], 5e-5, {}, []), link=link, events=[], judged=True)
-    cleaned = screen(arm, Split([recording], [], False), lambda _: None)
+    recordings = Split([recording], [])
+    cleaned = screen(arm, recordings, lambda _: None)
 
-    (found,) = links_damped(arm, instruments, cleaned, 1, lambda _: None).of_links
+    (found,) = links_damped(arm, instruments, recordings, cleaned, lambda _: None).of_links
 
     damping = next(p for p in found.parameters if p.name == "damping")
     assert damping.value == stated if not better else abs(damping.value - 8.0) < 2 * damping.std < 8.0

@@ -93,7 +93,7 @@ def _recorded(
 
 
 def _found(arm: Arm, recordings: list[Recording]) -> LinkSide:
-    found = link_side(arm, recordings[:1], recordings[1:])
+    found = link_side(arm, Split(recordings[:1], recordings[1:]))
     assert found is not None
     return found
 
@@ -157,7 +157,7 @@ def test_a_slow_wave_is_tried_where_it_is_most_of_what_is_left(root: Path, arm: 
         replace(r, ql=r.ql + of_joint * (step * np.tanh(6.0 * (r.q + 1.6)) + 4e-4 * np.sin(40.0 * r.q)))
         for r in _recorded(root, ())
     ]
-    model = link_encoders(arm, both[:1], both[1:])
+    model = link_encoders(arm, Split(both[:1], both[1:]))
     assert model is not None
     slow = [c for c in model.best([]) if c.variant[0] == "order" and c.variant[1] < LOWEST_ORDER]
     assert [c.key for c in slow] == [("gear_ripple", 2)] * shows
@@ -324,7 +324,7 @@ def test_a_spring_of_which_two_recordings_contradict_each_other_is_none(root: Pa
 
 def test_one_run_split_by_time_is_judged_both_ways(root: Path, arm: Arm) -> None:
     first, second = split(_recorded(root, (), late=2.5e-3)[0])
-    found = link_side(arm, [first], [second])
+    found = link_side(arm, Split([first], [second]))
     assert found is not None
     assert [c.effect for c in found.causes] == ["time_skew"]
 
@@ -336,4 +336,4 @@ def test_without_link_encoders_there_is_nothing_to_say(root: Path, arm: Arm) -> 
         path = Path(folder) / "run.mcap"
         write_table(path, what.signals.t, {"q": rows.q, "i": rows.i}, Attachments())
         recording = open_recording(path)
-    assert link_side(arm, [recording], [recording]) is None
+    assert link_side(arm, Split([recording], [recording], two_fold=True)) is None

@@ -23,7 +23,7 @@ from diagnosis.residual.run import Run
 from diagnosis.residual.run_setup import known_setpoints
 from diagnosis.residual.setpoint_ripple import folded_onto
 from diagnosis.selection.candidate import Candidate
-from identification.preprocessing import Setpoints
+from identification.preprocessing import Driven, Setpoints
 from identification.preprocessing.spectrum import choose_band
 
 NOISE, STEP = 0.01, 1.5e-6
@@ -177,7 +177,8 @@ def test_what_folds_follows_steps_of_the_acceleration_as_quickly_as_the_residual
     acceleration, kept = motion_of(q, COMPARE_BAND, rate)[2], kept_rows(rate)
     current = 0.5 * acceleration + 0.05 * expected * seen
     known = Setpoints(period, "demands")
-    folded = folded_onto(arm, (t, q, current), acceleration[kept], kept, known, demand)
+    driven = Driven(t, current * arm.joint_array("drive_constant"), known, demand, COMPARE_BAND)
+    folded = folded_onto(arm, q, driven, acceleration[kept], kept)
     for got, want in zip(folded.T, expected[kept].T):
         assert want @ got > 0.0
         assert np.sum((got - want * (want @ got) / (want @ want)) ** 2) < 1e-3 * np.sum(got**2)

@@ -105,7 +105,7 @@ def test_link_encoders_tell_the_coupling_without_demands(root: Path, tmp_path: P
         path = tmp_path / f"links_{seed}.mcap"
         write_table(path, r.t, {"q": r.q, "i": r.i, "ql": ql}, Attachments())
         read.append(open_recording(path))
-    found = link_side(read_model(root / "config" / "models" / "puma560.toml"), read[:1], read[1:])
+    found = link_side(read_model(root / "config" / "models" / "puma560.toml"), Split(read[:1], read[1:]))
     assert found is not None
     (cause,) = found.causes
     assert cause.key == ("wrist_coupling", None)

@@ -16,7 +16,7 @@ from identification.experiment_design import Series, design_excitation
 from identification.methods.joint_by_joint import WAYS
 from identification.methods.motor_link import motor_link_of
 from identification.preprocessing.folding import folding_line, rate_beside, rate_instead, whole_rows
-from identification.preprocessing.setpoint_ripple import folded_torque
+from identification.preprocessing.setpoint_ripple import Driven, folded_torque
 from identification.preprocessing.setpoints import setpoints_of
 from identification.preprocessing.signals import Motion, smooth_motion
 from identification.regression.base_parameters import structural_base
@@ -47,7 +47,7 @@ def sampled(arm: Arm, experiment: Experiment, rate: float, phase: float, random:
     q = run.qm + 3e-5 * random.standard_normal(run.qm.shape)
     torque = run.torque + 0.1 * random.standard_normal(run.torque.shape)
     motion = smooth_motion(t, q, torque)
-    return replace(motion, folded=folded_torque(motion, t - t[0], torque, setpoints_of(arm, 1 / rate)))
+    return replace(motion, folded=folded_torque(motion, Driven(t, torque, setpoints_of(arm, 1 / rate))))
 
 
 @pytest.fixture(scope="module")
@@ -126,7 +126,7 @@ def test_a_stretch_in_which_a_joint_stands_folds_nothing(arm: Arm) -> None:
     q = np.outer(begun, [0.5, 0.3, 0.2]) * np.sin(t)[:, None]
     torque = np.random.default_rng(1).normal(size=q.shape)
     (along, shorter) = (
-        folded_torque(smooth_motion(t[:k], q[:k], torque[:k]), t[:k], torque[:k], setpoints_of(arm, 0.002))
+        folded_torque(smooth_motion(t[:k], q[:k], torque[:k]), Driven(t[:k], torque[:k], setpoints_of(arm, 0.002)))
         for k in (len(t), 7000)
     )
     assert along is not None and shorter is not None

@@ -24,7 +24,7 @@ from diagnosis.measurements.link_encoders.rows import Rows
 from diagnosis.measurements.link_encoders.unexplained import remarks, unexplained_structure
 from diagnosis.measurements.link_encoders.zero_offsets import zero_offsets
 from diagnosis.selection.beyond_model import in_deviations
-from identification.selection import select
+from identification.selection import Split, select
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,9 +43,9 @@ class LinkSide:
     remarks: tuple[str, ...]
 
 
-def link_side(arm: Arm, fit: Sequence[Recording], held_out: Sequence[Recording]) -> LinkSide | None:
+def link_side(arm: Arm, recordings: Split[Sequence[Recording]]) -> LinkSide | None:
     """Diagnoses the difference of motor and link encoders; None where no joint of all recordings has both."""
-    model = link_encoders(arm, fit, held_out)
+    model = link_encoders(arm, recordings)
     if model is None:
         return None
     model, chosen = _selected(model)

@@ -274,20 +274,20 @@ class LinkEncoders(CandidateModel[LinkCandidate]):
         return bool(np.any(rms[affected] > self.limits.above_noise * self.rows.fit.noise[affected]))
 
 
-def link_encoders(arm: Arm, fit: Sequence[Recording], held_out: Sequence[Recording]) -> LinkEncoders | None:
+def link_encoders(arm: Arm, recordings: Split[Sequence[Recording]]) -> LinkEncoders | None:
     """The model of some recordings; None where no joint has a link encoder in all of them."""
-    joints = joints_with_both([*fit, *held_out], arm)
+    every = [*recordings.fit, *recordings.held_out]
+    joints = joints_with_both(every, arm)
     if len(joints) == 0:
         return None
-    two_fold = bool({r.path for r in fit} & {r.path for r in held_out})
-    all_rows = rows_of([*fit, *held_out], arm, joints)
+    all_rows = rows_of(every, arm, joints)
     # of all recordings: where a joint stands, neither its load nor the noise of its encoders shows
-    rows = Split(fit, held_out, two_fold).map(
+    rows = recordings.map(
         lambda part: replace(rows_of(part, arm, joints), largest=all_rows.largest, noise=all_rows.noise)
     )
     scale = np.maximum(np.std(all_rows.difference, axis=0), rows.fit.noise)
     each = tuple(all_rows.of(name) for name in dict.fromkeys(all_rows.names))
-    return LinkEncoders(rows, each, all_rows if two_fold else rows.fit, scale)
+    return LinkEncoders(rows, each, all_rows if rows.two_fold else rows.fit, scale)
 
 
 def _off(basis: Array, values: Array) -> Array:

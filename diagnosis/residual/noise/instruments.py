@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -46,17 +46,33 @@ def residual_gain(frequency: Array, of_angles: float = np.inf) -> Array:
     return share
 
 
-def channel_noise(q: Array, i: Array, inertia: Array, rate: float, known: KnownNoise, period: float) -> Array:
+@dataclass(frozen=True)
+class Channels:
+    """Angles and currents of all joints as they were recorded.
+
+    q, i     (k, n) rad (m) and A, ``rate`` rows/s
+    inertia  (k, n, n) A s2/rad: currents per acceleration, at some rows
+    known    what is known of their noise
+    """
+
+    q: Array
+    i: Array
+    inertia: Array
+    rate: float
+    known: KnownNoise
+
+
+def channel_noise(channels: Channels, period: float) -> Array:
     """(n,) A: ``instrument_noise``, but no less than sampled rows resolve."""
-    return np.maximum(instrument_noise(q, i, inertia, rate, known, period), resolved(i)) + 1e-9
+    return np.maximum(instrument_noise(channels, period), resolved(channels.i)) + 1e-9
 
 
-def without_noise(q: Array, i: Array, inertia: Array, rate: float, known: KnownNoise) -> bool:
+def without_noise(channels: Channels) -> bool:
     """Whether the instruments of a recording leave less at any joint than sampled rows resolve.
 
-    Arguments as of ``instrument_noise``; what servos do at setpoints of any period is no noise of theirs.
+    What servos do at setpoints of any period is no noise of theirs.
     """
-    return bool(np.any(instrument_noise(q, i, inertia, rate, known, period=1.0) < resolved(i)))
+    return bool(np.any(instrument_noise(channels, period=1.0) < resolved(channels.i)))
 
 
 def resolved(i: Array) -> Array:
@@ -64,47 +80,50 @@ def resolved(i: Array) -> Array:
     return np.asarray(RESOLVED * np.sqrt(np.mean(i**2, axis=0)))
 
 
-def instrument_noise(q: Array, i: Array, inertia: Array, rate: float, known: KnownNoise, period: float) -> Array:
+def instrument_noise(channels: Channels, period: float) -> Array:
     """(n,) A: standard deviation of the residual from the instruments alone, in the band of comparison.
 
-    inertia (k, n, n) A s2/rad: currents per acceleration, at some rows; period s: of the servos' setpoints, 0: unknown.
+    period s: of the servos' setpoints, 0: unknown.
     Current: its scatter or steps, taken for white, or its std at standstill, if that is known and larger. What servos
     do at setpoints of a known period is no noise (``setpoint_ripple``).
     Angle: its step or scatter, through two differentiations and the joint's own inertia. See ``channels``.
     What a simulated loop does as well is noise of neither.
     """
-    return np.hypot(_of_currents(i, rate, known, period), _of_angles(q, inertia, rate, known))
+    return np.hypot(_of_currents(channels, period), _of_angles(channels))
 
 
-def _of_currents(i: Array, rate: float, known: KnownNoise, period: float) -> Array:
+def _of_currents(channels: Channels, period: float) -> Array:
     """(n,) A: noise of recorded currents below the comparison band."""
+    i, rate, known = channels.i, channels.rate, channels.known
     white = current_noise(i, between_lines=period > 0.0, beside=None if known.loop is None else known.loop.current)
     frequency = np.linspace(0.0, rate / 2, 2000)
     share = np.trapezoid(1.0 / (1.0 + (frequency / COMPARE_BAND) ** 8) ** 2, frequency) / (rate / 2)
     return np.maximum(white * np.sqrt(share), known.still)
 
 
-def _of_angles(q: Array, inertia: Array, rate: float, known: KnownNoise) -> Array:
+def _of_angles(channels: Channels) -> Array:
     """(n,) A: noise of recorded angles, differentiated twice, times the mean inertia of each joint."""
-    q = q if known.loop is None else q - known.loop.angle
+    rate, known = channels.rate, channels.known
+    q = channels.q if known.loop is None else channels.q - known.loop.angle
     frequency = np.linspace(0.0, rate / 2, 2000)
     through = residual_gain(frequency, known.band)
     square = np.trapezoid(((2 * np.pi * frequency) ** 2 * through) ** 2, frequency) / (rate / 2)
-    mean_inertia = inertia.diagonal(axis1=1, axis2=2).mean(axis=0)
+    mean_inertia = channels.inertia.diagonal(axis1=1, axis2=2).mean(axis=0)
     return np.asarray(mean_inertia * angle_noise(q, known.steps) * np.sqrt(square))
 
 
-def band_of_angles(q: Array, i: Array, inertia: Array, rate: float, known: KnownNoise) -> float:
-    """Hz to which the angles of encoders with coarse steps are smoothed; inf where none are. As ``instrument_noise``.
+def band_of_angles(channels: Channels) -> float:
+    """Hz to which the angles of encoders with coarse steps are smoothed; inf where none are.
 
     Differentiated twice, steps of a milliradian are more than the acceleration of the arm below 20 Hz. Smoothed further
     than the currents they leave a fourth of it: what the motion has above is less than their noise (``choose_band``).
     They are not where a ripple moves a joint in between (``_moves_between``): its torque would be one without a motion.
     """
+    q, rate, known = channels.q, channels.rate, channels.known
     if known.steps is None or known.loop is not None or known.residual is not None:
         return np.inf
-    of_currents = _of_currents(i, rate, replace(known, still=0.0), 0.0)
-    ratio = (_of_angles(q, inertia, rate, known) / np.maximum(of_currents, 1e-300))[known.steps > 0.0]
+    of_currents = _of_currents(replace(channels, known=replace(known, still=0.0)), 0.0)
+    ratio = (_of_angles(channels) / np.maximum(of_currents, 1e-300))[known.steps > 0.0]
     coarse = len(ratio) > 0 and float(np.median(ratio)) > COARSE  # all joints are smoothed alike
     if not coarse or _moves_between(q, rate, known.steps) or choose_band(q, 1.0 / rate).motion >= MOTION_ENDS:
         return np.inf
@@ -128,13 +147,11 @@ def smoothed(q: Array, rate: float, band: float) -> Array:
     return low_pass(q, band, rate) if band < 0.45 * rate else q
 
 
-def row_by_row(noise: Array, q: Array, v: Array, inertia: Array, rate: float, known: KnownNoise) -> Array:
+def row_by_row(noise: Array, v: Array, channels: Channels) -> Array:
     """(m, n) A: ``noise`` (n,) or, at speeds v (m, n) at which encoder steps beat with the rows, what the beats leave.
 
-    inertia: as of ``channel_noise``.
     An acceleration that is wrong at one joint is wrong in the currents of all that its inertia couples.
     """
-    beats = beat_variance(
-        v, steps_of(q, known.steps), rate, lambda f: (2 * np.pi * f) ** 2 * residual_gain(f, known.band)
-    )
-    return np.sqrt(np.maximum(noise**2, beats @ np.mean(inertia**2, axis=0).T))
+    steps, band = steps_of(channels.q, channels.known.steps), channels.known.band
+    beats = beat_variance(v, steps, channels.rate, lambda f: (2 * np.pi * f) ** 2 * residual_gain(f, band))
+    return np.sqrt(np.maximum(noise**2, beats @ np.mean(channels.inertia**2, axis=0).T))
