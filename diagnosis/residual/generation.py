@@ -69,8 +69,7 @@ def residual_run(
         # stored joint by joint, as columns read them, and without the rows that are left out
         return np.asfortranarray(low_pass(values, band, rate)[keep])
 
-    # Columns are made from a motion smoothed further: what they have in common with the noise of the residual would
-    # look like a cause.
+    # for columns, smoothed further: what these have in common with the noise of the residual would look like a cause
     low, slow_v, slow_a = (thin(values, COLUMN_BAND) for values in motion)
     brisk = [thin(values) for values in motion]
     expected = thin(predicted_current(arm, t, q, powered=powered, motion=motion))

@@ -23,7 +23,7 @@ from diagnosis.screening.current_piles import FLAT_SECONDS, Pile, flat_visits, p
 from diagnosis.screening.event import Event
 from diagnosis.screening.servo_commands import MEMORY, clipped_by_command, fed_forward
 from identification import recorded_quantity
-from identification.preprocessing import longest_stretch, stretches_of
+from identification.preprocessing.signals import longest_stretch, stretches_of
 
 RUNS_AWAY = 1.5
 """Tracking error of a joint with a clipped current, over the largest one before and in other recordings."""

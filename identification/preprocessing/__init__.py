@@ -11,7 +11,6 @@ if TYPE_CHECKING:
     from identification.preprocessing.readiness import Readiness
     from identification.preprocessing.setpoint_ripple import Driven, drifting, folded_along, lines_beside_zero
     from identification.preprocessing.setpoints import UNKNOWN, Setpoints, setpoints_of, stated_period
-    from identification.preprocessing.signals import longest_stretch, stretches_of
     from identification.preprocessing.spectrum import choose_band
 else:
     __getattr__ = lazy(__name__)
@@ -28,10 +27,8 @@ __all__ = [
     "drifting",
     "folded_along",
     "lines_beside_zero",
-    "longest_stretch",
     "setpoints_of",
     "stated_period",
-    "stretches_of",
     "tracked_as_recorded",
     "zero_phase",
 ]

@@ -20,7 +20,7 @@ from experiment import Experiment
 from experiment.segments import Hold, Move, Segment
 from identification.kinematics.data.runs import Run
 from identification.kinematics.use.correction import Corrected, corrected_inverse, limits_of, within_limits
-from identification.preprocessing import stretches_of
+from identification.preprocessing.signals import stretches_of
 
 NAME = "iso_cube"
 """Name of the experiment, by which a recording is known to be of the cube."""
