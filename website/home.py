@@ -50,4 +50,5 @@ def linked(text: str, page: str) -> str:
         if not fenced and not line.startswith("    "):
             line = NAMED.sub(lambda match: f"[{match[1].rpartition('/')[2]}]({up}{match[1]}.md)", line)
         lines.append(line)
-    return "\n".join(lines).replace(f"](../{OWN_ARM})", f"]({OWN_ARM}/README.md)") + "\n"
+    text = "\n".join(lines).replace(f"](../{OWN_ARM})", f"]({OWN_ARM}/README.md)")
+    return text.replace("](../CONTRIBUTING.md)", "](contributing.md)") + "\n"
