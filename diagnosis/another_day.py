@@ -31,7 +31,7 @@ def known_in(arm: Arm, recordings: Sequence[Recording]) -> Arm:
     if known is None or not {digest(one) for one in recordings} <= set(known.recordings):
         return arm
     nothing = tuple(value and 0.0 for value in known.near_rest)
-    own = replace(known, left_over=(), in_loop=(), against=(), near_rest=nothing, ripple=(), same_day=True)
+    own = replace(known, left_over=(), in_loop=(), against=(), near_rest=nothing, ripple=(), aliased=(), same_day=True)
     return replace(arm, uncertainty=own)
 
 

@@ -8,6 +8,7 @@
      "left_over_against": ["position", "", ...],        the variable on which most of it depends; "": not known
      "left_over_near_rest": [0.05, null, ...],          ... where the joint turns or creeps; null: it never did
      "left_over_ripple": [0.03, ...],                   share of the squares of left_over of the strongest ripple in it
+     "left_over_shares": {"time_skew": 0.03, ...},      share of these squares along an effect: joint2.current_offset
      "recordings": ["5f0c...", ...]}                    digests of the rows of the recordings of the identification
 
 A covariance says how far the numbers of the model may move. ``left_over`` says how far the arm is from any model of
@@ -43,7 +44,7 @@ class Uncertainty:
     left_over   (n,) N m (N) rms per joint; in_loop: in closed loop, from 10 to 100 Hz; against: variables, "" where
                 none is known; near_rest: where a joint turns or creeps, None where no row shows that; ripple: share of
                 the squares of left_over that the strongest ripple of the joint explains; empty: not known
-
+    aliased     effects by name, with the share of these squares that each may explain though nothing changed
     recordings  digests of their rows, as ``daq.recording.shared_rows`` makes them
     same_day    whether it is asked of these recordings themselves; not in the file
 
@@ -58,6 +59,7 @@ class Uncertainty:
     against: tuple[str, ...] = ()
     near_rest: tuple[float | None, ...] = ()
     ripple: tuple[float, ...] = ()
+    aliased: tuple[tuple[str, float], ...] = ()
     recordings: tuple[str, ...] = ()
     same_day: bool = False
 
@@ -113,6 +115,7 @@ class _UncertaintyFile(Table):
     left_over_against: list[str] = Field(default=[])
     left_over_near_rest: list[Annotated[float, Field(ge=0)] | None] = Field(default=[])
     left_over_ripple: list[Annotated[float, Field(ge=0, le=1)]] = Field(default=[])
+    left_over_shares: dict[str, Annotated[float, Field(ge=0, le=1)]] = Field(default={})
     recordings: list[str] = Field(default=[])
 
 
@@ -139,6 +142,7 @@ def read_uncertainty(path: str | Path) -> Uncertainty:
         tuple(layout.left_over_against),
         tuple(layout.left_over_near_rest),
         tuple(layout.left_over_ripple),
+        tuple(layout.left_over_shares.items()),
         tuple(layout.recordings),
     )
     _, values, _ = _correlation(stated.matrix)
@@ -155,6 +159,7 @@ def write_uncertainty(path: str | Path, uncertainty: Uncertainty) -> None:
     text = (
         f'{{"schema": "{SCHEMA}",\n "parameters": {json_text(uncertainty.parameters)},\n "covariance": [\n  {rows}],\n'
     )
-    entries = {**uncertainty.by_joint, "recordings": uncertainty.recordings}
+    shares = {"left_over_shares": dict(uncertainty.aliased)} if uncertainty.aliased else {}
+    entries = {**uncertainty.by_joint, **shares, "recordings": uncertainty.recordings}
     text += ",\n".join(f' "{name}": {json_text(values, path)}' for name, values in entries.items()) + "}\n"
     write_text(path, text)

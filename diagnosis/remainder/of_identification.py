@@ -27,6 +27,7 @@ from diagnosis.measurements.currents.structure.shared_bases import Bases
 from diagnosis.measurements.currents.structure.unexplained import StructureSearch
 from diagnosis.measurements.near_rest.friction import left_over_near_rest
 from diagnosis.remainder.against_noise import runs_of
+from diagnosis.remainder.aliased_shares import aliased_shares
 from diagnosis.selection.design import Dataset
 from diagnosis.selection.regression import fit_together
 from diagnosis.selection.ripple_orders import joint_of_ripple, of_shafts, strongest_gain
@@ -40,6 +41,7 @@ class LeftOver:
     against: the variable of the first; "" where it is noise, depends on no single variable, or no other recording could
     show on which. near_rest: None where no recording shows the joint turning or creeping. ripple: share of the squares
     of the first that the strongest ripple of the joint explains, in these recordings or in the others; at most 1.
+    aliased: share of them along each effect by its name (``aliased_shares``).
     """
 
     along: tuple[float, ...]
@@ -47,6 +49,7 @@ class LeftOver:
     against: tuple[str, ...]
     near_rest: tuple[float | None, ...]
     ripple: tuple[float, ...]
+    aliased: tuple[tuple[str, float], ...]
 
     def added_to(self, known: Uncertainty) -> Uncertainty:
         """The uncertainty ``known`` of a model, with this as what the model leaves."""
@@ -57,6 +60,7 @@ class LeftOver:
             against=self.against,
             near_rest=self.near_rest,
             ripple=self.ripple,
+            aliased=self.aliased,
         )
 
 
@@ -70,12 +74,14 @@ def left_over(arm: Arm, recordings: Sequence[Recording], others: Sequence[Record
     learned = dataset_of(runs_of(arm, others, recordings)) if others else None
     every = [*data.runs, *(learned.runs if learned else ())]
     exact = [replace(run, arm=replace(run.arm, uncertainty=None)) for run in every]
+    along = _along(arm, data)
     return LeftOver(
-        along=_along(arm, data),
+        along=along,
         in_loop=tuple(left_over_in_loop(arm, recordings).tolist()),
         against=tuple("" if learned is None else _against(arm, learned, data, j + 1) for j in range(len(arm))),
         near_rest=tuple(left_over_near_rest(exact, j + 1) for j in range(len(arm))),
         ripple=tuple(max(_of_ripple(arm, part, j + 1) for part in (data, learned) if part) for j in range(len(arm))),
+        aliased=tuple(aliased_shares(arm, every, along).items()),
     )
 
 

@@ -28,6 +28,19 @@ SMALLEST_PROBABILITY = 1e-300
 
 
 @dataclass(frozen=True)
+class Apart:
+    """Columns (N, k) made perpendicular to all others, as independent combinations of unit length beside them.
+
+    coefficients  (k,); of_noise, of_model: (k, k) their covariance by the residual, and by the errors of the model
+    """
+
+    columns: Array
+    coefficients: Array
+    of_noise: Array
+    of_model: Array
+
+
+@dataclass(frozen=True)
 class Evidence:
     """Rows of an instrument (N,): what is to be explained, and what explains some of it already.
 
@@ -64,28 +77,34 @@ class Evidence:
         """(N,) what is left with all others fitted."""
         return np.asarray(self.y - self._others @ (self._inverse @ (self._others.T @ self.y)))
 
-    def chance(self, x: Array, further: Callable[[Array], Array] | None = None) -> float:
-        """Probability that columns x (N, k) look as they do without the effect that they are of.
-
-        further: of columns (N, k) perpendicular to all others, what else is in the covariance (k, k) of their
-        coefficients.
-        """
+    def apart(self, x: Array) -> Apart | None:
+        """Columns x (N, k) beside all others; None where they do not differ from these."""
         along = self._inverse @ (self._others.T @ x)
         perpendicular = x - self._others @ along
         gram, size = perpendicular.T @ x, np.sqrt(np.maximum(np.sum(x**2, axis=0), 1e-300))
         values, vectors = np.linalg.eigh((gram + gram.T) / 2 / np.outer(size, size))
         independent = values > INDEPENDENT**2
         if not independent.any():
-            return 1.0
-        # coefficients along independent combinations of the columns, each of unit length beside the others
+            return None
         turn = vectors[:, independent] / np.sqrt(values[independent]) / size[:, None]
         perpendicular, along = perpendicular @ turn, along[self.free.shape[1] :] @ turn
         # beside the rows u = 0 of the prior, too, the columns are perpendicular to all others
-        c = perpendicular.T @ self.y
+        c = np.asarray(perpendicular.T @ self.y)
+        return Apart(perpendicular, c, self._of_noise(perpendicular, c), np.asarray(along.T @ along))
+
+    def chance(self, x: Array, further: Callable[[Array], Array] | None = None) -> float:
+        """Probability that columns x (N, k) look as they do without the effect that they are of.
+
+        further: of columns (N, k) perpendicular to all others, what else is in the covariance (k, k) of their
+        coefficients.
+        """
+        apart = self.apart(x)
+        if apart is None:
+            return 1.0
+        c, covariance = apart.coefficients, apart.of_noise + apart.of_model
         freedom = max(int(self.block.max()) + 1 - len(c), 1)
-        covariance = self._of_noise(perpendicular, c) + along.T @ along
         if further is not None:
-            covariance = covariance + further(perpendicular)
+            covariance = covariance + further(apart.columns)
         wald = float(c @ linalg.pinvh(covariance) @ c)
         return float(stats.f.sf(wald / len(c), len(c), freedom))
 

@@ -24,7 +24,6 @@ from diagnosis.residual.other_effects import residual_under
 from diagnosis.residual.run import Run
 from diagnosis.selection.beyond_model import in_deviations
 from diagnosis.selection.design import Columns
-from diagnosis.selection.ripple_orders import joint_of_ripple
 from diagnosis.selection.unseen_inertia import explained
 from diagnosis.verification.encoder_noise import gain_from_encoder_noise
 
@@ -138,7 +137,7 @@ def within_model(state: State) -> int | None:
     model = state.model
     if model.uncertain is None or not state.chosen:
         return None
-    chances = [model.without(c, state).significance.chance(model.columns(c), joint_of_ripple(c)) for c in state.chosen]
+    chances = [model.without(c, state).significance.chance(model.columns(c), c) for c in state.chosen]
     weakest = int(np.argmax(chances))
     return weakest if chances[weakest] > LIMITS.beyond_model else None
 
@@ -151,7 +150,7 @@ def with_significance(state: State, causes: Sequence[Cause]) -> list[Cause]:
     for c, cause in zip(state.chosen, causes, strict=True):
         without = model.without(c, state)
         exact = Significance(state.data, [*without.free, *(model.columns(other) for other in without.chosen)], None)
-        chances = [of.chance(model.columns(c), joint_of_ripple(c)) for of in (exact, without.significance)]
+        chances = [of.chance(model.columns(c), c) for of in (exact, without.significance)]
         judged.append(replace(cause, deviations=(in_deviations(chances[0]), in_deviations(chances[1]))))
     return judged
 

@@ -20,9 +20,9 @@ def _known(rng: np.random.Generator) -> tuple[Uncertainty, np.ndarray]:
     """Of sizes that differ by many decades, and of less than full rank."""
     root = rng.normal(size=(4, 3)) * np.array([1e3, 1.0, 1e-4, 1e-7])[:, None]
     known = uncertainty_of("m.json", NAMES, root @ root.T, (0.1, 0.0, 0.2, 0.0, 0.0, 0.0))
-    return replace(
-        known, in_loop=(0.0, 0.3) * 3, against=("position", "") * 3, ripple=(0.05, 1.0) * 3, recordings=("0f", "a1")
-    ), root @ root.T
+    more = replace(known, in_loop=(0.0, 0.3) * 3, against=("position", "") * 3, ripple=(0.05, 1.0) * 3)
+    shares = ("time_skew", 0.03), ("joint2.current_offset", 0.2)
+    return replace(more, aliased=shares, recordings=("0f", "a1")), root @ root.T
 
 
 @pytest.fixture
@@ -39,6 +39,7 @@ def test_a_model_is_read_back_with_what_is_known_of_it(arm: Arm, tmp_path: Path,
     assert (read.uncertainty.file, read.uncertainty.left_over) == ("own_uncertainty.json", known.left_over)
     assert (read.uncertainty.in_loop, read.uncertainty.against) == (known.in_loop, known.against)
     assert (read.uncertainty.ripple, read.uncertainty.recordings) == (known.ripple, known.recordings)
+    assert read.uncertainty.aliased == known.aliased
     size = np.sqrt(np.outer(np.diag(covariance), np.diag(covariance)))
     assert np.abs((read.uncertainty.matrix - covariance) / size).max() < 1e-6
     directions = read.uncertainty.directions
@@ -75,6 +76,7 @@ GOOD = {
         ({"left_over_against": ["position"]}, "left_over_against: has 1 entries"),
         ({"left_over": [-0.1] * 6}, "left_over"),
         ({"left_over_ripple": [1.1] * 6}, "left_over_ripple"),
+        ({"left_over_shares": {"time_skew": 1.1}}, "left_over_shares"),
         ({"more": 1}, "unknown"),
     ],
 )

@@ -19,6 +19,7 @@ from arm_model.tables import uncertainty_of
 from daq.recording import Recording
 from diagnosis.measurements.currents.model_errors import ModelUncertainty, Significance, of_strongest
 from diagnosis.residual.comparable_rows import rest_friction
+from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Columns, Dataset
 from identification.selection import Split
 from tests.diagnosis import two_link
@@ -77,15 +78,27 @@ def test_what_the_model_left_over_hides_of_a_ripple_what_ripples_explained_of_it
     fit, held_out = (_side(own[:, 0] + 2.0 * rng.normal(size=length)) for own in x)
     left = ModelUncertainty(Split(nothing, nothing), np.full(JOINTS, 3.0))
     any_effect = Significance(Split(fit, held_out), [], left).chance(pair)
-    for shares, ripple_of, hides in [
-        ((0.02, 0.5), 1, False),
+    for shares, candidate, hides in [
+        ((0.02, 0.5), _ripple(1), False),
         ((0.02, 0.5), None, True),
-        ((0.5, 0.02), 1, True),
-        ((0.5, 0.02), 2, True),
+        ((0.02, 0.5), Candidate("coulomb_friction", 1), True),
+        ((0.5, 0.02), _ripple(1), True),
+        ((0.5, 0.02), _ripple(2), True),
     ]:
         known = replace(left, rippled=np.array(shares))
-        chance = Significance(Split(fit, held_out), [], known).chance(pair, ripple_of)
+        chance = Significance(Split(fit, held_out), [], known).chance(pair, candidate)
         assert chance == pytest.approx(any_effect) if hides else chance < 0.01 * any_effect
+    # of an effect, what it explained of it, where that is stated
+    known = replace(left, aliased={"joint1.coulomb_friction": 0.02, "time_skew": 0.4})
+    significance = Significance(Split(fit, held_out), [], known)
+    for other in (Candidate("coulomb_friction", 2), Candidate("coulomb_friction", 1, terms=("change",))):
+        assert significance.chance(pair, other) == pytest.approx(any_effect)
+    assert significance.chance(pair, Candidate("coulomb_friction", 1)) < 0.01 * any_effect
+    assert significance.chance(pair, Candidate("time_skew", None)) > 2.0 * any_effect
+
+
+def _ripple(joint: int) -> Candidate:
+    return Candidate("gear_ripple", joint, (("order", 7.5),))
 
 
 ORDERS = 60
@@ -121,7 +134,7 @@ def _strongest(size: float, seed: int) -> float:
     y = (np.concatenate([one, np.zeros(ROWS)]) + rng.normal(size=JOINTS * ROWS) for one in day)
     pair = Columns(waves[int(np.argmax(gains(*day)))], slice(0, ROWS))
     fit, held_out = map(_side, y)
-    return Significance(Split(fit, held_out), [], known).chance(Split(pair, pair), 1)
+    return Significance(Split(fit, held_out), [], known).chance(Split(pair, pair), _ripple(1))
 
 
 def test_the_strongest_ripple_of_another_day_is_one_of_as_many_and_one_of_four_times_its_size_is_not() -> None:

@@ -28,7 +28,7 @@ from diagnosis.selection.design import Dataset, Pair
 from diagnosis.selection.harmonics import is_further_order, is_of_ripple
 from diagnosis.selection.next_order import next_orders, of_last_term, term_share
 from diagnosis.selection.regression import SPARSE_P, Fitted, best_of_each, score
-from diagnosis.selection.ripple_orders import detectable, joint_of_ripple
+from diagnosis.selection.ripple_orders import detectable
 from diagnosis.selection.unseen_inertia import explained, unseen_inertia
 from identification.selection import MeasurementModel, Score, Split, p_value
 
@@ -111,7 +111,7 @@ class Currents(MeasurementModel[Candidate, State]):
         chances = []
         for joint in range(1, len(self.arm) + 1):
             fit, held_out = (columns.without(side.of(joint)) for columns, side in zip(pair, self.data))
-            chances.append(state.significance.chance(Split(fit, held_out)))
+            chances.append(state.significance.chance(Split(fit, held_out), candidate))
         return replace(own, p=min(own.p, max(chances)))
 
     def _of_chosen(self, score: Score[Candidate], state: State) -> bool:
@@ -142,7 +142,7 @@ class Currents(MeasurementModel[Candidate, State]):
         if not (physical and self.needed(score, state)):
             return False
         return score.candidate.body or state.significance.beyond_model(
-            self.columns(score.candidate), self.limits.beyond_model, joint_of_ripple(score.candidate)
+            self.columns(score.candidate), self.limits.beyond_model, score.candidate
         )
 
     def needed(self, score: Score[Candidate], state: State) -> bool:

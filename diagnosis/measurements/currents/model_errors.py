@@ -4,14 +4,15 @@ A model that was identified is known to a covariance (``arm_model.tables.uncerta
 with a Gaussian prior (``diagnosis.selection.beyond_model``): one direction per independent error, (currents per unit of
 the parameters) (root of their covariance). The covariance of an effect's coefficients has three parts: the noise,
 clustered by block (Liang & Zeger, 1986); the prior; and what the model left over on the recordings that it was
-identified from, of which any one effect may explain ``ALIASED_SHARE``; a ripple what one of all orders does by chance,
-where the strongest did as much as it did.
+identified from, of which any one effect may explain ``ALIASED_SHARE``, or as much as it did then, where that is known
+(``diagnosis.remainder.aliased_shares``); a ripple what one of all orders does by chance, where the strongest did as
+much as it did.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -28,11 +29,11 @@ from diagnosis.residual.run import Run
 from diagnosis.selection.beyond_model import Evidence
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Dataset, Pair
-from diagnosis.selection.ripple_orders import independent_orders
+from diagnosis.selection.ripple_orders import independent_orders, joint_of_ripple
 from identification.selection import Split
 
 ALIASED_SHARE = 0.1
-"""Share of what a model left over that any one effect may explain, though nothing changed."""
+"""Share of what a model left over that any one effect may explain, though nothing changed, if no more is known."""
 
 
 @dataclass(frozen=True)
@@ -45,6 +46,7 @@ class ModelUncertainty:
     rippled     (n,) share of it that either wave of a ripple of that joint may explain; None: as any effect
     orders      (n,) number of orders of such ripples, of which a diagnosis takes the strongest
     of_day      (N, r) of the fitted recordings, by the stated covariance alone; None: as ``directions``
+    aliased     share of it that an effect may explain, by its name (``named``); of others: ``ALIASED_SHARE``
     """
 
     directions: Split[Array]
@@ -52,6 +54,7 @@ class ModelUncertainty:
     of_day: Array | None = None
     rippled: Array | None = None
     orders: Array | None = None
+    aliased: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def stated(self) -> Array:
@@ -74,15 +77,21 @@ def model_uncertainty(arm: Arm, data: Split[Dataset], ripples: Sequence[Candidat
         return None
 
     def felt(side: Dataset) -> Array:
-        return _stacked([run.whiten(_directions(run, uncertainty)) for run in side.runs])
+        return stacked([run.whiten(directions_of(run, uncertainty)) for run in side.runs])
 
     root = stated.directions
-    known = _stacked([run.whiten(_columns(run, stated.parameters) @ root) for run in data.fit.runs])
-    known_to = ModelUncertainty(data.map(felt), _left_over(uncertainty.left_over, data), known)
+    known = stacked([run.whiten(_columns(run, stated.parameters) @ root) for run in data.fit.runs])
+    left = _left_over(uncertainty.left_over, data)
+    known_to = ModelUncertainty(data.map(felt), left, known, aliased=dict(stated.aliased))
     if not stated.ripple:
         return known_to
     orders = np.array([independent_orders(data.fit, arm, joint, ripples) for joint in range(1, len(arm) + 1)])
     return replace(known_to, rippled=of_strongest(np.array(stated.ripple), orders), orders=orders)
+
+
+def named(candidate: Candidate) -> str:
+    """The name of an effect in ``left_over_shares``: time_skew, joint2.current_offset."""
+    return candidate.effect if candidate.joint is None else f"joint{candidate.joint}.{candidate.effect}"
 
 
 def of_strongest(share: Array, orders: Array) -> Array:
@@ -99,16 +108,16 @@ def parameter_std(run: Run) -> Array:
     uncertainty = known_on_another_day(run.arm)
     if uncertainty is None or not uncertainty.parameters:
         return np.zeros_like(run.q)
-    return np.asarray(np.linalg.norm(_directions(run, uncertainty), axis=-1))
+    return np.asarray(np.linalg.norm(directions_of(run, uncertainty), axis=-1))
 
 
-def _stacked(runs: Sequence[Array]) -> Array:
+def stacked(runs: Sequence[Array]) -> Array:
     """(n m, r), joint by joint as ``Dataset.y``: of all runs (m, n, r)."""
     every = np.concatenate(runs)
     return every.transpose(1, 0, 2).reshape(-1, every.shape[2])
 
 
-def _directions(run: Run, uncertainty: Uncertainty) -> Array:
+def directions_of(run: Run, uncertainty: Uncertainty) -> Array:
     """(m, n, r) A: change of the expected currents for one standard deviation of each independent error."""
     columns = _columns(run, uncertainty.parameters)
     hump = friction_near_rest(run.arm, uncertainty.parameters, columns, run.brisk_v)
@@ -194,9 +203,9 @@ class Significance:
         joint = np.concatenate([np.repeat(np.arange(len(side.y) // side.rows), side.rows) for side in self._data])
         return Evidence(y, free, directions, block, alike, joint)
 
-    def beyond_model(self, pair: Pair, level: float, ripple_of: int | None = None) -> bool:
+    def beyond_model(self, pair: Pair, level: float, candidate: Candidate | None = None) -> bool:
         """Whether columns are significant at a level with the parameters of the model free; always with it exact."""
-        return self._known is None or self.chance(pair, ripple_of) < level
+        return self._known is None or self.chance(pair, candidate) < level
 
     @cached_property
     def allowed(self) -> Split[Array]:
@@ -207,17 +216,18 @@ class Significance:
         left_over = self._known.left_over
         return self._known.shares(self._data).map(lambda share: np.sqrt(1.0 + left_over + share))
 
-    def chance(self, pair: Pair, ripple_of: int | None = None) -> float:
+    def chance(self, pair: Pair, candidate: Candidate | None = None) -> float:
         """Probability that columns (k of them) look as they do without the effect that they are of.
 
-        ripple_of: the joint (from 1) of which they are a ripple, the strongest of all orders.
+        candidate: the effect, if it is one: of a ripple, they are those of the strongest of all orders.
         """
-        chance = self._evidence.chance(self._stack(pair), lambda own: self._of_left_over(own, ripple_of))
+        ripple_of = None if candidate is None else joint_of_ripple(candidate)
+        chance = self._evidence.chance(self._stack(pair), lambda own: self._of_left_over(own, candidate))
         if ripple_of is None or self._known is None or self._known.orders is None:
             return chance
         return min(chance * float(self._known.orders[ripple_of - 1]), 1.0)
 
-    def _of_left_over(self, own: Array, ripple_of: int | None) -> Array:
+    def _of_left_over(self, own: Array, candidate: Candidate | None) -> Array:
         """(k, k) covariance of the coefficients of columns ``own`` by what the model left over."""
         total = np.zeros((own.shape[1], own.shape[1]))
         if self._known is None:
@@ -227,8 +237,14 @@ class Significance:
         along = rows * self._known.left_over / self._variance(self._known.left_over)
         for joint, left_over in enumerate(along.tolist(), 1):
             at = [part[side.of(joint)] for part, side in zip(parts, self._data)]
-            share, rippled = ALIASED_SHARE, self._known.rippled
-            if rippled is not None and joint == ripple_of:
-                share = min(share, float(rippled[joint - 1]))
-            total += share * left_over * sum(one.T @ one for one in at)
+            total += self._share(candidate, joint) * left_over * sum(one.T @ one for one in at)
         return total
+
+    def _share(self, candidate: Candidate | None, joint: int) -> float:
+        """Of what the model left over at a joint (from 1), what an effect may explain."""
+        assert self._known is not None
+        if candidate is None or candidate.terms or candidate.body:
+            return ALIASED_SHARE
+        if self._known.rippled is not None and joint == joint_of_ripple(candidate):
+            return min(ALIASED_SHARE, float(self._known.rippled[joint - 1]))
+        return self._known.aliased.get(named(candidate), ALIASED_SHARE)
