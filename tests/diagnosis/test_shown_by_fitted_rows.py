@@ -47,3 +47,17 @@ def test_what_fitted_rows_show_is_told_whatever_displaced_rows_say(
     more = set(by_fitted_rows(state).chosen) - set(state.chosen)
     assert {c.key for c in more} == ({("cogging", 1)} if shown else set())
     assert not late or late / RATE > 0.1
+
+
+def test_what_no_arm_can_have_is_not_told(root: Path) -> None:
+    """A drag less than none ended a diagnosis: rows were looked for with it in the arm."""
+    arm, runs = two_link.model(root), []
+    for seed, drag in ((1, -20.0), (2, 20.0)):
+        t, q, v, a = two_link.motion(seed, 12.0)
+        torque = two_link.torque(q, v, a, Day())
+        torque[:, 0] += drag * v[:, 0] * np.abs(v[:, 0])
+        noise = 0.005 * np.random.default_rng(seed).normal(size=q.shape)
+        runs.append(residual_run(f"{seed}", arm, t, q, torque / DRIVE + noise))
+    data, drag_of_joint = Split(*(dataset_of([run]) for run in runs)), Candidate("hydrodynamic_drag", 1)
+    state = Currents(arm, data, Library((drag_of_joint,), data), []).start()
+    assert by_fitted_rows(state) is state

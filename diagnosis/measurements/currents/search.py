@@ -12,6 +12,7 @@ from diagnosis.cause import EffectKey, Structure
 from diagnosis.measurements.currents.estimates import estimates_of
 from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.measurements.currents.model import Currents
+from diagnosis.measurements.currents.possible import exists, is_physical
 from diagnosis.measurements.currents.refinement import gauss_newton_refined
 from diagnosis.measurements.currents.replacement.simplified import simplified
 from diagnosis.measurements.currents.state import State, corrected
@@ -79,11 +80,13 @@ def by_fitted_rows(state: State) -> State:
     best: dict[int, tuple[float, Candidate]] = {}
     for c in (score.candidate for score in (model.scores(state) if joints else ())):
         if c.joint in joints and c.key not in model.taken(state):
-            gain = fit_gain(model.columns(c).fit, state.fitted)[0]
-            best[c.joint] = max(best.get(c.joint, (0.0, c)), (gain, c), key=lambda one: one[0])
+            gain, coefficients = fit_gain(model.columns(c).fit, state.fitted)
+            if is_physical(c, coefficients):
+                best[c.joint] = max(best.get(c.joint, (0.0, c)), (gain, c), key=lambda one: one[0])
     left = fit.by_joint(state.residual.fit**2)
     more = [c for joint, (gain, c) in best.items() if gain > LIMITS.swapped * left[joint - 1]]
-    return model.refitted([*state.chosen, *more], {**state.rivals, **{c.key: () for c in more}}) if more else state
+    shown = model.refitted([*state.chosen, *more], {**state.rivals, **{c.key: () for c in more}}) if more else state
+    return shown if exists(model.arm, shown.terms) else state
 
 
 def attributed_to_body(state: State) -> State:
