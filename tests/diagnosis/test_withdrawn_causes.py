@@ -169,9 +169,9 @@ def test_many_coefficients_of_a_joint_must_leave_less_than_one_function(
 
 def test_many_coefficients_of_one_cause_are_those_of_its_law(arm: Arm, monkeypatch: pytest.MonkeyPatch) -> None:
     """Three of a link that turns about a horizontal axis; of a link of any arm up to ten."""
+    monkeypatch.setattr(spurious, "LIMITS", replace(LIMITS, many=2))
     for chosen, share in (((LINK,), 0.0), ((LINK, COULOMB), LIMITS.many_leave)):
         state = _state(arm, _data(arm, _wave(0.02)), chosen)
-        state = replace(state, model=replace(state.model, limits=replace(LIMITS, many=2)))
         assert _allowed(state, monkeypatch) == pytest.approx(share * _left(state))
 
 

@@ -11,6 +11,7 @@ from scipy import stats
 from arm_io.types import Array
 from diagnosis.cause import Estimate
 from diagnosis.measurements.currents.design_matrix import columns_of
+from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.measurements.currents.state import State
 from diagnosis.measurements.currents.structure.unseen_friction import as_shown, unseen_by_joint
 from diagnosis.residual.run import Run
@@ -79,9 +80,9 @@ def covariance_of(state: State) -> tuple[Array, list[slice]]:
     design = np.hstack(x)
     covariance = cluster_covariance(
         design,
-        (state.residual.fit, model.limits.systematic * explained),
+        (state.residual.fit, LIMITS.systematic * explained),
         fit.block,
-        independent=model.limits.independent,
+        independent=LIMITS.independent,
         unknown=np.concatenate([*unknown, np.zeros(len(model.free))]),
         variance=slow_variance_of(fit.by_recording(state.residual.fit), fit.runs),
     )
@@ -92,7 +93,7 @@ def covariance_of(state: State) -> tuple[Array, list[slice]]:
         directions.append(folded)
     for direction in directions:
         # error of the coefficients due to friction near rest, to errors of the model's parameters, or to what may fold
-        moved = scaled_lstsq(design, direction, model.limits.independent)
+        moved = scaled_lstsq(design, direction, LIMITS.independent)
         covariance = covariance + moved @ moved.T
     return covariance, places
 

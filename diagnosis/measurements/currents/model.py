@@ -94,9 +94,7 @@ class Currents(MeasurementModel[Candidate, State]):
             for c in self.library
             if is_further_order(c, state.chosen) and c.key not in self.excluded
         ]
-        return sorted(
-            scores, key=lambda score: -score.gain * (1.0 + self.limits.family * self._of_chosen(score, state))
-        )
+        return sorted(scores, key=lambda score: -score.gain * (1.0 + LIMITS.family * self._of_chosen(score, state)))
 
     def scored(self, candidate: Candidate, pair: Pair, state: State) -> Score[Candidate]:
         """A candidate of these columns conditional on those chosen.
@@ -129,7 +127,7 @@ class Currents(MeasurementModel[Candidate, State]):
         determine), and no less than the noise decides.
         """
         more = max(1, best.determined - score.determined)
-        return max(self.limits.tie * best.gain * more, self.limits.tie_floor * self.data.held_out.rows)
+        return max(LIMITS.tie * best.gain * more, LIMITS.tie_floor * self.data.held_out.rows)
 
     def admissible(self, score: Score[Candidate], state: State) -> bool:
         """Whether a candidate is physically admissible, matters, and is beyond what is known of the model.
@@ -141,9 +139,7 @@ class Currents(MeasurementModel[Candidate, State]):
         physical = score.candidate.body or is_physical(score.candidate, score.coefficients)
         if not (physical and self.needed(score, state)):
             return False
-        return score.candidate.body or state.significance.beyond_model(
-            self.columns(score.candidate), self.limits.beyond_model, score.candidate
-        )
+        return score.candidate.body or state.significance.beyond_model(self.columns(score.candidate), score.candidate)
 
     def needed(self, score: Score[Candidate], state: State) -> bool:
         """Whether the gain is large against the noise.
@@ -178,12 +174,12 @@ class Currents(MeasurementModel[Candidate, State]):
 
     def _rivals(self, score: Score[Candidate], admissible: Sequence[Score[Candidate]]) -> list[Score[Candidate]]:
         best = max(admissible, key=lambda one: one.gain)
-        fewest, limits = score.determined, self.limits
+        fewest = score.determined
         return [
             one
             for one in admissible
             if (one.gain >= best.gain - self.tolerance(one, best) and one.determined <= fewest)
-            or (one.gain > limits.ambiguity * best.gain and p_value(score.blocks - one.blocks) > limits.ambiguity_p)
+            or (one.gain > LIMITS.ambiguity * best.gain and p_value(score.blocks - one.blocks) > LIMITS.ambiguity_p)
         ]
 
     def rivals_of(self, candidate: Candidate, state: State) -> list[Score[Candidate]]:

@@ -24,6 +24,7 @@ from arm_model.rigid_body.regressor import regressor
 from arm_model.system import inverse_dynamics
 from arm_model.tables import Uncertainty
 from diagnosis.another_day import friction_beyond, friction_near_rest, known_on_another_day
+from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.measurements.currents.structure.unseen_friction import unseen_by_joint
 from diagnosis.residual.run import Run
 from diagnosis.selection.beyond_model import Evidence
@@ -203,9 +204,9 @@ class Significance:
         joint = np.concatenate([np.repeat(np.arange(len(side.y) // side.rows), side.rows) for side in self._data])
         return Evidence(y, free, directions, block, alike, joint)
 
-    def beyond_model(self, pair: Pair, level: float, candidate: Candidate | None = None) -> bool:
-        """Whether columns are significant at a level with the parameters of the model free; always with it exact."""
-        return self._known is None or self.chance(pair, candidate) < level
+    def beyond_model(self, pair: Pair, candidate: Candidate | None = None) -> bool:
+        """Whether columns are significant with the parameters of the model free; always with it exact."""
+        return self._known is None or self.chance(pair, candidate) < LIMITS.beyond_model
 
     @cached_property
     def allowed(self) -> Split[Array]:

@@ -101,9 +101,7 @@ def attributed_to_body(state: State) -> State:
             chosen = [one for one in state.chosen if one not in (link, c) and one.key != body.key]
             rivals = [one for key in (body.key, link.key) for one in state.rivals.get(key, ())]
             as_body = _in_place(state, (*chosen, body), body, rivals)
-            possible = body.key not in model.excluded and is_body(
-                estimates_of(as_body)[-1], model.limits.body_deviations
-            )
+            possible = body.key not in model.excluded and is_body(estimates_of(as_body)[-1], LIMITS.body_deviations)
             if possible or c.body:
                 return as_body if possible else _in_place(state, (*chosen, link), link, rivals)
     return state

@@ -14,6 +14,7 @@ from scipy import stats
 
 from arm_report.numbers import numbered
 from diagnosis.cause import EffectKey, in_words
+from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.measurements.currents.search import Selection
 from diagnosis.screening.time_split import FITTED
 from diagnosis.selection.candidate import Candidate
@@ -62,7 +63,7 @@ def shortage(selection: Selection) -> Shortage | None:
         if (
             joints := tuple(one for one in unexplained_joints if score.by_joint[one - 1] > NEARLY_ALL * energy[one - 1])
         )
-        and chance >= (model.limits.fdr or 1.0)
+        and chance >= (LIMITS.fdr or 1.0)
         and _unanimous(score)
         and model.admissible(score, state)
     ]
@@ -73,15 +74,15 @@ def shortage(selection: Selection) -> Shortage | None:
     best = max(score.gain for score, _, _ in short)
     # the simplest of those that explain what is left at as many joints, and nearly as much
     score, _, joints = min(
-        (one for one in short if one[0].gain > model.limits.ambiguity * best),
+        (one for one in short if one[0].gain > LIMITS.ambiguity * best),
         key=lambda one: (len(one[0].coefficients), -one[0].gain),
     )
     # the false-discovery rate as it will be once those that agree by chance no longer do
     chance = score.p * len(scores) / sum(one.gain > LASTING * best for one in scores)
     # of a recording that is split, only a part is held out
     share = 1.0 - FITTED if state.data.two_fold else 1.0
-    blocks = max(1, int(np.floor(np.log2(chance / (model.limits.fdr or 1.0)))) + 1)
-    seconds = float(np.ceil(blocks * model.limits.block_seconds / share))
+    blocks = max(1, int(np.floor(np.log2(chance / (LIMITS.fdr or 1.0)))) + 1)
+    seconds = float(np.ceil(blocks * LIMITS.block_seconds / share))
     return Shortage(score.candidate.key, joints, seconds, split=state.data.two_fold)
 
 

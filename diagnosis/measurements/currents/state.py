@@ -20,6 +20,7 @@ from arm_io.types import Array
 from arm_model import EffectTerm
 from diagnosis.cause import EffectKey
 from diagnosis.measurements.currents.design_matrix import dataset_with
+from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.measurements.currents.model_errors import Significance
 from diagnosis.residual.run import Run
 from diagnosis.selection.candidate import Candidate
@@ -53,7 +54,7 @@ class State:
         What they fit is then no smoothing of friction: correlated noise of a few fast moves, say, which at a tenth of
         their speed is a hundred times as large.
         """
-        allowed, unrestricted = self.model.limits.min_gain * self.data.held_out.rows, self._with_every_free
+        allowed, unrestricted = LIMITS.min_gain * self.data.held_out.rows, self._with_every_free
         return [
             pair
             for pair, c in zip(self.model.free, unrestricted.coefficients)
@@ -137,7 +138,7 @@ def corrected(state: State) -> State:
     nothing is corrected.
     """
     model = state.model
-    for _ in range(model.limits.corrections):
+    for _ in range(LIMITS.corrections):
         first_order, extended = _first_order(state), state.terms
         columns = [model.columns(c) for c in state.chosen]
         try:
@@ -149,7 +150,7 @@ def corrected(state: State) -> State:
         except InputError:
             return state
         trial = replace(state, data=data)
-        if np.sum(trial.residual.fit**2) > model.limits.worse * np.sum(state.residual.fit**2):
+        if np.sum(trial.residual.fit**2) > LIMITS.worse * np.sum(state.residual.fit**2):
             return state
         before, state = state, trial
         if _settled(before, state):

@@ -9,6 +9,7 @@ from dataclasses import replace
 from arm_model.effects import CATALOGUE, Effect, Excitation
 from diagnosis.cause import EffectKey
 from diagnosis.measurements.currents.estimates import estimates_of
+from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.measurements.currents.replacement.next_orders import near_case_with_term
 from diagnosis.measurements.currents.replacement.trial import followed
 from diagnosis.measurements.currents.state import State
@@ -36,9 +37,9 @@ def special_cases(state: State) -> State:
             [*others[:place], *substitutes, *others[place:]],
             {**state.rivals, **{c.key: rivals for c in substitutes}},
         )
-        more = model.limits.min_gain * state.data.held_out.rows
+        more = LIMITS.min_gain * state.data.held_out.rows
         if _are_friction(substitutes, replaced):
-            more = followed(state, model.limits.min_gain).held_out
+            more = followed(state, LIMITS.min_gain).held_out
         possible = all(_is_body(trial, c) for c in substitutes if c.body)
         if possible and trial.energy.held_out - state.energy.held_out < more:
             state = trial
@@ -59,7 +60,7 @@ def _are_friction(*candidates: Sequence[Candidate]) -> bool:
 
 def _is_body(state: State, chosen: Candidate) -> bool:
     """Whether the sizes that a chosen body has may be those of one."""
-    return is_body(estimates_of(state)[state.chosen.index(chosen)], state.model.limits.body_deviations)
+    return is_body(estimates_of(state)[state.chosen.index(chosen)], LIMITS.body_deviations)
 
 
 def _replacements(

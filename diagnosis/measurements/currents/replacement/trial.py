@@ -34,7 +34,7 @@ def followed(state: State, floor: float) -> Split[float]:
 
     floor: share of the noise energy that they may take in any case.
     """
-    follows, joints = state.model.limits.follows, len(state.model.arm)
+    follows, joints = LIMITS.follows, len(state.model.arm)
 
     def of(energy: float, rows: int) -> float:
         return max(floor * rows, follows * (energy - rows * joints))

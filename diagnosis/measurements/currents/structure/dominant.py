@@ -16,6 +16,7 @@ import numpy as np
 
 from arm_io.types import Array
 from arm_model.effects import CATALOGUE, Instrument, same_columns
+from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.measurements.currents.state import State
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Dataset
@@ -27,7 +28,7 @@ def dominant(state: State) -> list[Candidate]:
     for joint in sorted({c.joint for c in state.chosen if c.joint}):
         own = ((explained_alone([c], state), c) for c in state.chosen if c.joint == joint)
         share, best = max(own, key=lambda one: one[0])
-        if share > state.model.limits.dominant:
+        if share > LIMITS.dominant:
             dominating.append(best)
     return dominating
 
@@ -50,7 +51,7 @@ def family_dominates(candidate: Candidate, variable: str, state: State) -> bool:
     Level and slope of friction are two laws of the velocity: a friction curve that grew is nearly all of it in both.
     """
     own = [c for c in state.chosen if c.joint == candidate.joint and of_own_variable(c, [variable])]
-    return candidate in own and explained_alone(own, state) > state.model.limits.dominant
+    return candidate in own and explained_alone(own, state) > LIMITS.dominant
 
 
 def explained_alone(own: Sequence[Candidate], state: State) -> float:

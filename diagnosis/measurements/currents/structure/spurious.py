@@ -13,6 +13,7 @@ import numpy as np
 
 from arm_model.effects import Instrument
 from diagnosis.cause import Signal, Structure
+from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.measurements.currents.state import State
 from diagnosis.measurements.currents.structure.dominant import (
     dominant,
@@ -51,7 +52,7 @@ def of_another_order(state: State) -> tuple[list[Candidate], Structure] | None:
 
 def _of_another_order(state: State, other: Candidate | None) -> tuple[list[Candidate], Structure] | None:
     """``of_another_order`` with the term in the place of another cause of its joint, if one is given."""
-    model, held_out, limits = state.model, state.data.held_out, state.model.limits
+    model, held_out = state.model, state.data.held_out
     reduced = state if other is None else model.without(other, state)
     rival = None if other is None else model.conditional(other, reduced, state)
     for c, own in zip(reduced.chosen, reduced.coefficients):
@@ -61,7 +62,7 @@ def _of_another_order(state: State, other: Candidate | None) -> tuple[list[Candi
             if c.definition.lasting(term.terms[-1]) is not None:
                 continue
             of_term = score(term, of_last_term(model.columns(term)), reduced.fitted, held_out)
-            significant = of_term.p < limits.structure_p and of_term.gain > limits.structure_gain * held_out.rows
+            significant = of_term.p < LIMITS.structure_p and of_term.gain > LIMITS.structure_gain * held_out.rows
             equal = rival is None or (
                 of_term.determined < rival.determined and of_term.gain >= rival.gain - model.tolerance(of_term, rival)
             )
@@ -77,10 +78,9 @@ def _of_another_order(state: State, other: Candidate | None) -> tuple[list[Candi
 
 def _superfluous(state: State, unexplained: Unexplained, kept: Container[Candidate]) -> list[Candidate]:
     """The cause that is most superfluous conditional on unexplained structure, if one is."""
-    least_share = state.model.limits.superfluous
     shares = {c: share for c in state.chosen if (share := _share_beside(c, state, unexplained, kept)) is not None}
     least = min(shares, key=lambda c: shares[c], default=None)
-    return [least] if least is not None and shares[least] < least_share else []
+    return [least] if least is not None and shares[least] < LIMITS.superfluous else []
 
 
 def _share_beside(
@@ -97,7 +97,7 @@ def _share_beside(
       explains less than is left is part of it.
 
     The last two judge causes of that joint only: what one joint leaves does not judge a load of the arm. What is no
-    share of the gain is scaled by ``limits.superfluous``: it is below that limit where the cause is superfluous.
+    share of the gain is scaled by ``LIMITS.superfluous``: it is below that limit where the cause is superfluous.
     """
     model, held_out, joint = state.model, state.data.held_out, candidate.joint
     against = [one.against for one in unexplained.structures if one.joint == joint]
@@ -118,9 +118,9 @@ def _share_beside(
             return share_kept(likely, own, others_columns, state.data)
         if family_dominates(candidate, likely.variable, state):
             return None
-        return model.limits.superfluous * explained_alone([candidate], state)
+        return LIMITS.superfluous * explained_alone([candidate], state)
     if any(structure.joint == joint and not structure.share for structure in unexplained.structures):
-        return model.limits.superfluous * alone / float(np.sum(state.residual.held_out[held_out.of(joint)] ** 2))
+        return LIMITS.superfluous * alone / float(np.sum(state.residual.held_out[held_out.of(joint)] ** 2))
     return None
 
 
@@ -130,21 +130,21 @@ def _outdone(state: State, kept: Container[Candidate], bases: Bases) -> list[Can
     Less those of the ``kept`` that have a law of that variable, or than which no function is better by more than what
     a right law may miss, or than what is known to be off in an identified model.
     """
-    model, limits, held_out = state.model, state.model.limits, state.data.held_out
+    model, held_out = state.model, state.data.held_out
     for joint in sorted({c.joint for c in state.chosen if c.joint}):
         own = [c for c in state.chosen if c.joint == joint]
         reduced = replace(state, chosen=tuple(c for c in state.chosen if c not in own))
         before, after = (float(np.sum(s.residual.held_out[held_out.of(joint)] ** 2)) for s in (reduced, state))
         coefficients = sum(at_joint(model.columns(c).fit, joint, state.data.fit).determined for c in own)
-        several = len(own) > 1 and (coefficients >= limits.many or len(own) >= limits.many_causes)
-        allowed = limits.many_leave * after if several else 0.0
+        several = len(own) > 1 and (coefficients >= LIMITS.many or len(own) >= LIMITS.many_causes)
+        allowed = LIMITS.many_leave * after if several else 0.0
         better = better_than_causes(bases, reduced.fitted, state.fitted, model.arm, joint, allowed)
         # a function of the right variable also follows the residual that an identified model leaves on any day
         times = state.significance.allowed.held_out[joint - 1]
         better = {name: gain for name, gain in better.items() if allowed or gain > (times**2 - 1.0) * held_out.rows}
-        missed = limits.structure_share * (before - after)
+        missed = LIMITS.structure_share * (before - after)
         left = noise_ratio(state.residual.held_out, held_out, joint)
-        within = model.uncertain is not None and left <= limits.above_noise * times
+        within = model.uncertain is not None and left <= LIMITS.above_noise * times
         clearly = [] if within else [variable for variable, gain in better.items() if gain > missed]
         if better and (outdone := [c for c in own if not (c in kept and of_own_variable(c, clearly))]):
             return outdone
@@ -158,19 +158,19 @@ def _of_a_drift(state: State) -> list[Candidate]:
     What a cause leaves must be above the noise, by less than makes it structure of its own, and more than a right law
     leaves; and most of it must be a drift, beside which the cause explains little.
     """
-    model, limits = state.model, state.model.limits
+    model = state.model
     for joint in sorted({c.joint for c in state.chosen if c.joint}):
         own = [c for c in state.chosen if c.joint == joint and not of_own_variable(c, [DRIFT])]
-        if not own or noise_ratio(state.residual.held_out, state.data.held_out, joint) <= limits.noise:
+        if not own or noise_ratio(state.residual.held_out, state.data.held_out, joint) <= LIMITS.noise:
             continue
-        if explained_alone([c for c in state.chosen if c.joint == joint], state) > limits.dominant:
+        if explained_alone([c for c in state.chosen if c.joint == joint], state) > LIMITS.dominant:
             continue
         likely = likely_variable(state.data, state.residual, model.arm, joint)
         if likely is None or likely.variable != DRIFT:
             continue
         for c in own:
             others = [*state.free, *(model.columns(one) for one in state.chosen if one is not c)]
-            if share_kept(likely, model.columns(c), others, state.data) < limits.superfluous:
+            if share_kept(likely, model.columns(c), others, state.data) < LIMITS.superfluous:
                 return [c]
     return []
 

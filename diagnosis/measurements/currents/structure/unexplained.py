@@ -150,7 +150,7 @@ class StructureSearch:
             for k in significant
         }
         significant = [k for k in significant if gains[k].sum() - of_unseen[k] > enough]
-        significant = [k for k in significant if self.significance.beyond_model(shapes[k].pair, LIMITS.beyond_model)]
+        significant = [k for k in significant if self.significance.beyond_model(shapes[k].pair)]
         if not significant:
             return None
         best = max(significant, key=lambda k: float(gains[k].sum()))
