@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.signal import welch
 
 from arm_io.types import Array
 from arm_model import Arm
@@ -16,18 +17,25 @@ from diagnosis.closed_loop.clear_errors import HIGHEST
 from diagnosis.closed_loop.comparison import LoopComparison
 from diagnosis.residual.filters import COMPARE_BAND, rate_of
 from diagnosis.selection.waves import SECONDS, SLOWEST, peak
+from identification import recorded_quantity
 
+LACKING = 0.25
+"""Share of the simulated current's power in a line below which the measured current lacks the line."""
 LEAST_ANGLE = 1e-7
 """rad (m): no encoder of a joint resolves less."""
 
 
 @dataclass(frozen=True)
 class Oscillation:
-    """Frequency Hz, and amplitudes of current (in its own unit) and angle (rad, m) of a sine of constant strength."""
+    """Frequency Hz, and amplitudes of current (in its own unit) and angle (rad, m) of a sine of constant strength.
+
+    simulated_alone: the measured current lacks the line.
+    """
 
     frequency: float
     current: float
     angle: float
+    simulated_alone: bool = False
 
 
 def with_oscillations(structures: Sequence[Structure], compared: Iterable[LoopComparison], arm: Arm) -> list[Structure]:
@@ -43,7 +51,7 @@ def with_oscillations(structures: Sequence[Structure], compared: Iterable[LoopCo
 
 
 def oscillation(compared: Sequence[LoopComparison], joint: int, band: tuple[float, float]) -> Oscillation | None:
-    """The oscillation in a ``band`` (Hz) of a joint (from 1) that its simulated loop lacks; None: no line stands out.
+    """The oscillation in a ``band`` (Hz) of a joint (from 1) that one of the loops lacks; None: no line stands out.
 
     Only recordings with the sampling rate of the first one that measured this joint are used.
     """
@@ -59,7 +67,8 @@ def oscillation(compared: Sequence[LoopComparison], joint: int, band: tuple[floa
         return None
     at, bins = line
     current, angle = (float(np.sqrt(2.0 * power[bins].sum() * frequency[1])) for power in powers)
-    return Oscillation(at, current, angle)
+    measured, simulated = (_line(alike, of, joint, bins) for of in ("current", "simulated_current"))
+    return Oscillation(at, current, angle, measured < LACKING * simulated)
 
 
 def _rate(one: LoopComparison) -> float:
@@ -76,6 +85,12 @@ def _power(compared: Sequence[LoopComparison], of: str, joint: int) -> Array:
     return np.asarray(np.average(of_each, axis=0, weights=[one.measured(of)[:, joint - 1].sum() for one in compared]))
 
 
+def _line(compared: Sequence[LoopComparison], of: str, joint: int, bins: slice) -> float:
+    """A2/Hz: power density of a joint's ``current`` or ``simulated_current`` in ``bins``, of all recordings."""
+    each = [welch(getattr(one, of)[:, joint - 1], _rate(one), nperseg=_segment(one))[1] for one in compared]
+    return float(np.mean(each, axis=0)[bins].sum())
+
+
 def _words(oscillating: Oscillation, arm: Arm, joint: int) -> str:
     """``it oscillates at 5.3 Hz, with amplitudes of 120 mA and 0.034 mrad``, unless setpoints cause the line."""
     drive = arm.joints[joint - 1]
@@ -84,9 +99,15 @@ def _words(oscillating: Oscillation, arm: Arm, joint: int) -> str:
         factor, shown = readable(unit, (size,))
         sizes.append(f"{rounded(size * factor, 2)} {shown}")
     if _at_setpoints(oscillating.frequency, arm):
+        line = f"most of it at {oscillating.frequency:.1f} Hz ({sizes[0]}), {_times(oscillating.frequency, arm)}"
+        if oscillating.simulated_alone:
+            return (
+                f"{line} the rate of the model's setpoints, a line that the measured {recorded_quantity(drive)} lacks: "
+                "setpoints of the arm come at another rate, or its servo interpolates them otherwise; correct the "
+                "controller of the model"
+            )
         return (
-            f"most of it at {oscillating.frequency:.1f} Hz ({sizes[0]}), "
-            f"{_times(oscillating.frequency, arm)} the rate of the setpoints: the servo responds to them differently "
+            f"{line} the rate of the setpoints: the servo responds to them differently "
             "from that of the model; check its gains, and check the joint for elasticity"
         )
     if oscillating.angle < LEAST_ANGLE:

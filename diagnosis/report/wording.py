@@ -102,10 +102,9 @@ def _judged(result: Diagnosis) -> str:
     if result.verdict == "consistent":
         return f"Consistent{known}: no effect and no structure was found in these recordings."
     grouped = any(len(cause.group) > 1 for cause in result.causes)
-    causes = ("; " if grouped else ", ").join(map(either, result.causes))
+    causes = ("; " if grouped else ", ").join(f"{either(one)}{_doubted(one)}" for one in result.causes)
     if result.verdict == "explained":
-        names = ("; " if grouped else ", ").join(f"{either(one)}{_doubted(one)}" for one in result.causes)
-        return f"Explained{known}: {names}."
+        return f"Explained{known}: {causes}."
     places = ", ".join(against(result.arm, one.signal, one.joint, one.words()) for one in result.unexplained)
     structure = f"structure in {places} that no effect of the catalogue explains."
     return f"Explained in part: {causes}. There remains {structure}" if causes else f"Unexplained: {structure}"

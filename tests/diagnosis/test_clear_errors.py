@@ -260,6 +260,18 @@ def test_what_a_servo_does_at_setpoints_is_no_oscillation(root: Path, frequency:
     assert told in one.size
 
 
+def test_a_line_that_only_the_simulation_has_is_no_fault_of_the_servo(root: Path) -> None:
+    """The model sends setpoints every 20 ms, the arm gets others: elasticity and gains were to be checked."""
+    arm = armscope.read_model(root / "config/starters/csv/model.toml")
+    assert arm.controller is not None
+    arm = replace(arm, controller=replace(arm.controller, setpoint_period=0.02))
+    left = Structure(Signal.CLOSED_LOOP, 2, "frequencies of 20 to 100 Hz", 0.0, "4.8 times the noise")
+    seen, line = _compared(0.0 * T), 0.1 * np.sin(2 * np.pi * 50.0 * T)
+    (one,) = with_oscillations([left], [replace(seen, simulated_current=np.column_stack([0.0 * T, line]))], arm)
+    assert "that the measured current lacks" in one.size and "correct the controller" in one.size
+    assert "elasticity" not in one.size
+
+
 def test_noise_and_breaking_away_do_not_oscillate() -> None:
     for wrong in (0.0 * T, 30 * BELOW * (T > 15.0), BELOW * np.cumsum(np.random.default_rng(3).normal(size=len(T)))):
         for band in ((2.0, 20.0), (20.0, 100.0)):

@@ -144,6 +144,13 @@ def test_what_is_left_is_said_with_its_place() -> None:
     assert "the current of joint 3 against position, the current of joint 1, no single variable" in said
 
 
+def test_a_name_of_little_confidence_says_so_beside_structure_too() -> None:
+    """A spring of 35 % beside a structure of 9.6 times the noise was told as if it were certain."""
+    spring = replace(group_of(("gravity_spring", 4), felt_at=4), confidence=0.352)
+    said = sentence(cast(Diagnosis, Verdict("unexplained", [spring], [Structure(Signal.CURRENT, 4, "position", 0.8)])))
+    assert said.startswith("Explained in part: gravity spring of joint 4 (confidence 35%). There remains structure")
+
+
 def test_small_errors_are_told_in_thousandths() -> None:
     cause = group_of(("backlash", 2), felt_at=2)
     assert gain(replace(cause, before=0.154, after=0.00416)) == "154 -> 4.2 mA"
