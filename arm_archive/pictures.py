@@ -23,6 +23,7 @@ BINS = 40
 MOST_BYTES = 200_000_000
 """Maximum size of a recording that is read for its picture, which takes some seconds."""
 MOST_BARS = 16
+"""Bars of a picture at most."""
 PALE = "#c3cbd4"
 
 

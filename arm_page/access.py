@@ -20,8 +20,11 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 
 SESSION_SECONDS = 12 * 3600.0
+"""s after which a browser is asked for its password again: a working day."""
 MOST_SESSIONS = 256
+"""Sessions at a time; the oldest ends where one more begins."""
 MOST_ADDRESSES = 1024
+"""Addresses whose wrong passwords are remembered: many clients must not fill the memory."""
 WRONG_SECONDS = 1.0
 """s after a wrong password in which further passwords from the same address are refused unread."""
 

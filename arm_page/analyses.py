@@ -19,7 +19,9 @@ from arm_io.progress import Progress, Step
 
 Table = dict[str, Any]
 MOST_KEPT = 50
+"""Analyses that are remembered; results in folders stay."""
 NICE = 15
+"""Niceness of an analysis: a daemon that records on the same machine comes first."""
 
 
 @dataclass(frozen=True, kw_only=True)

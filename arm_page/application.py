@@ -34,6 +34,7 @@ from arm_report.vendor import VENDOR
 Table = dict[str, Any]
 STATIC = Path(__file__).parent / "static"
 MOST_BODY = 1 << 16
+"""Bytes of a request at most: the longest is an experiment."""
 REPORT_POLICY = (
     "sandbox allow-scripts allow-popups; default-src 'none'; img-src data:; style-src 'unsafe-inline'; "
     "script-src 'unsafe-inline'; frame-ancestors 'self'"

@@ -18,9 +18,11 @@ from daq.service import RemoteServer, Subscriber, call
 
 Table = dict[str, Any]
 STATE_SECONDS = 0.25
+"""s between questions for the state of the rig."""
 ANSWER_SECONDS = 2.0
 """s, maximum time for the answer to ``status``, which a daemon answers in every state."""
 AGAIN_SECONDS = 0.5
+"""s until a rig that did not answer is asked again."""
 
 
 class RigLink:

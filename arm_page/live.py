@@ -19,6 +19,7 @@ from arm_page.access import Access, Role
 from arm_page.link import STATE_SECONDS, RigLink
 
 DRAW_SECONDS = 0.02
+"""s between pictures of the arm: 50 per second move evenly."""
 AHEAD = 2
 """Maximum number of messages sent to a browser that it has not acknowledged."""
 MOST_BYTES = 1000

@@ -18,6 +18,7 @@ Table = dict[str, Any]
 MOST_DATA = 1_500_000
 """Characters: with pictures for print (``stills.MOST_STILLS``), scripts and tables a page stays below 3 MB."""
 LEAST_POINTS = 200
+"""Points that a chart keeps in any case: a curve over the width of a page."""
 LEVELS = 65_534
 """Steps of a quantised array over its range; 65535 is NaN."""
 

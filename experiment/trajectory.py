@@ -14,6 +14,7 @@ from experiment.demand import Demand
 
 ENDINGS = (".yaml", ".yml", ".json", ".csv", ".script")
 MOST_POINTS = 2_000_000
+"""Points of a file at most: half an hour at 1 kHz."""
 _STEP = 1e-4
 """s either way over which the velocity is the difference quotient."""
 _UR_JOINTS = 6

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from arm_io.types import Array
 
 SHORTEST_NS = 5_000_000
+"""ns over which a speed is measured at least: the steps of an encoder are no speed."""
 ROWS = 5
 """Rows that a speed is taken over at least: the stamps of polled devices lie unevenly."""
 LATE_NS = 1_000_000_000

@@ -40,6 +40,7 @@ from daq.service.zenoh_session import keys_of
 
 Table = dict[str, Any]
 STATE_SECONDS = 0.25
+"""s between published states."""
 
 
 class Service:

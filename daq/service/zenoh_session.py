@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from daq.rig.rig_file import Rig
 
 CONNECT_SECONDS = 2.0
+"""s in which the endpoints of a rig must answer."""
 QUEUE_BATCHES = 16
 """Batches of 64 KiB that wait for a slow subscriber before data is dropped: 1 MiB, Zenoh's largest."""
 

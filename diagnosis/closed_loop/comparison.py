@@ -48,6 +48,7 @@ They are tried where the steepest of the others is the best at a joint, and redu
 GENTLE = slice(4, None)
 """All others of ``SMOOTHING``."""
 STEEPER = 0.99
+"""Share of a joint's squared error that the steepest of ``GENTLE`` must leave at most for ``STEEP`` to be tried."""
 REDUCED = 0.9
 """Share of a joint's squared error in closed loop that another smoothing velocity may leave to replace the model's."""
 

@@ -11,6 +11,7 @@ from arm_io.table import Table
 from daq.service.transfer.folder import MOST_PIECE
 
 MOST_EXPIRY = 3600.0
+"""s that a command may stay valid at most: an arm is not to start hours after it was asked to."""
 Coordinate = Annotated[float, Field(ge=-1e6, le=1e6)]
 Name = Annotated[str, Field(min_length=1, max_length=255)]
 

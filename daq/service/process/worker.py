@@ -12,6 +12,7 @@ from arm_io import InputError
 
 T = TypeVar("T")
 MOST_WAITING = 8
+"""Commands that wait for one worker at most; further ones are refused at once."""
 
 
 class Worker:

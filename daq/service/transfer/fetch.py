@@ -24,7 +24,9 @@ if TYPE_CHECKING:
 CHECKSUM_SECONDS = 600.0
 """How long the daemon may take to read the whole file once."""
 PIECE_SECONDS = 10.0
+"""s, maximum time for one piece of a file."""
 TRIES = 3
+"""Times that a piece is asked for before the transfer fails."""
 Shown = Callable[[int, int], object]
 
 

@@ -37,6 +37,7 @@ UNITS = {
     "temperature": "degC",
 }
 BINS = 24
+"""Bins of a residual over a variable, each with as many rows."""
 
 
 def in_noise(result: Diagnosis, joint: int) -> tuple[Array, Array, NDArray[np.bool_]]:
