@@ -86,15 +86,14 @@ def _with_held_out(arm: Arm, fit: Sequence[Recording], held_out: Sequence[Record
     # angles that single counters lost are put back
     recordings = recordings.cut(cleaned.recordings)
     instruments = measure(arm, recordings, cleaned, progress)
-    as_tracked = recordings, [q for _, q, _ in cleaned.samples]
+    recorded, recorded_angles = recordings, [q for _, q, _ in cleaned.samples]
     recordings, cleaned = on_uniform_grid(recordings, cleaned)
     instruments = isolated_by_currents(arm, instruments, cleaned, progress)
     instruments = links_damped(arm, instruments, recordings, cleaned, progress)
     currents = find_causes(arm, instruments.in_model, recordings, cleaned, progress)
     recordings = recordings.cut(with_aligned_currents([*recordings.fit, *recordings.held_out], currents.residuals))
-    instruments = tracked_beside(
-        [*currents.causes, *currents.outside_selection], arm, instruments, *as_tracked, progress
-    )
+    of_currents = [*currents.causes, *currents.outside_selection]
+    instruments = tracked_beside(of_currents, arm, instruments, recorded, recorded_angles, progress)
     instruments = tracked_damped(instruments, currents, recordings.fit, progress)
     causes, as_found = extended_model(arm, instruments, currents, recordings)
     extended = dissipative(as_found, top_speeds(currents))
