@@ -13,7 +13,7 @@ from arm_model.friction_split import completed
 from arm_model.servo import fixed_gains
 from identification.regression.least_squares import Fit
 from identification.regression.model_parameters import freed_rotors, lifted_masses, lifts, model_values
-from identification.regression.physical_consistency import consistent_parameters, friction_rows
+from identification.regression.physical_consistency import BaseFit, Prior, consistent_parameters, friction_rows
 from identification.regression.problem import Problem
 
 OF_WEIGHT = 0.1
@@ -45,15 +45,8 @@ def physical_values(problem: Problem, fit: Fit, information: Array) -> Array:
     for j, mass in enumerate(lifted):
         if mass and (offset := f"joint{j + 1}.offset") in names:
             scale[names.index(offset)] = OF_WEIGHT * mass * float(np.linalg.norm(problem.arm.gravity))
-    return consistent_parameters(
-        grouping,
-        fit.values,
-        information,
-        near,
-        names,
-        friction=friction_rows(problem.arm, names, problem.top_speeds),
-        scale=scale,
-    )
+    prior = Prior(names, near, friction_rows(problem.arm, names, problem.top_speeds), scale)
+    return consistent_parameters(BaseFit(grouping, fit.values, information), prior)
 
 
 def with_values(problem: Problem, physical: Array) -> Arm:

@@ -16,6 +16,7 @@ sign of one coefficient. Convex and self-concordant: damped Newton steps reach i
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -50,39 +51,48 @@ _UNITS = pseudo_inertia(np.eye(len(PARAMETERS)))
 """(10, 4, 4) derivatives of the pseudo-inertia by each parameter."""
 
 
-def consistent_parameters(
-    grouping: Array,
-    base: Array,
-    information: Array,
-    prior: Array,
-    names: Sequence[str],
-    *,
-    friction: Array | None = None,
-    scale: Array | None = None,
-) -> Array:
-    """(p,) physical standard parameters with grouping (b, p) @ them near base (b,).
+@dataclass(frozen=True)
+class BaseFit:
+    """Base parameters as the data determine them.
 
-    Distances from ``base`` are weighted by ``information`` (b, b), the inverse of its covariance.
-
-    ``prior`` (p,): of ``names``; links without mass or inertia get a small one, or where the data contradict that,
-    begin from a body. ``friction`` (k, p): ``friction_rows``,
-    whose product with the parameters must not be negative. Parameters that are neither of a link nor friction are free,
-    held to the prior only where no base parameter speaks of them, or within ``scale`` (p,) where that is not 0; so are
-    signed parameters of effects, while those that have no sign (an amplitude, a share) stay positive.
+    grouping     (b, p): they are grouping @ standard parameters
+    values       (b,); information (b, b): inverse of their covariance, which weighs distances from them
     """
-    scale = np.zeros(len(names)) if scale is None else scale
-    friction = np.empty((0, len(names))) if friction is None else friction
-    priors = [np.array(prior, float)]
-    if (embodied := _with_bodies(priors[0], names)) is not None:
+
+    grouping: Array
+    values: Array
+    information: Array
+
+
+@dataclass(frozen=True)
+class Prior:
+    """Standard parameters where the data do not say.
+
+    names, values  (p,)
+    friction       (k, p) ``friction_rows``, whose product with the parameters must not be negative; None: no such rows
+    scale          (p,) of parameters that are neither of a link nor friction: how near they stay, 0: free; None: all
+    """
+
+    names: Sequence[str]
+    values: Array
+    friction: Array | None = None
+    scale: Array | None = None
+
+
+def consistent_parameters(fit: BaseFit, prior: Prior) -> Array:
+    """(p,) physical standard parameters whose base parameters are near those of a fit.
+
+    Links of the prior without mass or inertia get a small one, or where the data contradict that, begin from a body.
+    Parameters that are neither of a link nor friction are free, held to the prior only where no base parameter speaks
+    of them, or within its ``scale``; so are signed parameters of effects, while those that have no sign (an amplitude,
+    a share) stay positive.
+    """
+    values = np.array(prior.values, float)
+    priors = [values]
+    if (embodied := _with_bodies(values, prior.names)) is not None:
         priors.append(embodied)
-    found = [
-        _nearest(
-            _Problem(grouping, base, information, one.copy(), names, friction, scale),
-            np.array(prior, float),
-        )
-        for one in priors
-    ]
-    misfit = [float((off := grouping @ delta - base) @ information @ off) for delta in found]
+    found = [_nearest(_Problem(fit, replace(prior, values=one)), values) for one in priors]
+    misfit = [float((off := fit.grouping @ delta - fit.values) @ fit.information @ off) for delta in found]
     return found[0] if misfit[0] < misfit[-1] + CONTRADICTED else found[-1]
 
 
@@ -107,17 +117,11 @@ def _nearest(problem: _Problem, prior: Array) -> Array:
 class _Problem:
     """The convex function of the module's docstring, with its first and second derivatives."""
 
-    def __init__(
-        self,
-        grouping: Array,
-        base: Array,
-        information: Array,
-        centre: Array,
-        names: Sequence[str],
-        friction: Array,
-        scale: Array,
-    ) -> None:
-        self.grouping = grouping
+    def __init__(self, fit: BaseFit, prior: Prior) -> None:
+        names, centre = prior.names, prior.values.copy()
+        scale = np.zeros(len(names)) if prior.scale is None else prior.scale
+        friction = np.empty((0, len(names))) if prior.friction is None else prior.friction
+        self.grouping = fit.grouping
         of_effects = np.array([is_effect(name) for name in names], bool)
         self.links = [k for k, name in enumerate(names) if name.endswith(".mass") and not of_effects[k]]
         single = np.array([k for k, name in enumerate(names) if _never_negative(name)], np.intp)
@@ -129,13 +133,13 @@ class _Problem:
         # what must not be negative: rows (k, p) of the parameters, the prior's values (k,), and the weight of each
         self.rows = np.concatenate([np.eye(len(names))[single], friction])
         # a model without friction, as from URDF, has a thousandth here, which would draw 100 N m towards it
-        told = np.linalg.lstsq(grouping, base, rcond=None)[0]
+        told = np.linalg.lstsq(fit.grouping, fit.values, rcond=None)[0]
         self.prior = np.maximum(self.rows @ centre, self.rows @ told)
         self.weight = np.concatenate([np.ones(len(single)), np.full(len(friction), OF_ONE_SPEED)])
         self.inverse = [np.linalg.inv(pseudo_inertia(centre[k : k + 10])) for k in self.links]
-        self.quadratic = grouping.T @ information @ grouping
-        self.linear = grouping.T @ information @ base
-        self.constant = float(base @ information @ base)
+        self.quadratic = fit.grouping.T @ fit.information @ fit.grouping
+        self.linear = fit.grouping.T @ fit.information @ fit.values
+        self.constant = float(fit.values @ fit.information @ fit.values)
         self.inertial = np.array([k + i for k in self.links for i in range(10)], np.intp)
         rubbing = np.flatnonzero(np.any(friction != 0, axis=0) & ~of_effects)
         free = np.setdiff1d(np.arange(len(names)), np.concatenate([self.inertial, single, rubbing]))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from arm_model.rigid_body.inertia import PARAMETERS, pseudo_inertia
-from identification.regression.physical_consistency import consistent_parameters
+from identification.regression.physical_consistency import BaseFit, Prior, consistent_parameters
 
 NAMES = [f"link1.{name}" for name in PARAMETERS]
 PRIOR = np.array([1.0, 0.0, 0.0, 0.0, 0.01, 0.0, 0.0, 0.01, 0.0, 0.01])
@@ -19,7 +19,7 @@ def test_contradictory_data_lead_to_a_body(std: float) -> None:
         rng = np.random.default_rng(seed)
         grouping = rng.normal(size=(3 + seed % 8, 10))
         base = rng.normal(size=len(grouping))
-        found = consistent_parameters(grouping, base, np.eye(len(base)) / std**2, PRIOR, NAMES)
+        found = consistent_parameters(BaseFit(grouping, base, np.eye(len(base)) / std**2), Prior(NAMES, PRIOR))
         assert np.linalg.eigvalsh(pseudo_inertia(found))[0] > 0.0
 
 
@@ -31,5 +31,5 @@ def test_a_thin_body_is_found() -> None:
     inertia = np.trace(p[:3, :3]) * np.eye(3) - p[:3, :3]
     true = np.concatenate([[p[3, 3]], p[:3, 3], inertia[np.triu_indices(3)]])
     grouping = rng.normal(size=(10, 10))
-    found = consistent_parameters(grouping, grouping @ true, np.eye(10) / 1e-10**2, PRIOR, NAMES)
+    found = consistent_parameters(BaseFit(grouping, grouping @ true, np.eye(10) / 1e-10**2), Prior(NAMES, PRIOR))
     assert found == pytest.approx(true, abs=1e-6)

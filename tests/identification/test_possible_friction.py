@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.regression.physical_consistency import consistent_parameters
+from identification.regression.physical_consistency import BaseFit, Prior, consistent_parameters
 
 NAMES = ("joint1.coulomb", "joint1.viscous")
 AT_REST_AND_AT_1_RAD_PER_S = np.array([[1.0, 0.0], [1.0, 1.0]])
@@ -14,12 +14,8 @@ COULOMB_ALONE = np.array([[1.0, 0.0]])
 
 def _estimated(coulomb: float, prior: tuple[float, float]) -> np.ndarray:
     return consistent_parameters(
-        COULOMB_ALONE,
-        np.array([coulomb]),
-        np.array([[1e8]]),
-        np.array(prior),
-        NAMES,
-        friction=AT_REST_AND_AT_1_RAD_PER_S,
+        BaseFit(COULOMB_ALONE, np.array([coulomb]), np.array([[1e8]])),
+        Prior(NAMES, np.array(prior), friction=AT_REST_AND_AT_1_RAD_PER_S),
     )
 
 
@@ -39,5 +35,5 @@ def test_a_model_without_friction_draws_none_of_it_away(size: float) -> None:
     speeds = np.linspace(0.0, 1.0, 25)
     rows = np.tile(np.column_stack([np.ones(25), speeds]), (2, 1))
     true = size * np.array([150.0, 40.0])
-    found = consistent_parameters(np.eye(2), true, np.eye(2) / size**2, np.zeros(2), NAMES, friction=rows)
+    found = consistent_parameters(BaseFit(np.eye(2), true, np.eye(2) / size**2), Prior(NAMES, np.zeros(2), rows))
     assert np.abs(found - true).max() < 0.01 * size

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from armscope.cli import run
-from identification.regression.physical_consistency import consistent_parameters
+from identification.regression.physical_consistency import BaseFit, Prior, consistent_parameters
 
 CONTROLLER = """
 [controller]
@@ -51,5 +51,7 @@ def test_drag_and_added_mass_of_the_underwater_arm(root: Path, tmp_path: Path) -
 @pytest.mark.parametrize("name", ["joint1.drag", "link1.drag_coefficient", "joint1.link_viscous"])
 def test_what_a_model_file_refuses_below_zero_is_not_estimated_there(name: str) -> None:
     """Data that fit best at -7 +- 0.1: the nearest number that a model may have is 0."""
-    found = consistent_parameters(np.eye(1), np.array([-7.0]), np.array([[100.0]]), np.array([0.5]), [name])
+    found = consistent_parameters(
+        BaseFit(np.eye(1), np.array([-7.0]), np.array([[100.0]])), Prior([name], np.array([0.5]))
+    )
     assert 0.0 <= found[0] < 0.01
