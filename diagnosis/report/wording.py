@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+import numpy as np
+
 from arm_model import Arm
 from arm_model.effects import CATALOGUE
 from arm_report.numbers import numbered, value_and_two_std
@@ -54,7 +56,7 @@ def sentence(result: Diagnosis) -> str:
     """The verdict in words."""
     judged = _judged(result)
     if result.shortage is None:
-        return f"{judged} {_left_over(result)}".rstrip()
+        return " ".join(part for part in (judged, _left_over(result), _loop_not_judged(result)) if part)
     short = f"Too short to judge: {result.shortage}."
     return short if judged.startswith("Consistent") else f"{judged} {short}"
 
@@ -66,6 +68,21 @@ def _left_over(result: Diagnosis) -> str:
         above = [words for one in joints for words in one.words]
         return " ".join([f"Above the noise: {', '.join(above)}.", *deciding(joints)])
     return "The residual is noise." if result.verdict == "explained" and not result.warnings else ""
+
+
+def _loop_not_judged(result: Diagnosis) -> str:
+    """That the closed loop says nothing, where the simulated servos are not those of the arm; else empty."""
+    pairs = result.closed_loops.held_out if result.judged else []
+    if not pairs or result.in_closed_loop:
+        return ""
+    off = np.sqrt(np.mean([after.error_rms("angle") ** 2 for _, after in pairs], axis=0))
+    joint = int(np.argmax(off)) + 1
+    factor, unit = readable(result.arm.joints[joint - 1].unit("rad"), (off[joint - 1],))
+    return (
+        f"The closed loop was not judged: its positions of joint {joint} are {rounded(factor * off[joint - 1], 2)} "
+        f"{unit} rms off, more than the model errs along the measured motion. Its controller is not that of this arm, "
+        "or a servo has changed."
+    )
 
 
 def deciding(joints: Sequence[Remaining]) -> Iterator[str]:
@@ -187,8 +204,9 @@ def comparison(arm: Arm, looped: bool, faithful: bool) -> str:
         return (
             f"Model and arm were given the same demands. At a joint at least, the {signals} of this closed loop are "
             f"more than {FAITHFUL} times as far from the measured ones as those predicted along the measured motion: "
-            "the controller of the model is not that of this arm. The pictures and the position errors show mostly the "
-            f"difference between both controllers, and neither confirm nor refute a cause. {along}"
+            "the controller of the model is not that of this arm, or a servo has changed. The pictures and the "
+            "position errors show mostly the difference between both controllers, and neither confirm nor refute a "
+            f"cause. {along}"
         )
     if arm.controller is None:
         return f"No closed-loop simulation: the model has no controller. {along}"

@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import cast
 
 import numpy as np
@@ -26,6 +27,7 @@ from diagnosis.report.joint_verdicts import Remaining
 from diagnosis.report.tables import undetectable_table
 from diagnosis.report.wording import comparison, either, estimate, gain, sentence, values_of
 from diagnosis.result import Diagnosis
+from identification.selection import Split
 from tests.diagnosis.runs import group_of, seen
 
 SIX = Arm(name="six", joints=(Joint(torque_constant=0.2),) * 6)
@@ -42,6 +44,8 @@ class Verdict:
     shortage: Shortage | None = None
     judged: bool = False
     arm: Arm = SIX
+    closed_loops: Split = field(default_factory=lambda: Split([], []))
+    in_closed_loop: bool = False
 
 
 @pytest.mark.parametrize(
@@ -149,6 +153,17 @@ def test_a_name_of_little_confidence_says_so_beside_structure_too() -> None:
     spring = replace(group_of(("gravity_spring", 4), felt_at=4), confidence=0.352)
     said = sentence(cast(Diagnosis, Verdict("unexplained", [spring], [Structure(Signal.CURRENT, 4, "position", 0.8)])))
     assert said.startswith("Explained in part: gravity spring of joint 4 (confidence 35%). There remains structure")
+
+
+def test_a_closed_loop_that_says_nothing_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Servos that lost half their gain after 8 s were "Consistent" without a word, 5 mrad from the simulation."""
+    monkeypatch.setattr("diagnosis.report.wording.remaining", lambda result: [])
+    off = SimpleNamespace(error_rms=lambda signal: np.array([1e-4, 5.3e-3, 2e-3, 0.0, 0.0, 0.0]))
+    other = Verdict("consistent", judged=True, closed_loops=Split([], [(off, off)]))
+    said = sentence(cast(Diagnosis, other))
+    assert "not judged: its positions of joint 2 are 5.3 mrad rms off" in said and "a servo has changed" in said
+    for known in (replace(other, in_closed_loop=True), replace(other, closed_loops=Split([], []))):
+        assert "not judged" not in sentence(cast(Diagnosis, known))
 
 
 def test_small_errors_are_told_in_thousandths() -> None:
