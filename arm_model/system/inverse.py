@@ -1,7 +1,7 @@
 """Inverse dynamics of an arm with effects.
 
-The tape of ``arm_model.system.closed_loop_system`` the other way round, evaluated with numpy; of many rows the rigid
-links, which are most of it, by compiled code.
+The tape of ``arm_model.system.closed_loop_system`` the other way round. Of many rows the rigid links, which are most of
+it, are evaluated by compiled code, and the rest too once an arm of its kind has been asked for often enough.
 """
 
 from __future__ import annotations
@@ -17,12 +17,18 @@ from arm_model.description import Arm
 from arm_model.effects import CATALOGUE, check_terms
 from arm_model.geometry import relinked
 from arm_model.rigid_body.numeric import in_blocks, stacked
+from arm_model.symbolic.rows import Rows, rows_of
 from arm_model.symbolic.tape import Expr, Tape, evaluate, needed
 from arm_model.system.along_motion import FEW, links_torque, wet
 from arm_model.system.kernel_inputs import numbers
 from arm_model.system.links import Symbols, on_links, rigid_links
 from arm_model.system.mechanics import Joints, Mechanics
 from arm_model.system.warmth import warmth_knots
+
+MOVING = ("theta", "speed", "rate", "links")
+"""What a motion has per joint: angles, speeds and accelerations of the motors, torques of the rigid links."""
+WORTH_COMPILING = 1e7
+"""Rows times nodes that numpy evaluates in the 0.1 s in which some of these nodes are compiled."""
 
 
 def torque_with_effects(arm: Arm, theta: Array, speed: Array, acceleration: Array, time: Array) -> Array:
@@ -60,19 +66,10 @@ def torque_with_effects(arm: Arm, theta: Array, speed: Array, acceleration: Arra
         )
         motion = (theta, speed, acceleration)
         if equations.links.asked:
-            of_motors = partial(_along, equations.tape, equations.links, inputs)
-            q, qd, qdd = np.split(in_blocks(of_motors, *moving), 3, axis=1)
+            q, qd, qdd = np.split(equations.links.along(inputs, *moving), 3, axis=1)
             motion = (q, qd, qdd)
         of_links = links_torque(arm, bodies, gravity[0], (motion[0] + zero, *motion[1:]))
-    return in_blocks(partial(_along, equations.tape, equations.torque, inputs), *moving, of_links)
-
-
-def _along(tape: Tape, part: _Part, inputs: Mapping[str, Array], time: Array, *motion: Array) -> Array:
-    """(N, ...) what is asked of a tape, at rows of a motion of the motors, and of torques of the links after it."""
-    names = ("theta", "speed", "rate", "links")
-    moving = {f"{name}{j}": column for name, values in zip(names, motion) for j, column in enumerate(values.T)}
-    values = evaluate(tape, part.asked, {**inputs, **moving, "time": time}, part.order)
-    return stacked(values, time.shape)
+    return equations.torque.along(inputs, *moving, of_links)
 
 
 class _Structure:
@@ -97,12 +94,40 @@ class _Structure:
         return hash(self.key)
 
 
-@dataclass(frozen=True)
 class _Part:
-    """Expressions that are asked for, and the nodes that they need."""
+    """Expressions of a tape that are asked for along motions; ``asked`` may be none.
 
-    asked: list[Expr]
-    order: list[int]
+    By numpy, until the rows that they have been asked for would have paid for compiled code.
+    """
+
+    def __init__(self, tape: Tape, asked: list[Expr]) -> None:
+        self.asked = asked
+        self._tape, self._order = tape, needed(tape, asked)
+        self._rows = 0
+        self._compiled: tuple[Rows, list[str]] | None = None
+
+    def along(self, inputs: Mapping[str, Array], time: Array, *motion: Array) -> Array:
+        """(N, asked) at ``time`` (N,) s of a motion of the motors, and of torques of the links after it, (N, n) each.
+
+        inputs: the arm's numbers.
+        """
+        columns = [f"{name}{j}" for name, values in zip(MOVING, motion) for j in range(values.shape[1])]
+        self._rows += len(time)
+        if self._compiled is None and self._rows * len(self._order) >= WORTH_COMPILING:
+            inside = {self._tape.nodes[index].name for index in self._order}
+            names = [name for name in inputs if name in inside]
+            self._compiled = rows_of(self._tape, self.asked, ["time", *columns], names), names
+        if self._compiled is not None:
+            program, names = self._compiled
+            given = np.array([inputs[name][0] for name in names])
+            return in_blocks(partial(program, given), time[:, None], *motion)
+
+        def by_numpy(time: Array, *motion: Array) -> Array:
+            moving = dict(zip(columns, np.concatenate([values.T for values in motion])))
+            values = evaluate(self._tape, self.asked, {**inputs, **moving, "time": time}, self._order)
+            return stacked(values, time.shape)
+
+        return in_blocks(by_numpy, time, *motion)
 
 
 @dataclass(frozen=True)
@@ -113,7 +138,6 @@ class _Equations:
     torques of the rigid links, at the links, are the inputs ``links{j}``.
     """
 
-    tape: Tape
     torque: _Part
     links: _Part
     links_given: bool
@@ -146,5 +170,4 @@ def _equations(structure: _Structure, zeros: frozenset[str]) -> _Equations:
         motion = [*shape.q, *shape.qd, *pushed]
     drag = mechanics.drag(replace(joints, load=load))
     torque = [load[j] + symbol(f"rotor{j}") * rates[j] + drag.torque[j] for j in range(n)]
-    asked, moved = (_Part(part, needed(tape, part)) for part in (torque, motion))
-    return _Equations(tape, asked, moved, compiled)
+    return _Equations(_Part(tape, torque), _Part(tape, motion), compiled)

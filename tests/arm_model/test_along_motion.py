@@ -12,7 +12,8 @@ from arm_model import Arm, EffectTerm, read_model
 from arm_model.rigid_body.numeric import drive_mass_matrix, drive_rigid_torque
 from arm_model.symbolic.rows import rows_of
 from arm_model.symbolic.tape import Tape, evaluate
-from arm_model.system import along_motion, inverse_dynamics, mass_matrix_along, rigid_torque_along
+from arm_model.system import along_motion, inverse, inverse_dynamics, mass_matrix_along, rigid_torque_along
+from arm_model.tables.drive import FrictionCurve
 
 ROWS = along_motion.FEW + 3
 """Not a multiple of the lanes."""
@@ -88,6 +89,27 @@ def test_inverse_dynamics_with_effects_is_that_of_few_rows(
     parts = [slice(k, k + 100) for k in range(0, ROWS, 100)]
     by_numpy = np.concatenate([inverse_dynamics(arm, q[p], qd[p], qdd[p], time=t[p]) for p in parts])
     same(inverse_dynamics(arm, q, qd, qdd, time=t), by_numpy)
+
+
+@pytest.mark.parametrize("terms", [EFFECTS[:3], EFFECTS, (*EFFECTS[3:], COUPLED)], ids=["drag", "all", "coupled"])
+def test_equations_that_are_asked_for_often_are_compiled(
+    root: Path, terms: tuple[EffectTerm, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    speeds = tuple(np.geomspace(0.01, 2.0, 9).tolist())
+    level = tuple(np.linspace(3.0, 1.0, 9).tolist())
+    curve = FrictionCurve(speed=speeds, positive=level, negative=level)
+    puma = replace(read_model(root / "config/models/puma560.toml"), effects=terms)
+    puma = replace(puma, joints=(replace(puma.joints[0], friction_curve=curve), *puma.joints[1:]))
+    rubbing = replace(puma.joints[1], coulomb=tuple(1.5 * c for c in puma.joints[1].coulomb))
+    arms = puma, replace(puma, joints=(puma.joints[0], rubbing, *puma.joints[2:]))
+    q, qd, qdd = motion(puma)
+    t = np.linspace(0.0, 5.0, ROWS)
+    by_numpy = [inverse_dynamics(arm, q, qd, qdd, time=t) for arm in arms]
+    monkeypatch.setattr(inverse, "WORTH_COMPILING", 0.0)
+    monkeypatch.setattr(inverse, "evaluate", None)
+    for arm, expected in zip(arms, by_numpy):
+        same(inverse_dynamics(arm, q, qd, qdd, time=t), expected)
+    assert np.abs(by_numpy[1] - by_numpy[0]).max() > 1e-6 * np.abs(by_numpy[0]).max()
 
 
 def test_arms_that_share_equations_take_their_own_numbers(root: Path) -> None:
