@@ -72,7 +72,7 @@ class _Joint:
     def searched(self) -> list[Ripple]:
         """Those that stay, with the values of their joint fit, then those that do not."""
         orders = orders_of(self.rows.fit.motions, self.j)
-        if len(orders) < NEIGHBOURS // 2:
+        if len(orders) <= NEIGHBOURS // 2:
             return []
         apart, refused = float(orders[1] - orders[0]) / CLOSE, list[tuple[float, Ripple]]()
         kept = fit_waves(self.rows, self.j, [])
@@ -149,7 +149,7 @@ class _Joint:
         """
         held, wave = self.rows.held_out, before - after
         own = orders_of(held.motions, self.j)
-        if len(own) < NEIGHBOURS // 2 or not wave.any():
+        if len(own) <= NEIGHBOURS // 2 or not wave.any():
             return 1.0
         step = float(own[1] - own[0])
         distance = np.abs(own - fit.waves[-1].order) / step

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,7 +12,10 @@ import pytest
 
 import armscope
 from arm_model import read_model
+from identification.preprocessing.signals import Motion
+from identification.ripples import search
 from identification.ripples.fit import Fitted, Wave
+from identification.ripples.scan import orders_of
 from tests.diagnosis.numpy_arm import GEAR, NumpyArm, humped, model, straight
 
 FRICTION = ((straight(9.0, 8.0),) * 2, (humped,) * 2)
@@ -83,6 +87,19 @@ def test_what_is_written_is_what_was_printed(identified: tuple[armscope.Identifi
     assert [one["stays"] for one in table["ripples"]] == [True, True, True]
     assert set(table["chosen_on_held_out"]) >= {"ripple of joint 1", "2 ripples of joint 2"}
     assert "joint2.gear_ripple.torque" in {one["name"] for one in table["parameters"]}
+
+
+@pytest.mark.parametrize("count", [20, 21])
+def test_a_motion_may_show_few_orders(count: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def few(motions: Sequence[Motion], joint: int) -> np.ndarray:
+        every = orders_of(motions, joint)
+        teeth = int(np.argmin(np.abs(every - TEETH[1])))
+        return every[teeth - count // 2 :][:count]
+
+    monkeypatch.setattr(search, "orders_of", few)
+    fit, held_out = (RIPPLED.record(tmp_path / f"{k}.mcap", k, seconds=8.0) for k in (1, 2))
+    found = armscope.identify(fit, _start(), held_out=held_out).extra["ripples"]
+    assert bool(found) == (count > 20)
 
 
 def test_a_second_day_names_none_of_them_and_what_came_since(
