@@ -55,6 +55,19 @@ def test_noise_is_stationary_however_it_is_correlated(correlated: float) -> None
     assert stationary >= 18
 
 
+def test_noise_of_parts_of_seconds_is_stationary_as_well() -> None:
+    """A joint that moves for half of each of 15 s: no second has enough rows, two together have."""
+    random, keeps = np.random.default_rng(3), np.exp(-0.01 / 0.05)
+    block, stationary = np.arange(1500) // 100, 0
+    rows = np.flatnonzero(np.arange(1500) % 100 < 50)
+    for _ in range(20):
+        noise = signal.lfilter([1.0], [1.0, -keeps], random.standard_normal(3000))[1500:]
+        stationary += is_stationary(noise, block, rows)
+        assert not is_stationary(noise * np.where(block % 6 < 2, 1.0, 0.3), block, rows)
+        assert not is_stationary(noise, block, rows[:250])
+    assert stationary >= 18
+
+
 def test_deviations_are_from_straight_lines() -> None:
     random = np.random.default_rng(2)
     residual = random.standard_normal(2000) + np.linspace(0.0, 30.0, 2000)

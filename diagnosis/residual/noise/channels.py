@@ -240,12 +240,24 @@ def is_stationary(residual: Array, block: NDArray[np.intp], rows: NDArray[np.int
     Compared are deviations from straight lines; what lies in the lines is no more than noise has there.
     """
     values = residual[rows]
-    stds = _about_lines(rows, values, block[rows])
+    stds = _about_lines(rows, values, _of_enough_rows(block[rows]))
     if len(stds) < QUIET_BLOCKS:
         return False
     about_lines = float(np.sqrt(np.mean(stds**2)))
     in_all = float(np.sqrt(np.mean(values**2)))
     return about_lines <= VARIES * float(np.quantile(stds, 0.2)) and in_all <= IN_LINES * about_lines
+
+
+def _of_enough_rows(block: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Numbers of blocks (k,), in which those of fewer than ``QUIET_ROWS`` rows are one with the following.
+
+    A joint that moves for half of every second shows its noise as well as one that moves all the time.
+    """
+    number, held = np.zeros(int(block.max(initial=0)) + 1, dtype=np.intp), 0
+    for k, count in enumerate(np.bincount(block).tolist()):
+        number[k] = number[k - 1] + (held >= QUIET_ROWS) if k else 0
+        held = count + (held if held < QUIET_ROWS else 0)
+    return number[block]
 
 
 def _about_lines(x: NDArray[np.intp], y: Array, block: NDArray[np.intp]) -> Array:
