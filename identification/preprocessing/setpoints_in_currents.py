@@ -69,8 +69,8 @@ def rows_against(period: float, ripple: Array, acceleration: Array, rate: float)
     rows = _rows_shown(product)
     if not rows:
         return 0
-    ratio = period * rate / rows
-    if max(ratio, 1.0 / ratio) % 1.0 < SAME or -max(ratio, 1.0 / ratio) % 1.0 < SAME:
+    ratio = max(period * rate / rows, rows / (period * rate))
+    if abs(ratio - round(ratio)) < SAME:
         return 0
     return 0 if any(_shows(product, float(hz)) for hz in seen_at(STATED, period, rate)) else rows
 
