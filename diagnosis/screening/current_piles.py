@@ -24,6 +24,9 @@ PILED = 4.0
 BEYOND = 0.03
 """Share of the rows at a limit that noise may lift above it: 0.02 of them exceed three noises where half of the
 variance is slower than the noise that is measured. The crests of a slow current rise beyond their commonest value."""
+FAR, FAR_SECONDS = 6.0, 0.0125
+"""Noises above a limit, and s of rows that far: no noise lifts them there, however long the current is at it, and one
+wrong row fills 0.01 s of an averaged current."""
 AGAIN = 0.25
 """Share of the rows at a limit that lie outside its longest visit, at least: a smooth crest comes once, or again at
 another value."""
@@ -48,7 +51,8 @@ LEVELS = 25
 class Pile:
     """A level near the largest value of a joint's averaged current at which its rows pile up.
 
-    level  A, with its noise; at, below, beyond: s of rows within two noises of it, from 8 to 4 below, and 3 above
+    level  A, with its noise; at, below, beyond, far: s of rows within two noises of it, from 8 to 4 below, more than 3
+           above, and more than ``FAR`` above
     turns  of a visit: the joint reverses where it begins or ends, and so may its friction
     """
 
@@ -57,6 +61,7 @@ class Pile:
     at: float
     below: float
     beyond: float
+    far: float
     turns: bool = False
 
     @property
@@ -67,7 +72,7 @@ class Pile:
     @property
     def exceeded(self) -> bool:
         """Whether more rows are above it than noise lifts there."""
-        return self.beyond >= BEYOND * self.at
+        return self.beyond >= BEYOND * self.at or self.far > FAR_SECONDS
 
     @property
     def high(self) -> bool:
@@ -77,9 +82,9 @@ class Pile:
     def of(self, values: Array, period: float) -> Pile:
         """The pile at the same level of other currents (m,), ``period`` s between them."""
         away = (values - self.level) / self.noise
-        counts = [np.sum(np.abs(away) < 2.0), np.sum((away > -8.0) & (away < -4.0)), np.sum(away > 3.0)]
-        at, below, beyond = (float(count) * period for count in counts)
-        return Pile(self.level, self.noise, at, below, beyond)
+        rows = np.abs(away) < 2.0, (away > -8.0) & (away < -4.0), away > 3.0, away > FAR
+        at, below, beyond, far = (float(np.count_nonzero(part)) * period for part in rows)
+        return Pile(self.level, self.noise, at, below, beyond, far)
 
     def holds(self, values: Array) -> NDArray[np.bool_]:
         """(m,) rows that are at the level but for their noise."""
@@ -90,13 +95,13 @@ def pile_of(values: Sequence[Array], noise: float, period: float) -> Pile:
     """The highest pile of |currents| (m,) of recordings, among levels near their largest; ``period`` s between rows."""
     y = np.concatenate(values) if values else np.empty(0)
     if not len(y):
-        return Pile(0.0, noise, 0.0, 0.0, 0.0)
+        return Pile(0.0, noise, 0.0, 0.0, 0.0, 0.0)
     top = float(np.quantile(y, TOP))
     levels = np.linspace(top - 6.0 * noise, top, LEVELS)
     level = float(levels[np.argmax([np.sum(np.abs(y - tried) < 2.0 * noise) for tried in levels])])
     at = np.abs(y - level) < 2.0 * noise
     level = float(np.median(y[at])) if at.any() else level
-    return Pile(level, noise, 0.0, 0.0, 0.0).of(y, period)
+    return Pile(level, noise, 0.0, 0.0, 0.0, 0.0).of(y, period)
 
 
 def reached_again(visits: Sequence[Pile]) -> bool:

@@ -20,6 +20,7 @@ from daq.recording import Recording, open_recording
 from daq.recording.parts import Attachments
 from daq.recording.tables.table import write_table
 from diagnosis.screening.current_limit import current_limits
+from diagnosis.screening.current_piles import pile_of
 from tests.comparison.second_day import puma, record
 from tests.diagnosis.one_axis import FREE
 
@@ -109,6 +110,25 @@ def test_coulomb_friction_in_noise_is_no_limit(tmp_path: Path) -> None:
     signals = {"q": q[:, None], "i": i[:, None], "qref": q[:, None]}
     write_table(tmp_path / "run.mcap", t, signals, Attachments())
     assert current_limits([open_recording(tmp_path / "run.mcap")], FREE) == []
+
+
+def _started(overshoot: float) -> np.ndarray:
+    """A of a wrist that goes at two slow speeds, 5 and 4 s; its current starts higher by ``overshoot`` for 20 ms."""
+    stretches = [(0.0, 200), (-0.33 - overshoot, 5), (-0.325, 1250), (0.0, 60), (-0.318, 1000), (0.0, 200), (0.1, 500)]
+    return np.concatenate([np.full(count, level) for level, count in stretches])
+
+
+@pytest.mark.parametrize("overshoot", [0.07, 0.0])
+def test_a_level_that_a_start_exceeds_is_no_limit(overshoot: float) -> None:
+    i = _started(overshoot)
+    noisy = i + np.random.default_rng(3).normal(0.0, 0.01, len(i))
+    assert pile_of([np.abs(ndimage.uniform_filter1d(noisy, 2))], 0.0072, 0.004).exceeded == (overshoot > 0.0)
+
+
+def test_one_wrong_row_does_not_exceed_a_level() -> None:
+    wrong = np.tile(_started(0.0), 3)
+    wrong[1000] = -1.0
+    assert not pile_of([np.abs(ndimage.uniform_filter1d(wrong, 2))], 0.0072, 0.004).exceeded
 
 
 RATE, NOISE = 125.0, 0.012
