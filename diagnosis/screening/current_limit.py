@@ -113,7 +113,8 @@ def _clipped(recordings: Sequence[Recording], values: Sequence[Array], j: int, p
     if any(one.high and not one.of(every, recordings[0].dt).exceeded for one in piles):
         return moving
     visits = _visits(recordings, values, j, pile)
-    if not (pile.high and reached_again(visits)) and not flat_visits(visits) and not sharp_visits(visits):
+    reached = (pile.high and reached_again(visits)) or flat_visits(visits) or sharp_visits(visits)
+    if pile.far_exceeded or not reached:
         return ()
     slope, std = _over_friction(recordings, values, j, pile, arm)
     if slope + 2.0 * std < FOLLOWS:

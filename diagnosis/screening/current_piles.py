@@ -72,7 +72,12 @@ class Pile:
     @property
     def exceeded(self) -> bool:
         """Whether more rows are above it than noise lifts there."""
-        return self.beyond >= BEYOND * self.at or self.far > FAR_SECONDS
+        return self.beyond >= BEYOND * self.at or self.far_exceeded
+
+    @property
+    def far_exceeded(self) -> bool:
+        """Whether rows are so far above it that it is no limit, whatever the visits to it are like."""
+        return self.far > FAR_SECONDS
 
     @property
     def high(self) -> bool:
