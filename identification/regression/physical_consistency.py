@@ -39,7 +39,7 @@ OF_ONE_SPEED = 0.04
 """Weight of the friction at one speed: the 25 of a direction weigh like one number."""
 PATH = 10.0 ** (np.arange(12, -1, -1) / 2)
 """Weights of divergence and barrier along the path, over the last ones. In steps of 10, data that no arm explains leave
-a minimum 8 to 16 % higher, as Newton's steps meet the boundary."""
+a minimum 4 to 16 % higher, as Newton's steps meet the boundary."""
 ON_PATH = 0.1
 """Expected decrease, over the regularisation, at which a minimum on the way to the last one is near enough."""
 SMALLEST = 1e-6
