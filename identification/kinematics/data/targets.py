@@ -6,6 +6,7 @@ its own.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -16,6 +17,9 @@ from identification.kinematics.models.parameters import UNKNOWN_TARGET, Target
 
 Given = Mapping[str, Place | None]
 """Places that a person states (None: unknown), by name of the target or of the file; "": of all."""
+
+_FARTHEST = 10.0
+"""m from the last link's frame, beyond which a target is taken for one in mm."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +35,7 @@ def common_targets(tracked: Sequence[Tracked], given: Given, std: float, fitted:
     """The targets of recordings that belong together, the first ``fitted`` of which are fitted.
 
     std m, of the places that are known. InputError where the points are in different frames, ``given`` names what is
-    not there, or nothing says where a held-out target sits.
+    not there, nothing says where a held-out target sits, or a place is too far away to be in m.
     """
     first = tracked[0]
     for other in tracked[1:]:
@@ -42,6 +46,7 @@ def common_targets(tracked: Sequence[Tracked], given: Given, std: float, fitted:
             )
     stated = [_stated(one, given) for one in tracked]
     _check_names(tracked, given)
+    _check_places(tracked, stated)
     found: list[Sighting] = []
     numbers = [[_number(found, sighting) for sighting in sightings] for sightings in stated]
     seen = {number for of in numbers[:fitted] for number in of}
@@ -101,6 +106,18 @@ def _check_names(tracked: Sequence[Tracked], given: Given) -> None:
             "--target",
             f"there are {len(names)} reflectors ({', '.join(names)}); give NAME=X,Y,Z for each that is known",
         )
+
+
+def _check_places(tracked: Sequence[Tracked], stated: Sequence[Sequence[Sighting]]) -> None:
+    for one, of in zip(tracked, stated, strict=True):
+        for sighting in of:
+            if sighting.place is not None and math.hypot(*sighting.place) > _FARTHEST:
+                place = ", ".join(f"{v:g}" for v in sighting.place)
+                raise InputError(
+                    one.run.source,
+                    f"the target{sighting.name and ' ' + sighting.name} is given at ({place}) m, more than "
+                    f"{_FARTHEST:g} m from the frame of the last link; must be in m, not in mm",
+                )
 
 
 def _number(found: list[Sighting], sighting: Sighting) -> int:

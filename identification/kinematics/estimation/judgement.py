@@ -10,6 +10,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy import stats
 
 from arm_io.types import Array
 from identification.kinematics.data.blocks import blocks
@@ -69,8 +70,8 @@ def judged(estimated: Estimated, nominal: Chain) -> Judgement:
     for part, runs in (("fit", estimated.measured.runs), ("held_out", estimated.measured.held_out)):
         rows = thinned(runs, MOST_JUDGED)
         points = points_of(runs, rows)
-        residual = _residual(estimated, runs, rows, part)
-        outlier = _outlier(estimated, part, residual, points)
+        residual, spread = _predicted(estimated, runs, rows, part)
+        outlier = _outlier(estimated, part, residual, points, spread)
         as_was = residual_of(nominal, replace(points, q=as_nominal(estimated, points.q)))
         placed = ~points.oriented
         before[part] = position_error(as_was[placed], outlier[placed])
@@ -161,22 +162,30 @@ def _on_one_line(estimated: Estimated) -> Iterator[str]:
             )
 
 
-def _residual(estimated: Estimated, runs: Sequence[Run], rows: Sequence[Index], part: str) -> Array:
-    """(N, 3) m: measured less predicted; of held-out poses of cross-validation, each predicted without its fold."""
+def _predicted(
+    estimated: Estimated, runs: Sequence[Run], rows: Sequence[Index], part: str
+) -> tuple[Array, Array | None]:
+    """Measured less predicted (N, 3) m; of cross-validated points each predicted without its fold.
+
+    Of these also (N, 3, 3) m2, the covariance of their predictions by the fits without them; of others None.
+    """
     points = points_of(runs, rows)
     bend = deflections(
         estimated.extensions, points.q, velocity=velocity_of(runs, rows), gravity=estimated.settings.gravity
     )
     points = points.deflected(bend if estimated.extensions else None)
     if part == "fit" or estimated.measured.judged_by != "cross-validation":
-        return residuals(estimated.parameters, estimated.fit.values, estimated.fit.extension, points)
+        return residuals(estimated.parameters, estimated.fit.values, estimated.fit.extension, points), None
     number = blocks(runs, rows)
     fold = (np.random.default_rng(1).permutation(int(number.max()) + 1) % FOLDS)[number]
-    residual = np.empty_like(points.xyz)
+    residual, spread = np.empty_like(points.xyz), np.empty((len(points), 3, 3))
     for k in np.unique(fold):
-        found = _refitted(estimated, points.where(fold != k))
-        residual[fold == k] = residuals(estimated.parameters, found.values, found.extension, points.where(fold == k))
-    return residual
+        judged_by, here = _refitted(estimated, points.where(fold != k)), points.where(fold == k)
+        residual[fold == k] = residuals(estimated.parameters, judged_by.values, judged_by.extension, here)
+        # few points may fit themselves by chance: all of them know the noise better
+        luck = max(1.0, (estimated.fit.noise / judged_by.noise) ** 2)
+        spread[fold == k] = luck * _promised(estimated.parameters, judged_by, here)
+    return residual, spread
 
 
 def _refitted(estimated: Estimated, points: Points) -> Fit:
@@ -190,27 +199,39 @@ def _refitted(estimated: Estimated, points: Points) -> Fit:
     )
 
 
-def _outlier(estimated: Estimated, part: str, residual: Array, points: Points) -> Mask:
+def _outlier(estimated: Estimated, part: str, residual: Array, points: Points, spread: Array | None) -> Mask:
     """(N,) bool: points left out of the fit.
 
     Held-out ones and those that the fit did not use: far off by the scale of the others, and by the deviation that the
-    fit promises there.
+    fit promises there; ``spread`` (N, 3, 3) m2 is its square where another fit than the final one predicted them.
     """
     if part == "fit" and len(residual) == len(estimated.fit.inlier):
         return np.asarray(~estimated.fit.inlier, bool)
     outlier = far(residual, points.std)
     some = np.flatnonzero(outlier)
-    covariance = _promised(estimated, points.where(some)) + estimated.fit.noise**2 * np.eye(3)
+    promised = _promised(estimated.parameters, estimated.fit, points.where(some)) if spread is None else spread[some]
+    covariance = promised + estimated.fit.noise**2 * np.eye(3)
     off = residual[some]
-    outlier[some] = np.einsum("ni,ni->n", off, np.linalg.solve(covariance, off[:, :, None])[:, :, 0]) > REJECT**2
+    square = np.einsum("ni,ni->n", off, np.linalg.solve(covariance, off[:, :, None])[:, :, 0])
+    outlier[some] = square > _most_square(estimated.fit)
     return outlier
 
 
-def _promised(estimated: Estimated, points: Points) -> Array:
+def _most_square(found: Fit) -> float:
+    """Squared distance of a point, over its covariance, that is exceeded as seldom as ``REJECT`` deviations.
+
+    The covariance is known as well as the noise is: three times an F value, with the degrees of freedom that the fit
+    left. For many points REJECT^2.
+    """
+    free = max(3.0 * float(found.inlier.sum()) - found.effective, 1.0)
+    return float(3.0 * stats.f.isf(stats.chi2.sf(REJECT**2, 3), 3, free))
+
+
+def _promised(parameters: Parameters, found: Fit, points: Points) -> Array:
     """(N, 3, 3) m2: covariance of predicted points, by that of the estimate."""
-    free = estimated.parameters.free
-    columns = linear_in(estimated.chain, points)[1][:, :, free]
-    return columns @ estimated.fit.covariance[: len(free), : len(free)] @ np.swapaxes(columns, 1, 2)
+    columns = linear_in(parameters.chain.at(found.values), points)[1][:, :, parameters.free]
+    known = found.covariance[: len(parameters.free), : len(parameters.free)]
+    return columns @ known @ np.swapaxes(columns, 1, 2)
 
 
 def _by_run(part: str, runs: Sequence[Run], rows: Sequence[Index], residual: Array, outlier: Mask) -> list[LeftOut]:
@@ -282,7 +303,7 @@ def _with_advice(estimated: Estimated, failures: list[str], after: dict[str, Pos
 def _expected(estimated: Estimated) -> float:
     """m rms per coordinate of the held-out points, as the covariance of the estimate and the noise promise."""
     points = points_of(estimated.measured.held_out, thinned(estimated.measured.held_out, _PROMISED))
-    model = np.trace(_promised(estimated, points), axis1=1, axis2=2) / 3.0
+    model = np.trace(_promised(estimated.parameters, estimated.fit, points), axis1=1, axis2=2) / 3.0
     return float(np.sqrt(estimated.fit.noise**2 + np.mean(model)))
 
 

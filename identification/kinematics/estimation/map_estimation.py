@@ -169,12 +169,19 @@ class _Problem:
         self.joint_steps = parameters.chain.joint_steps()
         self.n_free = len(parameters.free)
         self.least = max(points.std, LEAST_NOISE)
+        oriented = points.oriented
+        self.kinds = [kind for kind in (~oriented, oriented) if kind.any()]
         root = parameters.prior_root(len(scale) - self.n_free)
         self.root, self._inverse = scale[:, None] * root, np.linalg.pinv(root) / scale
 
     def scale_of(self, length: Array) -> float:
-        """m, the noise of a coordinate as residuals of ``length`` (N,) m show it, at least what is stated."""
-        return max(float(np.median(length)) / MEDIAN_OF_NORM, self.least)
+        """m, the noise of a coordinate as residuals of ``length`` (N,) m show it, at least what is stated.
+
+        That of positions or of orientations, whichever is larger: where orientations are weighed wrongly, the others
+        would all be outliers by the median of both.
+        """
+        medians = [float(np.median(length[kind])) for kind in self.kinds]
+        return max(max(medians) / MEDIAN_OF_NORM, self.least)
 
     def unit(self, x: Array) -> Array:
         """(r,) u."""

@@ -23,6 +23,10 @@ _LEAST = 1e-3
 """m: smallest lever, where positions have no noise."""
 _MOST = 1e2
 """m: largest lever, where orientations have no noise."""
+_LEAST_ANGLE = 1e-6
+"""rad, less than the noise of any orientation: the scale of simulated ones without noise."""
+_LEAST_LEFT = 0.02
+"""Least share of the noise's variance in residuals that is believed: they tell nothing where parameters absorb all."""
 
 
 def with_aims(measured: Measured, chain: Chain) -> Measured:
@@ -34,9 +38,12 @@ def with_aims(measured: Measured, chain: Chain) -> Measured:
     return replace(measured.each(lambda run: realigned(run, turns)), aims={**measured.aims, **aims})
 
 
-def with_lever(measured: Measured, residual: Array) -> Measured:
-    """The same with orientations weighed by the ratio of both noises, as the residuals (N, 3) of its points show it."""
-    lever = lever_of(measured.points, residual)
+def with_lever(measured: Measured, residual: Array, left: Array | None = None) -> Measured:
+    """The same with orientations weighed by the ratio of both noises, as the residuals (N, 3) of its points show it.
+
+    left: as in ``lever_of``.
+    """
+    lever = lever_of(measured.points, residual, left)
     if lever is None:
         return measured
     return measured.each(lambda run: replace(run, lever=lever) if run.lever else run)
@@ -69,12 +76,20 @@ def realigned(run: Run, turns: dict[int, Array]) -> Run:
     return replace(run, xyz=xyz)
 
 
-def lever_of(points: Points, residual: Array) -> float | None:
-    """m: noise of positions over that of orientations (robust), from residuals (N, 3) m; None: no orientations."""
+def lever_of(points: Points, residual: Array, left: Array | None = None) -> float | None:
+    """m: noise of positions over that of orientations (robust), from residuals (N, 3) m; None: no orientations.
+
+    left (N,), 0 to 1: share of the noise's variance that the fit left in each residual. Few poses decide many
+    parameters, by positions and orientations in unequal parts (Foerstner, "Ein Verfahren zur Schaetzung von Varianz-
+    und Kovarianzkomponenten", Allg. Vermessungs-Nachr. 86, 1979). None: all of it.
+    """
     oriented = points.oriented
     if not oriented.any() or points.lever is None:
         return None
     length = np.linalg.norm(residual, axis=1)
-    position = max(float(np.median(length[~oriented])) / MEDIAN_OF_NORM, 1e-7)
-    angle = max(float(np.median(length[oriented] / points.lever[oriented])) / MEDIAN_OF_NORM, 1e-8)
-    return float(np.clip(position / angle, _LEAST, _MOST))
+    rest = np.ones(len(length)) if left is None else left
+    noises = []
+    for which, unit in ((~oriented, 1.0), (oriented, points.lever[oriented])):
+        share = max(float(np.mean(rest[which])), _LEAST_LEFT)
+        noises.append(float(np.median(length[which] / unit)) / MEDIAN_OF_NORM / np.sqrt(share))
+    return float(np.clip(max(noises[0], 1e-7) / max(noises[1], _LEAST_ANGLE), _LEAST, _MOST))

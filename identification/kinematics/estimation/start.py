@@ -13,7 +13,8 @@ from identification.kinematics.data.measured import Measured
 from identification.kinematics.data.points import Points
 from identification.kinematics.data.runs import aligned
 from identification.kinematics.estimation.estimated import Estimated, Settings
-from identification.kinematics.estimation.map_estimation import fit, residuals
+from identification.kinematics.estimation.map_estimation import Fit, fit, residuals
+from identification.kinematics.estimation.observed import linear_in
 from identification.kinematics.estimation.orientation import with_aims, with_lever
 from identification.kinematics.models.chain import position, xyz_ypr
 from identification.kinematics.models.parameters import Parameters, Target, Trust, base_pose, is_target, parameters_of
@@ -21,6 +22,10 @@ from identification.kinematics.models.parameters import Parameters, Target, Trus
 WRONG_FRAME = 0.1
 """m: median distance of the points in a stated tracker frame from which that frame is wrong, if a fitted one leaves
 less than a quarter of it."""
+_WEIGHINGS = 10
+"""Most weights of orientations that are tried; more than four were never needed."""
+_SAME_WEIGHT = 0.05
+"""Relative change of a weight below which it stays: far less than 40 noises of points tell of it."""
 
 
 def first_fit(
@@ -37,9 +42,7 @@ def first_fit(
     progress("least squares on all points")
     points = measured.points
     found = fit(parameters, points, start=best_start(parameters, points, nominal, circles.values))
-    measured = with_lever(measured, residuals(parameters, found.values, found.extension, points))
-    if measured.points.oriented.any():
-        found = fit(parameters, measured.points, start=found.values)
+    measured, found = _weighed(parameters, measured, found)
     return Estimated(
         arm=arm,
         settings=settings,
@@ -53,6 +56,30 @@ def first_fit(
         fit=found,
         warnings=tuple(warnings),
     )
+
+
+def _weighed(parameters: Parameters, measured: Measured, found: Fit) -> tuple[Measured, Fit]:
+    """The runs with orientations weighed by their noise, and the fit to them, from a fit ``found`` by another weight.
+
+    Noises and estimate depend on each other: orientations that count too little beside positions, or too much, take
+    the error of the others. They are estimated in turn until the weight stays.
+    """
+    for _ in range(_WEIGHINGS):
+        before, points = measured.points.lever, measured.points
+        measured = with_lever(measured, *_left(parameters, found, points))
+        after = measured.points.lever
+        if before is None or after is None or np.allclose(after, before, rtol=_SAME_WEIGHT):
+            break
+        found = fit(parameters, measured.points, start=found.values)
+    return measured, found
+
+
+def _left(parameters: Parameters, found: Fit, points: Points) -> tuple[Array, Array]:
+    """Residuals (N, 3) m of the points, and (N,) which share of the noise's variance the fit left in each."""
+    residual, every = linear_in(parameters.chain.at(found.values), points)
+    columns = every[:, :, parameters.free]
+    absorbed = np.einsum("nij,jk,nik->n", columns, found.covariance, columns) / (3.0 * found.noise**2)
+    return residual, np.where(found.inlier, np.clip(1.0 - absorbed, 0.0, 1.0), 1.0)
 
 
 def place_tracker(
