@@ -1,7 +1,8 @@
 """Recordings whose rows have stamps of their own, put onto a uniform grid.
 
 The filters and differences of a residual take rows as equally spaced. Where stamps jitter by a tenth of a period, that
-would be an error of every acceleration, which a compliance of the drive explains well.
+would be an error of every acceleration, which a compliance of the drive explains well. Stamps that jitter by less may
+be those of rows that do, or their clock may be the worse one: the angles, of a motion that is smooth, show which.
 """
 
 from __future__ import annotations
@@ -13,39 +14,54 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import signal
 
 from arm_io.types import Array
 from daq.recording import Recording
 from diagnosis.residual.filters import Samples
-from diagnosis.residual.noise.channels import KnownNoise
+from diagnosis.residual.noise.channels import KnownNoise, scatter
 from diagnosis.residual.noise.encoder_step import encoder_step
 from identification.preprocessing.grid import on_grid
 
-EVEN = 0.02
-"""Of a period, rms: stamps this close to equal spacing are taken for it.
+EVEN, UNEVEN = 1e-4, 0.02
+"""Of a period, rms: stamps this close to equal spacing are taken for it, and none from here on.
 
 The largest error of a stamp grows with the length of a recording and is no measure of the others.
 """
+SMOOTHER = 0.95
+"""Scatter of the angles of a joint at equally spaced instants, over that of its rows, below which the stamps in between
+are right. Splines leave 0.998 of it or more of rows that were even."""
 TORN = 2.5
 """Periods between two rows that are no mere jitter: rows are missing, and a grid would invent them."""
 SPLINED = ("q", "i", "ql")
 """Signals that are interpolated by splines; other signals by straight lines, integers by the nearest row."""
 
 
-def grid_of(t: Array) -> Array | None:
-    """As many instants as the stamps t (n,) s, equally spaced; None where these are, or where rows are missing."""
+def grid_of(t: Array, q: Array) -> Array | None:
+    """As many instants as the stamps t (n,) s, equally spaced; None where rows are, or where some are missing.
+
+    q: (n, J) rad, the angles of the rows.
+    """
     if len(t) < 3:
         return None
     grid, steps = np.linspace(t[0], t[-1], len(t)), np.diff(t)
-    if steps.max() > TORN * np.median(steps) or np.sqrt(np.mean((t - grid) ** 2)) < EVEN * (grid[1] - grid[0]):
+    # about their own line: the first and the last stamp, between which the grid lies, jitter as the others do
+    off = float(np.std(signal.detrend(t - grid))) / (grid[1] - grid[0])
+    if steps.max() > TORN * np.median(steps) or off < EVEN:
         return None
-    return grid
+    return grid if off >= UNEVEN or _smoother(t, q, grid) else None
+
+
+def _smoother(t: Array, q: Array, grid: Array) -> bool:
+    """Whether angles q (n, J) rad at t (n,) s are smoother at the instants of a grid than if their rows were even."""
+    of_rows, on_instants = scatter(q), scatter(on_grid(t, q, grid, grid[1] - grid[0])[0])
+    return bool(np.any(on_instants < SMOOTHER * of_rows))
 
 
 def even_samples(samples: Samples) -> Samples:
     """t (n,) s, q and i (n, J) with equally spaced rows; the same object where they are, or cannot be."""
     t, q, i = samples
-    grid = grid_of(t)
+    grid = grid_of(t, q)
     if grid is None:
         return samples
     dt = float(grid[1] - grid[0])
@@ -57,7 +73,7 @@ def known_noise(t: Array, q: Array, known: KnownNoise) -> KnownNoise:
 
     On the grid the steps are no longer visible. An encoder whose angles have no common step gets 0.
     """
-    grid, demands = grid_of(t), known.demands
+    grid, demands = grid_of(t, q), known.demands
     if grid is None:
         return known
     if demands is not None:
@@ -67,7 +83,7 @@ def known_noise(t: Array, q: Array, known: KnownNoise) -> KnownNoise:
 
 def even(recordings: Sequence[Recording]) -> list[Recording]:
     """The recordings with equally spaced rows; the same objects where they are, or cannot be."""
-    return [recording if (grid := grid_of(recording.t)) is None else _even(recording, grid) for recording in recordings]
+    return [r if (grid := grid_of(r.t, r.q)) is None else _even(r, grid) for r in recordings]
 
 
 def _even(recording: Recording, grid: Array) -> Recording:

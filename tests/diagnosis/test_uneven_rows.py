@@ -21,11 +21,15 @@ from tests.comparison.second_day import motion, puma
 from tests.diagnosis.one_axis import currents
 
 
-def _recorded(path: Path, arm: Arm, seed: int, jitter: float) -> Recording:
-    """15 s at 250 Hz; instants off by ``jitter`` periods (standard deviation), and stamped as they were."""
+def _recorded(path: Path, arm: Arm, seed: int, jitter: float, *, stamps_alone: bool = False) -> Recording:
+    """15 s at 250 Hz; instants off by ``jitter`` periods (standard deviation), and stamped as they were.
+
+    ``stamps_alone``: rows are even, their stamps are not.
+    """
     rng = np.random.default_rng(seed)
-    t = (np.arange(3750) + jitter * np.clip(rng.normal(size=3750), -2, 2)) / 250.0
-    q, qd, qdd = motion(t, len(arm), seed, 1.6)
+    even = np.arange(3750) / 250.0
+    t = even + jitter * np.clip(rng.normal(size=3750), -2, 2) / 250.0
+    q, qd, qdd = motion(even if stamps_alone else t, len(arm), seed, 1.6)
     i = currents(arm, q, qd, qdd) + 0.01 * rng.standard_normal(q.shape)
     write_table(path, t - t[0], {"q": np.round(q / 1e-5) * 1e-5, "i": i}, Attachments())
     return open_recording(path)
@@ -49,15 +53,27 @@ def test_signals_on_the_grid_are_those_of_its_instants(tmp_path: Path, root: Pat
     np.testing.assert_array_equal(samples[1], grid.q)
 
 
+@pytest.mark.parametrize("jitter", [0.005, 0.015])
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_stamps_between_are_taken_if_the_angles_are_smoother_by_them(
+    tmp_path: Path, root: Path, seed: int, jitter: float
+) -> None:
+    """Of three recordings of one log whose rows jitter by 2 % two were put onto the grid, and one was not."""
+    right = _recorded(tmp_path / "right.mcap", puma(root, 2), seed, jitter)
+    wrong = _recorded(tmp_path / "wrong.mcap", puma(root, 2), seed, jitter, stamps_alone=True)
+    assert even([right])[0] is not right and even([wrong])[0] is wrong
+
+
 def test_even_rows_and_torn_ones_are_left_alone(tmp_path: Path, root: Path) -> None:
-    recording = _recorded(tmp_path / "run.mcap", puma(root, 2), 1, 0.005)
+    recording = _recorded(tmp_path / "run.mcap", puma(root, 2), 1, 0.0)
     assert even([recording])[0] is recording
     torn = np.delete(np.arange(100) + 0.1 * np.sin(np.arange(100)), slice(40, 44))
     # stamps of a clock that was fitted: 3 us rms at 1 kHz, the worst of ten thousand 30 us
     fitted = np.arange(10000) * 1e-3 + 3e-6 * np.random.default_rng(1).standard_normal(10000)
     fitted[5000] += 3e-5
-    assert grid_of(fitted) is None
-    assert grid_of(torn) is None and grid_of(np.arange(2.0)) is None
+    for t in (fitted, torn, np.arange(2.0)):
+        # even rows of an encoder with steps of 10 urad
+        assert grid_of(t, np.round(np.sin(1e-3 * np.arange(len(t))) / 1e-5)[:, None]) is None
 
 
 def _floor(arm: Arm, rate: float, step: float, *, beat: bool = False, jitter: float = 0.1) -> Array:
