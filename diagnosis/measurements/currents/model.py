@@ -184,10 +184,23 @@ class Currents(MeasurementModel[Candidate, State]):
 
     def rivals_of(self, candidate: Candidate, state: State) -> list[Score[Candidate]]:
         """The candidates that would gain as much as a chosen one in its place."""
+        own, every = self._in_place_of(candidate, state)
+        return self._rivals(own, [own, *every])
+
+    def nearly_rivals_of(self, candidate: Candidate, state: State) -> list[Score[Candidate]]:
+        """The candidates that gain nearly as much in the place of a chosen one, to first order; the exact law decides.
+
+        So large an angle as 0.25 rad gains 98 % of what it does by its exact law.
+        """
+        own, every = self._in_place_of(candidate, state)
+        return [one for one in every if one.gain > LIMITS.ambiguity * own.gain]
+
+    def _in_place_of(self, candidate: Candidate, state: State) -> tuple[Score[Candidate], list[Score[Candidate]]]:
+        """A chosen candidate, and all of other effects that are admissible in its place."""
         others = self.without(candidate, state)
-        own = self.conditional(candidate, others, state)
         every = [one for one in self.scores(others) if one.candidate.key != candidate.key]
-        return self._rivals(own, [own, *(one for one in every if self.admissible(one, others))])
+        own = self.conditional(candidate, others, state)
+        return own, [one for one in every if self.admissible(one, others)]
 
     def stalled(self, state: State) -> State | None:
         """The state with two effects that enter together because each hides the other, or with a cause exchanged."""

@@ -1,4 +1,8 @@
-"""A rival of fewer coefficients in the place of a cause of many, if it predicts as well beside all others."""
+"""A rival of fewer coefficients in the place of a cause of many, if it predicts as well beside all others.
+
+Forward selection compares columns, which are first order in their effects. Many coefficients follow what another law
+has beyond that, so that its exact law is asked here.
+"""
 
 from __future__ import annotations
 
@@ -24,8 +28,8 @@ def fewer_coefficients(state: State) -> State:
         if np.count_nonzero(coefficients) < SEVERAL or c.terms:
             continue
         gain = model.without(c, state).energy.held_out - state.energy.held_out
-        trials: list[State] = []
-        for rival in model.rivals_of(c, state):
+        trials: list[tuple[float, State]] = []
+        for rival in model.nearly_rivals_of(c, state):
             fewer = int(np.count_nonzero(coefficients)) - rival.determined
             if fewer <= 0 or rival.candidate.terms:
                 continue
@@ -33,9 +37,9 @@ def fewer_coefficients(state: State) -> State:
             own = [one for one in state.rivals.get(c.key, ()) if one.candidate.key != rival.candidate.key]
             trial = model.refitted(chosen, {**state.rivals, rival.candidate.key: own})
             tolerance = max(LIMITS.tie * gain * fewer, LIMITS.tie_floor * state.data.held_out.rows)
-            if trial.energy.held_out - state.energy.held_out < tolerance:
-                trials.append(trial)
-        joints = range(1, len(model.arm) + 1)
-        trials = [one for one in trials if not any(clearly_worse(one, state, joint) for joint in joints)]
-        state = min(trials, key=lambda one: one.energy.held_out, default=state)
+            more = trial.energy.held_out - state.energy.held_out
+            worse = any(clearly_worse(trial, state, joint) for joint in range(1, len(model.arm) + 1))
+            if more < tolerance and not worse:
+                trials.append((more - tolerance, trial))
+        state = min(trials, key=lambda one: one[0], default=(0.0, state))[1]
     return state
