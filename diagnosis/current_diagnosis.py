@@ -57,6 +57,20 @@ class CurrentDiagnosis:
         return self.selection.state
 
     @property
+    def by_selection(self) -> bool:
+        """Whether the stepwise selection judged the recordings: not a single axis, nor a model without dynamics."""
+        return self.axis is None and bool(self.library)
+
+    @property
+    def by_exact_model(self) -> bool:
+        """Whether the selection judged the recordings, and its model counts as exact: it states no uncertainty.
+
+        With such a model alone, chattering teeth, the rise of a break-away level, and friction near rest and lost rows
+        in simulated loops are judged: errors of any other model move these instants and loops as well.
+        """
+        return self.by_selection and self.arm.uncertainty is None
+
+    @property
     def outside_selection(self) -> list[Cause]:
         """Causes that were found outside the stepwise selection; ``arm`` includes them."""
         return [*self.near_rest, *self.transmissions]

@@ -239,7 +239,7 @@ def _without_held(currents: CurrentDiagnosis) -> CurrentDiagnosis:
 
 def _with_rise_at_rest(currents: CurrentDiagnosis) -> CurrentDiagnosis:
     """Break-away friction with its dependence on the time at rest."""
-    if currents.axis or currents.arm.uncertainty is not None:
+    if not currents.by_exact_model:
         return currents
     runs, terms = currents.state.all_runs, currents.state.terms
     causes, near_rest = (with_rise_at_rest(some, runs, terms) for some in (currents.causes, currents.near_rest))

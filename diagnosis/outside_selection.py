@@ -26,7 +26,7 @@ def friction_near_rest(currents: CurrentDiagnosis, recordings: Recordings, exclu
     Of an identified model by currents alone, beyond what it left there when identified (``Observation.model_std``).
     """
     state = currents.state
-    if currents.axis or not currents.library:
+    if not currents.by_selection:
         return Friction([], [])
     taken = [*excluded, *(cause.key for cause in currents.causes)]
     # friction near rest is judged conditional on any function of load and position, which are other laws
@@ -35,7 +35,7 @@ def friction_near_rest(currents: CurrentDiagnosis, recordings: Recordings, exclu
         if one.joint is not None and one.against in TWO_FACED:
             nuisance.setdefault(one.joint, []).append(Variable(one.against))
     at_rest = friction_causes(state.runs, state.terms, taken, tuple(currents.library), nuisance)
-    if currents.arm.uncertainty is not None:
+    if not currents.by_exact_model:
         return at_rest
     in_loop = _in_loop(currents, recordings, [*taken, *(cause.key for cause in at_rest.causes)])
     return replace(at_rest, causes=[*at_rest.causes, *in_loop])
@@ -52,7 +52,7 @@ def friction_in_place(currents: CurrentDiagnosis, excluded: Set[EffectKey]) -> l
     named = Counter(cause.joint for cause in currents.causes if cause.joint is not None)
     joints = {cause.joint for cause in currents.causes if cause.joint and has_state(cause.effect)}
     joints |= {joint for joint, count in named.items() if count > 1}
-    if currents.axis or not currents.library or not joints:
+    if not (currents.by_selection and joints):
         return []
     found = list[Cause]()
     for joint in joints:
@@ -112,7 +112,7 @@ def transmission_in_place(arm: Arm, recordings: Recordings, of: Cause) -> Cause 
 
 def rows_lost_in_loop(currents: CurrentDiagnosis, recordings: Recordings) -> LostInLoop | None:
     """Rows of currents that closed loops show to be lost, in recordings that have not been realigned yet."""
-    if currents.axis or currents.arm.uncertainty is not None or not currents.library:
+    if not currents.by_exact_model:
         return None
     arm = with_smoothing_velocities(extend(currents.base, currents.causes), recordings.fit)
     lost = lost_in_loop(arm, recordings.fit, recordings.held_out, [i for _, _, i in currents.residuals.samples])
@@ -122,14 +122,11 @@ def rows_lost_in_loop(currents: CurrentDiagnosis, recordings: Recordings) -> Los
 
 
 def gaps(currents: CurrentDiagnosis, excluded: Set[EffectKey]) -> tuple[Cause, ...]:
-    """The gaps that the search named, and those whose teeth chatter.
-
-    Of an arm whose model is exact: an error of its load moves the instant at which teeth part.
-    """
+    """The gaps that the search named, and those whose teeth chatter."""
     if currents.axis:
         return ()
     chosen_gaps = tuple(cause for cause in currents.causes if CATALOGUE[cause.effect].gap is not None)
-    if currents.arm.uncertainty is not None or not currents.library:
+    if not currents.by_exact_model:
         return chosen_gaps
     state, taken = currents.state, {*excluded, *(cause.key for cause in currents.causes)}
     return (*chosen_gaps, *chattering_gaps(state.runs, state.terms, taken))

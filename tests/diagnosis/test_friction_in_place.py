@@ -53,7 +53,7 @@ class _Found:
     runs: Split[list[Run]]
     causes: list[Cause]
     held_out: float = 100.0
-    axis: None = None
+    by_selection: bool = True
     library: tuple[Any, ...] = ()
     terms: list[EffectTerm] = field(default_factory=lambda: list(IMITATION))
 
@@ -67,15 +67,8 @@ def runs() -> Split[list[Run]]:
     return _runs()
 
 
-class _Library(tuple):
-    """Without candidates, and yet a library."""
-
-    def __bool__(self) -> bool:
-        return True
-
-
 def _searched(runs: Split[list[Run]], *causes: Cause, held_out: float = 100.0) -> CurrentDiagnosis:
-    return cast(CurrentDiagnosis, _Found(runs, list(causes), held_out, library=_Library()))
+    return cast(CurrentDiagnosis, _Found(runs, list(causes), held_out))
 
 
 def test_the_law_is_judged_without_the_effects_that_imitate_it(runs: Split[list[Run]]) -> None:
@@ -98,7 +91,7 @@ def test_one_effect_of_a_joint_has_no_law_in_its_place(runs: Split[list[Run]]) -
 
 def test_bristles_that_the_selection_named_get_their_damping() -> None:
     runs = _runs(DAMPING)
-    named = _Found(runs, [group_of(LAW)], library=_Library(), terms=[EffectTerm(*LAW, {"stiffness": STIFFNESS})])
+    named = _Found(runs, [group_of(LAW)], terms=[EffectTerm(*LAW, {"stiffness": STIFFNESS})])
     (law,) = friction_in_place(cast(CurrentDiagnosis, named), frozenset())
     damping = next(one for one in law.parameters if one.name == "damping")
     assert law.key == LAW

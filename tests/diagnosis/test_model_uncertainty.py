@@ -17,6 +17,7 @@ import armscope
 from arm_model import Arm, FrictionCurve, parameter, with_parameters, write_model
 from arm_model.tables import uncertainty_of
 from daq.recording import Recording
+from diagnosis.current_diagnosis import CurrentDiagnosis
 from diagnosis.measurements.currents.model_errors import ModelUncertainty, Significance, of_strongest
 from diagnosis.residual.comparable_rows import rest_friction
 from diagnosis.selection.candidate import Candidate
@@ -48,6 +49,23 @@ def _chances(size: float, left: float, seed: int) -> np.ndarray:
         fit, held_out = map(_side, noisy)
         found.append(Significance(Split(fit, held_out), [], known).chance(pair))
     return np.array(found)
+
+
+@pytest.mark.parametrize(
+    ("axis", "library", "uncertainty", "by_selection", "by_exact_model"),
+    [
+        (None, ["a column"], None, True, True),
+        (None, ["a column"], "known", True, False),
+        (None, [], None, False, False),
+        ("axis", ["a column"], None, False, False),
+    ],
+)
+def test_a_model_that_states_its_uncertainty_is_not_taken_for_exact(
+    axis: Any, library: Any, uncertainty: Any, by_selection: bool, by_exact_model: bool
+) -> None:
+    searched = object.__new__(CurrentDiagnosis)
+    searched.__dict__.update(axis=axis, library=library, arm=SimpleNamespace(uncertainty=uncertainty))
+    assert (searched.by_selection, searched.by_exact_model) == (by_selection, by_exact_model)
 
 
 def test_the_models_own_errors_are_significant_no_more_often_than_chance_has_it() -> None:
