@@ -30,15 +30,14 @@ def unexplained_channels(problem: Problem, best: Fit) -> list[str]:
     level = (np.bincount(judged.joint, torque) / np.maximum(np.bincount(judged.joint), 1))[judged.joint]
     for number, recording in enumerate(problem.fit):
         here = judged.run == number
-        sentences = checks.unexplained_channels(
-            recording.path,
-            unconstrained[here],
-            judged.columns[here],
-            torque[here],
-            level[here],
-            judged.joint[here],
-            problem.arm,
+        rows = checks.FittedRows(
+            residual=unconstrained[here],
+            columns=judged.columns[here],
+            torque=torque[here],
+            level=level[here],
+            joint=judged.joint[here],
         )
+        sentences = checks.unexplained_channels(recording.path, rows, problem.arm)
         found += [f"{recording.path.name}: {sentence}" for sentence in sentences]
     return found + _of_another_unit(problem)
 

@@ -12,7 +12,7 @@ from arm_model import Arm
 from daq.recording import Recording
 from identification.preprocessing.signals import parallel_filter, sliding_rows, with_reversals
 from identification.preprocessing.spectrum import Band
-from identification.regression.effect_columns import shown_torque
+from identification.regression.effect_columns import Samples, shown_torque
 from identification.regression.equations import Equations, shown_rows
 from identification.regression.least_squares import Fit, relative_error
 from identification.regression.physical_arm import physical_values, with_values
@@ -103,7 +103,7 @@ def _noise(problem: Problem, arm: Arm, band: Band) -> Array:
     for motion in problem.motions:
         view = with_reversals(replace(motion, band=replace(motion.band, parallel=band.parallel)))
         warm = replace(arm, temperatures=motion.temperatures)
-        shown = shown_torque(warm, problem.arm, motion.q, motion.qd, motion.qdd, motion.t)
+        shown = shown_torque(warm, problem.arm, Samples(motion.q, motion.qd, motion.qdd, motion.t))
         error, sliding = parallel_filter(view, motion.torque - shown), sliding_rows(view)
         for j, column in enumerate(error.T):
             off[j].append(column[sliding[:, j]])

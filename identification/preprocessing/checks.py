@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -112,46 +113,70 @@ def check_signs(where: Sequence[object], dissipated: Array, std: Array, arm: Arm
         )
 
 
-def unexplained_channels(
-    where: object, residual: Array, columns: Array, torque: Array, level: Array, joint: NDArray[np.intp], arm: Arm
-) -> list[str]:
-    """A sentence for every joint of whose current (torque, force) the fit explains too little.
+@dataclass(frozen=True)
+class FittedRows:
+    """Rows of one recording under a fit.
 
-    Residual, torque and joint (from 0), (rows,) each, and the columns (rows, p) of all parameters. ``level`` (rows,):
-    mean torque of the joint in all recordings; of one that turns a joint one way at one speed, a fit explains that.
+    residual, torque (rows,) N m (N): what the fit leaves, and what was measured. columns (rows, p): of all parameters.
+    joint (rows,): from 0. level (rows,) N m (N): mean torque of the row's joint in all recordings; of a joint that
+    turns one way at one speed, a fit explains that.
+    """
+
+    residual: Array
+    columns: Array
+    torque: Array
+    level: Array
+    joint: NDArray[np.intp]
+
+    def of_joint(self, j: int) -> FittedRows:
+        """The rows of joint j (from 0)."""
+        own = self.joint == j
+        return FittedRows(self.residual[own], self.columns[own], self.torque[own], self.level[own], self.joint[own])
+
+    @property
+    def explained(self) -> float:
+        """Share of the torque's variation that the fit explains; below 0 where it is worse than none."""
+        variation = float(np.mean((self.torque - self.level) ** 2))
+        return 1 - float(np.mean(self.residual**2)) / max(variation, 1e-300)
+
+
+def unexplained_channels(where: object, rows: FittedRows, arm: Arm) -> list[str]:
+    """A sentence for every joint of whose current (torque, force) the fit explains too little.
 
     InputError for a current of which it explains nothing: that of an open input only hums; one in mA follows its joint
     well, and no arm has it beside those of the other joints.
     """
-    channels = []
-    signals = recorded_signals(arm)
-    for j in np.unique(joint).tolist():
-        of_joint, quantity = joint == j, recorded_quantity(arm.joints[j])
-        about = float(np.mean((torque - level)[of_joint] ** 2))
-        explained = 1 - float(np.mean(residual[of_joint] ** 2)) / max(about, 1e-300)
-        if explained >= EXPLAINED:
+    sentences = []
+    for j in np.unique(rows.joint).tolist():
+        own = rows.of_joint(j)
+        if own.explained >= EXPLAINED:
             continue
-        alone, share = _explained_alone(columns[of_joint], torque[of_joint]), f"{max(explained, 0.0):.0%}"
-        if alone >= EXPLAINED:
-            sentence = (
-                f"i{j + 1}: follows the motion of joint {j + 1} (which alone explains {alone:.0%} of it), but all "
-                f"{signals} together fit no arm of this model ({share} of it explained); expected the {quantity} of "
-                f"its own joint, all {signals} in one unit, and the model's gears and torque constants"
-            )
-        elif explained < DEAD:
-            sentence = (
-                f"i{j + 1}: is independent of the motion of joint {j + 1} ({share} of it explained): the channel is "
-                f"dead, or measures something else; expected a {quantity} that follows the drive"
-            )
-        else:
-            sentence = (
-                f"joint {j + 1}: the fit explains {share} of the variation of its {quantity}; is i{j + 1} dead, or "
-                "does it belong to another joint?"
-            )
-        if explained < DEAD:
+        sentence = _what_is_wrong(own, j, arm)
+        if own.explained < DEAD:
             raise InputError(str(where), sentence)
-        channels.append(sentence)
-    return channels
+        sentences.append(sentence)
+    return sentences
+
+
+def _what_is_wrong(own: FittedRows, j: int, arm: Arm) -> str:
+    """What may be wrong with the current (torque, force) of joint j (from 0), by its ``own`` rows."""
+    alone, share = _explained_alone(own.columns, own.torque), f"{max(own.explained, 0.0):.0%}"
+    quantity, signals = recorded_quantity(arm.joints[j]), recorded_signals(arm)
+    if alone >= EXPLAINED:
+        return (
+            f"i{j + 1}: follows the motion of joint {j + 1} (which alone explains {alone:.0%} of it), but all "
+            f"{signals} together fit no arm of this model ({share} of it explained); expected the {quantity} of "
+            f"its own joint, all {signals} in one unit, and the model's gears and torque constants"
+        )
+    if own.explained < DEAD:
+        return (
+            f"i{j + 1}: is independent of the motion of joint {j + 1} ({share} of it explained): the channel is "
+            f"dead, or measures something else; expected a {quantity} that follows the drive"
+        )
+    return (
+        f"joint {j + 1}: the fit explains {share} of the variation of its {quantity}; is i{j + 1} dead, or "
+        "does it belong to another joint?"
+    )
 
 
 def _explained_alone(columns: Array, torque: Array) -> float:

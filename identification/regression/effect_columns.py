@@ -16,6 +16,8 @@ and play count as rigid here, bristles as sliding: their stored state cannot be 
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from arm_io.types import Array
@@ -25,6 +27,16 @@ from arm_model.system import inverse_dynamics
 
 STEP = 1e-3
 """Step of difference quotients, as a share of a parameter's typical size."""
+
+
+@dataclass(frozen=True)
+class Samples:
+    """A motion at N instants: q, qd, qdd (N, n) rad, rad/s, rad/s2 (m, m/s, m/s2) at t (N,) s."""
+
+    q: Array
+    qd: Array
+    qdd: Array
+    t: Array
 
 
 def effect_parameters(arm: Arm) -> list[str]:
@@ -88,33 +100,35 @@ def definition(name: str) -> Parameter:
     return next(p for p in CATALOGUE[effect.rstrip("0123456789")].parameters if p.name == entry)
 
 
-def shown_torque(arm: Arm, model: Arm, q: Array, qd: Array, qdd: Array, t: Array) -> Array:
-    """(N, n) N m: current that a recording of ``arm`` shows, times the drive constants of ``model``.
-
-    q, qd, qdd (N, n) at t (N,) s are the motion.
+def shown_torque(arm: Arm, model: Arm, motion: Samples) -> Array:
+    """(N, n) N m (N): current that a recording of ``arm`` shows, times the drive constants of ``model``.
 
     ``model`` is what the readings were put right with: only where ``arm`` misreads angles otherwise are they moved
     here.
     """
-    q, qd, qdd = _where_it_is(arm, model, q, qd, qdd, t)
-    current = inverse_dynamics(arm, q, qd, qdd, time=t) / described(arm).joint_array("drive_constant")
+    motion = _where_it_is(arm, model, motion)
+    current = inverse_dynamics(arm, motion.q, motion.qd, motion.qdd, time=motion.t)
+    current = current / described(arm).joint_array("drive_constant")
     for term in arm.effects:
         effect = CATALOGUE[term.name]
         if effect.current is not None and term.joint is not None:
             j = term.joint - 1
-            seen = Signals(q=q[:, j], v=qd[:, j], current=current[:, j], t=t)
+            seen = Signals(q=motion.q[:, j], v=motion.qd[:, j], current=current[:, j], t=motion.t)
             current[:, j] += effect.current(values_of(effect, term.parameters), seen)
     return np.asarray(current * model.joint_array("drive_constant"))
 
 
-def effect_columns(arm: Arm, model: Arm, q: Array, qd: Array, qdd: Array, t: Array, shown: Array) -> Array:
-    """(N, n, e) derivative of ``shown_torque`` (N, n) of ``arm`` by each of ``effect_parameters(arm)``."""
+def effect_columns(arm: Arm, model: Arm, motion: Samples, shown: Array) -> Array:
+    """(N, n, e) derivative of ``shown`` (N, n), the ``shown_torque``, by each of ``effect_parameters(arm)``.
+
+    In N m (N) per unit of the parameter.
+    """
     names = effect_parameters(arm)
-    columns = np.zeros((*q.shape, len(names)))
+    columns = np.zeros((*motion.q.shape, len(names)))
     for k, name in enumerate(names):
         step = STEP * definition(name).typical[1]
         moved = with_parameters(arm, {name: parameter(arm, name) + step})
-        columns[:, :, k] = (shown_torque(moved, model, q, qd, qdd, t) - shown) / step
+        columns[:, :, k] = (shown_torque(moved, model, motion) - shown) / step
     return columns
 
 
@@ -155,13 +169,14 @@ def _misread(arm: Arm, q: Array, t: Array) -> Array:
     return error
 
 
-def _where_it_is(arm: Arm, model: Arm, q: Array, qd: Array, qdd: Array, t: Array) -> tuple[Array, Array, Array]:
+def _where_it_is(arm: Arm, model: Arm, motion: Samples) -> Samples:
     """The motion after the encoder errors of ``arm``, instead of those of ``model``, are subtracted.
 
     The errors are e(q), e' q' and e' q'' + e'' q'^2 in position, velocity and acceleration.
     """
     if not any(CATALOGUE[term.name].angle is not None for term in arm.effects):
-        return q, qd, qdd
+        return motion
+    q, qd, qdd, t = motion.q, motion.qd, motion.qdd, motion.t
 
     def more(angle: Array) -> Array:
         return _misread(arm, angle, t) - _misread(model, angle, t)
@@ -169,4 +184,4 @@ def _where_it_is(arm: Arm, model: Arm, q: Array, qd: Array, qdd: Array, t: Array
     h = 1e-3 / arm.joint_array("ratio")
     here, up, down = more(q), more(q + h), more(q - h)
     slope, bend = (up - down) / (2 * h), (up - 2 * here + down) / h**2
-    return q - here, qd * (1 - slope), qdd * (1 - slope) - bend * qd**2
+    return Samples(q - here, qd * (1 - slope), qdd * (1 - slope) - bend * qd**2, t)

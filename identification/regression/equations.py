@@ -26,7 +26,7 @@ from identification.preprocessing.signals import (
     sliding_rows,
 )
 from identification.regression.base_parameters import BaseParameters
-from identification.regression.effect_columns import effect_columns, effect_parameters, shown_torque
+from identification.regression.effect_columns import Samples, effect_columns, effect_parameters, shown_torque
 from identification.regression.model_parameters import Friction, column_names, described_columns, model_values
 from identification.selection import BLOCK_SECONDS
 
@@ -210,10 +210,10 @@ def with_effects(
 
 def _effect_rows(arm: Arm, model: Arm, motion: Motion, moved: Motion) -> Array:
     """(rows of this run, 1 + e): the torque that the arm shows, then its derivatives by the effects' parameters."""
-    q, qd, qdd = moved.q, moved.qd, moved.qdd
+    samples = Samples(moved.q, moved.qd, moved.qdd, motion.t)
     arm = replace(arm, temperatures=motion.temperatures)
-    shown = shown_torque(arm, model, q, qd, qdd, motion.t)
-    columns = effect_columns(arm, model, q, qd, qdd, motion.t, shown)
+    shown = shown_torque(arm, model, samples)
+    columns = effect_columns(arm, model, samples, shown)
     joint, row = np.nonzero(equation_rows(motion)[1].T)
     both = np.concatenate([shown[..., None], columns], axis=2) * equation_weight(motion)[..., None]
     return np.asarray(parallel_filter(motion, both)[row, joint])
@@ -238,6 +238,6 @@ def shown_rows(arm: Arm, model: Arm, motions: Sequence[Motion]) -> Array:
     for motion in motions:
         joint, row = np.nonzero(equation_rows(motion)[1].T)
         warm = replace(arm, temperatures=motion.temperatures)
-        shown = shown_torque(warm, model, motion.q, motion.qd, motion.qdd, motion.t)
+        shown = shown_torque(warm, model, Samples(motion.q, motion.qd, motion.qdd, motion.t))
         parts.append(parallel_filter(motion, shown * equation_weight(motion))[row, joint])
     return np.concatenate(parts)

@@ -15,7 +15,7 @@ from arm_model.effects import coupled
 from arm_model.friction_split import departures, follows
 from arm_model.rigid_body import jacobian
 from arm_model.rigid_body.regressor import parameter_names, parameter_vector, regressor
-from identification.regression.effect_columns import effect_columns, effect_parameters, shown_torque
+from identification.regression.effect_columns import Samples, effect_columns, effect_parameters, shown_torque
 
 Friction = Literal["symmetric", "asymmetric"]
 LEVEL = 1e-6
@@ -44,9 +44,9 @@ def model_columns(
     described = described_columns(arm, q, qd, qdd, friction)
     if not arm.effects:
         return described
-    t = np.zeros(len(q)) if t is None else t
-    shown = shown_torque(arm, arm, q, qd, qdd, t)
-    return np.concatenate([described, effect_columns(arm, arm, q, qd, qdd, t, shown)], axis=2)
+    motion = Samples(q, qd, qdd, np.zeros(len(q)) if t is None else t)
+    columns = effect_columns(arm, arm, motion, shown_torque(arm, arm, motion))
+    return np.concatenate([described, columns], axis=2)
 
 
 def described_columns(arm: Arm, q: Array, qd: Array, qdd: Array, friction: Friction) -> Array:

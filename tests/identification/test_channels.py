@@ -7,7 +7,7 @@ import pytest
 
 from arm_io import InputError
 from arm_model import Arm, Joint
-from identification.preprocessing.checks import unexplained_channels
+from identification.preprocessing.checks import FittedRows, unexplained_channels
 
 RNG = np.random.default_rng(1)
 NOISE = 0.05 * RNG.normal(size=14)
@@ -17,10 +17,12 @@ ARM = Arm(name="axis", joints=(Joint(),))
 
 def test_torque_that_hardly_varies_is_explained_by_its_size() -> None:
     """Fourteen slow rows of one direction, whose friction of 1.46 N m a fit of all recordings tells to within noise."""
-    assert unexplained_channels("slow.mcap", NOISE, COLUMNS, -1.46 + NOISE, np.full(14, 0.2), JOINT, ARM) == []
+    rows = FittedRows(residual=NOISE, columns=COLUMNS, torque=-1.46 + NOISE, level=np.full(14, 0.2), joint=JOINT)
+    assert unexplained_channels("slow.mcap", rows, ARM) == []
 
 
 def test_a_channel_that_shows_none_of_it_is_refused() -> None:
     """The fit expects 1.46 N m, and an open input hums about zero."""
+    rows = FittedRows(residual=1.46 + NOISE, columns=COLUMNS, torque=NOISE, level=np.full(14, 0.2), joint=JOINT)
     with pytest.raises(InputError, match="i1: is independent of the motion of joint 1"):
-        unexplained_channels("dead.mcap", 1.46 + NOISE, COLUMNS, NOISE, np.full(14, 0.2), JOINT, ARM)
+        unexplained_channels("dead.mcap", rows, ARM)

@@ -11,7 +11,7 @@ from arm_io import InputError
 from arm_model import Arm, Joint
 from arm_report.numbers import WIDEST, shortened
 from identification.methods.lag_of_currents import Lag
-from identification.preprocessing.checks import check_signs, unexplained_channels
+from identification.preprocessing.checks import FittedRows, check_signs, unexplained_channels
 from identification.preprocessing.setpoints import Setpoints
 from identification.signal_words import recorded_signals
 
@@ -47,7 +47,8 @@ def test_warnings_call_the_recorded_signal_by_its_unit(arm: Arm, signals: str, s
     assert lag.sentence(arm).startswith(f"{signals} are read 2.0") and lag.to_json(arm)["says"] == lag.sentence(arm)
     assert Setpoints(0.01, "currents").as_shown(recorded_signals(arm)) == f", as the {signals} show"
     noise, joint = np.random.default_rng(1).standard_normal((100, 2)), np.ones(100, np.intp)
+    rows = FittedRows(residual=noise[:, 0], columns=noise[:, 1:], torque=noise[:, 0], level=np.zeros(100), joint=joint)
     with pytest.raises(InputError, match=f"expected a {second} that follows the drive"):
-        unexplained_channels("run.mcap", noise[:, 0], noise[:, 1:], noise[:, 0], np.zeros(100), joint, arm)
+        unexplained_channels("run.mcap", rows, arm)
     with pytest.raises(InputError, match=f"the sign of its {second} is reversed"):
         check_signs(["run.mcap"], np.array([1.0, -1.0]), np.array([0.1, 0.1]), arm)
