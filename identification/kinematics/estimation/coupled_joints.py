@@ -19,7 +19,7 @@ from arm_io.types import Array, Progress
 from arm_model import Arm
 from identification.kinematics.data.points import Points
 from identification.kinematics.estimation.estimated import Estimated
-from identification.kinematics.estimation.map_estimation import Fit, fit, residuals
+from identification.kinematics.estimation.map_estimation import Fit, fit, fit_every_point, residuals
 from identification.kinematics.estimation.outlier_pattern import OUTLIERS, pattern
 from identification.kinematics.estimation.start import first_fit, place_tracker
 from identification.kinematics.models.parameters import UNKNOWN_TARGET, Target, Trust, parameters_of
@@ -94,7 +94,7 @@ class _Search:
         if not self.frame_known:
             start = place_tracker(self.arm, points.deflected(None), self.targets, False, [])[1]
         scale = np.full(len(free), _SCALE)
-        found = fit(parameters, points, start=start, extension_scale=scale, reject=False, iterations=iterations)
+        found = fit_every_point(parameters, points, start=start, extension_scale=scale, iterations=iterations)
         return _Tried(
             entries,
             with_entries(matrix, free, found.extension),

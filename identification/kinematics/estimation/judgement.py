@@ -18,7 +18,7 @@ from identification.kinematics.data.points import Points
 from identification.kinematics.data.runs import Run, points_of, thinned, velocity_of
 from identification.kinematics.estimation.estimated import Estimated
 from identification.kinematics.estimation.extensions import deflections, prior_scales
-from identification.kinematics.estimation.map_estimation import REJECT, Fit, fit, residuals
+from identification.kinematics.estimation.map_estimation import REJECT, Fit, fit, fit_every_point, residuals
 from identification.kinematics.estimation.observability import expected_rank
 from identification.kinematics.estimation.observed import linear_in, residual_of
 from identification.kinematics.estimation.outlier_pattern import OUTLIERS, pattern
@@ -114,7 +114,7 @@ def best_frame_and_target(estimated: Estimated) -> Chain:
     chain = estimated.parameters.chain
     start = estimated.first if not estimated.frame_known else chain
     known = Parameters(start, free, estimated.parameters.every, scale)
-    return chain.at(fit(known, points, reject=False).values)
+    return chain.at(fit_every_point(known, points).values)
 
 
 def as_nominal(estimated: Estimated, q: Array) -> Array:

@@ -38,6 +38,8 @@ _OVERDETERMINED = 1.5
 """Coordinates per estimated parameter that a selection of points must have."""
 _PLENTY = 50.0
 """Coordinates per unknown above which a point hardly pulls its own prediction."""
+_STEPS = 60
+"""Steps of a descent at most; from a nominal arm some ten are enough."""
 _COARSE = 1500
 """Points with which the estimate is brought near; all of them then settle it."""
 _LEAST_SHARE = 0.02
@@ -83,14 +85,51 @@ def fit(
     start: Array | None = None,
     extension_scale: Array | None = None,
     extension_start: Array | None = None,
-    reject: bool = True,
-    iterations: int = 60,
 ) -> Fit:
-    """The estimate from ``points``, beginning at the chain's values or at ``start`` (values,).
+    """The robust estimate from ``points``, beginning at the chain's values or at ``start`` (values,).
 
-    extension_scale (extensions,) are the prior deviations of the extension parameters, about zero. Without ``reject``
-    every point counts, by ordinary least squares in at most ``iterations``.
+    extension_scale (extensions,) are the prior deviations of the extension parameters, about zero; extension_start
+    (extensions,): where they begin, zero by default.
     """
+    problem, coarse, start_x = _begun(parameters, points, start, extension_scale, extension_start)
+    x = _descend(coarse, start_x, _soft_weight, _STEPS, enough=0.1)
+    length = np.linalg.norm(problem.residual(x), axis=1)
+    x, inlier = _rejected(problem, x, length <= REJECT * problem.scale_of(length))
+    robust = _result(problem, x, inlier)
+    if inlier.all():
+        return robust
+    whole = _with_every_point(problem, coarse, start_x, _STEPS)
+    x = np.concatenate((whole.values[parameters.free], whole.extension))
+    if not (_distances(problem, x, whole.inlier) <= REJECT).all():
+        return robust
+    selective = 3 * inlier.sum() >= _OVERDETERMINED * robust.effective and inlier.mean() > 0.5
+    return robust if selective and whole.noise > _CLEARER * robust.noise else whole
+
+
+def fit_every_point(
+    parameters: Parameters,
+    points: Points,
+    *,
+    start: Array | None = None,
+    extension_scale: Array | None = None,
+    iterations: int = _STEPS,
+) -> Fit:
+    """The estimate by ordinary least squares, in which every point counts; arguments as of ``fit``.
+
+    iterations: at most so many steps, where a rough estimate is enough.
+    """
+    problem, coarse, x = _begun(parameters, points, start, extension_scale)
+    return _with_every_point(problem, coarse, x, iterations)
+
+
+def _begun(
+    parameters: Parameters,
+    points: Points,
+    start: Array | None,
+    extension_scale: Array | None,
+    extension_start: Array | None = None,
+) -> tuple[_Problem, _Problem, Array]:
+    """The problem of all points, that of ``_COARSE`` of them, and the unknowns (unknowns,) to begin at."""
     scale_x = np.zeros(0) if extension_scale is None else np.asarray(extension_scale, float)
     scale = np.concatenate((parameters.scale[parameters.free], scale_x))
     prior = np.concatenate((parameters.chain.values[parameters.free], np.zeros(len(scale_x))))
@@ -99,23 +138,10 @@ def fit(
         x[: len(parameters.free)] = np.asarray(start, float)[parameters.free]
     if extension_start is not None:
         x[len(parameters.free) :] = extension_start
-    coarse = points.where(slice(None, None, max(1, len(points) // _COARSE)))
     problem = _Problem(parameters, points, prior, scale)
-    start_x = x = problem.admitted(x) if parameters.held is not None else x
-    if not reject:
-        return _with_every_point(problem, _Problem(parameters, coarse, prior, scale), x, iterations)
-    x = _descend(_Problem(parameters, coarse, prior, scale), x, _soft_weight, iterations, enough=0.1)
-    length = np.linalg.norm(problem.residual(x), axis=1)
-    x, inlier = _rejected(problem, x, length <= REJECT * problem.scale_of(length))
-    robust = _result(problem, x, inlier)
-    if inlier.all():
-        return robust
-    whole = _with_every_point(problem, _Problem(parameters, coarse, prior, scale), start_x, iterations)
-    x = np.concatenate((whole.values[parameters.free], whole.extension))
-    if not (_distances(problem, x, whole.inlier) <= REJECT).all():
-        return robust
-    selective = 3 * inlier.sum() >= _OVERDETERMINED * robust.effective and inlier.mean() > 0.5
-    return robust if selective and whole.noise > _CLEARER * robust.noise else whole
+    fewer = points.where(slice(None, None, max(1, len(points) // _COARSE)))
+    coarse = _Problem(parameters, fewer, prior, scale)
+    return problem, coarse, problem.admitted(x) if parameters.held is not None else x
 
 
 def _with_every_point(problem: _Problem, coarse: _Problem, x: Array, limit: int) -> Fit:
