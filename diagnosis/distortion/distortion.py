@@ -141,9 +141,13 @@ def distort(arm: Arm, name: str, runs: Sequence[Run], recordings: Sequence[Recor
     enough = LIMITS.min_gain * sum(int(np.any(column != 0.0, axis=1).sum()) for column in columns)
     gains = gains_of(steps, ratio, constant)
 
+    against = [_variables(run, recording, joint) for run, recording in pairs]
+
     def paths_of(ratio: float, scale: float) -> tuple[Path, ...]:
+        walks = [smoothed(*step, ratio) for step in steps]
         return tuple(
-            _path(run, recording, joint, model, step, ratio, scale) for (run, recording), step in zip(pairs, steps)
+            _path(run, (model + x, np.sqrt(scale * variance)), step, variables)
+            for (run, _), (x, variance), step, variables in zip(pairs, walks, steps, against)
         )
 
     paths = paths_of(ratio, scale)
@@ -232,39 +236,41 @@ def _steps(run: Run, residual: Array, column: Array) -> tuple[Array, Array]:
     return summed(column * residual), summed(column**2)
 
 
-def _path(
-    run: Run,
-    recording: Recording,
-    joint: int,
-    model: float,
-    step: tuple[Array, Array],
-    ratio: float,
-    scale: float,
-) -> Path:
-    """The parameter along one recording, from the score and information of its steps."""
-    score, seen = step
-    x, variance = smoothed(score, seen, ratio)
-    rows, count = _rows(run), len(x)
+def _path(run: Run, walk: tuple[Array, Array], step: tuple[Array, Array], against: dict[str, Array]) -> Path:
+    """The parameter along one recording.
 
-    def mean(values: Array) -> Array:
-        averages: Array = values[: count * rows].reshape(count, rows).mean(axis=1)
-        return averages
+    walk: value and std (s,) in every ``STEP``; step: score and information (s,), see ``_steps``; against: variables.
+    """
+    (value, std), (score, information) = walk, step
+    shown = information > 0
+    seen = information > DETERMINED * np.median(information[shown]) if shown.any() else shown
+    return Path(run.name, _means(run, run.t), value, std, seen, against, score, information, run.alike)
 
+
+def _variables(run: Run, recording: Recording, joint: int) -> dict[str, Array]:
+    """(s,) each, SI units, degrees Celsius: what a parameter of a joint (from 1) may depend on, in every ``STEP``."""
     j = joint - 1
-    speed = mean(run.v[:, j])
-    against = {
-        "position": mean(run.q[:, j]),
+    t, speed = _means(run, run.t), _means(run, run.v[:, j])
+    found = {
+        "position": _means(run, run.q[:, j]),
         "direction": np.sign(speed),
         "speed": np.abs(speed),
-        "load torque": mean(run.rigid[:, j]),
-        "time": mean(run.t),
+        "load torque": _means(run, run.rigid[:, j]),
+        "time": t,
     }
     if recording.temp is not None and np.isfinite(recording.temp[:, j]).any():
         there = np.isfinite(recording.temp[:, j])
         first = run.raw[0][0] + TRANSIENT
-        against["temperature"] = np.interp(mean(run.t) + first, recording.t[there], recording.temp[there, j])
-    enough = seen > DETERMINED * np.median(seen[seen > 0]) if (seen > 0).any() else seen > 0
-    return Path(run.name, mean(run.t), model + x, np.sqrt(scale * variance), enough, against, score, seen, run.alike)
+        found["temperature"] = np.interp(t + first, recording.t[there], recording.temp[there, j])
+    return found
+
+
+def _means(run: Run, values: Array) -> Array:
+    """(s,) means of values (m,) of the rows of a run in every ``STEP``."""
+    rows = _rows(run)
+    count = len(values) // rows
+    means: Array = values[: count * rows].reshape(count, rows).mean(axis=1)
+    return means
 
 
 def sentence(result: Distortion) -> str:
