@@ -36,11 +36,18 @@ from diagnosis.verification.held_currents import as_held
 from diagnosis.verification.smoothing_velocity import other_smoothing
 
 LOOPS = 2
-"""Searches with other simulated loops after the first, in whose loops all causes are missing."""
+"""Searches with other simulated loops after the first, at most.
+
+All causes are missing in the loops of the first. Those of the second have the causes, those of the third their sizes as
+the second found them.
+"""
 AS_MUCH = 1.02
-"""Squared held-out residual that fewer causes may leave, over that of more."""
-SETTLED = 0.2
-"""Std of the residual, rms, by which the residuals of closed loops must differ for another search."""
+"""Squared held-out residual that fewer causes may leave, over that of more: 2 % is a std of 5000 squares of noise."""
+LOOPS_DIFFER = 0.2
+"""Std of the residual, rms, by which the residuals of closed loops must differ for another search.
+
+It adds 4 % to the energy of the noise: less than half of what a cause must explain (``LIMITS.min_gain``).
+"""
 
 
 @dataclass(frozen=True)
@@ -91,11 +98,11 @@ def _with_simulated_loops(search: Search) -> CurrentDiagnosis:
 
 
 def _loops_differ(before: Screened, after: Screened, runs: Sequence[Run]) -> bool:
-    """Whether the residuals of the simulated loops of any recording differ by more than ``SETTLED``."""
+    """Whether the residuals of the simulated loops of any recording differ by more than ``LOOPS_DIFFER``."""
     for was, now, run in zip(before.known_noise, after.known_noise, runs):
         of_loops = [0.0 if known.loop is None else known.loop.residual for known in (was, now)]
         moved = (of_loops[1] - of_loops[0]) / run.deviation
-        if np.any(np.sqrt(np.mean(moved**2, axis=0)) > SETTLED):
+        if np.any(np.sqrt(np.mean(moved**2, axis=0)) > LOOPS_DIFFER):
             return True
     return False
 

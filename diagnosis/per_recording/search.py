@@ -28,10 +28,10 @@ from diagnosis.residual.run import Run, with_free
 from diagnosis.selection.candidate import Candidate
 
 MOST = 3
-"""Causes with values per recording, at most."""
+"""Causes with values per recording, at most: each has its coefficients once per recording, and many follow anything."""
 STARTS = 3
-"""Effects of which the search may begin, at most."""
-SETTLED = 0.9
+"""Effects with which the search may begin, at most: each costs one search of all recordings or more."""
+REDUCED = 0.9
 """Share of the squared residual to which a further cause with such values must bring it."""
 ROUNDS = 2
 """Searches in which values per recording and the causes of the arm settle in the exact model."""
@@ -61,8 +61,8 @@ def per_recording(currents: S, runs: Sequence[Run], search: Search[S]) -> tuple[
     given = promising(state, others=state.terms) if state.terms else []
     starts = [*([worst] if worst is not None else []), *given, *promising(state)]
     for first in list(dict.fromkeys(starts))[:STARTS]:
-        if (grown := _grown(first, state, runs, search)) and (settled := _settled(*grown, state, runs, search)):
-            return settled
+        if (grown := _grown(first, state, runs, search)) and (found := _in_exact_model(*grown, state, runs, search)):
+            return found
     return None
 
 
@@ -87,7 +87,7 @@ def _grown(
         further = contradicted(selection.state)
         if further is None and noise_alone(selection.state) and not selection.unexplained.structures:
             return several, selection.state.terms
-        if len(several) == MOST or energy > SETTLED * before:
+        if len(several) == MOST or energy > REDUCED * before:
             return None
         more = [further] if further is not None else promising(state, 1, several, selection.state.terms)
         if not more:
@@ -95,7 +95,7 @@ def _grown(
         several, before = [*several, *more], energy
 
 
-def _settled(
+def _in_exact_model(
     several: Sequence[Candidate], others: Sequence[EffectTerm], state: State, runs: Sequence[Run], search: Search[S]
 ) -> tuple[S, list[ValuesPerRecording]] | None:
     """The search with the values of every recording, beside ``others``, in the exact model; None where more is left."""
@@ -108,7 +108,7 @@ def _settled(
         # causes of the arm are not causes of single recordings
         values = values_per_recording(several, state, selection.state.terms)
         if len(contradicting := [own.candidate for own in values if own.contradict]) < len(several):
-            return _settled(contradicting, selection.state.terms, state, runs, search) if contradicting else None
+            return _in_exact_model(contradicting, selection.state.terms, state, runs, search) if contradicting else None
         if (
             noise_alone(selection.state)
             and not selection.unexplained.structures

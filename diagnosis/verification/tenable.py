@@ -42,7 +42,7 @@ def tenable_causes(
     In the place of a refuted one it searches again. runs: residuals of the held-out ones.
     """
     refused, bases = list[EffectKey](), Bases(*model.data)
-    selection, final = _selected(_searched(model, refused, progress), bases, progress)
+    selection, final = _with_structure(_searched(model, refused, progress), bases, progress)
     while True:
         progress("estimating parameters")
         causes = causes_of(selection)
@@ -57,7 +57,7 @@ def tenable_causes(
             refused.append(candidate.key)
             if len(refused) <= LIMITS.searched_again:
                 # another effect may explain the same
-                selection, final = _selected(_searched(model, refused, progress), bases, progress)
+                selection, final = _with_structure(_searched(model, refused, progress), bases, progress)
                 continue
         selection = without_spurious(refitted_without(state, candidate), bases, selection.refuted)
 
@@ -81,7 +81,7 @@ def _final_model(state: State) -> FinalModel:
     return FinalModel(state, causes_of(Selection(state, Unexplained([], [], {}))))
 
 
-def _selected(found: FinalModel, bases: Bases, progress: Progress) -> tuple[Selection, FinalModel]:
+def _with_structure(found: FinalModel, bases: Bases, progress: Progress) -> tuple[Selection, FinalModel]:
     """The causes that were found, and the structure that they leave unexplained; the model that was judged last.
 
     Causes that the final model does not need are removed first, so that structure is searched for once. Where there is

@@ -20,7 +20,7 @@ INDEPENDENT = 1e-4
 """Singular value of the scaled columns below which a direction counts as not excited."""
 MOST_STEPS = 8
 """Steps of a fit with dead zones, at most."""
-SETTLED = 1e-4
+CONVERGED = 1e-4
 """Step (N and the like) after which a fit ends."""
 
 
@@ -37,7 +37,7 @@ def fitted(rows: Rows, start: Array, free: Sequence[int], scale: Array) -> Array
         values[free] += step
         for k in zones:
             values[k] = np.clip(values[k], 0.0, rows.largest(rows.names[k]))
-        if np.abs(step).max(initial=0.0) < SETTLED:
+        if np.abs(step).max(initial=0.0) < CONVERGED:
             break
     return values
 

@@ -25,7 +25,7 @@ from arm_model import Arm
 from arm_model.simulation import simulate_at
 from daq.recording import Recording
 from identification.conclusion.conclude import conclude
-from identification.methods.solution import settled
+from identification.methods.solution import converged
 from identification.preprocessing.demands import demand_of_run
 from identification.preprocessing.signals import Motion, smooth_motion
 from identification.regression.equations import Equations, described_rows, with_effects
@@ -70,7 +70,7 @@ def identify_closed_loop(problem: Problem, method: ClosedLoopMethod, *, progress
         else:
             fit = weighted(simulated, of_simulated, weight)
             uncertainty = fit_uncertainty(simulated, problem.rows, fit)
-        if settled(before, fit, uncertainty):
+        if converged(before, fit, uncertainty):
             break
     # Errors are reported in the same way for every method: by the inverse dynamics on the measured motion.
     solved = Fit(fit.values, fit.weight, torque - columns @ fit.values, fit.scaled)

@@ -43,7 +43,7 @@ LEAST = 0.3
 """Of what a sharp sign has more: less leaves the velocity as it is."""
 STEPS = 5
 """Steps, at most."""
-SETTLED = 0.05
+CONVERGED = 0.05
 """A step in which no velocity changes by more than this share of itself is the last."""
 REDUCED = 0.01
 """Of the rms error of a joint on held-out rows: what a sharper sign must take away to stay."""
@@ -81,7 +81,7 @@ def with_smaller_sign_velocities(
     for _ in range(STEPS if wanted else 0):
         tried, sharper = wanted, solve(with_sign_velocities(problem, wanted), method, progress)
         wanted = sign_velocities_shown(sharper, problem.arm)
-        if not wanted or _settled(tried, wanted):
+        if not wanted or _converged(tried, wanted):
             break
     if not wanted:
         return problem, []
@@ -115,9 +115,9 @@ def sign_velocities_shown(found: Solution, given: Arm) -> dict[int, float]:
     return shown
 
 
-def _settled(before: Mapping[int, float], after: Mapping[int, float]) -> bool:
+def _converged(before: Mapping[int, float], after: Mapping[int, float]) -> bool:
     """Whether the same joints have nearly the same velocities."""
-    return before.keys() == after.keys() and all(abs(after[j] - w) <= SETTLED * w for j, w in before.items())
+    return before.keys() == after.keys() and all(abs(after[j] - w) <= CONVERGED * w for j, w in before.items())
 
 
 def with_sign_velocities(problem: Problem, wanted: Mapping[int, float]) -> Problem:

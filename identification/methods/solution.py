@@ -21,7 +21,7 @@ from identification.regression.weak_directions import regularised_to_model
 
 STEPS = 8
 """Gauss-Newton steps of an arm with effects, at most."""
-SETTLED = 0.1
+CONVERGED = 0.1
 """A step of fewer standard deviations is the last."""
 SHORTEST = 1 / 16
 """Smallest share of a step in the line search."""
@@ -69,7 +69,7 @@ def solve(problem: Problem, method: Method, progress: Progress) -> Solution:
         uncertainty = fit_uncertainty(problem.rows.columns[:, problem.columns], problem.rows, best, prior=weighed)
         if method != "ols":  # which is the textbook's
             best, held = regularised_to_model(problem, best, uncertainty.information)
-        if not arm.effects or settled(before, best, uncertainty):
+        if not arm.effects or converged(before, best, uncertainty):
             break
         if number + 1 == STEPS:  # rows around the values would be others than those of the fit
             _warn_once(
@@ -90,11 +90,11 @@ def fitted_arm(fit: Solution) -> Arm:
     return with_values(fit.problem, physical_values(fit.problem, fit.best, fit.uncertainty.of_rows))
 
 
-def settled(before: Array | None, fit: Fit, uncertainty: FitUncertainty) -> bool:
+def converged(before: Array | None, fit: Fit, uncertainty: FitUncertainty) -> bool:
     """Whether no value has moved by more than a trace of its deviation; never where others were fitted ``before``."""
     if before is None or len(before) != len(fit.values):
         return False
-    return bool(np.all(np.abs(fit.values - before) < SETTLED * uncertainty.std))
+    return bool(np.all(np.abs(fit.values - before) < CONVERGED * uncertainty.std))
 
 
 def _prior(problem: Problem, method: Method) -> tuple[tuple[Array, Joints, Array] | None, float | None]:

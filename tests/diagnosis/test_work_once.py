@@ -57,7 +57,7 @@ def test_structure_is_searched_for_once_where_there_is_none(
     model = _model(arm, Day(coulomb=(6.0, 0.0), ripple=ripple), TRUE, IDLE)
     state = model.refitted([TRUE, IDLE], {TRUE.key: [], IDLE.key: []})
     calls = _counted(monkeypatch, tenable, "without_spurious")
-    found, _ = tenable._selected(tenable._final_model(state), Bases(*model.data), lambda sentence: None)
+    found, _ = tenable._with_structure(tenable._final_model(state), Bases(*model.data), lambda sentence: None)
     assert len(calls) == searches
     assert bool(found.unexplained.structures) is (ripple > 0.0)
     assert IDLE not in found.state.chosen or ripple
@@ -80,7 +80,7 @@ def test_a_correction_that_would_change_nothing_is_not_computed(
     start = State(model, (TRUE,), model.data, {})
     calls = _counted(monkeypatch, states, "_exact")
     once, few = states.corrected(start), len(calls)
-    monkeypatch.setattr(states, "SETTLED", 0.0)
+    monkeypatch.setattr(states, "CONVERGED", 0.0)
     twice = states.corrected(start)
     assert (few, len(calls) - few) == (2, 4)
     assert np.sqrt(np.mean((once.data.fit.y - twice.data.fit.y) ** 2)) < 0.01

@@ -46,18 +46,18 @@ def search(model: Currents, progress: Callable[[str], None]) -> State:
     is above the noise, the search goes on from there.
     """
     selected = select(model, progress)
-    state = _settled(selected)
+    state = _refined(selected)
     if set(state.chosen) != set(selected.chosen) and above_noise(state):
         further = select(model, progress, state)
         if (
             set(further.chosen) != set(state.chosen)
-            and (again := _settled(further)).energy.held_out < state.energy.held_out
+            and (again := _refined(further)).energy.held_out < state.energy.held_out
         ):
             state = again
     return state
 
 
-def _settled(selected: State) -> State:
+def _refined(selected: State) -> State:
     """What was selected, refined by the exact model, without what simpler causes or none do as well."""
     model, state = selected.model, simplified(attributed_to_body(gauss_newton_refined(selected)))
     if len(fewer := eliminate(model, state).chosen) < len(state.chosen):

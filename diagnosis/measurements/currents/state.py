@@ -127,7 +127,7 @@ def terms(chosen: Sequence[Candidate], coefficients: Sequence[Array]) -> list[Ef
     return [EffectTerm(c.effect, c.joint, c.parameters(values.tolist())) for c, values in zip(chosen, coefficients)]
 
 
-SETTLED = 0.01
+CONVERGED = 0.01
 """Of a std, rms over the rows of a joint: corrections that would change by less are not computed again."""
 
 
@@ -153,7 +153,7 @@ def corrected(state: State) -> State:
         if np.sum(trial.residual.fit**2) > LIMITS.worse * np.sum(state.residual.fit**2):
             return state
         before, state = state, trial
-        if _settled(before, state):
+        if _converged(before, state):
             break
     return state
 
@@ -163,8 +163,8 @@ def _first_order(state: State) -> list[Array]:
     return [np.ones_like(c) if one.unit_amplitude else c for one, c in zip(state.chosen, state.coefficients)]
 
 
-def _settled(before: State, after: State) -> bool:
-    """Whether one more correction would change the rows by less than ``SETTLED``.
+def _converged(before: State, after: State) -> bool:
+    """Whether one more correction would change the rows by less than ``CONVERGED``.
 
     What an exact model has beyond first order grows as the square of an effect: by twice the share by which the last
     correction moved what the effects explain.
@@ -177,7 +177,7 @@ def _settled(before: State, after: State) -> bool:
         moved[columns.where] += columns.x @ (now - was)
         explained[columns.where] += columns.x @ now
     beyond = np.linalg.norm(side.y - before.data.fit.y)
-    return bool(2.0 * beyond * np.linalg.norm(moved) < SETTLED * rows * np.linalg.norm(explained))
+    return bool(2.0 * beyond * np.linalg.norm(moved) < CONVERGED * rows * np.linalg.norm(explained))
 
 
 def _exact(

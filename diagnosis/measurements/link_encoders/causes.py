@@ -48,7 +48,7 @@ def link_side(arm: Arm, recordings: Split[Sequence[Recording]]) -> LinkSide | No
     model = link_encoders(arm, recordings)
     if model is None:
         return None
-    model, chosen = _selected(model)
+    model, chosen = _agreeing(model)
     causes = [_cause(candidate, chosen, model, arm) for candidate in chosen] + zero_offsets(chosen, model, arm)
     return LinkSide(
         causes=causes,
@@ -60,18 +60,18 @@ def link_side(arm: Arm, recordings: Split[Sequence[Recording]]) -> LinkSide | No
     )
 
 
-def _selected(model: LinkEncoders) -> tuple[LinkEncoders, Chosen]:
+def _agreeing(model: LinkEncoders) -> tuple[LinkEncoders, Chosen]:
     """Causes whose values agree between recordings; one whose values disagree is excluded and the search repeated."""
     while True:
         selected: Chosen = select(model)
-        chosen = tuple(_settled(candidate, selected, model) for candidate in selected)
+        chosen = tuple(_refined(candidate, selected, model) for candidate in selected)
         refused = contradicted(chosen, model)
         if refused is None:
             return model, chosen
         model = replace(model, excluded=model.excluded | {refused.key})
 
 
-def _settled(candidate: LinkCandidate, chosen: Chosen, model: LinkEncoders) -> LinkCandidate:
+def _refined(candidate: LinkCandidate, chosen: Chosen, model: LinkEncoders) -> LinkCandidate:
     """A chosen candidate with its gap refined from the nearest grid value by its own coefficient, a spring damped."""
     if candidate.definition.spring is not None and candidate.definition.gap is None:
         return candidate.at("lag", lag_of(candidate, chosen, model)[0])

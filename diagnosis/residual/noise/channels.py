@@ -39,8 +39,8 @@ CLIPPED = 4.0
 """Times the mean power from which on a power is no noise; 2 % of noise are."""
 ROUNDS = 20
 """Times that the mean is computed again without these powers, at most."""
-SETTLED = 0.999
-"""Share of the mean before from which on it is settled."""
+CONVERGED = 0.999
+"""Share of the mean before from which on it has converged."""
 STILL_SECONDS = 0.2
 """Shortest standstill of the whole arm from which noise is estimated."""
 
@@ -111,7 +111,7 @@ def _mean_of_noise(power: Array) -> float:
     inside = 1.0 - CLIPPED / np.expm1(CLIPPED)
     for _ in range(ROUNDS):
         noise_bins = power[power < CLIPPED * mean]
-        if not len(noise_bins) or (less := float(noise_bins.mean()) / inside) > SETTLED * mean:
+        if not len(noise_bins) or (less := float(noise_bins.mean()) / inside) > CONVERGED * mean:
             break
         mean = less
     return mean

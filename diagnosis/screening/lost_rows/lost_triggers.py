@@ -31,7 +31,7 @@ CANDIDATE_STDS = 3.0
 part, by how abruptly its current changes, and the joints agree only once they are put back."""
 REFINEMENTS = 8
 """Times that a change is estimated again, at most."""
-SETTLED = 0.1
+CONVERGED = 0.1
 """Share of its std by which the last estimate may move a change."""
 FIRST_ORDER = 0.02
 """s of a change up to which the first-order effect of a lag shows its instant."""
@@ -127,7 +127,7 @@ def _refined(run: Run, change: Change) -> Change:
         if remaining is None:
             break
         change = replace(remaining, step=change.step + remaining.step)
-        if abs(remaining.step) < SETTLED * remaining.std:
+        if abs(remaining.step) < CONVERGED * remaining.std:
             break
     return change
 

@@ -95,14 +95,14 @@ def choose(
         nominal=start.values,
         report=report or (lambda sentence: None),
     )
-    found = _selected(model)
+    found = _selection(model)
     while found.chosen:
         best = min(
             (other for one in found.chosen for other in _without(one, found, model)), key=lambda other: other.cost
         )
         if best.cost >= (1.0 - _EQUAL) * found.cost:
             break
-        again = _selected(replace(model, begin=best.chosen, trials=[trial for trial in best.trials if trial.accepted]))
+        again = _selection(replace(model, begin=best.chosen, trials=[trial for trial in best.trials if trial.accepted]))
         # what was left out may enter again: on points without noise the search would not end
         if again.cost >= found.cost:
             break
@@ -197,7 +197,7 @@ class LeftOutPoints(MeasurementModel[Extension, Chosen]):
 
 
 @dataclass(frozen=True)
-class _Selected:
+class _Selection:
     """Extensions chosen, the trials that led to them, and the rms (m per coordinate) that they leave unseen."""
 
     chosen: Chosen
@@ -210,7 +210,7 @@ class _Selected:
         return self.left / (1.0 - LIMITS.min_gain) ** len(self.chosen)
 
 
-def _without(one: Extension, found: _Selected, model: LeftOutPoints) -> Iterator[_Selected]:
+def _without(one: Extension, found: _Selection, model: LeftOutPoints) -> Iterator[_Selection]:
     """The selection without an extension and those of its joint that are alike.
 
     From the beginning, and from the others that were chosen. The set that is found counts as a whole, so each of it has
@@ -223,15 +223,16 @@ def _without(one: Extension, found: _Selected, model: LeftOutPoints) -> Iterator
     rest = tuple(c for c in model.candidates if c is not one and c not in alike)
     limits = replace(model.limits, standard_errors=model.limits.likely)
     for begin, trials in (((), []), (tuple(c for c in found.chosen if c is not one), kept)):
-        yield _selected(replace(model, candidates=rest, begin=begin, trials=trials, limits=limits))
+        yield _selection(replace(model, candidates=rest, begin=begin, trials=trials, limits=limits))
 
 
-def _selected(model: LeftOutPoints) -> _Selected:
+def _selection(model: LeftOutPoints) -> _Selection:
+    """What the stepwise selection chooses among the candidates of a model."""
     known = len(model.trials)
     chosen: Chosen = select(model)
     last = model.trials[-1] if len(model.trials) > known else None
     left = np.inf if last is None else last.after if last.accepted else last.before
-    return _Selected(chosen, model.trials, float(left))
+    return _Selection(chosen, model.trials, float(left))
 
 
 @dataclass(frozen=True)

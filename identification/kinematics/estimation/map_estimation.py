@@ -39,7 +39,7 @@ _OVERDETERMINED = 1.5
 _PLENTY = 50.0
 """Coordinates per unknown above which a point hardly pulls its own prediction."""
 _STEPS = 60
-"""Steps of a descent at most; from a nominal arm some ten are enough."""
+"""Steps of a descent at most; it ends by its decrement (``_descend``)."""
 _COARSE = 1500
 """Points with which the estimate is brought near; all of them then settle it."""
 _LEAST_SHARE = 0.02

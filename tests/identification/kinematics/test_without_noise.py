@@ -91,7 +91,7 @@ def test_a_selection_that_comes_back_to_where_it_was_ends(monkeypatch: pytest.Mo
             chosen=(extension,) if free else (), trials=[trial] if free else [], cost=1.0 if free else 0.9
         )
 
-    monkeypatch.setattr(cross_validation, "_selected", selected)
+    monkeypatch.setattr(cross_validation, "_selection", selected)
     points = SimpleNamespace(where=lambda rows: None)
     start = SimpleNamespace(inlier=np.ones(50, bool), values=np.zeros(1))
     of: Callable[..., Any] = choose
