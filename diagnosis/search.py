@@ -1,8 +1,11 @@
 """One search for causes in the currents of recordings, conditional on what is known of an arm.
 
-From the outside in: rows that were lost elsewhere are put back where the search confirms them (``searched``); a single
-axis is judged at the full rate too (``searched_in``); what sampling folds into the acceleration is left out
-(``_beside_folding``); one stepwise selection among the columns of all effects (``_selected``).
+Four functions, each of which repeats the next one where its causes show that the residuals were of another kind:
+
+    searched          triggers were dropped (residuals are realigned), or were not (they are as recorded)
+    searched_in       a single axis explains less at its full rate than as one joint of an arm
+    _beside_folding   sampling put an inertia into the acceleration, or too little to explain what is there
+    _one_selection    a stepwise selection among the columns of all effects, and its verification
 """
 
 from __future__ import annotations
@@ -146,30 +149,27 @@ def _beside_folding(search: Search, residuals: Residuals, axis: AxisSide | None)
     Repeated without what all joints show alike along their acceleration, where sampling may have put it there; or with
     all of it, where that is more than sampling may put there.
     """
-    found = _selected(search, residuals, axis)
+    found = _one_selection(search, residuals, axis)
     if (share := folded_alike(found.state)) is not None:
         residuals = replace(residuals, runs=with_folding(residuals.runs, share))
-        found = _selected(search, residuals, axis)
+        found = _one_selection(search, residuals, axis)
     if not (joints := beyond_folding(found.state)):
         return found
-    return _selected(search, replace(residuals, runs=resolved(residuals.runs, joints)), axis)
+    return _one_selection(search, replace(residuals, runs=resolved(residuals.runs, joints)), axis)
 
 
-def _selected(search: Search, residuals: Residuals, axis: AxisSide | None) -> CurrentDiagnosis:
+def _one_selection(search: Search, residuals: Residuals, axis: AxisSide | None) -> CurrentDiagnosis:
     """One stepwise selection and its verification, conditional on the causes of a single ``axis``."""
-    arm, recordings = search.arm, search.recordings
+    arm, base, recordings, runs = search.arm, search.arm, search.recordings, residuals.runs
     search.progress("computing the columns of every effect")
-    every = _candidates(search, residuals)
+    every, data = _candidates(search, residuals), _datasets(runs, recordings)
     ripples = tuple(c for c in every if order_of(c) is not None)
-    runs, data = residuals.runs, _datasets(residuals.runs, recordings)
     library = Library((c for c in every if order_of(c) is None), data)
-    of_axis, base = [from_axis(cause, arm) for cause in axis.causes] if axis else [], arm
+    of_axis = [from_axis(cause, arm) for cause in axis.causes] if axis else []
     if axis and of_axis:
-        # the search continues in their residual
         base = replace(arm, joints=axis.held_out.arm.joints)
         runs = [replace(run, arm=replace(base, temperatures=run.arm.temperatures)) for run in runs]
-        terms = extend(base, of_axis).effects[len(arm.effects) :]
-        data = _datasets(runs, recordings).map(lambda part: replace(part, y=dataset_with(part, terms)))
+        data = _left_by(of_axis, base, _datasets(runs, recordings))
     free = [Split(*pair) for pair in zip(free_columns(data.fit, arm), free_columns(data.held_out, arm))]
     data, free = bounded(data, free)
     columns, ripples = (library, ripples) if axis is None else (Library((), data), ())
@@ -189,6 +189,12 @@ def _selected(search: Search, residuals: Residuals, axis: AxisSide | None) -> Cu
         transmissions=search.transmissions,
         undetermined=search.undetermined,
     )
+
+
+def _left_by(causes: Sequence[Cause], base: Arm, data: Split[Dataset]) -> Split[Dataset]:
+    """The data with the residual that causes leave of recordings of the arm ``base``."""
+    terms = extend(base, causes).effects[len(base.effects) :]
+    return data.map(lambda part: replace(part, y=dataset_with(part, terms)))
 
 
 def _candidates(search: Search, residuals: Residuals) -> list[Candidate]:
