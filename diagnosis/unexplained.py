@@ -41,14 +41,9 @@ def unexplained_structure(
     recordings: Recordings,
 ) -> list[Structure]:
     """Everything above the noise that no cause explains, of any instrument and in closed loop."""
-    state, of_currents = currents.state, unexplained_of_currents(instruments, currents)
-    # a joint that fitted recordings alone leave unexplained need not be so when one of them is held out
-    wherever = [one for one in of_currents if one not in currents.undetermined]
-    fit_alone = in_fit_alone(state, wherever) if instruments.judged else []
-    of_currents = [one for one in of_currents if one in wherever or one.joint not in [fit.joint for fit in fit_alone]]
+    of_currents, short = _in_either_set(instruments, currents), currents.shortage
     structures = [
-        *(one for one in of_currents if currents.shortage is None or one.joint not in currents.shortage.joints),
-        *fit_alone,
+        *(one for one in of_currents if one.fit_only or short is None or one.joint not in short.joints),
         *(changes_of_lag(currents) if instruments.judged else []),
         *(instruments.link.unexplained if instruments.link else []),
         *instruments.tracked.unexplained,
@@ -58,7 +53,21 @@ def unexplained_structure(
         ),
     ]
     reported = [one.joint for one in (*of_currents, *structures)]
-    return [*structures, *_in_loop(verified, recordings, state.data, reported)]
+    return [*structures, *_in_loop(verified, recordings, currents.state.data, reported)]
+
+
+def _in_either_set(instruments: OtherInstruments, currents: CurrentDiagnosis) -> list[Structure]:
+    """``unexplained_of_currents``, and what the fitted recordings alone leave at the other joints.
+
+    The latter also at joints with friction near rest of undetermined size, in its place.
+    """
+    found = unexplained_of_currents(instruments, currents)
+    if not instruments.judged:
+        return found
+    determined = [one for one in found if one not in currents.undetermined]
+    fit_alone = in_fit_alone(currents.state, determined)
+    joints = {one.joint for one in fit_alone}
+    return [*(one for one in found if one in determined or one.joint not in joints), *fit_alone]
 
 
 def unexplained_of_currents(instruments: OtherInstruments, currents: CurrentDiagnosis) -> list[Structure]:

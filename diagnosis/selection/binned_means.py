@@ -19,3 +19,8 @@ def predicted_by_bins(x_fit: Array, y_fit: Array, x: Array, bins: int) -> Array:
     count = np.maximum(np.bincount(which, minlength=len(edges) + 1), 1)
     means = [np.bincount(which, weights=column, minlength=len(edges) + 1) / count for column in y_fit.T]
     return np.stack(means, axis=1)[np.digitize(x, edges)]
+
+
+def predicted_share(y: Array, predicted: Array) -> float:
+    """Share of the squares of a residual y (m, k) that a prediction (m, k) takes away; below 0 where it adds some."""
+    return 1.0 - float(np.sum((y - predicted) ** 2)) / max(float(np.sum(y**2)), 1e-300)

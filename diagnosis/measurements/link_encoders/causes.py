@@ -21,7 +21,7 @@ from diagnosis.measurements.link_encoders.estimates import lag_of, parameters_of
 from diagnosis.measurements.link_encoders.model import LIMITS, Chosen, LinkEncoders, link_encoders
 from diagnosis.measurements.link_encoders.per_recording import contradicted
 from diagnosis.measurements.link_encoders.rows import Rows
-from diagnosis.measurements.link_encoders.unexplained import remarks, unexplained_structure
+from diagnosis.measurements.link_encoders.unexplained import remarks, unexplained_by_link_encoders
 from diagnosis.measurements.link_encoders.zero_offsets import zero_offsets
 from diagnosis.selection.beyond_model import in_deviations
 from identification.selection import Split, select
@@ -52,7 +52,7 @@ def link_side(arm: Arm, recordings: Split[Sequence[Recording]]) -> LinkSide | No
     causes = [_cause(candidate, chosen, model, arm) for candidate in chosen] + zero_offsets(chosen, model, arm)
     return LinkSide(
         causes=causes,
-        unexplained=unexplained_structure(chosen, model),
+        unexplained=unexplained_by_link_encoders(chosen, model),
         held_out=model.rows.held_out,
         without=model.residual((), *model.rows),
         residual=model.residual(chosen, *model.rows),

@@ -12,7 +12,7 @@ from diagnosis.cause import Signal, Structure
 from diagnosis.cause.structure import NO_VARIABLE
 from diagnosis.measurements.link_encoders.candidates import standing_orders, turns
 from diagnosis.measurements.link_encoders.model import LIMITS, Chosen, LinkEncoders
-from diagnosis.selection.binned_means import predicted_by_bins
+from diagnosis.selection.binned_means import predicted_by_bins, predicted_share
 
 BINS = 16
 """Bins of a variable, with equal numbers of rows."""
@@ -38,7 +38,7 @@ def remarks(chosen: Chosen, model: LinkEncoders, arm: Arm) -> Iterator[str]:
         yield remark
 
 
-def unexplained_structure(chosen: Chosen, model: LinkEncoders) -> list[Structure]:
+def unexplained_by_link_encoders(chosen: Chosen, model: LinkEncoders) -> list[Structure]:
     """Unexplained structure at joints whose residual exceeds the noise and is predictable from a variable.
 
     If no variable predicts a residual above the noise, only its size is given.
@@ -67,6 +67,5 @@ def unexplained_structure(chosen: Chosen, model: LinkEncoders) -> list[Structure
 
 
 def _predicted_share(x_fit: Array, y_fit: Array, x: Array, y: Array) -> float:
-    """Share of y (m,) that averages of y_fit in BINS bins of x_fit predict at x."""
-    predicted = predicted_by_bins(x_fit, y_fit[:, None], x, BINS)[:, 0]
-    return 1.0 - float(np.sum((y - predicted) ** 2) / max(np.sum(y**2), 1e-300))
+    """Share of the squares of y (m,) that averages of y_fit (f,) in BINS bins of x_fit (f,) predict at x (m,)."""
+    return predicted_share(y, predicted_by_bins(x_fit, y_fit[:, None], x, BINS)[:, 0])

@@ -22,11 +22,12 @@ from daq.recording import Recording
 from diagnosis.cause import Cause, Estimate, Signal, Structure, Undetectable, confidence_of
 from diagnosis.cause.evidence import MAX_CONFIDENCE
 from diagnosis.measurements.tracker.candidates import TrackedCandidate
-from diagnosis.measurements.tracker.detectability import no_tracker, sizes, structure, undetectable_by_tracker, visible
+from diagnosis.measurements.tracker.detectability import no_tracker, sizes, undetectable_by_tracker, visible
 from diagnosis.measurements.tracker.joint_fit import State, Survey, zero_scales
 from diagnosis.measurements.tracker.model import LIMITS, Accepted, TrackedPoints, selected, tracked_points
 from diagnosis.measurements.tracker.points import Outliers, Side, points_of, side_of
 from diagnosis.measurements.tracker.regression import energy, good, point_residual, residual_without_zeros
+from diagnosis.measurements.tracker.unexplained import unexplained_by_tracker
 from diagnosis.residual.noise.encoder_step import encoder_step
 from diagnosis.selection.estimates import estimates
 from identification.kinematics.data import aligned
@@ -107,7 +108,7 @@ def tracked_causes(
         shown=visible(moves, level),
         noise=noise,
         rms={side: (_rms(b), _rms(a)) for side, (b, a) in errors.items()},
-        unexplained=structure(points, list(after), list(without_zeros), level),
+        unexplained=unexplained_by_tracker(points, list(after), list(without_zeros), level),
         distances={side: (np.linalg.norm(b, axis=1), np.linalg.norm(a, axis=1)) for side, (b, a) in errors.items()},
     )
 
