@@ -10,7 +10,7 @@ import numpy as np
 from arm_io.types import Array
 from arm_model import Arm
 from arm_model.effects import total_friction
-from identification.regression.physical_consistency import friction_at
+from identification.regression.friction_rows import friction_at
 from identification.regression.problem import Problem
 from identification.regression.uncertainty import FitUncertainty
 

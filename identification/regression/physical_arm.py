@@ -11,9 +11,10 @@ from arm_model import Arm, with_parameters
 from arm_model.effects import driven
 from arm_model.friction_split import completed
 from arm_model.servo import fixed_gains
+from identification.regression.friction_rows import friction_rows
 from identification.regression.least_squares import Fit
 from identification.regression.model_parameters import freed_rotors, lifted_masses, lifts, model_values
-from identification.regression.physical_consistency import BaseFit, Prior, consistent_parameters, friction_rows
+from identification.regression.physical_consistency import BaseFit, Prior, consistent_parameters
 from identification.regression.problem import Problem
 
 OF_WEIGHT = 0.1

@@ -24,9 +24,7 @@ from scipy import linalg, sparse
 from scipy.sparse import csgraph
 
 from arm_io.types import Array
-from arm_model import Arm
-from arm_model.effects import CATALOGUE, effect_friction, speeds
-from arm_model.friction_split import unit_departure
+from arm_model.effects import CATALOGUE
 from arm_model.rigid_body import COEFFICIENTS, LINK_FRICTION
 from arm_model.rigid_body.inertia import PARAMETERS, pseudo_inertia
 from identification.regression.effect_columns import definition, is_effect
@@ -77,7 +75,7 @@ class Prior:
     """Standard parameters where the data do not say.
 
     names, values  (p,)
-    friction       (k, p) ``friction_rows``, whose product with the parameters must not be negative; None: no such rows
+    friction       (k, p) ``friction_rows``: their product with the parameters must not be negative; None: no such rows
     scale          (p,) of parameters that are neither of a link nor friction: how near they stay, 0: free; None: all
     """
 
@@ -242,40 +240,6 @@ def _never_negative(name: str) -> bool:
     if not is_effect(name):
         return name.split(".")[-1] in NEVER_NEGATIVE
     return not (definition(name).signed or CATALOGUE[name.split(".")[-2]].friction)
-
-
-def friction_rows(arm: Arm, names: Sequence[str], top: Sequence[float] | Array) -> Array:
-    """(k, p) per unit parameter, N m (N) against the motion: one row per joint, direction and speed up to ``top`` (n,).
-
-    Columns of what is no friction are zero.
-    """
-    found = []
-    for j in range(len(arm)):
-        v = speeds(arm, j, float(top[j]))
-        for direction in (1, -1):
-            rows = friction_at(arm, names, j, v, direction)
-            found.append(rows[np.any(rows != 0, axis=1)])
-    return np.concatenate([np.empty((0, len(names))), *found])
-
-
-def friction_at(arm: Arm, names: Sequence[str], j: int, v: Array, direction: int) -> Array:
-    """(k, p) N m (N) against the motion of joint j (from 0) at speeds v (k,) >= 0, per unit of each named parameter."""
-    powers, side = {"viscous": 1, "coulomb": 0}, "positive" if direction > 0 else "negative"
-    held = {term.name: term.parameters for term in arm.effects if term.joint == j + 1}
-    rows = np.zeros((len(v), len(names)))
-    for k, name in enumerate(names):
-        head, _, quantity = name.partition(".")
-        kind, _, way = quantity.partition("_")
-        if head != f"joint{j + 1}":
-            continue
-        if kind in powers and way in ("", side):
-            rows[:, k] = v ** powers[kind]
-        elif way in ("", side) and (unit := unit_departure(arm.joints[j], kind, v)) is not None:
-            rows[:, k] = unit
-        elif is_effect(name) and (effect := CATALOGUE[quantity.split(".")[0]]).friction:
-            linear = {p.name: float(p.name == quantity.split(".")[1]) for p in effect.linear}
-            rows[:, k] = effect_friction(effect, {**held[effect.name], **linear}, v, direction)
-    return rows
 
 
 def _fill_friction(parameters: Array, rows: Array, names: Sequence[str]) -> None:
