@@ -18,6 +18,7 @@ from arm_io.types import Array
 from arm_model import EffectTerm
 from diagnosis.cause import Estimate
 from diagnosis.measurements.currents.design_matrix import columns_of
+from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.measurements.currents.state import State
 from diagnosis.per_recording.single_recordings import (
     columns_of_recordings,
@@ -34,9 +35,6 @@ from diagnosis.selection.design import Pair
 from diagnosis.selection.estimates import estimates
 from diagnosis.selection.regression import INDEPENDENT
 from identification.selection import scaled_lstsq
-
-CORRECTIONS = 2
-"""Evaluations of the exact model per recording."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -112,7 +110,7 @@ def _corrected(
     candidates with the places of their columns in x. Values of which there is no arm correct nothing.
     """
     y = missed
-    for _ in range(CORRECTIONS):
+    for _ in range(LIMITS.corrections):
         values = scaled_lstsq(x, y, INDEPENDENT)
         terms = [_term(c, values[place]) for c, place in several]
         try:

@@ -14,18 +14,14 @@ from diagnosis.residual.run_setup import setup_of
 from diagnosis.screening.lost_rows.blank_samples import without_blanks
 from identification import recorded_quantity, recorded_signals
 from identification.preprocessing import check_joints
-from identification.preprocessing.mechanism import check_mechanism, other_drives
+from identification.preprocessing.mechanism import ALIKE, OTHER_UNIT, check_mechanism, other_drives
 
 STANDSTILL = 0.005
 """rad (m): smaller motion of a joint is standstill."""
 BEYOND = 4.0
 """Ratio to the limits of a joint above which angles are degrees."""
-ALIKE = 0.8
-"""Correlation of measured and expected currents from which on they are equal but for their size."""
 OPPOSITE = -0.5
-"""Correlation up to which they are of opposite sign."""
-OTHER_UNIT = 5.0
-"""Ratio to the expected current, or its inverse, above which the unit is wrong."""
+"""Correlation of measured and expected currents up to which they are of opposite sign."""
 ABOVE_NOISE = 10.0
 """Std of a current over its noise, above which it is compared."""
 LEAST_RATE = 20.0

@@ -12,7 +12,7 @@ from arm_io import InputError
 from arm_io.types import Array
 from arm_model import Arm
 from daq.recording import Recording
-from identification.preprocessing.mechanism import check_joints, check_mechanism
+from identification.preprocessing.mechanism import ALIKE, OTHER_UNIT, check_joints, check_mechanism
 from identification.preprocessing.quality import as_trusted
 from identification.preprocessing.signals import Motion
 from identification.signal_words import recorded_quantity, recorded_signals
@@ -28,10 +28,6 @@ RANK_TOLERANCE = 1e-6
 MOVED = 20.0
 """Smallest travel of a motion, in units of the noise."""
 
-ALIKE = 0.8
-"""Correlation above which a measured torque is the model's but for its size."""
-OTHER_UNIT = 5.0
-"""Ratio of their sizes, or its inverse, above which the unit is wrong: no file's masses are as far off."""
 SHOWN = 0.05
 """Share of the torque of the links that friction, rotors and offsets must leave."""
 

@@ -16,6 +16,10 @@ OTHER = 1.5
 """Ratio of drive constants, or its inverse, above which it is another drive."""
 ROUNDED = 1.01
 """... below which they are the same, rounded."""
+ALIKE = 0.8
+"""Correlation of a measured current or torque with the model's above which the two are one but for their size."""
+OTHER_UNIT = 5.0
+"""Ratio of their sizes, or its inverse, above which the unit is wrong: no file's masses are as far off."""
 
 
 def check_joints(recording: Recording, arm: Arm) -> None:
