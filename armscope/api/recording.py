@@ -93,7 +93,7 @@ def record(
 
     If a daemon of the rig is running, it does both.
 
-    A real arm moves. ``experiment.setup.instruction`` is what a person has to do before.
+    A real arm moves. ``setup.instruction`` of the experiment is what a person has to do before.
 
     rig       the path of a rig file: whoever records reads the file itself, and compares its content
     fetch     bring the recording here, to ``out``, if the daemon records to a folder of its own
