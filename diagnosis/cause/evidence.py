@@ -6,8 +6,11 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 MAX_CONFIDENCE = 0.98
-"""Largest confidence in a cause by 1 - p alone: of 297 causes named in cases with known answers 284 were right
-(docs/diagnosis-evidence.md)."""
+"""Largest confidence in a cause by 1 - p alone.
+
+Of 297 causes with it in cases with known answers 284 were right, 95.6 %: what is stated of a cause also follows from
+such cases, and is less (``diagnosis.confidence``; docs/diagnosis-evidence.md).
+"""
 
 
 class Signal(StrEnum):

@@ -40,7 +40,7 @@ DAMPINGS = np.array([0.0, 0.5, 2.0, 8.0])
 STEPS = 4
 """Gauss-Newton steps from the best lane."""
 STEP = 0.05
-"""Relative change of a parameter for a derivative."""
+"""Relative change of a parameter for a derivative, whose error is as large: it changes a std by no more."""
 FARTHEST = 0.5
 """Largest change of the logarithm of a parameter in a Gauss-Newton step."""
 RESOLVES = 1.0 / (2 * np.pi * COMPARE_BAND)

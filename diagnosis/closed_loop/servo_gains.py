@@ -26,7 +26,7 @@ STEPS = 4
 STEP = 0.05
 """Change of the logarithm of a gain for a derivative."""
 FARTHEST = 0.4
-"""Largest change of the logarithm of a gain in a Gauss-Newton step."""
+"""Largest change of the logarithm of a gain in a Gauss-Newton step: ``STEPS`` of them reach ``MOST``."""
 MOST = 4.0
 """Times the model's that a gain may be, or its inverse: beyond it is another servo."""
 

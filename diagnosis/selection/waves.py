@@ -20,7 +20,7 @@ SHARE = 0.35
 PEAK = 2.0
 """Times the power of as wide a band below it: harmonics of a slow motion fall with the frequency."""
 SECONDS = 4.0
-"""Length of the segments of a spectrum, and the shortest recording that has one."""
+"""Length of the segments of a spectrum, which resolves half of ``WIDTH``; and the shortest recording that has one."""
 
 
 def wave_of(residual: Array, side: Dataset, joint: int) -> str | None:

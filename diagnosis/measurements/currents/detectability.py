@@ -21,7 +21,7 @@ from identification import recorded_quantity, recorded_signals
 from identification.selection import Split
 
 SHOWS_FROM = 1 / 3
-"""Effect-to-noise ratio of the currents above which an effect is detectable."""
+"""Effect-to-noise ratio of the currents above which an effect is detectable: its square is then ``LIMITS.min_gain``."""
 BY_CURRENTS = frozenset({Instrument.CURRENT, Instrument.SINGLE_AXIS, Instrument.LAG})
 """Instruments that show nothing where the model predicts no currents ..."""
 BY_ROWS = frozenset({Instrument.RAW, Instrument.DEMAND})

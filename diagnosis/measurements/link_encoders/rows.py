@@ -34,7 +34,7 @@ BAND = 30.0
 MOST_ROWS = 8000
 """Rows of either set: the difference needs no filter, so that rows may be left out."""
 ENDS = 0.1
-"""s at either end of a recording that filters spoil."""
+"""s at either end of a recording that filters spoil: three periods of ``BAND``."""
 BORNE = 0.05
 """Share of the largest load that surely holds a link at one side of a gap."""
 BY_ROW = ("difference", "q", "v", "load", "load_errors", "t")

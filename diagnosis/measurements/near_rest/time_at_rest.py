@@ -41,7 +41,7 @@ OVER = 1.5
 FORGETS = 3.0
 """Ways to the end of the hump over which sliding renews contacts: over fewer, a break-away itself would renew them."""
 VARIES = 4.0
-"""Times the shortest rest that the longest must last."""
+"""Times the shortest rest that the longest must last: over less than 0.6 decades, level and rise are not distinct."""
 
 
 @dataclass(frozen=True)
