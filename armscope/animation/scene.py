@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -150,8 +150,9 @@ def animate(
             match path.suffix.lower():
                 case ".gif":
                     drawn = _images(scene, when, progress)
-                    first, duration = next(drawn), round(1000 / when.fps)
-                    first.save(place, "GIF", save_all=True, append_images=drawn, duration=duration, loop=0)
+                    next(drawn).save(
+                        place, "GIF", save_all=True, append_images=drawn, duration=_durations(when), loop=0
+                    )
                 case ".html":
                     title = " beside ".join([measured.name, *([] if other is None else [other.name])])
                     write_animated_page(place, title, _images(scene, when, progress), when.fps)
@@ -255,12 +256,21 @@ def _images(scene: _Scene, when: Instants, progress: Callable[[float], None]) ->
         yield Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB").quantize(128)
 
 
+def _durations(when: Instants) -> list[int]:
+    """ms of every frame, in whole hundredths of a second as a GIF has them, which together last as long as all."""
+    frames = len(range(0, len(when.t), when.every))
+    ends = np.round(np.arange(frames + 1) * (100 / when.fps))
+    return [10 * int(step) for step in np.diff(ends)]
+
+
 def _write_film(path: Path, place: Path, scene: _Scene, when: Instants, progress: Callable[[float], None]) -> None:
     """An mp4, by ffmpeg."""
     from matplotlib import animation, rcParams
 
     rcParams["animation.ffmpeg_path"] = _find_ffmpeg(path)
-    writer = animation.FFMpegWriter(fps=round(when.fps), codec="libx264", extra_args=["-pix_fmt", "yuv420p"])
+    # of matplotlib a whole number, of ffmpeg any
+    fps = cast(int, when.fps)
+    writer = animation.FFMpegWriter(fps=fps, codec="libx264", extra_args=["-pix_fmt", "yuv420p"])
     with writer.saving(scene.figure, str(place), dpi=90):
         for instant in range(0, len(when.t), when.every):
             scene.show(instant)

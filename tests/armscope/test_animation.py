@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import os
 import re
 from base64 import b64decode
 from io import BytesIO
@@ -108,6 +109,32 @@ def test_what_cannot_be_drawn(
     assert run(["plot", str(recordings[0]), *options]) == 2
     assert re.search(complaint, capsys.readouterr().err.splitlines()[-1])
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("fps", [2.5, 12.5])
+def test_a_film_has_the_rate_that_was_asked_for(
+    fps: float, recordings: tuple[Path, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of 2.5 frames per second, a film of 2 would be a quarter longer than the motion."""
+    ffmpeg = tmp_path / "ffmpeg"
+    ffmpeg.write_text(f'#!/bin/sh\necho "$@" > {tmp_path}/given\ncat > /dev/null\nfor out; do :; done\necho > "$out"\n')
+    ffmpeg.chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path), prepend=os.pathsep)
+    assert run(["plot", str(recordings[0]), "--animate", str(tmp_path / "a.mp4"), "--fps", f"{fps}"]) == 0
+    given = (tmp_path / "given").read_text().split()
+    assert float(given[given.index("-r" if "-r" in given else "-framerate") + 1]) == fps
+
+
+def test_a_gif_lasts_as_long_as_the_motion(recordings: tuple[Path, Path], tmp_path: Path) -> None:
+    """A GIF counts hundredths of a second: frames of a thirtieth are 3, 4 and 3 of them, not three times 3."""
+    image = pytest.importorskip("PIL.Image")
+    assert run(["plot", str(recordings[0]), "--animate", str(tmp_path / "a.gif"), "--fps", "30"]) == 0
+    durations = []
+    with image.open(tmp_path / "a.gif") as opened:
+        for frame in range(opened.n_frames):
+            opened.seek(frame)
+            durations.append(opened.info["duration"])
+    assert len(durations) == 18 and abs(sum(durations) - 18 * 1000 / 30) <= 10
 
 
 def test_without_ffmpeg_mp4_is_refused_in_one_line(
