@@ -38,29 +38,35 @@ Span = tuple[float, float, int | None]
 
 @dataclass(frozen=True)
 class Run:
-    """The residual of one recording under one model; m rows (``filters.kept``), n joints.
+    """The residual of one recording under one model: m rows (``kept_rows``), n joints.
 
-    raw: t (k,) s and q (k, n) rad as recorded, events taken out and smoothed to ``angle_band`` Hz (inf: they are not);
-    t (m,) s from the start of the recording; q, v, a (m, n) rad and per second of the motor over gear; current,
-    expected, residual (m, n) A; current_rate A/s;
-    rigid (m, n) N m: torque to the links; inertia (m, n) kg m2 of the links alone; both at the drives, where joints are
-    coupled;
-    may_fold (m, n) A: one std of what sampling may have put into the currents unseen (``setpoint_ripple``); folded (m,
-    n) A: the same where it matters; rippled (m, n, d) A: of lines that are seen beside 0 Hz; setpoints: of the servos;
-    without_noise: as of ``noise.instruments``;
-    brisk_v, brisk_rigid: v and rigid from the motion in the band of comparison, less smooth and noisier;
-    noise (n,) A: std of the residual from the instruments alone; loop_noise (n,) A: the same with what servos do at
-    setpoints, which a simulated closed loop does at other instants; instruments (m, n) A: the same row by row, larger
-    where steps of an encoder beat with the rows (``noise.beats``); steps (n,) rad: of the encoders, 0 where they have
-    none; deviation (m, n) A: std that the residual has with
-    nothing wrong: of the instruments, and of friction near standstill; block (m,): block of one second, from 0;
-    recordings: those of a ``merged`` run;
-    arm: as it was set up for this run (with a known payload, say); powered: False where the drives were off: the brakes
-    hold the arm, and the currents show what their own instruments add; own: effects that only this recording has, which
-    ``expected`` contains (``with_own``); own_directions (m n, r), orthonormal: what values of this recording alone
-    explain of the whitened residual, which is no evidence of anything else (``with_free``);
-    unmeasured: spans without a sample, which weigh nothing (``deviation``);
-    resolved: joints (from 1) that show more along ``folded`` than sampling may put there: it counts in full.
+    raw           t (k,) s and q (k, n) rad (m) as recorded, events taken out, smoothed to ``angle_band``
+    t             (m,) s from the start of the recording
+    q, v, a       (m, n) rad (m) and per second: of the motor over its gear, in the band of columns
+    brisk_v, brisk_rigid  v and rigid in the band of comparison, less smooth and noisier
+    current, expected  (m, n) A, measured and by the model; current_rate: A/s
+    rigid         (m, n) N m (N): torque to the links, at the drives where joints are coupled
+    inertia       (m, n) kg m2 (kg): of the links alone, at the drives as well
+    deviation     (m, n) A: std of the residual with nothing wrong, of instruments and of friction near standstill
+    noise         (n,) A: std of the residual by the instruments alone
+    loop_noise    (n,) A: the same with what servos do at setpoints, which a simulated loop does at other instants
+    instruments   (m, n) A: as ``noise``, row by row: larger where steps of an encoder beat with rows (``noise.beats``)
+    steps         (n,) rad (m): of the encoders, 0 where they have none
+    angle_band    Hz; inf: the angles are not smoothed
+    may_fold      (m, n) A: one std of what sampling may have put into the currents unseen (``setpoint_ripple``)
+    folded        (m, n) A: the same where it matters
+    rippled       (m, n, d) A: of lines that are seen beside 0 Hz
+    block         (m,) block of one second of each row, from 0
+    arm           as set up for this run, with a known payload, say
+    setpoints     of the servos
+    without_noise  as of ``noise.instruments``
+    powered       False: the drives were off, the brakes hold the arm, and currents show what their instruments add
+    own           effects that only this recording has, which ``expected`` contains (``with_own``)
+    own_directions  (m n, r), orthonormal: what values of this recording alone explain of the whitened residual, which
+                  is no evidence of anything else (``with_free``)
+    recordings    those of a ``merged`` run
+    unmeasured    spans without a sample, which weigh nothing (``deviation``)
+    resolved      joints (from 1) that show more along ``folded`` than sampling may put there: it counts in full
     """
 
     name: str

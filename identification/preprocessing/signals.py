@@ -51,14 +51,19 @@ SPLINE_END = 25
 class Motion:
     """Smooth motion on a uniform grid of dt s.
 
-    t (m,) s; q, qd, qdd (m, J) rad, rad/s, rad/s2 (m for prismatic joints); torque (m, J) N m or N at the joint, after
-    the same low-pass; usable (m, J); excluded: reason -> rows per joint (J,). certain (m, J): usable, and the sign of
-    the velocity is known for as long as the low-pass smears a step. Around a reversal the torque's step of Coulomb
-    friction is smeared and the column's is not, and what friction does there is not Coulomb's law in the first place:
-    for a fit, such samples are made zero on both sides; in a motion for judging fits they stay. folded (m, J): what
-    sampling may have put into the torque unseen, one standard deviation (``setpoint_ripple``; None: nothing, or nothing
-    bounds it), of these ``setpoints``. sparing: every so many rows of the parallel filter are kept, all by default
-    (``spared``). temperatures: of the motors meanwhile, where they were recorded.
+    t            (m,) s from the first sample
+    q, qd, qdd   (m, J) rad, rad/s, rad/s2 (m, m/s, m/s2)
+    torque       (m, J) N m (N) at the joint, after the same low-pass
+    usable       (m, J) samples that count; excluded: reason -> number of the others per joint (J,)
+    certain      (m, J) usable samples in which the sign of the velocity is known for as long as the low-pass smears a
+                 step. Around a reversal the torque's step of Coulomb friction is smeared and the column's is not, and
+                 friction there is not Coulomb's law: for a fit, such samples are made zero on both sides
+    band         Hz, of the low-pass and of the parallel filter
+    folded       (m, J) N m (N): one standard deviation of what sampling may have put into the torque unseen, of these
+                 ``setpoints`` (``setpoint_ripple``); None: nothing, or nothing bounds it
+    for_judging  the samples about reversals stay (``with_reversals``)
+    sparing      every so many rows of the parallel filter are kept, all by default (``spared``)
+    temperatures  of the motors meanwhile, where they were recorded
     """
 
     dt: float

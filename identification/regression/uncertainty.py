@@ -20,6 +20,7 @@ from arm_io.types import Array
 from identification.regression.equations import Equations
 from identification.regression.least_squares import Fit
 from identification.regression.qr import triangle_of
+from identification.selection.significance import MEMORIES
 
 REPLICATES = 400
 """Refits to blocks drawn anew: a std from them is known to 5 %."""
@@ -27,25 +28,22 @@ LEAST_BLOCKS = 12
 """Smallest number of blocks that shows their scatter."""
 MOST_BLOCKS = 2500
 """Largest number of blocks: each has its own normal equations."""
-MEMORIES = 4.0
-"""Block length in correlation times of the residual."""
 
 
 @dataclass(frozen=True)
 class FitUncertainty:
-    """covariance (b, b) from ``blocks`` blocks of ``block`` s; std (b,): the root of its diagonal.
+    """What the blocks of a fit of b parameters say of their values.
 
-    std is never below std_formula (b,), which takes the residuals as white noise.
-
-    information (b, b): inverse of the formula's covariance, divided by how much too confident the formula is on the
-    whole. Unlike the blocks' own covariance, whose rank is at most their number, it can be inverted and is what a
-    further fit may lean on.
-
-    by_noise (b, b): the same without the systematic errors of the rows; None: there are none. It says what a value is
-    worth to the prediction of the rows, whatever their errors are; an arm that could exist is sought with it.
-
-    normal: W^T W (blocks, b, b) and W^T e (blocks, b) of each block. prior (b, b): what the fit was regularised by, as
-    if further rows had shown it (``regularised``).
+    covariance   (b, b) of the values, from ``blocks`` blocks of ``block`` s
+    std          (b,) root of its diagonal, never below ``std_formula``
+    std_formula  (b,) the textbook's, which takes the residuals for white noise
+    information  (b, b) inverse of the formula's covariance, divided by how much too confident the formula is on the
+                 whole. Unlike the blocks' own covariance, whose rank is at most their number, it can be inverted, and a
+                 further fit may rest on it
+    normal       W^T W (blocks, b, b) and W^T e (blocks, b) of each block
+    prior        (b, b) what the fit was regularised by, as if further rows had shown it (``regularised``), or None
+    by_noise     (b, b) the information without the systematic errors of the rows; None: there are none. It says what a
+                 value is worth to the prediction of the rows; an arm that could exist is sought with it
     """
 
     covariance: Array

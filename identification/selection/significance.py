@@ -21,8 +21,10 @@ Index = NDArray[np.intp]
 BLOCK_SECONDS = 1.0
 """Length of a block: several times the longest correlation seen in practice (0.25 s)."""
 MEMORIES = 4.0
-"""Length of the shortest blocks over the memory of what they sum up: sums of neighbours then correlate by 0.06 (noise
-of first order, whose memory is twice its time constant)."""
+"""Length of the shortest blocks over the memory (correlation time) of what they sum up.
+
+Sums of neighbours then correlate by 1/14 (noise of first order, whose memory is twice its time constant).
+"""
 WINDOW = 2.5
 """Memories over which an autocorrelation is summed up: beyond, it is chance (Sokal, Functional Integration, 1997)."""
 DRAWS = 20000

@@ -126,8 +126,7 @@ def _bodies_of_unknown_mass(candidate: Candidate, state: State) -> list[EffectKe
 
 def _most_felt(before: Array, after: Array, side: Dataset) -> int:
     """Joint (from 1) whose residual falls most."""
-    fall = (before**2 - after**2).reshape(-1, side.rows).sum(axis=1)
-    return int(np.argmax(fall)) + 1
+    return int(np.argmax(side.by_joint(before**2 - after**2))) + 1
 
 
 def _rms_in_amperes(whitened: Array, side: Dataset, joint: int) -> float:
