@@ -36,7 +36,7 @@ from identification.regression.uncertainty import FitUncertainty, fit_uncertaint
 Way = Literal["filter", "integral"]
 
 MEMORY = 8.0
-"""Time constants of the state-variable filter, (1 + s / lambda)^-3, until 99 % is forgotten."""
+"""Time constants of the state-variable filter, (1 + s / lambda)^-3, until all but 1.4 % is forgotten."""
 PASSING = 0.02
 """Share of rows in a direction of motion: fewer rows are the transient of a filter."""
 RANK = 1e-6

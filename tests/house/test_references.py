@@ -71,12 +71,16 @@ def defined(path: Path) -> frozenset[str]:
 
 
 def leads_somewhere(name: str) -> bool:
-    """Whether a dotted name that begins with a package is that of a module, or of what the module has."""
+    """Whether a dotted name that begins with a package is that of a module, or of what the module has.
+
+    Of what a face offers, its own names (``Chain.to_json``) are elsewhere and not looked for.
+    """
     place, parts = ROOT, name.split(".")
     while parts and (place / parts[0]).is_dir():
         place = place / parts.pop(0)
     module = place / f"{parts.pop(0)}.py" if parts and (place / f"{parts[0]}.py").is_file() else place / "__init__.py"
-    found = module.is_file() and all(part in defined(module) for part in parts)
+    own = parts[:1] if module.stem == "__init__" else parts
+    found = module.is_file() and all(part in defined(module) for part in own)
     return not parts or PLACEHOLDER in parts or found
 
 

@@ -24,7 +24,7 @@ Mask = NDArray[np.bool_]
 MOST = 6000
 """Points of either set that are used; more are evenly thinned."""
 WRONG = 8.0
-"""Noise std from the median of its neighbours above which a point is wrong; Gaussian noise: once in 1e14."""
+"""Noise std from the median of its neighbours above which a point is wrong; Gaussian noise: once in 1e13."""
 NEIGHBOURS = 7
 """Points, itself among them, whose median a point is compared with."""
 AROUND = 3 * NEIGHBOURS
