@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
+import pytest
 
 from arm_model import Arm, Joint
+from diagnosis import unexplained
 from diagnosis.cause import Signal, Structure
 from diagnosis.cause.structure import NO_VARIABLE
 from diagnosis.diagnose import diagnose
@@ -51,6 +54,21 @@ def test_a_joint_that_only_the_fitted_recordings_find_loud_is_told() -> None:
     assert "joint 2" in said and "hold out" in said
     assert not_held_out(left.ravel(), _side(), [Structure(Signal.CURRENT, 2, "position", 0.5)], EXACT) == ()
     assert not_held_out(np.random.default_rng(2).normal(size=6 * ROWS), _side(), [], EXACT) == ()
+
+
+def test_what_the_fitted_recordings_leave_takes_the_place_of_friction_of_undetermined_size(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """At its joint alone; of other joints, friction near rest stays beside what all recordings show."""
+    of_all, of_one, of_three = (Structure(Signal.CURRENT, joint, "load torque", 0.5) for joint in (2, 1, 3))
+    fit_alone = Structure(Signal.CURRENT, 1, "velocity", 0.0, "3.0 times the noise", fit_only=True)
+    reported = list[Sequence[Structure]]()
+    monkeypatch.setattr(unexplained, "in_fit_alone", lambda state, found: reported.append(found) or [fit_alone])
+    selection = SimpleNamespace(unexplained=SimpleNamespace(structures=[of_all]))
+    currents: Any = SimpleNamespace(axis=None, selection=selection, undetermined=(of_one, of_three), state=None)
+    instruments: Any = SimpleNamespace(judged=True)
+    assert unexplained._in_either_set(instruments, currents) == [of_all, of_three, fit_alone]
+    assert reported == [[of_all]]
 
 
 def test_a_signal_that_only_the_fitted_recordings_have_is_no_row_of_the_held_out_ones() -> None:
