@@ -20,8 +20,9 @@ from arm_model.rigid_body.kinematics import roll_pitch_yaw
 from daq.recording import Recording
 from diagnosis.cause import Cause, Estimate
 from diagnosis.measurements.tracker.candidates import candidates
-from diagnosis.measurements.tracker.causes import Tracked, _start, tracked_causes
+from diagnosis.measurements.tracker.causes import Tracked, tracked_causes
 from diagnosis.measurements.tracker.joint_fit import Survey
+from diagnosis.measurements.tracker.start import start_of
 from diagnosis.other_instruments import OtherInstruments, tracked_beside
 from identification.kinematics.models import chain_of, position
 from identification.selection import Split
@@ -296,7 +297,7 @@ def test_a_frame_and_a_target_that_no_rig_states_are_fitted_together(puma: Puma,
     chain = chain_of(arm, TARGET)
     turn = roll_pitch_yaw((0.3, -0.2, 0.9))[:3, :3]
     moved = replace(one, xyz=position(chain, one.q) @ turn.T + [0.5, -1.2, 0.4])
-    start = _start(arm, [(moved, moved.q)], Survey(target=(0.0, 0.0, 0.0), target_known=False, frame_known=False))
+    start = start_of(arm, [(moved, moved.q)], Survey(target=(0.0, 0.0, 0.0), target_known=False, frame_known=False))
     assert np.abs(position(start, moved.q) - moved.xyz).max() < NOISE / 100
 
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from arm_io.types import Array
 from arm_model import Arm
-from arm_model.effects import Instrument, Span, described
+from arm_model.effects import Instrument, Span
 from arm_model.effects.description_errors import JOINT_ZERO_OFFSET
 from arm_model.effects.tracking import LINK_GEOMETRY, TRACKER_OUTLIERS
 from daq.recording import Recording
@@ -23,19 +23,17 @@ from diagnosis.cause import Cause, Estimate, Signal, Structure, Undetectable, co
 from diagnosis.cause.evidence import MAX_CONFIDENCE
 from diagnosis.measurements.tracker.candidates import TrackedCandidate
 from diagnosis.measurements.tracker.detectability import no_tracker, sizes, undetectable_by_tracker, visible
-from diagnosis.measurements.tracker.joint_fit import State, Survey, zero_scales
+from diagnosis.measurements.tracker.joint_fit import State, zero_scales
 from diagnosis.measurements.tracker.model import LIMITS, Accepted, TrackedPoints, selected, tracked_points
 from diagnosis.measurements.tracker.points import Outliers, Side, points_of, side_of
 from diagnosis.measurements.tracker.regression import energy, good, point_residual, residual_without_zeros
+from diagnosis.measurements.tracker.start import Part, start_of, survey_of
 from diagnosis.measurements.tracker.unexplained import unexplained_by_tracker
 from diagnosis.residual.noise.encoder_step import encoder_step
 from diagnosis.selection.estimates import estimates
-from identification.kinematics.data import aligned
-from identification.kinematics.models import Chain, chain_of, position, position_jacobian, xyz_ypr
+from identification.kinematics.models import Chain, position, position_jacobian
 from identification.selection import MAD_TO_STD, Split
 
-ALTERNATIONS = 30
-"""Fits of frame and target in turn, where neither is known: what is left of 0.1 m is below a micrometre."""
 FINEST = 1e-9
 """m: noise of a coordinate that no tracker goes below; points of a simulation have none at all."""
 MEDIAN_STD = float(np.sqrt(np.pi / 2))
@@ -84,8 +82,8 @@ def tracked_causes(
     if placed or not parts.fit or not parts.held_out:
         return Tracked([], no_tracker(placed, bool(parts.fit)), 0.0, {}, [])
     progress("comparing the tracker's points with the model")
-    survey = _survey([r for part in parts for r, _ in part])
-    start = _start(arm, parts.fit, survey)
+    survey = survey_of([r for part in parts for r, _ in part])
+    start = start_of(arm, parts.fit, survey)
     points, outliers, noises = zip(*(_points_and_outliers(arm, start, part) for part in parts))
     sides = Split(*points)
     steps = np.array([max(encoder_step(r.q[:, j]) for r, _ in parts.fit) for j in range(len(arm))])
@@ -113,10 +111,6 @@ def tracked_causes(
     )
 
 
-Part = list[tuple[Recording, Array]]
-"""Recordings with tracked points, and the angles (rows, n) rad of the links in each."""
-
-
 def _tracked(
     arm: Arm, fit: Sequence[Recording], held_out: Sequence[Recording], angles: Sequence[Array] | None
 ) -> Split[Part]:
@@ -130,57 +124,6 @@ def _tracked(
 def _points_and_outliers(arm: Arm, start: Chain, part: Part) -> tuple[Side, list[Outliers], float]:
     """``side_of`` these recordings, whose points ``start`` has nearly where they are."""
     return side_of(arm, [r for r, _ in part], [q for _, q in part], [position(start, q) for _, q in part])
-
-
-def _survey(recordings: Sequence[Recording]) -> Survey:
-    """Frame and target as the rig files in the recordings state them."""
-    stated = recordings[0].rig.get("tracker", {}).get("target")
-    x, y, z = (float(v) for v in stated or (0.0, 0.0, 0.0))
-    return Survey(
-        target=(x, y, z), target_known=stated is not None, frame_known=all(r.xyz is not None for r in recordings)
-    )
-
-
-def _start(arm: Arm, part: Sequence[tuple[Recording, Array]], survey: Survey) -> Chain:
-    """The model's chain; pose of the tracker and target, if no rig file states them, are fitted to the points."""
-    chain = chain_of(described(arm), survey.target)
-    q = np.concatenate([angles for _, angles in part])
-    xyz = np.concatenate([_points(r) for r, _ in part])
-    there = np.isfinite(xyz).all(axis=1)
-    q, xyz = q[there], xyz[there]
-    # solved alternately, which converges
-    rounds = 1 if survey.target_known or survey.frame_known else ALTERNATIONS
-    for _ in range(rounds):
-        if not survey.frame_known:
-            chain = _based(arm, chain, aligned(position(_based(arm, chain, np.eye(4)), q), xyz))
-        if not survey.target_known:
-            chain = _targeted(chain, q, xyz)
-    return chain
-
-
-def _based(arm: Arm, chain: Chain, pose: Array) -> Chain:
-    """The chain with its base moved by a ``pose`` (4, 4) of the tracker."""
-    place = np.linalg.inv(np.array(arm.base)) @ pose @ np.array(arm.base)
-    moved = dict(zip(("x", "y", "z", "yaw", "pitch", "roll"), xyz_ypr(place), strict=True))
-    return chain.at([moved[s.name[5:]] if s.name.startswith("base.") else s.value for s in chain.steps])
-
-
-def _targeted(chain: Chain, q: Array, xyz: Array) -> Chain:
-    """The chain with the target (3,) m that fits points (N, 3) m best: they are linear in it."""
-    axes = [k for k, step in enumerate(chain.steps) if step.name.startswith("target.")]
-    values = np.array([step.value for step in chain.steps])
-    values[axes] = 0.0
-    without = position(chain.at(values), q)
-    unit = [position(chain.at(values + (np.arange(len(values)) == k)), q) - without for k in axes]
-    columns = np.stack(unit, axis=-1).reshape(-1, len(axes))
-    values[axes] = np.linalg.lstsq(columns, (xyz - without).ravel(), rcond=1e-9)[0]
-    return chain.at(values)
-
-
-def _points(recording: Recording) -> Array:
-    points = points_of(recording)
-    assert points is not None
-    return points
 
 
 def _zeros(chain: Chain, side: Side, steps: Array) -> float:
