@@ -26,9 +26,9 @@ GAP = 0.3
 
 
 def filtered(score: Array, seen: Array, ratio: float) -> tuple[Array, Array]:
-    """(N,) mean and variance of x at every step given all steps before it, in units of the noise's variance.
+    """(s,) mean and variance of x at every step given all steps before it, in units of the noise's variance.
 
-    The variance is infinite before the first step with information.
+    score, seen (s,): H^T y and H^T H of every step. The variance is infinite before the first one with information.
     """
     count = len(score)
     mean, variance = np.zeros(count), np.zeros(count)
@@ -101,7 +101,10 @@ def gains_of(steps: Steps, ratio: float, constant: float) -> Array:
 
 
 def smoothed(score: Array, seen: Array, ratio: float) -> tuple[Array, Array]:
-    """x and its variance at every step given all of the recording (Fraser & Potter, IEEE T-AC 14, 1969)."""
+    """(s,) mean and variance of x at every step given all of the recording (Fraser & Potter, IEEE T-AC 14, 1969).
+
+    Arguments and units as of ``filtered``.
+    """
     if ratio == 0.0:
         total = max(float(seen.sum()), 1e-300)
         return np.full(len(seen), score.sum() / total), np.full(len(seen), 1.0 / total)

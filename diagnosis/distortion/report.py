@@ -130,7 +130,7 @@ def _span(result: Distortion) -> tuple[float, float]:
 
 
 def _means(x: Array, value: Array, std: Array) -> tuple[Array, Array, Array]:
-    """Middle of every bin, mean of the values in it, and two std."""
+    """(bins,) each: middle of every bin of x (k,), mean of the values (k,) in it, and two std."""
     different = np.unique(x)
     edges = different if len(different) <= 3 else np.unique(np.quantile(x, np.linspace(0, 1, 13)))[:-1]
     bins = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, len(edges) - 1)

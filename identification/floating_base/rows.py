@@ -189,7 +189,7 @@ def _velocity(position: Array, attitude: Array, dt: float) -> Array:
 
 
 def _lagged(demand: Array, constants: Sequence[float], dt: float) -> Array:
-    """Thrust behind its demand, a first-order lag each."""
+    """(m, k) N: thrust behind its ``demand`` (m, k) N, each by a first-order lag of a time constant, s."""
     out = demand.copy()
     for k, constant in enumerate(constants):
         if constant > 0:
@@ -202,6 +202,6 @@ def _lagged(demand: Array, constants: Sequence[float], dt: float) -> Array:
 
 
 def _low_pass(values: Array, band: float, dt: float) -> Array:
-    """Zero-phase, along the first axis."""
+    """(m, ...) zero-phase third-order Butterworth along the first axis; band Hz, dt s between rows."""
     low = butterworth(3, band * dt * 2)
     return zero_phase(low, values)

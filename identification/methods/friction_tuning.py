@@ -112,9 +112,9 @@ class _Loops:
         measured = [parallel_filter(motion, motion.torque)[parallel_rows(motion)[1]] for motion in self.motions]
         return float(np.linalg.norm(off) / np.linalg.norm(np.concatenate(measured)))
 
-    def jacobian(self, values: Array, nudge: Array) -> Array:
-        """(rows, p) of the errors, by central differences of ``nudge`` (p,); none of the values below 0."""
-        lanes = np.maximum(values + np.concatenate([np.diag(nudge), -np.diag(nudge)]), 0.0)
+    def jacobian(self, values: Array, step: Array) -> Array:
+        """(rows, p) of the errors, by central differences of ``step`` (p,); none of the values below 0."""
+        lanes = np.maximum(values + np.concatenate([np.diag(step), -np.diag(step)]), 0.0)
         up, down = np.split(_stable(self.errors(lanes)), 2)
         width = np.diag(lanes[: len(values)] - lanes[len(values) :])
         return np.asarray(((up - down) / width[:, None]).T)
@@ -207,14 +207,17 @@ def _rows(motions: Sequence[Motion], jacobian: Array, error: Array, names: Seque
 
 
 def _step(gram: Array, slope: Array, damping: float) -> Array:
-    """Levenberg-Marquardt in units of the columns' own sizes (Marquardt, 1963)."""
+    """(p,) step of Levenberg and Marquardt in units of the columns' own sizes (Marquardt, 1963).
+
+    gram (p, p) J^T J and slope (p,) J^T e of the errors e.
+    """
     size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
     scaled = gram / size[:, None] / size
     return np.asarray(np.linalg.solve(scaled + damping * np.eye(len(size)), slope / size) / size)
 
 
 def _floors(names: Sequence[str], motions: Sequence[Motion]) -> Array:
-    """A hundredth of each joint's torque, as friction: where to start from nothing, and the least nudge."""
+    """(p,) friction that makes a hundredth of its joint's torque: the least start, and what least steps refer to."""
     floor = []
     for name in names:
         j = int(name.partition(".")[0].removeprefix("joint")) - 1

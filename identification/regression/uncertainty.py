@@ -236,7 +236,7 @@ def _normal_equations(columns: Array, fit: Fit, block: NDArray[np.intp], count: 
 
 
 def _solve(gram: Array, score: Array, scale: Array) -> Array:
-    """gram^-1 score, scaled; least norm where a resample leaves a direction without rows."""
+    """(b,) gram^-1 score, solved in units of ``scale`` (b,); least norm where a direction has no rows."""
     scaled = gram * scale[:, None] * scale
     try:
         return scale * np.linalg.solve(scaled, scale * score)

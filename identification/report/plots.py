@@ -142,7 +142,7 @@ def _worth_showing(result: Identification) -> list[Prediction]:
 
 
 def _with_breaks(t: Array, *lines: Array) -> tuple[Array, ...]:
-    """The lines between their rows, which are band-limited, by a cubic spline; NaN where rows were left out."""
+    """(k,) s and the lines (m,) at t (m,) s between their rows, by a cubic spline; NaN where rows were left out."""
     period = np.median(np.diff(t)) if len(t) > 1 else 1.0
     parts = np.split(np.arange(len(t)), np.flatnonzero(np.diff(t) > 1.5 * period) + 1)
     drawn: list[list[Array]] = [[] for _ in range(len(lines) + 1)]
@@ -157,7 +157,7 @@ def _with_breaks(t: Array, *lines: Array) -> tuple[Array, ...]:
 
 
 def _density(t: Array, values: Array) -> tuple[Array, Array]:
-    """Spectral density on the rows' own grid; left-out rows count as zero."""
+    """(f,) Hz and (f,) spectral density of values (m,) on the rows' own grid; left-out rows count as zero."""
     period = float(np.median(np.diff(t)))
     place = np.rint((t - t[0]) / period).astype(int)
     grid = np.zeros(place[-1] + 1)

@@ -214,7 +214,7 @@ def _slope(law: Law, p: Values, s: Signals) -> Array:
 
 
 def _changed(run: Run, arm: Arm, effect: Effect, joint: int | None, unit: Values) -> Array:
-    """First-order change by finite differences of the description; 0 where it is what rounding leaves.
+    """(m, n) A: first-order change by finite differences of the description; 0 where it is what rounding leaves.
 
     By three points, as sizes that may not be negative allow none on the other side. By two, half of a step times the
     second order is in it: a roll of the base of an arm that moves in one vertical plane would have a column, and be
@@ -241,7 +241,10 @@ def _link_columns(run: Run, arm: Arm, joint: int) -> Array:
 
 
 def _coupled(run: Run, arm: Arm, unit: Values) -> Array:
-    """link = (K + C) motor: links displaced by C q, torques returned by C^T; K the couplings of the model."""
+    """(m, n) A: change by entries of C, with link = (K + C) motor; K the couplings of the model.
+
+    Links are displaced by C q, torques returned by C^T. unit: rad per rad, by the name of an entry (``c23``).
+    """
     change, all_joints = np.zeros_like(run.current), slice(0, len(arm))
     constant, back = arm.joint_array("drive_constant"), np.linalg.inv(arm.coupling_matrix)
     at_links = run.rigid @ back

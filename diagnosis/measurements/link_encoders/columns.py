@@ -45,7 +45,10 @@ def _turned(coupling: LinkCandidate, rows: Rows, joint: int) -> Array:
 
 
 def _play(q: Array, half_gap: float, starts: tuple[int, ...]) -> Array:
-    """Motor minus link where friction holds the link: it moves only while the motor is at either side of the gap."""
+    """(m,) rad: motor minus link where friction holds the link, for motor angles q (m,) rad.
+
+    The link moves only while the motor is at either side of the gap. starts: rows at which a recording begins.
+    """
     out = np.empty_like(q)
     begun = set(starts)
     d, before = 0.0, q[0]

@@ -81,7 +81,7 @@ def axes_at_zero(circles: Sequence[Circle], nominal: Chain) -> Exponentials:
 
 
 def _turned(screws: Sequence[Array], at: Array) -> Array:
-    """exp(S1 q1) exp(S2 q2) ... of the joints that have screws so far."""
+    """(4, 4) exp(S1 q1) exp(S2 q2) ... of the joints that have screws (6,) so far, at angles ``at`` (n,) rad."""
     pose = np.eye(4)
     for screw, angle in zip(screws, at):
         pose = pose @ exponential(screw, float(angle))
@@ -97,7 +97,10 @@ def _with_outer(screws: Sequence[Array], joint: int, at: Array, home: Array) -> 
 
 
 def _turn_to(circle: Circle, back: Array, predicted: Array, screw: Array) -> Array:
-    """The rotation about and translation along a swept axis that align the predicted target with the measurement.
+    """(4, 4) rotation about and translation along a swept axis that align the predicted target with the measurement.
+
+    back (4, 4): from the world to where the axis is with all joints before it at zero; predicted (3,) m: the target
+    there; screw (6,): direction and moment of the axis.
 
     Both are compared at joint angle zero: the direction to the target, and the plane of its circle.
     """

@@ -103,7 +103,11 @@ def _heading(direction: Array) -> float:
 
 
 def _hayati_row(step: Array, chosen: Array | None) -> Array:
-    """theta, d, a, alpha, beta such that the next axis passes through the new origin, at height d."""
+    """(5,) theta, d, a, alpha, beta (rad, m) such that the next axis passes through the new origin, at height d.
+
+    step (4, 4): pose of the next axis in the frame of this one; chosen (5,): the row of the nominal model, whose d is
+    kept and whose theta decides between the two solutions; None: d of 0.
+    """
     z, p = step[:3, 2], step[:3, 3]
     d = 0.0 if chosen is None else float(chosen[1])
     foot = p + z * (d - p[2]) / z[2]

@@ -175,13 +175,13 @@ def _exchange(information: Array, chosen: list[int]) -> list[int]:
 
 
 def _gains(information: Array, inverse: Array) -> Array:
-    """log det(I3 + J A^-1 J') of every candidate (N, 3, p)."""
+    """(N,) log det(I3 + J A^-1 J') of every candidate (N, 3, p); inverse (p, p): A^-1."""
     small = np.einsum("nip,njp->nij", information @ inverse, information) + np.eye(3)
     return np.linalg.slogdet(small)[1]
 
 
 def _updated(inverse: Array, rows: Array) -> Array:
-    """(A + J'J)^-1 from A^-1 (Woodbury)."""
+    """(p, p) (A + J'J)^-1 from A^-1 (p, p), with J = ``rows`` (k, p) (Woodbury)."""
     gained = inverse @ rows.T
     return inverse - gained @ np.linalg.solve(np.eye(len(rows)) + rows @ gained, gained.T)
 

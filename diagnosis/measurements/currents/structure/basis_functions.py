@@ -99,7 +99,7 @@ def shapes_of(bases: Bases, residual: Array, arm: Arm, joint: int) -> Iterator[S
 
 
 def _side_by_side(several: Sequence[Array]) -> Array:
-    """The columns of all, without a copy of a single one."""
+    """(N, k) the columns of all (N, ...), without a copy of a single one."""
     return several[0] if len(several) == 1 else np.hstack(several)
 
 

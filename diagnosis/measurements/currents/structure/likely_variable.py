@@ -103,7 +103,7 @@ def _dense(pair: Pair, data: Split[Dataset]) -> Array:
 
 
 def _scaled(x: Array) -> Array:
-    """Columns of unit length."""
+    """Columns x (m, k) of unit length; those that are 0 stay so."""
     length = np.sqrt(np.sum(x**2, axis=0))
     return np.asarray(x / np.where(length > 0.0, length, 1.0))
 
