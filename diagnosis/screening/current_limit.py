@@ -19,7 +19,16 @@ from diagnosis.cause import Estimate
 from diagnosis.residual.noise.channels import angle_noise, scatter, still_noise
 from diagnosis.residual.noise.encoder_step import encoder_step
 from diagnosis.residual.run_setup import setup_of
-from diagnosis.screening.current_piles import FLAT_SECONDS, Pile, flat_visits, pile_of, reached_again, sharp_visits
+from diagnosis.screening.current_piles import (
+    FLAT_SECONDS,
+    Pile,
+    edge_of,
+    ends_flat,
+    flat_visits,
+    pile_of,
+    reached_again,
+    sharp_visits,
+)
 from diagnosis.screening.event import Event
 from diagnosis.screening.servo_commands import MEMORY, clipped_by_command, fed_forward
 from identification import recorded_quantity
@@ -66,9 +75,12 @@ def current_limits(recordings: Sequence[Recording], arm: Arm) -> list[Event]:
         of_joint = [values[:, j] for values in smooth]
         noise = _noise(recordings, of_joint, j, float(still[j]))
         driven = [_driven(r, j) for r in recordings]
-        pile = pile_of([v[rows] for v, rows in zip(of_joint, driven)], noise, recordings[0].dt)
-        clipped = _clipped(recordings, [np.where(d, v, 0.0) for v, d in zip(of_joint, driven)], j, pile, arm)
-        level, std = pile.level, noise
+        moving = [v[rows] for v, rows in zip(of_joint, driven)]
+        values = [np.where(d, v, 0.0) for v, d in zip(of_joint, driven)]
+        pile, edge = (find(moving, noise, recordings[0].dt) for find in (pile_of, edge_of))
+        clipped, level, std = _clipped(recordings, values, j, pile, arm), pile.level, noise
+        if not clipped:
+            clipped, level = _ends_flat(recordings, values, j, edge, arm), edge.level
         if not clipped and (by_command := clipped_by_command(recordings, weights, j)) is not None:
             level, std, clipped = by_command.level, by_command.std, by_command.recordings
         if not clipped:
@@ -116,10 +128,25 @@ def _clipped(recordings: Sequence[Recording], values: Sequence[Array], j: int, p
     reached = (pile.high and reached_again(visits)) or flat_visits(visits) or sharp_visits(visits)
     if pile.far_exceeded or not reached:
         return ()
+    return moving if _no_friction(recordings, values, j, pile, arm) else ()
+
+
+def _ends_flat(
+    recordings: Sequence[Recording], values: Sequence[Array], j: int, edge: Pile, arm: Arm
+) -> tuple[int, ...]:
+    """``_clipped`` of the level above which nothing is, where the rows just below it are as many as those at it."""
+    if edge.level < LEAST * edge.noise or edge.exceeded or not ends_flat(_visits(recordings, values, j, edge)):
+        return ()
+    moving = tuple(k for k, r in enumerate(recordings) if edge.holds(values[k]).any() and np.ptp(r.q[:, j]) > 0.01)
+    return moving if _no_friction(recordings, values, j, edge, arm) else ()
+
+
+def _no_friction(recordings: Sequence[Recording], values: Sequence[Array], j: int, pile: Pile, arm: Arm) -> bool:
+    """Whether the rows at a pile do not follow the friction of a joint (from 0); of many noises, may not."""
     slope, std = _over_friction(recordings, values, j, pile, arm)
     if slope + 2.0 * std < FOLLOWS:
-        return moving
-    return moving if not slope - 2.0 * std > FOLLOWS and pile.level > PLAIN * pile.noise else ()
+        return True
+    return not slope - 2.0 * std > FOLLOWS and pile.level > PLAIN * pile.noise
 
 
 def _visits(recordings: Sequence[Recording], values: Sequence[Array], j: int, pile: Pile) -> list[Pile]:

@@ -6,12 +6,13 @@ parabola's maximum, 2.3 times as many rows are at the level as just below it.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import bdtr
+from scipy.special import bdtr, ndtr
 
 from arm_io.types import Array
 
@@ -41,10 +42,21 @@ crest as flat as an eighth power has 14."""
 SEVERAL = 2
 """Sharp visits that a healthy current does not make: none of 339 joints of healthy recordings, moves and waves of six
 arms, has one."""
+FLAT_VISITS = 3
+"""Flat visits to the level above which nothing is (``edge_of``), but for those at a reversal, that a healthy current
+does not make: none of 414 joints has two, and one in 25 has one."""
 TOP = 0.9995
-"""Share of the rows below which levels are tried."""
-LEVELS = 25
-"""Levels that are tried."""
+"""Share of the rows below which levels are tried, and no fewer than one wrong row and ``FAR_SECONDS`` leave."""
+LEVELS = np.arange(-6.0, 0.01, 0.25)
+"""Noises above that row: levels that are tried."""
+SPREADS = np.array([0.5, 0.7, 1.0])
+"""Std of the rows at a level that are tried, in noises, because noise that is slower counts twice in these."""
+REACH, BIN = 14.0, 0.1
+"""Noises below that row from which on rows decide, and in which they are counted."""
+WRONG = 1e-6
+"""Density per noise of rows that are neither at a level nor below it."""
+ROUNDS = 20
+"""Times that the share of the rows at a level is computed again."""
 
 
 @dataclass(frozen=True)
@@ -101,12 +113,42 @@ def pile_of(values: Sequence[Array], noise: float, period: float) -> Pile:
     y = np.concatenate(values) if values else np.empty(0)
     if not len(y):
         return Pile(0.0, noise, 0.0, 0.0, 0.0, 0.0)
-    top = float(np.quantile(y, TOP))
-    levels = np.linspace(top - 6.0 * noise, top, LEVELS)
+    top = _top(y, period)
+    levels = top + LEVELS * noise
     level = float(levels[np.argmax([np.sum(np.abs(y - tried) < 2.0 * noise) for tried in levels])])
     at = np.abs(y - level) < 2.0 * noise
     level = float(np.median(y[at])) if at.any() else level
     return Pile(level, noise, 0.0, 0.0, 0.0, 0.0).of(y, period)
+
+
+def edge_of(values: Sequence[Array], noise: float, period: float) -> Pile:
+    """The rows of |currents| (m,) at the most likely level at which they end, as of ``pile_of``.
+
+    A share of the rows is at it, the others are spread evenly below (a mixture, by maximum likelihood). Where as many
+    are just below, the commonest value is a noise too low, and visits to the level rise above it.
+    """
+    y = np.concatenate(values) if values else np.empty(0)
+    if not len(y):
+        return Pile(0.0, noise, 0.0, 0.0, 0.0, 0.0)
+    top = _top(y, period)
+    edges = np.arange(-REACH, FAR + BIN, BIN)
+    rows, at = np.histogram((y - top) / noise, edges)[0], edges[:-1] + BIN / 2
+    level, std = (each.ravel()[:, None] for each in np.meshgrid(LEVELS, SPREADS))
+    away = (at - level) / std
+    piled, spread = np.exp(-0.5 * away**2) / (np.sqrt(2.0 * np.pi) * std), ndtr(-away) / (level + REACH)
+    share = np.full_like(level, 0.5)
+    for _ in range(ROUNDS):
+        mixed = share * piled + (1.0 - share) * spread + WRONG
+        share = share * ((piled / mixed) @ rows)[:, None] / max(int(rows.sum()), 1)
+    likelihood = np.log(share * piled + (1.0 - share) * spread + WRONG) @ rows
+    best = float(level[np.argmax(likelihood), 0])
+    return Pile(top + best * noise, noise, 0.0, 0.0, 0.0, 0.0).of(y, period)
+
+
+def _top(y: Array, period: float) -> float:
+    """The largest of currents (m,), but for what noise or a wrong row make."""
+    above = min(max(round((1.0 - TOP) * len(y)), math.ceil(FAR_SECONDS / period)), len(y) - 1)
+    return float(np.partition(y, len(y) - 1 - above)[len(y) - 1 - above])
 
 
 def reached_again(visits: Sequence[Pile]) -> bool:
@@ -130,3 +172,8 @@ def sharp_visits(visits: Sequence[Pile]) -> bool:
     sharp = [visit for visit in visits if visit.at > max(SHARP * visit.below, FLAT_SECONDS) and not visit.turns]
     beyond, at = sum(visit.beyond for visit in sharp), sum(visit.at for visit in sharp)
     return len(sharp) >= SEVERAL and beyond < BEYOND * at
+
+
+def ends_flat(visits: Sequence[Pile]) -> bool:
+    """Whether enough visits to the level above which nothing is (``edge_of``) are flat, but not by friction."""
+    return sum(visit.flat and not visit.turns for visit in visits) >= FLAT_VISITS

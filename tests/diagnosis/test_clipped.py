@@ -5,6 +5,7 @@ One that reverses of its own accord, or rests at its largest value for a while, 
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,13 +15,14 @@ import pytest
 from scipy import ndimage, signal
 
 import armscope
+from arm_io.types import Array
 from arm_model import Arm
 from arm_model.rigid_body import total_at
 from daq.recording import Recording, open_recording
 from daq.recording.parts import Attachments
 from daq.recording.tables.table import write_table
 from diagnosis.screening.current_limit import current_limits
-from diagnosis.screening.current_piles import pile_of
+from diagnosis.screening.current_piles import Pile, edge_of, pile_of
 from tests.comparison.second_day import puma, record
 from tests.diagnosis.one_axis import FREE
 
@@ -125,10 +127,16 @@ def test_a_level_that_a_start_exceeds_is_no_limit(overshoot: float) -> None:
     assert pile_of([np.abs(ndimage.uniform_filter1d(noisy, 2))], 0.0072, 0.004).exceeded == (overshoot > 0.0)
 
 
-def test_one_wrong_row_does_not_exceed_a_level() -> None:
-    wrong = np.tile(_started(0.0), 3)
+@pytest.mark.parametrize("find", [pile_of, edge_of])
+@pytest.mark.parametrize("count", [1, 3])
+def test_one_wrong_row_does_not_exceed_a_level(
+    find: Callable[[Sequence[Array], float, float], Pile], count: int
+) -> None:
+    """Of 13 s it is more than the share of the rows that may be above the levels that are tried."""
+    wrong = np.tile(_started(0.0), count)
     wrong[1000] = -1.0
-    assert not pile_of([np.abs(ndimage.uniform_filter1d(wrong, 2))], 0.0072, 0.004).exceeded
+    pile = find([np.abs(ndimage.uniform_filter1d(wrong, 2))], 0.0072, 0.004)
+    assert not pile.exceeded and pile.level == pytest.approx(0.325, abs=0.0072)
 
 
 RATE, NOISE = 125.0, 0.012
@@ -227,6 +235,21 @@ def test_a_limit_is_found_among_crests_that_end_just_below_it(arm: Arm, tmp_path
         wave = height[np.minimum((t / 2.0).astype(int), 14)] * np.sin(np.pi * t)
         recording = _of_joint(tmp_path / f"{limit}.mcap", arm, 20.0 * wave, 100.0, limit, seed, 0.5 * NOISE)
         assert [one.joint for one in current_limits([recording], arm)] == ([] if limit is None else [1])
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("limit", [None, 0.77])
+def test_a_limit_is_found_where_as_many_rows_are_just_below_it(
+    arm: Arm, tmp_path: Path, seed: int, limit: float | None
+) -> None:
+    """Crests of all heights; the commonest value is as much as a noise below the limit, which is 30 noises."""
+    t, rng = np.arange(0.0, 40.0, 1.0 / RATE), np.random.default_rng(seed)
+    height = rng.uniform(0.5, 1.05, 40)
+    height[[3, 9, 15, 21, 28, 34]] = 1.25, 1.28, 1.23, 1.26, 1.3, 1.27
+    wave = height[np.minimum(t.astype(int), 39)] * np.sin(np.pi * t)
+    recording = _of_joint(tmp_path / "run.mcap", arm, 20.0 * wave, 100.0, limit, seed, 0.025)
+    found = current_limits([recording], arm)
+    assert [one.joint for one in found] == ([] if limit is None else [1])
 
 
 def _slow(root: Path, path: Path, share: float) -> list[int | None]:
