@@ -135,7 +135,8 @@ def _ends_flat(
     recordings: Sequence[Recording], values: Sequence[Array], j: int, edge: Pile, arm: Arm
 ) -> tuple[int, ...]:
     """``_clipped`` of the level above which nothing is, where the rows just below it are as many as those at it."""
-    if edge.level < LEAST * edge.noise or edge.exceeded or not ends_flat(_visits(recordings, values, j, edge)):
+    visits = _visits(recordings, values, j, edge)
+    if edge.level < LEAST * edge.noise or edge.exceeded or not (ends_flat(visits) or sharp_visits(visits)):
         return ()
     moving = tuple(k for k, r in enumerate(recordings) if edge.holds(values[k]).any() and np.ptp(r.q[:, j]) > 0.01)
     return moving if _no_friction(recordings, values, j, edge, arm) else ()
