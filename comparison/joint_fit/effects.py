@@ -20,7 +20,9 @@ from arm_model.system import mass_matrix_along
 from identification.preprocessing.signals import Motion
 
 STIFFNESSES = (1e3, 4e3, 2e4, 2e5)
-"""N m/rad (N/m) at which an elastic gear is tried: one that is stiffer is the last of them, in proportion."""
+"""N m/rad (N/m) at which an elastic gear is tried, and twice the last as often as its link swings below ``STIFF``."""
+STIFF = 15.0
+"""Hz at which a link swings on an elastic gear that is above every motion: a stiffer one is the last, in proportion."""
 DAMPING_RATIO = 0.1
 """Of an elastic gear with its link: more, and its twist would be as late as currents that are read at another time."""
 CONTACT = {"contact_stiffness": 1e5, "contact_damping": 80.0}
@@ -115,14 +117,20 @@ def always(arm: Arm, motions: Sequence[Motion]) -> list[Added]:
     for joint in range(1, len(arm) + 1):
         effects.append(Added("joint_zero_offset", joint))
         effects.append(Added("gravity_spring", joint, {"rest_angle": float(centre[joint - 1])}))
-        critical = 2.0 * np.sqrt(np.array(STIFFNESSES) * max(float(inertia[joint - 1]), 0.0))
-        damping = (DAMPING_RATIO * critical).tolist()
-        elastic = [{"stiffness": k, "damping": c} for k, c in zip(STIFFNESSES, damping)]
+        elastic = _elastic(max(float(inertia[joint - 1]), 0.0))
         effects += [Added("joint_compliance", joint, held, tries=len(elastic)) for held in elastic]
         gaps = [{"half_gap": gap, **CONTACT} for gap in HALF_GAPS]
         effects += [Added("backlash", joint, held, tries=len(gaps)) for held in gaps]
     # delays of the model are corrected in the readings
     return [one for one in effects if one == SKEW or (one.effect, one.joint) not in modelled]
+
+
+def _elastic(inertia: float) -> list[dict[str, float]]:
+    """Stiffness and damping at which an elastic gear is tried, of links of this inertia, kg m2 (kg)."""
+    stiffnesses = list(STIFFNESSES)
+    while stiffnesses[-1] < (2.0 * np.pi * STIFF) ** 2 * inertia:
+        stiffnesses.append(2.0 * stiffnesses[-1])
+    return [{"stiffness": k, "damping": 2.0 * DAMPING_RATIO * math.sqrt(k * inertia)} for k in stiffnesses]
 
 
 def own_inertia(arm: Arm, motion: Motion) -> Array:
