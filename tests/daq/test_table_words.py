@@ -51,6 +51,22 @@ def test_other_words_for_time_position_and_current(header: str, factor: float, t
     np.testing.assert_allclose(recording.q[:, 0], np.deg2rad(20 * np.arange(30)))
 
 
+@pytest.mark.parametrize(
+    ("joints", "order"),
+    [(("A1", "A2", "Z", "R"), [0, 1, 2, 3]), (("2", "1", "3", "4"), [1, 0, 2, 3])],
+)
+def test_sliding_joints_and_joints_with_names_are_told_by_two_words_and_their_units(
+    joints: tuple[str, ...], order: list[int]
+) -> None:
+    """A SCARA of a German controller: no joint is left out because its unit is mm or its name has no number."""
+    q = [f"Achse {joint} [{'mm' if k == 2 else '°'}]" for k, joint in enumerate(joints)]
+    i = [f"Strom {joint} [mA]" for joint in joints]
+    found = guess(["Zeit [ms]", *q, *i])
+    assert found is not None
+    assert found.columns.q == [q[k] for k in order] and found.columns.i == [i[k] for k in order]
+    assert found.units == {"t": "ms", "q": ["deg", "deg", "mm", "deg"], "i": "mA"}
+
+
 @pytest.mark.parametrize("header", ["t;Place 1 [deg];Error 1 [deg];Coppia 1 [Nm]", "t;Place 1 [deg/s];Coppia 1 [Nm]"])
 def test_a_unit_of_two_words_or_of_another_quantity_tells_nothing(header: str) -> None:
     assert guess(header.split(";")) is None

@@ -198,6 +198,11 @@ def _from_words(names: Sequence[str], numbers: dict[str, Array], joints: Sequenc
         named = _of_named_joints([name for name in names if name != columns["t"]], joints)
         columns |= {signal: series for signal, (series, _) in named.items()}
         units |= {signal: unit for signal, (_, unit) in named.items() if unit}
+    paired = _of_paired_words(names, joints)
+    if "t" in columns and "q" in paired and len(paired["q"][0]) > len(columns.get("q", ())):
+        columns = {"t": columns["t"]} | {signal: series for signal, (series, _) in paired.items()}
+        units = {one: unit for one, unit in units.items() if one == "t"}
+        units |= {signal: unit for signal, (_, unit) in paired.items()}
     efforts = units.get("i", "")
     if not {"t", "q", "i"} <= set(columns) or (isinstance(efforts, list) and "N m" in efforts):
         return None
@@ -266,6 +271,37 @@ def _by_unit(names: Sequence[str], signal: str) -> tuple[list[str], _Units, int]
         return None
     ((word, there),) = words.items()
     return _of_joints(there, signal, re.escape(word))
+
+
+def _of_paired_words(names: Sequence[str], joints: Sequence[str]) -> dict[str, _Series]:
+    """Signal -> its columns, where two words of any language precede the same joints, each with a unit.
+
+    One has units of a position, the other of a current: Achse A1 [deg], Achse Z [mm], Strom A1 [A], Strom Z [A]. {}
+    where no two words do, or more than two. joints: as in ``_of_named_joints``.
+    """
+    words: dict[tuple[str, str], dict[str, tuple[str, str]]] = {}
+    for name in names:
+        match = re.fullmatch(rf"(?P<word>[^\W\d_]+){_BETWEEN}(?P<joint>\w+){_UNIT}", name.strip())
+        unit = "" if match is None else (match["unit"] or "").strip(" _[]()")
+        signal = next((one for one in ("q", "i") if _SPELLED.get(unit, unit) in UNITS[one]), "")
+        if match is not None and signal:
+            words.setdefault((signal, match["word"]), {})[match["joint"]] = name, unit
+    pairs = [
+        (positions, currents)
+        for (signal, _), positions in words.items()
+        for (other, _), currents in words.items()
+        if (signal, other) == ("q", "i") and positions.keys() == currents.keys()
+    ]
+    if len(pairs) != 1:
+        return {}
+    there = list(pairs[0][0])
+    if all(joint.isdecimal() for joint in there):
+        there.sort(key=int)
+    order = list(joints) if set(joints) == set(there) else there
+    return {
+        signal: ([of[joint][0] for joint in order], _units(signal, [of[joint][1] for joint in order]))
+        for signal, of in zip(("q", "i"), pairs[0])
+    }
 
 
 def _of_named_joints(names: Sequence[str], joints: Sequence[str]) -> dict[str, _Series]:
