@@ -64,6 +64,7 @@ class Motion:
     for_judging  the samples about reversals stay (``with_reversals``)
     sparing      every so many rows of the parallel filter are kept, all by default (``spared``)
     temperatures  of the motors meanwhile, where they were recorded
+    revolute     (J,) which joints are; None: all are of one kind
     """
 
     dt: float
@@ -81,11 +82,13 @@ class Motion:
     for_judging: bool = False
     sparing: int = 1
     temperatures: Temperatures | None = None
+    revolute: Mask | None = None
 
     def moves(self, j: int) -> bool:
-        """Whether joint j (from 0) is driven, and not only shaken by the others."""
+        """Whether joint j (from 0) is driven, and not only shaken by the others: those of its kind, in its unit."""
         travel = np.ptp(self.q, axis=0)
-        return bool(self.usable[:, j].any() and travel[j] > SHAKEN * travel.max())
+        alike = slice(None) if self.revolute is None else self.revolute == self.revolute[j]
+        return bool(self.usable[:, j].any() and travel[j] > SHAKEN * travel[alike].max())
 
     def without(self, joints: Mask, reason: str) -> Motion:
         """Not a row of these ``joints`` (J,) usable; those that were are counted under ``reason``."""

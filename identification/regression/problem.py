@@ -128,6 +128,7 @@ def motion_of(recording: Recording, arm: Arm) -> tuple[Motion, RunReadiness]:
         setpoints=setpoints,
         folded=folded_torque(motion, Driven(recording.t, torque, setpoints)),
         temperatures=recorded_temperatures(recording.t, recording.temp),
+        revolute=np.array([joint.revolute for joint in arm.joints]),
     )
     return motion, readiness_of(recording, found, motion, arm)
 

@@ -106,3 +106,16 @@ def test_rest_is_told_from_a_small_motion(arm: Arm) -> None:
     q[:, 4] += step * np.random.default_rng(0).integers(-1, 2, len(t))
     motion = smooth_motion(t, q, np.ones_like(q))
     assert resting(motion, arm).tolist() == [False, False, True, True, True, True]
+
+
+def test_a_sliding_joint_moves_however_far_the_others_turn(arm: Arm) -> None:
+    """0.09 m beside a wrist that turns by 5 rad: metres are not compared with radians."""
+    t = np.arange(4000) / RATE
+    q = np.tile(POSE, (len(t), 1))
+    q[:, 1] += 0.03 * np.sin(2 * t)  # shaken, beside joint 4
+    q[:, 2] += 0.045 * np.sin(3 * t)
+    q[:, 3] += 2.5 * np.sin(t)
+    motion = smooth_motion(t, q, np.ones_like(q))
+    assert not motion.moves(2)
+    motion = replace(motion, revolute=np.array([True, True, False, True, True, True]))
+    assert [motion.moves(j) for j in (1, 2, 3)] == [False, True, True]
