@@ -24,6 +24,8 @@ OPPOSITE = -0.5
 """Correlation of measured and expected currents up to which they are of opposite sign."""
 ABOVE_NOISE = 10.0
 """Std of a current over its noise, above which it is compared."""
+SHORTEST = 3.0
+"""s that a recording, or a part of one, lasts at least."""
 LEAST_RATE = 20.0
 """rows/s: below, reversals last no row, and nothing is left of the band in which currents are compared."""
 
@@ -39,8 +41,8 @@ def check(arm: Arm, recordings: Sequence[Recording]) -> None:
                 f"has {1 / r.dt:.3g} rows per second; at least {LEAST_RATE:g} are needed to compare "
                 f"{recorded_signals(arm)} (100 and more show all that the comparison can)",
             )
-        if len(r) < 3 / r.dt:
-            raise InputError(r.path, f"is {len(r) * r.dt:.1f} s long; at least 3 s are needed")
+        if len(r) * r.dt < SHORTEST:
+            raise InputError(r.path, f"is {len(r) * r.dt:.1f} s long; at least {SHORTEST:g} s are needed")
         r = without_blanks(r)
         constant = np.ptp(r.i, axis=0) == 0.0
         if constant.any() and not setup_of(r).drives_off:

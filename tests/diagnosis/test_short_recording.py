@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import armscope
+from arm_io import InputError
 from arm_model import Arm
 from daq.recording import Recording
 from diagnosis.screening.cleaned import screened
@@ -51,6 +52,13 @@ def test_a_large_payload_shows_in_few_seconds(arm: Arm, root: Path, tmp_path: Pa
     (cause,) = found.causes
     assert found.verdict == "explained" and found.too_short is None and cause.effect == "payload"
     assert cause.parameters[0].value == pytest.approx(3.0, abs=2.0 * cause.parameters[0].std)
+
+
+def test_a_recording_too_short_to_be_split_is_said_at_its_own_length(arm: Arm, root: Path, tmp_path: Path) -> None:
+    recording = _loaded(arm, root, tmp_path, "fit", 4.0)
+    long = len(recording) * recording.dt
+    with pytest.raises(InputError, match=rf"is {long:.1f} s long; .*--held-out OTHER.mcap, or record at least 11 s"):
+        armscope.diagnose(recording, arm)
 
 
 @pytest.mark.parametrize("seconds", [2.5, pytest.param(3.5, marks=pytest.mark.slow)])
