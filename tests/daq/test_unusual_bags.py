@@ -120,5 +120,6 @@ def test_a_clock_that_was_set_back_is_refused_until_the_times_of_recording_are_a
     (tmp_path / "again").mkdir()
     assert imported(tmp_path / "again", messages, "--recorded-times") == 0
     recording = open_recording(tmp_path / "again/x.mcap")
+    assert "was recorded, not the stamp in its header" in capsys.readouterr().err
     np.testing.assert_array_equal(recording.wall_ns, T + 5)
     np.testing.assert_array_equal(recording.q, Q)

@@ -113,9 +113,15 @@ class TimeColumn:
         back = np.flatnonzero(np.diff(t, prepend=before) <= 0)
         if len(back):
             row = int(back[0])
-            text = cells[row - 1] if row else text
+            text, before = (cells[row - 1], float(t[row - 1])) if row else (text, before)
+            remedy = (
+                "leave out one of both rows"
+                if t[row] == before
+                else "where the clock was set back or restarted, import the rows before and after as two tables"
+            )
             raise InputError(
-                self._path, f"{self._word} {lines[row]}: t goes from {text} to {cells[row]}; it must increase strictly"
+                self._path,
+                f"{self._word} {lines[row]}: t goes from {text} to {cells[row]}; it must increase strictly: {remedy}",
             )
         if self._before is None:
             self._begin = float(t[0])

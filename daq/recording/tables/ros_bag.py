@@ -103,6 +103,8 @@ class BagSource:
             for name in undefined
         ]
         self._stamped = self._stamps[self.topic] and not recorded
+        if not self._stamped:
+            self._said.append(f"t is when each message of {self.topic} was recorded, not the stamp in its header")
         self.names = list(self._columns)
         with self._reader() as reader:
             self._look_for_efforts(reader)
