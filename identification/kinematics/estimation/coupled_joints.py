@@ -195,9 +195,10 @@ def refined(matrix: Array, free: Sequence[Entry], found: Fit) -> tuple[Array, di
 
 
 def _hypotheses(arm: Arm, moving: Sequence[int], taken: Sequence[Entry]) -> list[tuple[Entry, float]]:
+    """Entries that may be added, and with which values: a link may follow another joint though its own reads zero."""
     out = []
-    for j in (k - 1 for k in moving):
-        out += [((j, j), value) for value in OWN]
+    for j in range(len(arm)):
+        out += [((j, j), value) for value in OWN if j + 1 in moving]
         for k in (j - 1, j + 1):
             if k + 1 in moving and arm.joints[j].type == arm.joints[k].type:
                 out += [((j, k), value) for value in NEIGHBOUR]

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
-from foreign_arm import ForeignArm
+from foreign_arm import ForeignArm, parallelogram
 from test_reflectors import ANGLES, PLACES, calibrate, estimated, saved, seen, turned
 
 
@@ -55,3 +55,15 @@ def test_a_target_in_mm_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture
     said = capsys.readouterr().err
     assert "the target is given at (30, -20, 120) m" in said and "must be in m, not in mm" in said
     assert not (tmp_path / "out").exists()
+
+
+def test_a_link_that_a_rod_keeps_level_follows_another_joint(tmp_path: Path) -> None:
+    """A palletiser reports nothing for the joint that its rods turn: a column of zeros."""
+    arm, generator = ForeignArm(seed=69, coupling=parallelogram(-1.0)), np.random.default_rng(69)
+    q = arm.reported(40, generator)
+    q[:, 2] = 0.0
+    table = saved(tmp_path / "p.csv", f"{ANGLES},x,y,z", q, arm.measured(q, generator))
+    found = estimated(tmp_path, table, extend=True)
+    assert not found.failures
+    (coupling,) = found.to_json()["coupling"]
+    assert (coupling["joint"], coupling["by"], coupling["ratio"]) == (3, 2, -1.0)

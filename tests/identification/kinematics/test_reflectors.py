@@ -54,11 +54,11 @@ def calibrate(folder: Path, *arguments: str | Path) -> int:
     return run(["calibrate", *map(str, arguments), *map(str, common)])
 
 
-def estimated(folder: Path, *tables: Path, target: dict | None = None) -> armscope.Calibration:
-    """The same without a report."""
+def estimated(folder: Path, *tables: Path, target: dict | None = None, extend: bool = False) -> armscope.Calibration:
+    """The same without a report; ``extend``: couplings, sag and encoder errors are tried."""
     (folder / "foreign.toml").write_text(DESCRIPTION)
     known = armscope.Tracker(target=target)
-    return armscope.calibrate(tables, folder / "foreign.toml", tracker=known, geometry_only=True)
+    return armscope.calibrate(tables, folder / "foreign.toml", tracker=known, geometry_only=not extend)
 
 
 def model_error(found: armscope.Calibration, arm: ForeignArm, q: np.ndarray, name: str = "A", number: int = 0) -> float:
