@@ -77,7 +77,8 @@ class Calibration:
     zero_error       m rms a coordinate: what the unknown zeros of the held-out runs' own encoders add to their error
     runs, held_out   with the angles of the links
     targets          what was tracked, those that were given wrongly as free; ``aims``: (3, 3) by target with
-                     orientations, by which measured ones were turned (R X')
+                     orientations, by which measured ones were turned (R X'); ``last_link``: (4, 4) pose of the last
+                     link of the user's model in that of the chain
     orientation      rms rad, {"fit": {"before", "after"}, "held_out": ...}; {} without orientations
     """
 
@@ -110,6 +111,7 @@ class Calibration:
     judged_by: JudgedBy
     targets: tuple[Target, ...]
     aims: Mapping[int, Array]
+    last_link: Array
     orientation: dict[str, dict[str, float]]
     warnings: tuple[str, ...] = field(default=())
 
@@ -230,6 +232,7 @@ def _result(estimated: Estimated) -> Calibration:
         judged_by=measured.judged_by,
         targets=estimated.targets,
         aims=measured.aims,
+        last_link=estimated.settings.last_link,
         orientation=judgement.orientation,
         warnings=(*measured.warnings, *estimated.warnings, *judgement.warnings, *weaknesses(estimated, rank)),
     )

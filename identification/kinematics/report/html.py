@@ -201,7 +201,11 @@ def _target(target: dict[str, Any]) -> Markup:
     several = zip(pose[:3, 3], "xyz")
     place = Markup(", ").join(_with_std(1e3 * v, 1e3 * std.get(axis, 0.0), "") for v, axis in several)
     name = f" {target['name']}" if target["name"] else ""
-    return Markup("target{} at ({}) mm").format(name, place)
+    given = ""
+    if not np.allclose(target["place"], pose[:3, 3], rtol=0.0, atol=1e-9):
+        there = ", ".join(f"{1e3 * v:.1f}" for v in target["place"])
+        given = f" (in the last link of the given model, as for --target: {there})"
+    return Markup("target{} at ({}) mm{}").format(name, place, given)
 
 
 def _tried(table: dict[str, Any]) -> Markup | None:

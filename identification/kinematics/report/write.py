@@ -99,13 +99,20 @@ def _tried(trial: Trial) -> dict[str, Any]:
 
 
 def _targets(calibration: Calibration) -> list[dict[str, Any]]:
-    """Name, pose in the frame of the last link and std of every target."""
+    """Name, pose in the frame of the last link and std of every target; its place in the last link of the given model.
+
+    Both links are one unless the joints of the given model are placed as in URDF.
+    """
     out = []
     for number, (group, one) in enumerate(zip(target_groups(len(calibration.targets)), calibration.targets)):
         pose = target_of(calibration.chain, number)
         pose[:3, :3] = pose[:3, :3] @ calibration.aims.get(number, np.eye(3))
         std = {n.partition(".")[2]: s for n, s in calibration.std.items() if n.startswith(f"{group}.")}
-        out.append({"name": one.name, "pose": pose.tolist(), "std": std, "given": one.given, "oriented": one.oriented})
+        place = np.linalg.solve(calibration.last_link, pose[:, 3])[:3]
+        out.append(
+            {"name": one.name, "pose": pose.tolist(), "place": place.tolist(), "std": std}
+            | {"given": one.given, "oriented": one.oriented}
+        )
     return out
 
 

@@ -75,6 +75,9 @@ def test_a_wrong_target_is_told_in_the_frame_that_it_was_given_in(arm: Arm, tmp_
     place = told.partition("place it at (")[2].partition(")")[0]
     # the last link may take up to a millimetre of it
     assert [float(x) for x in place.split(", ")] == pytest.approx(TARGET, abs=1e-3)
+    (written,) = found.to_json()["targets"]
+    assert written["place"] == pytest.approx(TARGET, abs=1e-3)
+    assert [row[3] for row in written["pose"]][:3] != pytest.approx(TARGET, abs=1e-2)
 
 
 def test_a_selection_that_comes_back_to_where_it_was_ends(monkeypatch: pytest.MonkeyPatch) -> None:
