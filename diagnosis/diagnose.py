@@ -119,6 +119,7 @@ def _with_held_out(arm: Arm, fit: Sequence[Recording], held_out: Sequence[Record
         judged=instruments.judged,
         shortage=currents.shortage if instruments.judged else None,
         known_to=state.significance.allowed.held_out if state.model.uncertain else None,
+        known_to_fitted=state.significance.allowed.fit if state.model.uncertain else None,
         allowed_residuals=allowed_residuals(state, unexplained) if instruments.judged else [],
         warnings=(
             *cleaned.remarks,

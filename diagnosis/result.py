@@ -31,7 +31,8 @@ class Diagnosis:
     along_motion   (n,) A rms of each recording's residual under both along the measured motion
     judged         whether the currents were compared: not with a model that predicts none
     shortage       what the held-out recordings are too short for
-    known_to       (n,) times the noise that held-out residuals may be by what the model says of its own uncertainty
+    known_to       (n,) times the noise that held-out residuals may be by what the model says of its own uncertainty;
+                   known_to_fitted: that fitted ones may be
     exchanged      whether recordings were held out others than those that were given as such (``other_held_out``)
     allowed_residuals     what is above the noise within that, joint by joint
     """
@@ -53,6 +54,7 @@ class Diagnosis:
     judged: bool = True
     shortage: Shortage | None = None
     known_to: Array | None = None
+    known_to_fitted: Array | None = None
     allowed_residuals: list[AllowedResidual] = field(default_factory=list)
     warnings: tuple[str, ...] = ()
     exchanged: bool = False

@@ -27,7 +27,8 @@ class Remaining:
     """One joint (from 1): its verdict, and its residual current over the noise with all causes.
 
     along, in_loop  by "fit" and "held_out"; empty where there is nothing to compare
-    known_to        times the noise that it may be by the model's own uncertainty; None: the model states none
+    known_to        times the noise that it may be in held-out recordings by the model's own uncertainty, and
+                    known_to_fitted in fitted ones; None: the model states none
     remainder       of what is within that: on what it depends, and what the model left when it was identified
     """
 
@@ -36,22 +37,22 @@ class Remaining:
     along: dict[str, float] = field(default_factory=dict)
     in_loop: dict[str, float] = field(default_factory=dict)
     known_to: float | None = None
+    known_to_fitted: float | None = None
     remainder: AllowedResidual | None = None
 
     @property
     def words(self) -> Iterator[str]:
         """``joint 2 at 1.7 times the noise in held-out recordings``, of everything above it."""
-        along = self._known + _compared(self.remainder)
-        for sizes, most, where, known in (
-            (self.along, LIMITS.noise, "", along),
-            (self.in_loop, LOOP_LIMITS.loop, " in closed loop", self._known),
+        for sizes, most, where, compared in (
+            (self.along, LIMITS.noise, "", _compared(self.remainder)),
+            (self.in_loop, LOOP_LIMITS.loop, " in closed loop", ""),
         ):
             above = {side: size for side, size in sizes.items() if size > most}
             if above:
                 worst = max(above, key=lambda side: above[side])
                 yield (
                     f"joint {self.joint}{where} at {above[worst]:.1f} times the noise in {PARTS[worst]} recordings"
-                    f"{known}"
+                    f"{self._known_in(worst)}{compared}"
                 )
 
     @property
@@ -59,9 +60,9 @@ class Remaining:
         """Whether what the model lacked when it was identified is half of what it is known to, in squares, or more."""
         return self.remainder is not None and 2 * self.remainder.before**2 >= (self.known_to or 0.0) ** 2
 
-    @property
-    def _known(self) -> str:
-        return f", where the model is known to {self.known_to:.1f} times" if self.known_to else ""
+    def _known_in(self, side: str) -> str:
+        known = self.known_to_fitted if side == "fit" else self.known_to
+        return f", where the model is known to {known:.1f} times" if known else ""
 
 
 def _compared(one: AllowedResidual | None) -> str:
@@ -94,6 +95,7 @@ def remaining(result: Diagnosis) -> list[Remaining]:
             along={side: sizes[joint] for side, sizes in along.items() if joint in sizes},
             in_loop={side: float(sizes[joint - 1]) for side, sizes in in_loop.items()},
             known_to=None if result.known_to is None else float(result.known_to[joint - 1]),
+            known_to_fitted=None if result.known_to_fitted is None else float(result.known_to_fitted[joint - 1]),
             remainder=next((remainder for remainder in result.allowed_residuals if remainder.joint == joint), None),
         )
         for joint in range(1, len(result.arm) + 1)

@@ -89,9 +89,10 @@ def deciding(joints: Sequence[Remaining]) -> Iterator[str]:
     """What would decide whether a joint above the noise, but within the uncertainty of the model, has changed.
 
     An error of the model is also in recordings of the day of its identification, and cancels when both days are
-    compared. An uncertainty that comes from noise becomes smaller with more recordings.
+    compared. An uncertainty that comes from noise becomes smaller with more recordings. Neither decides
+    what exceeds it.
     """
-    known = [joint for joint in joints if joint.known_to]
+    known = [joint for joint in joints if joint.known_to and joint.verdict != "unexplained"]
     lacking = [one.joint for one in known if one.by_lack]
     unsure = [one.joint for one in known if not one.by_lack]
     if lacking:
@@ -103,6 +104,12 @@ def deciding(joints: Sequence[Remaining]) -> Iterator[str]:
         yield (
             f"To decide at {_joints(unsure)}: identify from more recordings; the parameters of the model are not known "
             "well enough."
+        )
+    if beyond := [one.joint for one in joints if one.known_to and one.verdict == "unexplained"]:
+        yield (
+            f"At {_joints(beyond)} it is more than the uncertainty of the model explains. If these recordings are of "
+            "another day than those of the model's identification, armscope compare of both says which quantities "
+            "changed, friction speed by speed."
         )
 
 

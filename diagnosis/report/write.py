@@ -61,7 +61,7 @@ def table_of(result: Diagnosis, fit: list[Recording], held_out: list[Recording])
         "signals": signal_rows(result),
         "joints": [
             {"joint": one.joint, "verdict": one.verdict, "noise_ratio": one.along, "closed_loop": one.in_loop}
-            | ({} if one.known_to is None else {"known_to": one.known_to})
+            | ({} if one.known_to is None else {"known_to": one.known_to, "known_to_fitted": one.known_to_fitted})
             | ({} if one.remainder is None else {"remainder": _remainder(one.remainder)})
             for one in remaining(result)
         ],

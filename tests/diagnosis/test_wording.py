@@ -113,6 +113,18 @@ def test_within_what_the_model_is_known_to_the_experiment_that_decides_is_said(
     assert f"To decide at joint 2: {said}" in told
 
 
+def test_what_exceeds_the_uncertainty_of_the_model_is_not_put_down_to_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fitted and held-out recordings are each compared with what the model is known to there."""
+    beyond = Remaining(joint=3, verdict="unexplained", along={"held_out": 108.0}, known_to=5.0, known_to_fitted=9.0)
+    within = Remaining(joint=1, verdict="consistent", along={"fit": 7.5}, known_to=1.8, known_to_fitted=6.1)
+    monkeypatch.setattr("diagnosis.report.wording.remaining", lambda result: [within, beyond])
+    told = sentence(cast(Diagnosis, Verdict("unexplained", [], [Structure(Signal.CURRENT, 3, "velocity", 0.9)])))
+    assert "joint 1 at 7.5 times the noise in fitted recordings, where the model is known to 6.1 times" in told
+    assert "joint 3 at 108.0 times the noise in held-out recordings, where the model is known to 5.0 times" in told
+    assert "To decide at joint 1: identify from more recordings" in told and told.count("To decide") == 1
+    assert "At joint 3 it is more than the uncertainty of the model explains" in told and "armscope compare" in told
+
+
 def test_a_group_is_never_told_as_one_lucky_member() -> None:
     aliased = group_of(("torque_constant", 2), ("current_gain", 2), felt_at=2)
     assert either(aliased) == "torque constant or current gain of joint 2"
