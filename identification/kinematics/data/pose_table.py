@@ -72,7 +72,11 @@ def read_poses(path: Path, joints: int) -> Tracked:
         raise table.error(f"has columns {other} and x{numbered[0]}; must have one row per pose with x1, y1, z1, .., "
                           "or x, y, z with a column reflector")  # fmt: skip
     q = table.numbers(angles)
-    _check_unit(table, "q", q, LARGEST_ANGLE, "rad", "degrees")
+    for name, column in zip(angles, q.T, strict=True):
+        high = float(np.max(np.abs(column[np.isfinite(column)]), initial=0.0))
+        if high > LARGEST_ANGLE:
+            raise table.error(f"{name}: {high:.4g} is no value in rad, nor in m of a prismatic joint; where it is in "
+                              f"another unit, its name must say so, as in {name} [deg] or {name} [mm]")  # fmt: skip
     seen = [_reflector(table, suffix) for suffix in suffixes]
     rows: Index = np.arange(len(q))
     if "reflector" in table.names:
@@ -193,6 +197,6 @@ def _by_name(table: Cells, q: Array, seen: _Seen) -> tuple[list[_Seen], Index]:
 def _check_unit(table: Cells, name: str, values: Array, largest: float, unit: str, other: str) -> None:
     high = float(np.max(np.abs(values[np.isfinite(values)]), initial=0.0))
     if high > largest:
-        example = f"{name.split(',')[0]}{'1' if name == 'q' else ''} [{'deg' if unit == 'rad' else other}]"
+        example = f"{name.split(',')[0]} [{'deg' if unit == 'rad' else other}]"
         raise table.error(f"{name}: {high:.4g} is no value in {unit}; must be in {unit}, not in {other}, or the "
                           f"columns must name their unit, as in {example}")  # fmt: skip

@@ -95,7 +95,7 @@ def test_an_empty_cell_is_a_missing_value_and_extra_columns_are_ignored(tmp_path
         ("q1,q2,x,y,z\n0,0,0,0,0\n", "column q3 is missing; a table of poses of this arm must hold q1, q2"),
         (f"{HEAD},q7\n" + "0," * 9 + "0\n", "column q7: the model has 6 joints"),
         ("q1,q2,q3,q4,q5,q6,x1,y1,z1,x2,y2\n", "column z2 is missing"),
-        (f"{HEAD}\n" + "90,0,0,0,0,0,1,1,1\n", "not in degrees"),
+        (f"{HEAD}\n" + "90,0,0,0,0,0,1,1,1\n", "q1: 90 is no value in rad, nor in m of a prismatic joint"),
         (f"{HEAD}\n" + "0,0,0,0,0,0,1200,0,1\n", "not in mm"),
         (f"{HEAD}\n" + "0,0,zero,0,0,0,1,0,1\n", "line 2: q3: 'zero' is no number"),
         (f"{HEAD}\n" + "0,0,0,0,0,0,1200,0,1\n", "as in x [mm]"),
@@ -248,7 +248,7 @@ def test_cells_as_people_and_spreadsheets_write_them(tmp_path: Path) -> None:
         ("A1;A2;X [mm];x;Y;Z\n1;2;3;4;5;6\n", r"line 1: column 'x' is there twice \('X \[mm\]', 'x'\)"),
         ("Protokoll\nA1;A2;X;Y;Z\n1;zwei;3;4;5\n", r"line 3: q2: 'zwei' is no number"),
         ("Protokoll\nA1 [inch];A2;X;Y;Z\n1;2;3;4;5\n", r"line 2: 'A1 \[inch\]': 'inch' is no unit of q1"),
-        ("A1;A2;X;Y;Z\n90;2;3;4;5\n", r"q: 90 is no value in rad"),
+        ("A1;A2;X;Y;Z\n90;2;3;4;5\n", r"q1: 90 is no value in rad, nor in m .* as in q1 \[deg\] or q1 \[mm\]$"),
     ],
 )
 def test_foreign_names_that_cannot_be_meant(text: str, error: str, tmp_path: Path) -> None:
