@@ -12,6 +12,7 @@ from daq.recording import Recording
 from diagnosis.residual.run import Run
 from diagnosis.residual.run_setup import setup_of
 from diagnosis.screening.lost_rows.blank_samples import without_blanks
+from diagnosis.screening.time_split import FITTED
 from identification import recorded_quantity, recorded_signals
 from identification.preprocessing import check_joints
 from identification.preprocessing.mechanism import ALIKE, OTHER_UNIT, check_mechanism, other_drives
@@ -42,13 +43,26 @@ def check(arm: Arm, recordings: Sequence[Recording]) -> None:
                 f"{recorded_signals(arm)} (100 and more show all that the comparison can)",
             )
         if len(r) * r.dt < SHORTEST:
-            raise InputError(r.path, f"is {len(r) * r.dt:.1f} s long; at least {SHORTEST:g} s are needed")
+            raise InputError(r.path, _too_short([one for one in recordings if one.path == r.path]))
         r = without_blanks(r)
         constant = np.ptp(r.i, axis=0) == 0.0
         if constant.any() and not setup_of(r).drives_off:
             j = int(np.argmax(constant))
             quantity = recorded_quantity(arm.joints[j])
             raise InputError(r.path, f"{quantity} of joint {j + 1} never changes; is it connected?")
+
+
+def _too_short(parts: Sequence[Recording]) -> str:
+    """That a recording, or one of the two parts that it was split into, is too short."""
+    seconds = [len(one) * one.dt for one in parts]
+    long = f"is {sum(seconds):.1f} s long; "
+    if len(seconds) == 1:
+        return f"{long}at least {SHORTEST:g} s are needed"
+    return (
+        f"{long}without a held-out recording its first {seconds[0]:.1f} s would be fitted and its last "
+        f"{seconds[-1]:.1f} s held out, and both need at least {SHORTEST:g} s: give --held-out OTHER.mcap, or record "
+        f"at least {np.ceil(SHORTEST / (1 - 1.2 * FITTED)):g} s"
+    )
 
 
 def recorded_otherwise(arm: Arm, recordings: Sequence[Recording]) -> list[str]:

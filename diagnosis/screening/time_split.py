@@ -7,29 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from arm_io import InputError
 from daq.recording import Recording
-from diagnosis.screening.plausibility import SHORTEST
 
 FITTED = 0.6
 """Share of a recording that is fitted, to within a fifth; the rest is held out."""
 
 
 def split(recording: Recording) -> tuple[Recording, Recording]:
-    """The first and the last part of a recording, each with its own time from 0: a weaker test than another run.
-
-    InputError where one of them is too short.
-    """
+    """The first and the last part of a recording, each with its own time from 0: a weaker test than another run."""
     row = round(FITTED * len(recording))
     rows = stillest(recording, round(0.8 * row), round(1.2 * row), row)
-    seconds = [count * recording.dt for count in (rows, len(recording) - rows)]
-    if min(seconds) < SHORTEST:
-        raise InputError(
-            recording.path,
-            f"is {sum(seconds):.1f} s long; without a held-out recording its first {seconds[0]:.1f} s would be fitted "
-            f"and its last {seconds[1]:.1f} s held out, and both need at least {SHORTEST:g} s: give --held-out "
-            f"OTHER.mcap, or record at least {np.ceil(SHORTEST / (1 - 1.2 * FITTED)):g} s",
-        )
     return part(recording, slice(0, rows)), part(recording, slice(rows, None))
 
 
