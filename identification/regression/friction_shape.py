@@ -139,8 +139,7 @@ def smoothness(problem: Problem, size: Array) -> Smoothness | None:
         if joint.friction_curve is None:
             continue
         basis, kept = departures(joint.friction_curve.speed)
-        place = np.log(np.maximum(joint.friction_curve.speed, 1e-3 * joint.friction_curve.speed[-1]))
-        bends = _second_differences(place) @ basis / size[j]
+        bends = _second_differences(_logarithm(joint.friction_curve.speed)) @ basis / size[j]
         for end in ends:
             rows = np.zeros((len(bends), len(names)))
             for column, name in zip(bends.T, np.array(curve_names(j, len(basis), end))[kept].tolist()):
@@ -149,6 +148,13 @@ def smoothness(problem: Problem, size: Array) -> Smoothness | None:
             found.append(rows)
             joints += [j] * len(rows)
     return Smoothness(np.concatenate(found), np.array(joints, np.intp)) if found else None
+
+
+def _logarithm(speed: Sequence[float]) -> Array:
+    """(K,): log of increasing speeds rad/s (m/s); a first speed of 0 counts as 1/1000 of the last, or half the next."""
+    # a floor that others may lie below would make two of them equal: moves from point to point creep at their ends
+    least = min(1e-3 * speed[-1], 0.5 * speed[1])
+    return np.log([speed[0] or least, *speed[1:]])
 
 
 def _second_differences(x: Array) -> Array:

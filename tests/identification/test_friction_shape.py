@@ -12,6 +12,7 @@ import pytest
 import armscope
 from arm_model import read_model
 from armscope.cli import run
+from identification.regression.friction_shape import _logarithm, _second_differences
 from identification.report.friction import sentences
 from tests.comparison import second_day
 from tests.diagnosis.rubbing_arm import Law, humped, recording, stranger
@@ -132,6 +133,18 @@ def test_a_curve_that_halves_the_error_stays_though_few_seconds_are_held_out(
         assert trial["curve"] < 0.5 * trial["straight"]
         assert trial["p"] < 1e-4
         assert trial["stays"] and not trial["why"]
+
+
+def test_any_speeds_of_a_curve_are_smoothed_and_a_line_over_their_logarithm_is_smooth() -> None:
+    """Moves from point to point creep at their ends: several speeds below a thousandth of the fastest one."""
+    speeds = (4e-4, 7e-4, 1.3e-3, 0.02, 0.4, 3.0)
+    bends = _second_differences(_logarithm(speeds))
+    assert np.isfinite(bends).all()
+    np.testing.assert_allclose(bends @ (2.0 - 0.3 * np.log(speeds)), 0, atol=1e-10)
+    assert np.abs(bends @ np.array(speeds)).max() > 0.01
+    # a first speed of 0 has no logarithm
+    for above in (2e-4, 0.5):
+        assert np.isfinite(_second_differences(_logarithm((0.0, above, 1.0, 3.0)))).all()
 
 
 def test_a_shape_is_refused_where_the_method_has_none(tmp_path: Path) -> None:
