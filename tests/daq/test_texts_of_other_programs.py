@@ -199,3 +199,14 @@ def test_columns_of_plotjuggler_have_topics_and_names_of_joints(root: Path) -> N
     np.testing.assert_array_equal(run.q, Q)
     np.testing.assert_array_equal(run.i, I)
     np.testing.assert_allclose(run.qref, Q + 0.1)
+
+
+def test_commanded_positions_beside_actual_ones_are_the_demands() -> None:
+    """Of a drive's trace, whose columns have the axis first and the word last."""
+    names = [f"Axis {j} {word}" for word in ("Actual Position", "Motor Current", "Commanded Position") for j in (1, 2)]
+    rows = np.column_stack([1e3 * T, Q, I, Q + 0.1])
+    lines = [",".join(f"{value:.17g}" for value in row) for row in rows]
+    Path("table.csv").write_text("\n".join([",".join(["Time [ms]", *names]), *lines]) + "\n")
+    run = read("table.csv", "--guess")
+    check(run)
+    np.testing.assert_allclose(run.qref, Q + 0.1)

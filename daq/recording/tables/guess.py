@@ -53,7 +53,7 @@ POSITION = "q|pos|positions?|angles?|joint|winkel"
 _MEASURED = "([ _.]*(meas(ured)?|act(ual)?|feedback|fbk?))?"
 _JOINT = "joint|axis|achse|gelenk"
 _WORDS = {
-    "qref": rf"(({POSITION})?[ _.]*(ref|reference|demand|demanded|target|goal|setpoint|desired|des|cmd|command)[ _.]*"
+    "qref": rf"(({POSITION})?[ _.]*(ref|reference|demand(ed)?|target|goal|setpoint|desired|des|cmd|command(ed)?)[ _.]*"
     rf"({POSITION})?|q_d|soll[ _.-]*(wert|position|winkel)?)",
     "ql": r"(link|load|output)[ _.]*(side)?[ _.]*(q|pos|position|angle|encoder)",
     "i": r"(i|joint[ _.]*(currents?|torques?|efforts?)|cur|curr|currents?|motor[ _.]*currents?|actual[ _.]*current"
