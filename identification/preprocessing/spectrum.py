@@ -11,9 +11,10 @@ bandwidth of the dynamics).
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import signal
 
 from arm_io.types import Array
@@ -36,8 +37,9 @@ class Band:
     """Cut-off frequencies (-6 dB, zero phase) common to all joints and both sides of the equations, Hz.
 
     ``motion`` for differentiating positions, ``parallel`` for the regression. ``frequency`` (f,) Hz and ``density`` (f,
-    J), (rad/s2)^2/Hz, are the acceleration spectrum from which they were read; ``noise_rms`` (J,) rad is the white part
-    of the position noise.
+    J), (rad/s2)^2/Hz, are the acceleration spectrum from which they were read, of the joints that count (``moving``
+    (J,); None: none does); ``noise_rms`` (J,) rad is the white part of the position noise. turning: Hz below which the
+    sign of the velocity has 95 % of its power.
     """
 
     motion: float
@@ -45,6 +47,21 @@ class Band:
     frequency: Array
     density: Array
     noise_rms: Array
+    moving: NDArray[np.bool_] | None = None
+    turning: float = 0.0
+
+    def below(self, top: float) -> Band:
+        """The band of a motion whose demands end at ``top`` Hz; what the arm does above them is no part of it.
+
+        Half the rate of setpoints is such an end: a servo that interpolates between setpoints repeats the spectrum of
+        their motion around every multiple of their rate. Soft gears and structure answer there, which equations of
+        rigid links do not describe.
+        """
+        if self.moving is None or top >= self.parallel:
+            return self
+        inside = (self.frequency > 0) & (self.frequency <= top)
+        dynamics = _occupied(self.frequency[inside], self.density[inside][:, self.moving])
+        return replace(self, parallel=min(self.parallel, 2.0 * max(dynamics, self.turning), top))
 
 
 def choose_band(q: Array, dt: float) -> Band:
@@ -68,8 +85,8 @@ def choose_band(q: Array, dt: float) -> Band:
     inside = (f > 0) & (f <= valley)
     dynamics = _occupied(f[inside], share[inside])
     turns, sign_density = _spectra((_signs(column, dt, valley) for column in q.T[moving]), rate, segment)
-    dynamics = max(dynamics, _occupied(turns[1:], sign_density[1:]))
-    return Band(motion, min(valley, 2.0 * dynamics), f, density, noise)
+    turning = _occupied(turns[1:], sign_density[1:])
+    return Band(motion, min(valley, 2.0 * max(dynamics, turning)), f, density, noise, moving, turning)
 
 
 def _spectra(signals: Iterable[Array], rate: float, segment: int) -> tuple[Array, Array]:

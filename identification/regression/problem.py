@@ -125,6 +125,7 @@ def motion_of(recording: Recording, arm: Arm) -> tuple[Motion, RunReadiness]:
     setpoints = _setpoints_of(recording, arm, motion, torque)
     motion = replace(
         motion,
+        band=motion.band.below(0.5 / setpoints.period) if setpoints.period else motion.band,
         setpoints=setpoints,
         folded=folded_torque(motion, Driven(recording.t, torque, setpoints)),
         temperatures=recorded_temperatures(recording.t, recording.temp),
