@@ -82,19 +82,7 @@ def _with_held_out(arm: Arm, fit: Sequence[Recording], held_out: Sequence[Record
     """``diagnose`` with these recordings held out."""
     model, arm = arm, with_reference(arm, fit)
     recordings: Recordings = Split(fit, held_out, bool({r.path for r in fit} & {r.path for r in held_out}))
-    cleaned = screen(arm, recordings, progress)
-    # angles that single counters lost are put back
-    recordings = recordings.cut(cleaned.recordings)
-    instruments = measure(arm, recordings, cleaned, progress)
-    recorded, recorded_angles = recordings, [q for _, q, _ in cleaned.samples]
-    recordings, cleaned = on_uniform_grid(recordings, cleaned)
-    instruments = isolated_by_currents(arm, instruments, cleaned, progress)
-    instruments = links_damped(arm, instruments, recordings, cleaned, progress)
-    currents = find_causes(arm, instruments.in_model, recordings, cleaned, progress)
-    recordings = recordings.cut(with_aligned_currents([*recordings.fit, *recordings.held_out], currents.residuals))
-    of_currents = [*currents.causes, *currents.outside_selection]
-    instruments = tracked_beside(of_currents, arm, instruments, recorded, recorded_angles, progress)
-    instruments = tracked_damped(instruments, currents, recordings.fit, progress)
+    recordings, cleaned, instruments, currents = _searched(arm, recordings, progress)
     causes, as_found = extended_model(arm, instruments, currents, recordings)
     extended = dissipative(as_found, top_speeds(currents))
     verified = verify(arm, extended, causes, recordings, currents, judged=instruments.judged)
@@ -128,6 +116,29 @@ def _with_held_out(arm: Arm, fit: Sequence[Recording], held_out: Sequence[Record
             *remarks_on(currents.held, arm),
         ),
     )
+
+
+def _searched(
+    arm: Arm, recordings: Recordings, progress: Progress
+) -> tuple[Recordings, Screened, OtherInstruments, CurrentDiagnosis]:
+    """What every instrument shows of an arm, each beside the causes that the others have shown.
+
+    The recordings as screened: rows equally spaced, jumps and lost rows put back.
+    """
+    cleaned = screen(arm, recordings, progress)
+    # angles that single counters lost are put back
+    recordings = recordings.cut(cleaned.recordings)
+    instruments = measure(arm, recordings, cleaned, progress)
+    recorded, recorded_angles = recordings, [q for _, q, _ in cleaned.samples]
+    recordings, cleaned = on_uniform_grid(recordings, cleaned)
+    instruments = isolated_by_currents(arm, instruments, cleaned, progress)
+    instruments = links_damped(arm, instruments, recordings, cleaned, progress)
+    currents = find_causes(arm, instruments.in_model, recordings, cleaned, progress)
+    recordings = recordings.cut(with_aligned_currents([*recordings.fit, *recordings.held_out], currents.residuals))
+    of_currents = [*currents.causes, *currents.outside_selection]
+    instruments = tracked_beside(of_currents, arm, instruments, recorded, recorded_angles, progress)
+    instruments = tracked_damped(instruments, currents, recordings.fit, progress)
+    return recordings, cleaned, instruments, currents
 
 
 def check_recordings(arm: Arm, fit: Sequence[Recording], held_out: Sequence[Recording] = ()) -> None:
