@@ -17,8 +17,10 @@ import armscope
 from arm_model import Arm, FrictionCurve, parameter, with_parameters, write_model
 from arm_model.tables import uncertainty_of
 from daq.recording import Recording
+from diagnosis import find_causes, outside_selection
 from diagnosis.current_diagnosis import CurrentDiagnosis
 from diagnosis.measurements.currents.model_errors import ModelUncertainty, Significance, of_strongest
+from diagnosis.measurements.near_rest.friction import Friction
 from diagnosis.residual.comparable_rows import rest_friction
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Columns, Dataset
@@ -66,6 +68,39 @@ def test_a_model_that_states_its_uncertainty_is_not_taken_for_exact(
     searched = object.__new__(CurrentDiagnosis)
     searched.__dict__.update(axis=axis, library=library, arm=SimpleNamespace(uncertainty=uncertainty))
     assert (searched.by_selection, searched.by_exact_model) == (by_selection, by_exact_model)
+
+
+@pytest.mark.parametrize("exact", [True, False])
+def test_what_only_an_exact_model_shows_is_not_looked_for_with_another(
+    exact: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = list[str]()
+
+    def noted(what: str) -> Any:
+        return lambda *_, **__: asked.append(what) or ()
+
+    for name, what in (("chattering_gaps", "teeth"), ("lost_in_loop", "lost rows"), ("_in_loop", "friction in loop")):
+        monkeypatch.setattr(outside_selection, name, noted(what))
+    monkeypatch.setattr(outside_selection, "friction_causes", lambda *_: Friction([], []))
+    monkeypatch.setattr(outside_selection, "extend", lambda arm, causes: arm)
+    monkeypatch.setattr(outside_selection, "with_smoothing_velocities", lambda arm, recordings: arm)
+    currents: Any = SimpleNamespace(
+        by_selection=True,
+        by_exact_model=exact,
+        axis=None,
+        base=None,
+        library=(),
+        causes=[],
+        state=SimpleNamespace(runs=Split((), ()), terms=[]),
+        selection=SimpleNamespace(unexplained=SimpleNamespace(structures=[])),
+        residuals=SimpleNamespace(samples=[], losses=[]),
+    )
+    recordings: Any = Split([], [])
+    assert outside_selection.gaps(currents, frozenset()) == ()
+    assert outside_selection.rows_lost_in_loop(currents, recordings) is None
+    assert outside_selection.friction_near_rest(currents, recordings, frozenset()) == Friction([], [])
+    assert asked == (["teeth", "lost rows", "friction in loop"] if exact else [])
+    assert exact or find_causes._with_rise_at_rest(currents) is currents
 
 
 def test_the_models_own_errors_are_significant_no_more_often_than_chance_has_it() -> None:
