@@ -30,7 +30,7 @@ from diagnosis.residual.signals import signals_of
 from diagnosis.selection.candidate import Candidate
 
 STEP = 1e-4
-"""Step of finite differences of second order, in units of the parameter: an error of 1e-8, and rounding of 1e-12."""
+"""Step of finite differences of second order, in units of the parameter: an error of 1e-8, and rounding of 1e-11."""
 ROUNDING = 1e-10
 """Change of a current over a step, relative to its largest, that is rounding: an effect of 0.1 % of it makes 1e-7."""
 
