@@ -19,6 +19,7 @@ from identification.methods.friction_tuning import simulated_error, tune_frictio
 from identification.methods.inverse_dynamics import Shape, identify
 from identification.preprocessing.attenuation import attenuation_warnings
 from identification.preprocessing.readiness import Readiness
+from identification.regression.identifiability import IDENTIFIABLE
 from identification.regression.model_parameters import Friction, without_rotors
 from identification.regression.problem import excitation_of, motions_of, prepare
 from identification.result import Identification, Prediction, Value, unit_of
@@ -110,7 +111,7 @@ def tuned(
             float(std),
             float(formula),
             unit_of(name, arm),
-            bool(std < 0.3 * abs(value)),
+            bool(std < IDENTIFIABLE * abs(value)),
             std_bootstrap=float(drawn),
         )
         for name, value, std, formula, drawn in zip(

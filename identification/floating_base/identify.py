@@ -25,9 +25,8 @@ from identification.floating_base.held_out import late_rows, sides
 from identification.floating_base.joints import OF_JOINT, OF_WATER, arm_parameters, joint_rows, unit_of_arm
 from identification.floating_base.rows import BLOCK_SECONDS, base_run
 from identification.floating_base.wrenches import wrenches_of
+from identification.regression.identifiability import IDENTIFIABLE
 
-RELATIVE = 0.3
-"""Largest relative deviation of an identifiable parameter."""
 CONTRADICTED = 4.0
 """Standard deviations from the model beyond which friction and water of the arm are changed."""
 
@@ -61,7 +60,7 @@ def identify_base(
             std=float(std) if known else None,
             nominal=float(start[k]),
             unit=unit_of(names[k]),
-            identifiable=bool(known and std < RELATIVE * abs(values[k])),
+            identifiable=bool(known and std < IDENTIFIABLE * abs(values[k])),
         )
         for k, std, known in zip(free, stds, seen)
     ]
@@ -105,7 +104,7 @@ def identify_joints(fit: Sequence[Recording], arm: Arm, held_out: Sequence[Recor
             std=float(std) if known else None,
             nominal=float(model),
             unit=unit_of_arm(arm, name),
-            identifiable=bool(known and std < RELATIVE * abs(value)),
+            identifiable=bool(known and std < IDENTIFIABLE * abs(value)),
         )
         for name, value, std, model, known in zip(rows.names, values, stds, start, seen)
     ]

@@ -17,6 +17,7 @@ from identification.conclusion.predictions import SPLIT
 from identification.methods.motor_link import PASSING, MotorLink, Way, fitted, joined, motor_link_rows
 from identification.preprocessing import checks
 from identification.preprocessing.signals import Motion
+from identification.regression.identifiability import IDENTIFIABLE, TRACE
 from identification.regression.problem import motions_of
 from identification.result import Identification, Prediction, Value, unit_of
 
@@ -179,7 +180,7 @@ def _named(found: MotorLink, j: int, arm: Arm) -> list[Value]:
                 std,
                 float(found.uncertainty.std_formula[k]),
                 unit_of(label, arm),
-                std < 0.3 * abs(value) or std < 0.02 * float(np.std(found.rows.torque)),
+                std < IDENTIFIABLE * abs(value) or std < TRACE * float(np.std(found.rows.torque)),
                 std_bootstrap=float(found.uncertainty.std_bootstrap[k]),
             )
         )

@@ -22,10 +22,12 @@ from diagnosis.measurements.currents.columns import candidates
 from diagnosis.measurements.currents.design_matrix import Library, dataset_of
 from diagnosis.measurements.currents.model import Currents
 from diagnosis.measurements.currents.possible import is_physical
+from diagnosis.measurements.currents.state import State
 from diagnosis.measurements.currents.structure.noise_ratio import noise_ratio
 from diagnosis.residual.comparable_rows import comparable_rows
 from diagnosis.residual.generation import residual_run
 from diagnosis.selection.candidate import Candidate
+from diagnosis.verification import final_gain
 from diagnosis.verification.final_gain import FinalModel, left_where_it_acts
 from diagnosis.verification.idle_limits import asks_for_more, held_at_standstill, idle_limits
 from diagnosis.verification.tenable import causes_of, tenable_causes
@@ -58,10 +60,8 @@ def test_no_larger_than_the_noise_where_it_acts_there_is_no_effect(
 
     Noise that is stated too large (``scale``) hides no friction that explains most of what is there.
     """
-    friction = Candidate("coulomb_friction", 1)
-    several = (dataset_of([residual_of(arm, seed, Day(coulomb=(coulomb, 0.0)))]) for seed in (1, 2))
-    data = Split(*(replace(one, y=scale * one.y) for one in several))
-    state = Currents(arm, data, Library((friction,), data), []).refitted([friction], {friction.key: []})
+    state, friction = _with_friction(arm, coulomb, scale)
+    data = state.data
     without = state.model.without(friction, state)
     alone = state.model.conditional(friction, without, state)
     lacking, left = (
@@ -71,6 +71,23 @@ def test_no_larger_than_the_noise_where_it_acts_there_is_no_effect(
     assert (data.held_out.y @ data.held_out.y - state.energy.held_out) > 0.1 * data.held_out.rows
     assert state.model.needed(alone, state)
     assert FinalModel(state, _causes(state)).negligible == refused
+
+
+@pytest.mark.parametrize(("share", "refused"), [(0.05, None), (0.2, 0)])
+def test_what_an_effect_leaves_that_smooths_the_noise_is_no_measure_of_it(
+    arm: Arm, share: float, refused: int | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of a ``share`` of the gain that is of the noise of encoders; the rest matters in either case."""
+
+    def of_noise(runs: Any, *effects: Any) -> float:
+        lacking, complete = (float(final_gain._energy(runs, some).sum()) for some in effects)
+        return share * (lacking - complete)
+
+    state, _ = _with_friction(arm, 0.02, 0.7)
+    monkeypatch.setattr(final_gain, "gain_from_encoder_noise", of_noise)
+    model = FinalModel(state, _causes(state))
+    assert model.gains[0].exact > 0.1 * state.data.held_out.rows
+    assert model.negligible == refused
 
 
 def test_a_cause_of_which_no_arm_is_left_is_refused_before_its_gain_is_judged(arm: Arm) -> None:
@@ -106,6 +123,14 @@ def test_what_is_left_below_the_noise_reads_as_it_is(arm: Arm, scale: float) -> 
     data = dataset_of([residual_of(arm, 1, Day())])
     white = np.random.default_rng(1).normal(size=data.y.size)
     assert noise_ratio(scale * white, data, 1) == pytest.approx(scale, rel=0.05)
+
+
+def _with_friction(arm: Arm, coulomb: float, scale: float) -> tuple[State, Candidate]:
+    """More friction of joint 1, found in recordings whose noise is stated too large by 1 / ``scale``."""
+    friction = Candidate("coulomb_friction", 1)
+    several = (dataset_of([residual_of(arm, seed, Day(coulomb=(coulomb, 0.0)))]) for seed in (1, 2))
+    data = Split(*(replace(one, y=scale * one.y) for one in several))
+    return Currents(arm, data, Library((friction,), data), []).refitted([friction], {friction.key: []}), friction
 
 
 def _causes(state: object) -> list[Cause]:
