@@ -17,6 +17,7 @@ from arm_model import Arm, EffectTerm
 from diagnosis.cause import Cause, Estimate
 from diagnosis.measurements.near_rest.friction import Friction
 from diagnosis.per_recording import candidates
+from diagnosis.per_recording import search as search_of_values
 from diagnosis.per_recording.search import _all_exist
 from diagnosis.remainder.against_noise import runs_of
 from diagnosis.residual.run import with_free
@@ -256,3 +257,29 @@ def test_of_effects_that_gain_equally_by_own_values_the_one_of_fewest_coefficien
     monkeypatch.setattr(candidates, "_common_gain", lambda c, *_: 199.0 if c.effect == "current_gain" else 0.0)
     found = candidates.promising(cast(Any, SimpleNamespace(model=model)))
     assert [c.effect for c in found] == ranked
+
+
+@pytest.mark.parametrize(
+    ("energies", "searched"),
+    [
+        ([80.0, 60.0, 40.0], 3),  # after three, no more get such values
+        ([95.0], 1),  # the first brought too little
+        ([80.0, 75.0], 2),
+    ],
+)
+def test_another_cause_gets_values_per_recording_while_each_takes_a_tenth(
+    energies: list[float], searched: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    more = iter([Candidate("coulomb_friction", joint) for joint in (2, 3, 4)])
+    monkeypatch.setattr(search_of_values, "values_per_recording", lambda *_: [])
+    monkeypatch.setattr(search_of_values, "contradicted", lambda state: next(more))
+    seen = list[float]()
+
+    def search(runs: object, taken: object) -> Any:
+        seen.append(energies[len(seen)])
+        state = SimpleNamespace(energy=[seen[-1]], terms=[])
+        return SimpleNamespace(selection=SimpleNamespace(state=state, unexplained=SimpleNamespace(structures=[])))
+
+    first, state = Candidate("coulomb_friction", 1), cast(Any, SimpleNamespace(energy=[100.0], model=None))
+    assert search_of_values._grown(first, state, [], search) is None
+    assert len(seen) == searched

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -278,6 +280,30 @@ def test_an_inertia_that_all_joints_lack_alike_was_folded_there(root: Path) -> N
     runs = with_folding([run for part in state.data for run in part.runs], share)
     assert _searched(runs).chosen == ()
     assert not any(setpoints_unknown(run) for run in runs)
+
+
+@pytest.mark.parametrize(
+    ("shares", "std", "common"),
+    [
+        ([0.1, 0.12, 0.09], 0.01, 0.1),
+        ([-0.1, -0.12, -0.09], 0.01, 0.1),
+        ([0.02, 0.021, 0.02], 1e-3, None),  # too small to matter: 2.5 Hz over 100 rows/s is 0.025
+        ([0.6, 0.55, 0.62], 0.01, None),  # more than any gain of a servo puts there: 50 Hz over 100 rows/s
+        ([0.1, 0.12, 0.3], 0.01, None),  # not alike
+        ([0.1, 0.12, -0.1], 0.01, None),
+        ([0.1, 0.12], 0.01, None),  # too few
+        ([0.1, 0.12, 0.09], 0.04, None),  # not known well enough
+    ],
+)
+def test_shares_that_a_servo_may_put_there_are_alike_and_bounded(
+    shares: list[float], std: float, common: float | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    module = "diagnosis.verification.folded_alike"
+    monkeypatch.setattr(f"{module}.setpoints_unknown", lambda run: True)
+    monkeypatch.setattr(f"{module}._shares", lambda *_: (np.array(shares), np.full(len(shares), std)))
+    run = SimpleNamespace(raw=(np.arange(200) / 100.0, None))
+    state: Any = SimpleNamespace(all_runs=[run], terms=[])
+    assert folded_alike(state) == common
 
 
 def test_setpoints_that_one_recording_shows_come_as_often_in_all_others(

@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
+from arm_model import Arm
 from arm_model.model_file import read_model
-from arm_model.servo import servo_gains
+from arm_model.servo import fixed_gains, servo_gains
 from daq.recording import Recording
 from diagnosis import diagnose
 from diagnosis.cause import Cause, Estimate
@@ -73,6 +74,26 @@ def test_gains_of_the_servos_are_those_that_the_recordings_show(tmp_path: Path) 
 
     np.testing.assert_allclose(found.position / own.position, 1.5, rtol=0.1)
     np.testing.assert_allclose(found.velocity / own.velocity, 1.5**0.5, rtol=0.05)
+
+
+@pytest.mark.parametrize(("times", "is_a_servo_of_the_arm"), [(3.5, True), (0.3, True), (4.5, False), (0.2, False)])
+def test_gains_of_more_than_four_times_are_of_another_servo(
+    times: float, is_a_servo_of_the_arm: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    arm = fixed_gains(read_model(MODEL))
+    own = servo_gains(arm)
+
+    def error(loop: tuple[Arm, Any]) -> np.ndarray:
+        """(2, n): how far the logarithm of either gain is from that of the recordings."""
+        gains = servo_gains(loop[0])
+        ratios = np.stack([gains.position / own.position, gains.velocity / own.velocity])
+        return np.log(ratios) - np.log([[times], [1.0]])
+
+    monkeypatch.setattr("diagnosis.closed_loop.servo_gains._error", error)
+    found = with_servo_gains(arm, [cast(Any, None)])
+    expected = times if is_a_servo_of_the_arm else 1.0
+    np.testing.assert_allclose(servo_gains(found).position / own.position, expected)
+    np.testing.assert_allclose(servo_gains(found).velocity / own.velocity, 1.0)
 
 
 def test_a_loop_whose_currents_are_ahead_as_a_whole_misses_no_more(tmp_path: Path) -> None:
