@@ -18,6 +18,7 @@ from diagnosis.cause import Cause, Estimate
 from diagnosis.measurements.near_rest.friction import Friction
 from diagnosis.per_recording import candidates
 from diagnosis.per_recording import search as search_of_values
+from diagnosis.per_recording import values as values_of_recordings
 from diagnosis.per_recording.search import _all_exist
 from diagnosis.remainder.against_noise import runs_of
 from diagnosis.residual.run import with_free
@@ -283,3 +284,14 @@ def test_another_cause_gets_values_per_recording_while_each_takes_a_tenth(
     first, state = Candidate("coulomb_friction", 1), cast(Any, SimpleNamespace(energy=[100.0], model=None))
     assert search_of_values._grown(first, state, [], search) is None
     assert len(seen) == searched
+
+
+def test_values_of_a_recording_are_those_of_the_exact_model(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a law v + 0.1 v^2, a residual of 1.1 is a value of 1: 1.1 by the first order, 1.004 after two corrections."""
+    rows, x = np.ones(50), np.ones((50, 1))
+    monkeypatch.setattr(values_of_recordings, "_term", lambda c, values: values)
+    monkeypatch.setattr(values_of_recordings, "with_own", lambda run, terms: float(terms[-1][0]))
+    monkeypatch.setattr(values_of_recordings, "whitened_of", lambda v: (1.1 - v - 0.1 * v**2) * rows)
+    several: Any = [(Candidate("coulomb_friction", 1), slice(0, 1))]
+    y = values_of_recordings._corrected(cast(Any, None), x, 1.1 * rows, several, ())
+    assert np.ptp(y) < 1e-12 and abs(y[0] - 1.0) < 0.005

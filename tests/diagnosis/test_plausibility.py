@@ -48,6 +48,15 @@ def test_currents_of_another_sign_or_unit(run: Run, factor: float, word: str) ->
     assert word in said and run.name in said
 
 
+def test_large_currents_that_do_not_follow_the_expected_ones_are_of_no_other_unit(run: Run) -> None:
+    """Ten times as large, a quarter of a second late at 1 Hz: another error, which the unit would not mend."""
+    wave = 2 * np.pi * run.t[:, None]
+    sine, cosine = np.sin(wave) + 0.0 * run.current, np.cos(wave) + 0.0 * run.current
+    size = 20.0 * run.noise
+    assert "unit" in mixed_up([replace(run, expected=size * sine, current=10.0 * size * sine)])[0]
+    assert mixed_up([replace(run, expected=size * sine, current=10.0 * size * cosine)]) == ()
+
+
 def _recording(q: np.ndarray) -> Recording:
     return cast(Recording, Angles(Path("run.mcap"), q))
 

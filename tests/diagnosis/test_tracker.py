@@ -8,6 +8,8 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,10 +21,12 @@ from arm_model.model_file import read_model
 from arm_model.rigid_body.kinematics import roll_pitch_yaw
 from daq.recording import Recording
 from diagnosis.cause import Cause, Estimate
+from diagnosis.cause.structure import NO_VARIABLE
 from diagnosis.measurements.tracker.candidates import candidates
 from diagnosis.measurements.tracker.causes import Tracked, tracked_causes
 from diagnosis.measurements.tracker.joint_fit import Survey
 from diagnosis.measurements.tracker.start import start_of
+from diagnosis.measurements.tracker.unexplained import _against
 from diagnosis.other_instruments import OtherInstruments, tracked_beside
 from identification.kinematics.models import chain_of, position
 from identification.selection import Split
@@ -356,3 +360,16 @@ def test_without_a_tracker_nothing_is_guessed(puma: Puma, arm: Arm, tmp_path: Pa
     assert "held-out" in tracked_causes(arm, fit, blind).undetectable[0].why
     placed = replace(arm, joints=tuple(Joint(convention="placed", limits=j.limits) for j in arm.joints))
     assert "URDF" in tracked_causes(placed, fit, held_out).undetectable[0].why
+
+
+@pytest.mark.parametrize(("blocks", "against"), [(1, NO_VARIABLE), (20, "position of joint 1")])
+def test_structure_of_a_single_second_may_be_chance(blocks: int, against: str) -> None:
+    """A residual that follows the position in one block alone would be as large with the other sign."""
+    rng, second = np.random.default_rng(1), np.repeat(np.arange(20), [620, *[20] * 19])
+    q = rng.uniform(-1.0, 1.0, size=(1000, 1))
+    nothing = np.zeros((1000, 1))
+    side: Any = SimpleNamespace(t=rng.uniform(size=1000), q=q, v=nothing, load=nothing, motor=nothing, block=second)
+    follows = np.where((second < blocks)[:, None], np.sin(3.0 * q), 0.0) * np.ones(3)
+    residuals = [follows + 0.1 * rng.normal(size=(1000, 3)) for _ in range(2)]
+    (structure,) = _against([side, side], residuals, 0.1)
+    assert structure.against == against

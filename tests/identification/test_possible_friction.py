@@ -5,11 +5,24 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from arm_model import Arm, Joint
+from identification.regression.friction_rows import friction_rows
 from identification.regression.physical_consistency import BaseFit, Prior, consistent_parameters
 
 NAMES = ("joint1.coulomb", "joint1.viscous")
 AT_REST_AND_AT_1_RAD_PER_S = np.array([[1.0, 0.0], [1.0, 1.0]])
 COULOMB_ALONE = np.array([[1.0, 0.0]])
+
+
+def test_friction_has_a_row_for_each_direction_and_speed() -> None:
+    """Of two directions with friction of their own, a row has that of its direction alone."""
+    arm = Arm(name="axis", joints=(Joint(coulomb=(1.0, 2.0), viscous=(0.5, 0.5)),))
+    names = ("joint1.coulomb_positive", "joint1.coulomb_negative", "joint1.viscous", "joint1.rotor_inertia")
+    rows = friction_rows(arm, names, [2.0])
+    forwards, backwards = rows[rows[:, 0] > 0.0], rows[rows[:, 1] > 0.0]
+    assert len(forwards) == len(backwards) == len(rows) / 2 > 10
+    np.testing.assert_array_equal(forwards[:, [1, 0, 2, 3]], backwards)
+    assert rows[:, 2].min() >= 0.0 and rows[:, 2].max() >= 2.0 and not rows[:, 3].any()
 
 
 def _estimated(coulomb: float, prior: tuple[float, float]) -> np.ndarray:
