@@ -32,6 +32,8 @@ def attachments_of(
     details: dict[str, Any] = {} if first.epoch is None else {"epoch": str(first.epoch)}
     if rig is None and checked is not None:
         details["joint_types"] = [joint.type for joint in checked.joint]
+    elif rig is None and chosen is not None and (types := chosen.joint_types(first.joints)):
+        details["joint_types"] = types
     if chosen is not None:
         details |= {
             "mapping": chosen.model_dump(exclude_none=True, exclude_defaults=True),
@@ -54,8 +56,10 @@ def _identity(table: Path) -> dict[str, Any]:
 
 def _unit(mapping: Columns, per_current: list[float] | None) -> str:
     """Of ``i`` in the recording."""
+    if mapping.torques:
+        return "A" if per_current else "N m"
     unit = (mapping.units_of("i", 1) or ["drive"])[0]
-    return "A" if unit == "mA" or (mapping.torques and per_current) else unit
+    return "A" if unit == "mA" else unit
 
 
 def _chain(model: Path | None, first: Table) -> Chain | None:

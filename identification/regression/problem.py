@@ -207,8 +207,8 @@ def prepare(
     if freed := freed_rotors(arm):
         which = numbered("joint", freed)
         warnings.append(
-            f"the model has a gear or screw, but no rotor inertia at {which}: it is identified here, at the joint side "
-            "(gear^2 times the motor's), alone if the motions distinguish it from the link's inertia"
+            f"the model has no rotor inertia at {which}: it is identified here, for there is a gear or a load to lift; "
+            "at the joint side (gear^2 times the motor's), alone if the motions distinguish it from the link's inertia"
         )
     progress("equations of motion")
     base = structural_base(arm, friction)

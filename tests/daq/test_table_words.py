@@ -10,6 +10,7 @@ from scipy.io import savemat
 
 from armscope.cli import run
 from daq.recording.tables.guess import guess
+from daq.recording.tables.mapping import Mapping
 from tests.daq.test_foreign_tables import imported
 
 
@@ -65,6 +66,22 @@ def test_sliding_joints_and_joints_with_names_are_told_by_two_words_and_their_un
     assert found is not None
     assert found.columns.q == [q[k] for k in order] and found.columns.i == [i[k] for k in order]
     assert found.units == {"t": "ms", "q": ["deg", "deg", "mm", "deg"], "i": "mA"}
+
+
+@pytest.mark.parametrize("header", ["t,position_mm,force_N", "Zeit [s],Weg [mm],Kraft [N]"])
+def test_the_force_of_a_sliding_joint_is_recorded_as_one(header: str, tmp_path: Path) -> None:
+    rows = [f"{k / 100},{5 * k},{k % 7 - 3}" for k in range(30)]
+    (tmp_path / "log.csv").write_text("\n".join([header, *rows]))
+    recording = imported(tmp_path / "log.csv", "--guess")
+    assert (recording.position_unit(1), recording.current_unit(1)) == ("m", "N")
+    np.testing.assert_allclose(recording.q[:, 0], 5e-3 * np.arange(30))
+
+
+def test_forces_and_torques_are_of_all_joints_or_of_none() -> None:
+    columns = {"t": "t", "q": ["a", "b"], "i": ["c", "d"]}
+    assert Mapping.model_validate({"columns": columns, "units": {"i": ["N m", "N"]}}).torques
+    with pytest.raises(ValueError, match=r"torques \(N m\) or forces \(N\) of all joints"):
+        Mapping.model_validate({"columns": columns, "units": {"i": ["A", "N"]}})
 
 
 @pytest.mark.parametrize("header", ["t;Place 1 [deg];Error 1 [deg];Coppia 1 [Nm]", "t;Place 1 [deg/s];Coppia 1 [Nm]"])
@@ -201,7 +218,7 @@ def test_every_column_has_the_unit_of_its_heading(heads: str, root: Path, tmp_pa
     [
         ('q = ["mm", "deg", "mm"]', "units.q of the mapping has 3 entries for 2 columns"),
         ('q = ["mm", "furlong"]', "'furlong' is unknown"),
-        ('i = ["A", "N m"]', "must be torques (N m) of all joints, or currents of all"),
+        ('i = ["A", "N m"]', "must be torques (N m) or forces (N) of all joints, or currents of all"),
         ('t = ["s", "ms"]', "units.t: must be one unit"),
     ],
 )

@@ -14,7 +14,7 @@ from arm_io import InputError
 from arm_io.files import read_head
 from arm_io.types import Array
 from daq.recording.tables.csv_header import LONGEST_HEADER, SAMPLE, cells_of, encoding_of, names_of
-from daq.recording.tables.mapping import UNITS, Mapping
+from daq.recording.tables.mapping import TORQUES, UNITS, Mapping
 
 KNOWN: dict[str, dict[str, dict[str, str]]] = {
     "Universal Robots RTDE": {
@@ -57,16 +57,18 @@ _WORDS = {
     rf"({POSITION})?|q_d|soll[ _.-]*(wert|position|winkel)?)",
     "ql": r"(link|load|output)[ _.]*(side)?[ _.]*(q|pos|position|angle|encoder)",
     "i": r"(i|joint[ _.]*(currents?|torques?|efforts?)|cur|curr|currents?|motor[ _.]*currents?|actual[ _.]*current"
-    rf"|tau(_J)?|torques?|effort|actual[ _.]*torque|strom|motorstrom|drehmoment){_MEASURED}",
+    rf"|tau(_J)?|torques?|forces?|effort|actual[ _.]*torque|strom|motorstrom|drehmoment|kraft){_MEASURED}",
     "v": r"(v|volt|voltage|motor[ _.]*voltage)",
     "temp": r"(temp|temperature|motor[ _.]*temperature)",
-    "q": r"(q|j|pos|positions?|angles?|winkel|theta|joint|axis|actual[ _.]*(q|pos|position)"
+    "q": r"(q|j|pos|positions?|angles?|winkel|weg|hub|stroke|theta|joint|axis|actual[ _.]*(q|pos|position)"
     rf"|joint[ _.]*(pos|positions?|angles?)|ist[ _.-]*(wert|position|winkel)?){_MEASURED}",
 }
-_UNIT = r"(?P<unit>[ _]*[\[(]?(rad|deg|degrees|grad|°|mA|A|%|Nm|N m|N\*m|V|C|degC)[\])]?|[ _]*[ _\[(](mm|cm|m)[\])]?)?"
+_UNIT = (
+    r"(?P<unit>[ _]*[\[(]?(rad|deg|degrees|grad|°|mA|A|%|Nm|N m|N\*m|V|C|degC)[\])]?|[ _]*[ _\[(](mm|cm|m|N)[\])]?)?"
+)
 _SPELLED = {"degrees": "deg", "Grad": "deg", "grad": "deg", "°": "deg", "Nm": "N m", "N*m": "N m", "C": "degC"}
 _ANY = r"(?P<word>[^\d\[(]*[^\W\d_])"
-_TOLD_BY = {"q": {"rad", "deg"}, "i": {"mA", "A", "N m"}}
+_TOLD_BY = {"q": {"rad", "deg"}, "i": {"mA", "A", "N m", "N"}}
 """Signal -> units of it alone, by which its columns are told where their word is of no language that is known here."""
 _COMMA = re.compile(r"\s*-?\d+,\d+(e-?\d+)?\s*")
 _Units = str | list[str]
@@ -204,13 +206,14 @@ def _from_words(names: Sequence[str], numbers: dict[str, Array], joints: Sequenc
         units = {one: unit for one, unit in units.items() if one == "t"}
         units |= {signal: unit for signal, (_, unit) in paired.items()}
     efforts = units.get("i", "")
-    if not {"t", "q", "i"} <= set(columns) or (isinstance(efforts, list) and "N m" in efforts):
+    mixed = isinstance(efforts, list) and not TORQUES.isdisjoint(efforts) and not TORQUES.issuperset(efforts)
+    if not {"t", "q", "i"} <= set(columns) or mixed:
         return None
     for signal in {"q", "qref", "ql"} & set(columns) - set(units):
         values = [numbers[name] for name in columns[signal] if name in numbers]
         if any(np.nanmax(np.abs(one), initial=0.0) > 4 * np.pi for one in values):
             units[signal] = "deg"
-    if re.search("tau|torque|effort|drehmoment", " ".join(columns["i"]), re.IGNORECASE):
+    if re.search("tau|torque|force|effort|drehmoment|kraft", " ".join(columns["i"]), re.IGNORECASE):
         units.setdefault("i", "N m")
     return Mapping.model_validate({"columns": columns, "units": units})
 

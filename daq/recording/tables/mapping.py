@@ -25,12 +25,14 @@ UNITS: dict[str, dict[str, float]] = {
     "q": _POSITIONS,
     "qref": _POSITIONS,
     "ql": _POSITIONS,
-    "i": {"A": 1.0, "mA": 1e-3, "N m": 1.0, "drive": 1.0, "%": 1.0},
+    "i": {"A": 1.0, "mA": 1e-3, "N m": 1.0, "N": 1.0, "drive": 1.0, "%": 1.0},
     "v": {"V": 1.0, "mV": 1e-3},
     "temp": {"degC": 1.0},
     "xyz": _LENGTHS,
 }
 """Signal -> its units, and what a number in each is multiplied by; t is converted in decimal arithmetic instead."""
+TORQUES = {"N m", "N"}
+"""Units of ``i`` that are no currents: of torques, and of forces of sliding joints."""
 _NUMBER = re.compile(r"\{([01])\}")
 Factor = Annotated[float, Field(gt=-1e12, lt=1e12)]
 
@@ -101,8 +103,8 @@ class Mapping(Table):
             if 0.0 in (factor if isinstance(factor, list) else [factor]):
                 raise ValueError(f"scale.{signal}: 0 leaves nothing of the measured value; must be another factor")
         effort = self.units.get("i", "")
-        if isinstance(effort, list) and 0 < effort.count("N m") < len(effort):
-            raise ValueError("units.i: must be torques (N m) of all joints, or currents of all")
+        if isinstance(effort, list) and 0 < sum(unit in TORQUES for unit in effort) < len(effort):
+            raise ValueError("units.i: must be torques (N m) or forces (N) of all joints, or currents of all")
         return self
 
     @property
@@ -113,7 +115,11 @@ class Mapping(Table):
     @property
     def torques(self) -> bool:
         """Whether ``i`` holds torques at the joints, N m (N)."""
-        return "N m" in self.units_of("i", 1)
+        return not TORQUES.isdisjoint(self.units_of("i", 1))
+
+    def joint_types(self, joints: int) -> list[str]:
+        """What each of ``joints`` is by the unit of its position: prismatic or revolute; empty if none is stated."""
+        return ["prismatic" if unit in _LENGTHS else "revolute" for unit in self.units_of("q", joints)]
 
     def units_of(self, signal: str, count: int) -> list[str]:
         """The unit of each of ``count`` columns of a signal, or as many as the mapping lists; empty if not stated."""
