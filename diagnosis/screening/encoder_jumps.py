@@ -59,8 +59,7 @@ def jumps(recordings: Sequence[Recording], arm: Arm) -> list[Event]:
 def _event(recordings: Sequence[Recording], drive: Joint, joint: int, found: Sequence[tuple[int, Jump]]) -> Event:
     """found: index of a recording and a jump in it, all of one joint (from 1)."""
     index, largest = max(found, key=lambda indexed: abs(indexed[1].size))
-    steps = {k: _count(recordings[k].q[:, joint - 1], drive) for k, _ in found}
-    step, size, r = steps[index], largest.size, recordings[index]
+    step, size, r = _count([each.q[:, joint - 1] for each in recordings], drive), largest.size, recordings[index]
     elsewhere = f", as at {counted(len(found) - 1, 'more instant')}" if len(found) > 1 else ""
     showing = tuple(dict.fromkeys(k for k, _ in found))
     return Event(
@@ -82,8 +81,8 @@ def _event(recordings: Sequence[Recording], drive: Joint, joint: int, found: Seq
                 joint=joint,
                 row=jump.row,
                 time=float(recordings[k].t[jump.row]),
-                counts=round(jump.size / steps[k]),
-                std=_std(jump, steps[k]),
+                counts=round(jump.size / step),
+                std=_std(jump, step),
             )
             for k, jump in found
         ),
@@ -95,14 +94,16 @@ def _std(jump: Jump, step: float) -> float:
     return max(1.0, 0.01 * abs(jump.size / step), jump.std / step)
 
 
-def _count(q: Array, joint: Joint) -> float:
-    """rad: one count of an encoder: the step of its angle (n,), or if that has none, of the model's encoder.
+def _count(angles: Sequence[Array], joint: Joint) -> float:
+    """rad: one count of an encoder: the step of its angles (n,) in recordings; if they have none, that of the model.
 
-    A step far finer than that of the model's encoder comes from the digits of a text file.
+    The coarsest step of several: angles that were printed with digits not much finer than a count show that count in
+    slow motions only, and the digits, or what they have in common with it, in others. A step far finer than that of the
+    model's encoder comes from the digits, too.
     """
-    step = encoder_step(q)
+    step = max(map(encoder_step, angles))
     of_model = 0.0 if joint.encoder_lines is None else 2 * np.pi / (4 * joint.encoder_lines * abs(joint.ratio))
-    return of_model if step < PRINTED * of_model else step or of_model or resolution(q)
+    return of_model if step < PRINTED * of_model else step or of_model or max(map(resolution, angles))
 
 
 def _all_jumps(recording: Recording, arm: Arm, j: int) -> list[Jump]:

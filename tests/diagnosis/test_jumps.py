@@ -50,6 +50,22 @@ def test_a_jump_is_told_in_counts(tmp_path: Path, counts: float, noise: float, d
     assert abs(found["time"].value - 3.0) < 0.005
 
 
+def test_counts_of_an_encoder_are_alike_in_quick_and_slow_motions(tmp_path: Path) -> None:
+    """Of 20 bits at the motor, printed in degrees with six digits: 4.3 units of the last digit per count."""
+    (drive, *_), t, found = ARM.joints, np.arange(0.0, 8.0, 1e-3), []
+    count = 2 * np.pi / 2**20 / 80.0
+    for name, hertz, angle in (("quick.mcap", 2.0, 1.0), ("slow.mcap", 0.05, 0.1)):
+        true = angle * np.cos(2 * np.pi * hertz * t)
+        q = (np.floor(true / count) + np.where(t >= 3.0, 9000, 0)) * count
+        values = {"q": np.radians(np.round(np.degrees(q), 6))[:, None], "i": np.cos(t)[:, None]}
+        write_table(tmp_path / name, t, values, Attachments())
+        found.append(open_recording(tmp_path / name))
+    arm = replace(ARM, joints=(replace(drive, encoder_lines=None),), controller=None)
+    (event,) = jumps(found, arm)
+    assert [one.file for one in event.encoder_jumps] == ["quick.mcap", "slow.mcap"]
+    assert all(abs(one.counts - 9000) <= 2 * one.std < 200 for one in event.encoder_jumps)
+
+
 MISSED = ((2.0, 13), (2.03, -6), (4.0, -9), (4.005, 5), (6.0, 40))
 """s and counts: 6 counts 30 ms after 13, 5 counts 5 ms after 9."""
 
