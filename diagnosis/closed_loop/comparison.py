@@ -119,6 +119,24 @@ class LoopComparison:
         return rms_where(self.error(signal), self.known)
 
 
+def simulated_behind(loops: Sequence[LoopComparison], joint: int) -> tuple[float, float]:
+    """s by which simulated angles of a joint (from 1) are behind measured ones, and the share of the error that is so.
+
+    The least-squares factor of the simulated speed in the error, and the part of the error's squares that it takes up.
+    """
+    errors, speeds = [], []
+    for loop in loops:
+        rows, rate = loop.known[:, joint - 1], rate_of(loop.t)
+        speed = np.gradient(loop.simulated_angle[:, joint - 1], 1.0 / rate)
+        errors.append(loop.error("angle")[rows, joint - 1])
+        speeds.append(low_pass(speed, COMPARE_BAND, rate)[kept_rows(rate)][rows])
+    error, speed = np.concatenate(errors), np.concatenate(speeds)
+    both, delayed = float(error @ speed), float(speed @ speed)
+    if both == 0.0:
+        return 0.0, 0.0
+    return both / delayed, both**2 / delayed / float(error @ error)
+
+
 LoopPair = tuple[LoopComparison, LoopComparison]
 """One recording with the closed loop of the model, and with that of the extended model."""
 

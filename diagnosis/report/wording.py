@@ -15,13 +15,15 @@ from arm_report.numbers import numbered, value_and_two_std
 from diagnosis.cause import Cause, EncoderJump, Estimate, LostRows, Signal, in_words
 from diagnosis.cause.structure import NO_VARIABLE
 from diagnosis.cause.units import readable, rounded, variable_in_words
-from diagnosis.closed_loop.comparison import FAITHFUL
+from diagnosis.closed_loop.comparison import FAITHFUL, simulated_behind
 from diagnosis.report.joint_verdicts import Remaining, remaining
 from diagnosis.result import Diagnosis
 from identification import recorded_quantity, recorded_signals
 
 SURE = 0.9
 """Confidence below which the verdict states it: of such names of the bank 15 of 26 were right, of others 269 of 271."""
+MOSTLY = 0.8
+"""Share of the squares of a closed loop's position error from which it is called a delay."""
 
 
 def title(cause: Cause) -> str:
@@ -78,10 +80,17 @@ def _loop_not_judged(result: Diagnosis) -> str:
     off = np.sqrt(np.mean([after.error_rms("angle") ** 2 for _, after in pairs], axis=0))
     joint = int(np.argmax(off)) + 1
     factor, unit = readable(result.arm.joints[joint - 1].unit("rad"), (off[joint - 1],))
+    delay, share = simulated_behind([after for _, after in pairs], joint)
+    behind = "behind" if delay > 0.0 else "ahead"
+    late, least = ("late", "less") if delay > 0.0 else ("early", "more")
+    why = (
+        f" Most of it is a delay: the simulation is {rounded(1e3 * abs(delay), 2)} ms {behind}, "
+        f"as if the demands had been recorded so much too {late}, or the servos of the arm lagged {least}."
+    )
     return (
         f"The closed loop was not judged: its positions of joint {joint} are {rounded(factor * off[joint - 1], 2)} "
         f"{unit} rms off, more than the model errs along the measured motion. Its controller is not that of this arm, "
-        "or a servo has changed."
+        f"or a servo has changed.{why if share > MOSTLY else ''}"
     )
 
 
