@@ -23,7 +23,10 @@ COARSE = 3.0
 
 
 def refined(candidate: Candidate, fitted: Fitted, fit: Dataset) -> Candidate:
-    """The candidate with each continuous nonlinear parameter at its optimum near its grid value, in turn."""
+    """The candidate with each continuous nonlinear parameter at its optimum near its grid value, in turn.
+
+    No optimum is beyond what the effect may have (``Parameter.most``): there, it would be refused for its noise.
+    """
     searched = candidate.searched()
     for name in searched * (2 if len(searched) > 1 else 1):
         value = dict(candidate.shape)[name]
@@ -34,10 +37,10 @@ def refined(candidate: Candidate, fitted: Fitted, fit: Dataset) -> Candidate:
             # by shape alone: what a coefficient of 1 gains, for a gain that is quadratic in the coefficient
             return -gain * (1.0 - (1.0 / c[0] - 1.0) ** 2) if now.unit_amplitude and c[0] else -gain
 
-        reach = _reach(candidate, name)
+        reach, most = _reach(candidate, name), candidate.definition[name].most
         optimum = optimize.minimize_scalar(
             worse,
-            bounds=(np.log(value / reach), np.log(value * reach)),
+            bounds=(np.log(value / reach), np.log(min(value * reach, most))),
             method="bounded",
             options={"xatol": 0.01, "maxiter": 14},
         )
@@ -81,6 +84,7 @@ def gauss_newton_refined(state: State) -> State:
     better = list(state.chosen)
     for (k, name), by in zip(searched, change):
         value = dict(better[k].shape)[name]
-        better[k] = better[k].at(name, float(np.clip(value + by, value / 2, 2 * value)))
+        most = min(2 * value, better[k].definition[name].most)
+        better[k] = better[k].at(name, float(np.clip(value + by, value / 2, most)))
     as_is, moved_on = (model.refitted(chosen, state.rivals) for chosen in (state.chosen, better))
     return moved_on if np.sum(moved_on.residual.fit**2) < np.sum(as_is.residual.fit**2) else state
