@@ -29,7 +29,7 @@ from diagnosis.per_recording.search import per_recording
 from diagnosis.residual.expected_current import has_dynamics
 from diagnosis.residual.run import Run
 from diagnosis.screening.cleaned import Screened, with_rows_put_back
-from diagnosis.screening.lost_rows.lost_triggers import event_of
+from diagnosis.screening.lost_rows.losses import event_of
 from diagnosis.screening.residuals import confirmed, realigned
 from diagnosis.search import Search, searched, searched_in
 from diagnosis.verification.held_currents import as_held

@@ -16,7 +16,7 @@ from arm_model import Arm
 from daq.recording import Recording
 from diagnosis.closed_loop.current_lag import PIECE, Change, LagCosts, lag_costs
 from diagnosis.screening.event import Gain
-from diagnosis.screening.lost_rows.lost_triggers import DroppedTriggers
+from diagnosis.screening.lost_rows.losses import DroppedTriggers
 from identification.selection import Thresholds, p_value
 
 

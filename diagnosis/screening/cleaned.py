@@ -23,7 +23,7 @@ from diagnosis.screening.event import Event, united
 from diagnosis.screening.lost_rows.blank_samples import Blank, blanks_of, sentences, without_blanks
 from diagnosis.screening.lost_rows.counter_gaps import CounterGap, counter_gaps, put_back
 from diagnosis.screening.lost_rows.counter_gaps import event_of as event_of_gaps
-from diagnosis.screening.lost_rows.lost_triggers import DroppedTriggers, realigned_rows
+from diagnosis.screening.lost_rows.losses import DroppedTriggers, realigned_rows
 from diagnosis.screening.lost_rows.missing_rows import event_of as event_of_missing
 from diagnosis.screening.lost_rows.missing_rows import gaps_of, missing_rows
 from diagnosis.screening.lost_rows.skipped_rows import Hole, filled, holes_of, remark

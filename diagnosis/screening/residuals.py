@@ -24,15 +24,8 @@ from diagnosis.screening.cleaned import Screened
 from diagnosis.screening.event import Event, Gain, united
 from diagnosis.screening.lost_rows.blank_samples import Blank, unweighted
 from diagnosis.screening.lost_rows.counter_gaps import without_lost
-from diagnosis.screening.lost_rows.lost_triggers import (
-    MOST_ROWS,
-    DroppedTriggers,
-    dropped_triggers,
-    energy,
-    event_of,
-    realigned_rows,
-    unmeasured,
-)
+from diagnosis.screening.lost_rows.losses import DroppedTriggers, event_of, realigned_rows, unmeasured
+from diagnosis.screening.lost_rows.lost_triggers import MOST_ROWS, dropped_triggers, energy
 from diagnosis.screening.lost_rows.skipped_rows import Hole, without_skipped
 from identification.preprocessing import Setpoints
 

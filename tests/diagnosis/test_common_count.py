@@ -17,7 +17,8 @@ from diagnosis.residual.generation import residual_run
 from diagnosis.residual.run import Run
 from diagnosis.screening.lost_rows import lost_triggers
 from diagnosis.screening.lost_rows.common_count import common_count
-from diagnosis.screening.lost_rows.lost_triggers import DroppedTriggers, dropped_triggers
+from diagnosis.screening.lost_rows.losses import DroppedTriggers
+from diagnosis.screening.lost_rows.lost_triggers import dropped_triggers
 from diagnosis.unexplained import changes_of_lag
 
 RATE, ROW = 500.0, 2000

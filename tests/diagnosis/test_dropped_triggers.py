@@ -20,16 +20,14 @@ from diagnosis.residual.noise.channels import KnownNoise
 from diagnosis.residual.run import Run
 from diagnosis.screening.lost_rows.lag_change import Change, _change, change_of_lag
 from diagnosis.screening.lost_rows.lag_path import Step, _changes, in_order, lag_steps
+from diagnosis.screening.lost_rows.losses import DroppedTriggers, event_of, realigned_rows
 from diagnosis.screening.lost_rows.lost_triggers import (
     SIGNIFICANT_STDS,
-    DroppedTriggers,
     _aligned,
     _long,
     _short,
     dropped_triggers,
     energy,
-    event_of,
-    realigned_rows,
 )
 from diagnosis.screening.residuals import Residuals, confirmed, realigned, with_aligned_currents
 from tests.blind.hide import Hidden, hide_in_signals

@@ -32,7 +32,7 @@ DETECTORS = {
     "diagnosis/screening/current_limit.py": "currents that pile up at one value",
     "diagnosis/screening/encoder_jumps.py": "jumps of angles between two rows",
     "diagnosis/screening/lost_rows/counter_gaps.py": "an angle that jumps by its turn in rows that its counter lost",
-    "diagnosis/screening/lost_rows/lost_triggers.py": "a lag that changes by whole rows",
+    "diagnosis/screening/lost_rows/losses.py": "a lag that changes by whole rows",
     "diagnosis/screening/lost_rows/missing_rows.py": "rows that all counters lost, by jumps of all moving angles",
     "diagnosis/measurements/demands/wrist_coupling.py": "motor angles that depart from the setpoints of their own axes",
     "diagnosis/measurements/link_encoders/zero_offsets.py": "the constant between two encoders, which is always free",

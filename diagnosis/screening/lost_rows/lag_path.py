@@ -63,7 +63,7 @@ def lag_steps(run: Run) -> list[list[Step]]:
     By all rows alike, and by rows as certain as they are (``Run.deviation``): friction that turns abruptly shows a lag
     best where the model has it right, and worst where it has not.
     """
-    if len(run.t) < 4 * PIECE or not _worth_looking(run):
+    if len(run.t) < 4 * PIECE or not worth_looking(run):
         return []
     shares = np.ones_like(run.deviation), (run.instruments / run.deviation) ** 2
     found = [steps for share in shares if (steps := _steps_by(run, share)) and in_order(steps)]
@@ -154,7 +154,8 @@ def _moving(run: Run, pieces: Index) -> NDArray[np.bool_]:
     return moving
 
 
-def _worth_looking(run: Run) -> bool:
+def worth_looking(run: Run) -> bool:
+    """Whether the worst piece of a run is so far off that a change of lag may be looked for."""
     pieces = np.arange(0, len(run.t) - PIECE + 1, PIECE)
     return bool(np.sqrt(_of_pieces(run.whitened**2, pieces).max() / PIECE) > SMALLEST_RESIDUAL)
 
@@ -215,15 +216,23 @@ def _cheapest(errors: Array) -> Index:
 
 
 def instant(run: Run, lags: tuple[float, float], near: tuple[float, float]) -> tuple[float, float]:
-    """(time, std) s of the change between two lags (s) between the times ``near``: the mean of all, by likelihood."""
-    rows = (run.t >= near[0]) & (run.t < near[1])
-    t = run.t[rows]
-    residuals = [run.current[rows] - _interpolated(run.t, run.expected, t + lag) for lag in lags]
-    scale = np.minimum(*(np.mean(residual**2, axis=0) for residual in residuals)) + np.mean(run.instruments**2, axis=0)
-    before, after = (np.sum(residual**2 / scale, axis=1) for residual in residuals)
-    total = np.cumsum(before) - before + np.cumsum(after[::-1])[::-1]
-    time, variance = mean_time(t, -total / (2 * COLOURED))
-    return time, float(np.hypot(np.sqrt(variance), FILTERED))
+    """(time, std) s of the change between two lags (s) between the times ``near``: the mean of all, by likelihood.
+
+    Times are those of the currents. These are put back to their angles, whose rows count as certain as they are
+    (``Run.deviation``): friction that turns abruptly is where a model errs most. Rows that were lost count as little.
+    """
+    rows = (run.t >= near[0] + lags[0]) & (run.t < near[1] + max(lags))
+    t, deviation = run.t[rows], run.deviation[rows]
+    before, after = ((_interpolated(run.t, run.current, t - lag) - run.expected[rows]) / deviation for lag in lags)
+    instruments = np.mean((run.instruments[rows] / deviation) ** 2, axis=0)
+    scale = COLOURED * (instruments + np.minimum(np.mean(before**2, axis=0), np.mean(after**2, axis=0)))
+    lost = np.searchsorted(t, t + max(lags[1] - lags[0], 0.0))
+    for _ in range(2):  # what is left of both parts is known once the instant is
+        left, right = (np.cumsum(np.append(0.0, np.sum(error**2 / scale, axis=1))) for error in (before, after))
+        likelihood = -(left[:-1] + right[-1] - right[lost]) / 2.0
+        time, variance = mean_time(t, likelihood)
+        scale = COLOURED * (instruments + np.mean(np.where((t < time)[:, None], before, after) ** 2, axis=0))
+    return time - lags[0], float(np.hypot(np.sqrt(variance), FILTERED))
 
 
 def _interpolated(t: Array, values: Array, at: Array) -> Array:

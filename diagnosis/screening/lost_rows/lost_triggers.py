@@ -2,27 +2,25 @@
 
 A constant lag is time skew and remains. A lag that changes at one instant by whole rows, equally at all joints that
 determine it, is dropped triggers. There may be several, of any length: long ones show in the path of lags
-(``lag_path``), short ones in the first-order effect of a lag on the residual (``lag_change``).
+(``lag_path``), short ones in the first-order effect of a lag on the residual (``lag_change``), several of both in the
+lags of all rows (``lag_by_rows``).
 """
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from arm_io.types import Array
-from arm_model.effects.sensing import DROPPED_TRIGGER
-from diagnosis.cause import Estimate, LostRows
 from diagnosis.residual.run import Run
-from diagnosis.screening.event import Event
 from diagnosis.screening.lost_rows.common_count import PLACED, WHOLE, CommonCount, common_count
+from diagnosis.screening.lost_rows.lag_by_rows import RowStep, steps_by_rows
 from diagnosis.screening.lost_rows.lag_change import Change, change_at, change_of_lag, instant_of, mean_lag, part_of
-from diagnosis.screening.lost_rows.lag_path import Step, instant, lag_steps, put_back
-from diagnosis.screening.lost_rows.unmeasured_rows import SMEARED, without_weight
-from identification import recorded_signals
+from diagnosis.screening.lost_rows.lag_path import Step, instant, lag_steps, put_back, worth_looking
+from diagnosis.screening.lost_rows.losses import DroppedTriggers
+from diagnosis.screening.lost_rows.unmeasured_rows import NO_WEIGHT, without_weight
 
 SIGNIFICANT_STDS = 7.0
 """Std of a short change that it must exceed: it is the largest of all instants, in data with other errors."""
@@ -37,24 +35,10 @@ FIRST_ORDER = 0.02
 """s of a change up to which the first-order effect of a lag shows its instant."""
 MOST_ROWS = 12
 """Rows of a change that is judged by several recordings together, by its first-order effect."""
+WEIGHTED = 1e-3 * NO_WEIGHT
+"""Times the median std of a joint, above which a row has no weight."""
 NEAR = 0.25
 """s before and after a long loss in which no short one is looked for."""
-
-
-@dataclass(frozen=True)
-class DroppedTriggers:
-    """Triggers that one recording (by its index) dropped.
-
-    row (std ``row_std``) of the angles: after it, currents (angles, for a negative ``count``) belong to rows ``count``
-    (``count_std``) later; period s between rows.
-    """
-
-    recording: int
-    row: float
-    row_std: float
-    count: int
-    count_std: float
-    period: float
 
 
 def dropped_triggers(runs: Sequence[Run], periods: Sequence[float]) -> list[DroppedTriggers]:
@@ -80,15 +64,42 @@ def _less_certain(loss: DroppedTriggers, common: CommonCount) -> bool:
 
 
 def _of_recording(index: int, run: Run, period: float) -> list[DroppedTriggers]:
-    """The losses of a recording by the path of its lags, or by their first-order effect alone if that leaves less.
+    """The losses of a recording by its lags piece by piece, row by row, and by their first-order effect.
 
-    Another error chooses a lag of its own in some pieces of the path; it must not hide a change of some rows.
+    Those are taken that leave least. Another error chooses a lag of its own in some pieces of a path; it must not hide
+    a change of some rows.
     """
     paths = [steps for steps in lag_steps(run) if energy(_aligned(run, steps)[0]) < energy(run)]
     found = [_beside_steps(index, run, steps, period) for steps in (*paths, [])]
-    if not paths:
-        return found[0]
-    return min(found, key=lambda losses: energy(_aligned(run, _steps_of(losses))[0]))
+    if worth_looking(run):
+        about = {0.0, *(lag for steps in paths for lag in itertools.accumulate(step.step for step in steps))}
+        by_rows = steps_by_rows(run, period, sorted(about))
+        if losses := _by_rows(index, by_rows, period):
+            found += [losses, _beside_steps(index, run, by_rows, period)]
+    several = [losses for losses in found if losses]
+    return min(several, key=lambda losses: energy(_aligned(run, _steps_of(losses))[0]), default=[])
+
+
+def _by_rows(index: int, steps: Sequence[RowStep], period: float) -> list[DroppedTriggers]:
+    """The losses of a recording by its lags row by row; none where none of them is for certain a whole number of rows.
+
+    Beside one that is, others are known less: what has lost rows loses them again.
+    """
+    if not any(abs(step.step) > FIRST_ORDER or _whole(step.step / period, step.step_std / period) for step in steps):
+        return []
+    losses, shift = list[DroppedTriggers](), 0.0
+    for step in steps:
+        count = round(step.step / period)
+        count_std = max(step.step_std / period, abs(step.step / period - count), 0.05)
+        row = round((step.time + shift) / period)
+        losses.append(DroppedTriggers(index, row, step.time_std / period, count, count_std, period))
+        shift += count * period
+    return losses
+
+
+def _whole(rows: float, std: float) -> bool:
+    """Whether a number of rows is for certain a whole one."""
+    return std <= WHOLE and abs(rows - round(rows)) <= WHOLE
 
 
 def _beside_steps(index: int, run: Run, steps: Sequence[Step], period: float) -> list[DroppedTriggers]:
@@ -188,15 +199,19 @@ def _long(
 
 
 def _aligned(run: Run, steps: Sequence[Step]) -> tuple[Run, list[float]]:
-    """The run with its currents put back, and the times of the steps among the angles, s."""
+    """The run with its currents put back, and the times of the steps among the angles, s.
+
+    Rows that were not measured have no weight, nor what filters smear of them.
+    """
     if not steps:
         return run, []
     shifts = [0.0, *itertools.accumulate(step.step for step in steps)]
     times = [step.time + shift for step, shift in zip(steps, shifts)]
-    rate = put_back(run.current_rate, run.t, steps)
-    for time, step in zip(times, steps):  # rows that were not measured have no weight
-        rate[(run.t >= time - 0.05) & (run.t < time + max(step.step, 0.0) + 0.05)] = 0.0
-    return replace(run, current=put_back(run.current, run.t, steps), current_rate=rate), times
+    rate, end = put_back(run.current_rate, run.t, steps), float(run.t[-1])
+    spans = [(time, time + max(step.step, 0.0)) for time, step in zip(times, steps)]
+    if shifts[-1] < 0.0:
+        spans.append((end + shifts[-1], end))
+    return without_weight(replace(run, current=put_back(run.current, run.t, steps), current_rate=rate), spans), times
 
 
 def _splits(run: Run) -> list[float]:
@@ -229,63 +244,10 @@ def uncounted_change(run: Run) -> Change | None:
 def energy(run: Run) -> float:
     """Mean square of a run's residual over its std, at all joints, at the constant lag that fits best.
 
-    A lag that changes looks like a time skew between both lags as long as it is not known: such a skew must not speak
-    against rows that were put where they belong.
+    Over the rows that have a weight. A lag that changes looks like a time skew between both lags as long as it is not
+    known: such a skew must not speak against rows that were put where they belong.
     """
     y, rate = run.residual / run.deviation, run.current_rate / run.deviation
+    rows = int(np.count_nonzero(run.deviation < WEIGHTED * np.median(run.deviation, axis=0)))
     size = float(np.sum(rate**2))
-    return float(np.sum(y**2) - np.sum(y * rate) ** 2 / size if size > 0.0 else np.sum(y**2)) / y.size
-
-
-def event_of(losses: Sequence[DroppedTriggers], runs: Sequence[Run]) -> Event:
-    """All dropped triggers as one event, with the parameters of the recording whose row is most certain."""
-    best = min(losses, key=lambda loss: loss.row_std)
-    signals = recorded_signals(runs[best.recording].arm)
-    places = [
-        f"{runs[loss.recording].name} from row {loss.row:.0f} ({loss.row * loss.period:.2f} s) on: "
-        f"the {signals if loss.count > 0 else 'positions'} belong to rows {abs(loss.count)} later"
-        for loss in losses
-    ]
-    parameters = [
-        Estimate("row", best.row, best.row_std, "1"),
-        Estimate("count", float(best.count), best.count_std, "1"),
-        Estimate("period", best.period, 1e-3 * best.period, "s"),
-    ]
-    sentence = f"the lag of the {signals} changes by a whole number of rows at one instant: in {'; '.join(places)}"
-    return Event(
-        effect=DROPPED_TRIGGER.name,
-        joint=None,
-        parameters=parameters,
-        evidence=sentence,
-        recordings=tuple(loss.recording for loss in losses),
-        lost_rows=tuple(
-            LostRows(
-                file=runs[loss.recording].name,
-                joint=None,
-                row=round(loss.row),
-                time=loss.row * loss.period,
-                count=loss.count,
-                row_std=loss.row_std,
-            )
-            for loss in losses
-        ),
-    )
-
-
-def realigned_rows(current: Array, loss: DroppedTriggers) -> Array:
-    """(k, n) currents with the rows after the loss moved to where they belong; the rows lost repeat the last one."""
-    row, count = int(loss.row), loss.count
-    rows = np.arange(len(current), dtype=float)
-    source = np.where(rows >= row + max(count, 0), rows - count, np.minimum(rows, row))
-    lower = np.clip(np.floor(source).astype(int), 0, len(current) - 1)
-    return np.asarray(current[lower], float)
-
-
-def unmeasured(run: Run, losses: Sequence[DroppedTriggers]) -> Run:
-    """A realigned run in which the lost rows have no weight, where they are more than filters smear."""
-    spans, end = [], float(run.t[-1])
-    for loss in losses:
-        start, length = loss.row * loss.period, abs(loss.count) * loss.period
-        if length > SMEARED:
-            spans.append((start, start + length) if loss.count > 0 else (end - length, end))
-    return without_weight(run, spans)
+    return float(np.sum(y**2) - np.sum(y * rate) ** 2 / size if size > 0.0 else np.sum(y**2)) / max(rows, 1)
