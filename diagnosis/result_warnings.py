@@ -26,6 +26,7 @@ def warnings_of(arm: Arm, instruments: OtherInstruments, currents: CurrentDiagno
         yield from not_held_out(state.residual.fit, state.data.fit, of_currents, state.significance.allowed.fit)
         if of_currents and (sentence := without_rotors(arm)):
             yield sentence
+        yield from _without_friction(arm, currents)
     else:
         yield f"{arm.name} has neither masses nor friction: its {recorded_signals(arm)} were not judged"
     for uncertainty, subject in ((arm.uncertainty, "parameters are"), (arm.kinematic_uncertainty, "geometry is")):
@@ -40,6 +41,18 @@ def warnings_of(arm: Arm, instruments: OtherInstruments, currents: CurrentDiagno
     yield from _smoothing_replaced(arm, currents.base)
     yield from remarks(currents.axis, arm.joints[0]) if currents.axis else ()
     yield from instruments.link.remarks if instruments.link else ()
+
+
+def _without_friction(arm: Arm, currents: CurrentDiagnosis) -> Iterator[str]:
+    """A sentence where a model without friction, as a URDF file may leave it, has causes at most of its joints."""
+    if any(max(*joint.rest_friction, *joint.viscous) > 0.0 for joint in arm.joints):
+        return
+    joints = {cause.joint for cause in currents.causes if cause.joint is not None}
+    if 2 * len(joints) > len(arm):
+        yield (
+            "the model states no friction of any joint, so that all friction of the arm is told as a cause: identify "
+            "the arm first (`armscope identify`), and diagnose other recordings with the model that this writes"
+        )
 
 
 def replaced(as_found: Arm, extended: Arm) -> Iterator[str]:
