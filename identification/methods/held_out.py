@@ -74,11 +74,11 @@ def cross_validated(without: Solution, with_it: Solution) -> HeldOutResiduals:
     """
     if without.problem.held is None:
         return held_out_residuals(without, with_it)
-    (rows, one, inside), (_, other, _) = _by_folds(without), _by_folds(with_it)
+    (rows, one, inside), (_, other, _) = by_folds(without), by_folds(with_it)
     return HeldOutResiduals(rows.of(inside), one[inside], other[inside])
 
 
-def _by_folds(one: Solution) -> tuple[Equations, Array, NDArray[np.bool_]]:
+def by_folds(one: Solution) -> tuple[Equations, Array, NDArray[np.bool_]]:
     """The rows of all recordings, reversals and all, their residual (rows,) N m (N), and which to compare."""
     problem = one.problem
     judged, fitted = problem.judged, problem.rows

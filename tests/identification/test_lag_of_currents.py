@@ -28,9 +28,9 @@ def first_joint_late(current: np.ndarray) -> np.ndarray:
     return np.column_stack([a_row_late(current)[:, 0], current[:, 1]])
 
 
-def identified(folder: Path, arm: NumpyArm) -> armscope.Identification:
-    for seed in (1, 2):
-        arm.record(folder / f"{seed}.mcap", seed, seconds=16.0)
+def identified(folder: Path, arm: NumpyArm, held_out: float = 16.0) -> armscope.Identification:
+    for seed, seconds in ((1, 16.0), (2, held_out)):
+        arm.record(folder / f"{seed}.mcap", seed, seconds=seconds)
     write_model(folder / "model.toml", model([(8.0, 8.0), (5.0, 5.0)], [7.0, 4.0]))
     return armscope.identify(folder / "1.mcap", folder / "model.toml", held_out=folder / "2.mcap")
 
@@ -51,6 +51,12 @@ def test_a_lag_of_all_currents_is_found_and_written(tmp_path: Path) -> None:
     said = "were chosen by their error on the held-out recordings: lag of the currents."
     assert said in str(result) and said in (tmp_path / "out/report.html").read_text()
     assert "motions that were not fitted" not in str(result)
+
+
+def test_few_held_out_seconds_are_confirmed_by_all_others(tmp_path: Path) -> None:
+    """Five blocks that all gain are chance once in 32 times."""
+    lag = identified(tmp_path, NumpyArm(FRICTION, current=a_row_late), held_out=5.0).extra["lag_of_currents"]
+    assert lag["stays"] and abs(lag["delay"] - 1 / RATE) < 3 * lag["std"]
 
 
 def test_a_lag_that_held_out_rows_do_not_confirm_is_in_the_deviations(
