@@ -170,6 +170,8 @@ def test_a_name_of_little_confidence_says_so_beside_structure_too() -> None:
 def test_a_closed_loop_that_says_nothing_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     """Servos that lost half their gain after 8 s were "Consistent" without a word, 5 mrad from the simulation."""
     monkeypatch.setattr("diagnosis.report.wording.remaining", lambda result: [])
+    # no delay of the demands: test_late_demands.py
+    monkeypatch.setattr("diagnosis.report.wording.simulated_behind", lambda loops, joint: (0.0, 0.0))
     off = SimpleNamespace(error_rms=lambda signal: np.array([1e-4, 5.3e-3, 2e-3, 0.0, 0.0, 0.0]))
     other = Verdict("consistent", judged=True, closed_loops=Split([], [(off, off)]))
     said = sentence(cast(Diagnosis, other))
