@@ -24,8 +24,7 @@ from identification.selection import Split
 AT_LIMIT = 0.97
 """Share of its limit from which on a current, filtered, is at it."""
 MORE = 5.0
-"""Times the usual error of a loop by which its current must exceed the limit: that of a loop without a fault exceeds
-the largest measured current, of which one might think as a limit, by about its error."""
+"""Times the usual error of a loop by which its current must exceed that of the drive."""
 
 
 def idle_limits(
@@ -70,10 +69,10 @@ def held_at_standstill(cause: Cause, runs: Sequence[Run]) -> bool:
 
 
 def asks_for_more(cause: Cause, loops: Sequence[tuple[LoopComparison, Run]], noise: float) -> bool:
-    """Whether loops without the limit of a joint give more than it, while the joint moves and its current is there.
+    """Whether loops without the limit of a joint give more than its drive, while it moves and its current is there.
 
-    By rows of each recording, in rms, compared with the median error over the recordings. noise: A, of the residual
-    current of the joint, below which no error is.
+    By rows of each recording, in rms, compared with the median error over the recordings. A loop that gives as much as
+    the drive above the limit contradicts it. noise: A, of the residual current of the joint, below which no error is.
     """
     limit = limit_of(cause)
     if limit is None or cause.joint is None or not loops:
@@ -81,10 +80,9 @@ def asks_for_more(cause: Cause, loops: Sequence[tuple[LoopComparison, Run]], noi
     j = cause.joint - 1
     usual = max(float(np.median([loop.error_rms("current")[j] for loop, _ in loops])), noise)
     for loop, run in loops:
-        moving = np.interp(loop.t - loop.t[0], run.t, np.abs(run.brisk_v[:, j]) > CREEP) > 0.5
-        there = moving & (np.abs(loop.current[:, j]) > AT_LIMIT * limit)
-        beyond = np.maximum(loop.simulated_current[:, j] * np.sign(loop.current[:, j]) - limit, 0.0)
-        if there.any() and float(np.sqrt(np.mean(beyond[there] ** 2))) > MORE * usual:
+        there = (np.abs(run.brisk_v[:, j]) > CREEP) & (np.abs(run.current[:, j]) > AT_LIMIT * limit)
+        more = np.maximum(-loop.error("current")[:, j] * np.sign(run.current[:, j]), 0.0)
+        if there.any() and float(np.sqrt(np.mean(more[there] ** 2))) > MORE * usual:
             return True
     return False
 

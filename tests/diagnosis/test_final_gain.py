@@ -199,22 +199,25 @@ def test_a_limit_must_show_in_a_closed_loop(root: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("asked", "speed", "more"),
+    ("asked", "gave", "speed", "more"),
     [
-        (2.9, 0.5, True),  # a servo that came out of its limit otherwise than the model's
-        (2.52, 0.5, False),  # no more than the error of the loop elsewhere
-        (2.9, 0.0, False),  # a joint that stands holds what its friction leaves to it
+        (2.9, 2.5, 0.5, True),  # a servo that came out of its limit otherwise than the model's
+        (2.9, 2.89, 0.5, False),  # the drive gave as much: this is no limit of it (seed 20579)
+        (2.52, 2.5, 0.5, False),  # no more than the error of the loop elsewhere
+        (2.9, 2.5, 0.0, False),  # a joint that stands holds what its friction leaves to it
     ],
 )
-def test_a_loop_that_gives_more_than_the_drive_gave_shows_its_limit(asked: float, speed: float, more: bool) -> None:
+def test_a_loop_that_gives_more_than_the_drive_gave_shows_its_limit(
+    asked: float, gave: float, speed: float, more: bool
+) -> None:
     t, limit, error = np.arange(0.0, 10.0, 0.01), 2.5, 0.01
     at_limit = (t > 4.0) & (t < 5.0)
-    measured = np.where(at_limit, limit, np.sin(t))[:, None]
+    measured = np.where(at_limit, gave, np.sin(t))[:, None]
     simulated = np.where(at_limit, asked, np.sin(t))[:, None]
-    run = SimpleNamespace(t=t, brisk_v=np.full((len(t), 1), speed))
+    run = SimpleNamespace(current=measured, brisk_v=np.full((len(t), 1), speed))
 
     def loop(of: Array) -> SimpleNamespace:
-        return SimpleNamespace(t=t, current=measured, simulated_current=of, error_rms=lambda _: np.array([error]))
+        return SimpleNamespace(error=lambda _: measured - of, error_rms=lambda _: np.array([error]))
 
     loops = [(loop(of), run) for of in (simulated, measured, measured)]
     assert asks_for_more(_limit(limit), cast(Any, loops), 0.002) is more
