@@ -173,6 +173,25 @@ def test_a_payload_is_no_inertia_of_a_link_before_the_last(arm: Arm) -> None:
     assert abs(estimates_of(found)[0][0].value - 1.0) < 3 * estimates_of(found)[0][0].std
 
 
+def test_a_rotor_is_no_inertia_of_the_next_link(arm: Arm) -> None:
+    """Of its ten coefficients the rows determine eight: the link itself is no rival of fewer in its own place.
+
+    Its centre of mass is 3 mm off, so that ten coefficients leave less than the rotor, by hundredths of the noise.
+    """
+    drive, link = replace(arm.joints[0], rotor_inertia=4.5e-5), arm.joints[1]
+    off = replace(link, com=(link.com[0] + 0.003, *link.com[1:]))
+    real = replace(arm, joints=(drive, off, *arm.joints[2:]))
+    fit, held_out = (dataset_of([recorded(real, arm, seed, (1.0, 0.3, 0.0, 0.0))]) for seed in (1, 2))
+    data = Split(fit, held_out, False)
+    model = Currents(arm, data, Library((c for c in candidates(arm) if c.effect in SEARCHED), data), [])
+    body, rotor = Candidate("link_inertia", 2), Candidate("rotor_inertia", 1)
+    state, of_rotor = (model.refitted([c], {c.key: []}) for c in (body, rotor))
+    own = model.conditional(body, model.start(), state)
+    assert 1 < own.determined < np.count_nonzero(own.coefficients)
+    assert 0.0 < of_rotor.energy.held_out - state.energy.held_out < 0.1 * data.held_out.rows
+    assert {c.key for c in simplified(state).chosen} == {rotor.key}
+
+
 def test_a_payload_in_a_model_is_the_body(arm: Arm) -> None:
     body, own = box(3.0, CENTRE, (0.3, 0.1, 0.05))
     setup = Payload(mass=3.0, com=CENTRE, inertia=tuple(own))
