@@ -224,6 +224,17 @@ def test_a_large_wave_of_an_encoder_repeats_with_the_motor_not_with_what_it_read
     assert result.unexplained == []
 
 
+def test_a_soft_spring_carries_the_weight_of_its_link_where_that_is(puma: Puma, arm: Arm, tmp_path: Path) -> None:
+    """It lets the link of joint 2 give way by 20 mrad: at the angles of the motors, its weight is 1 % another one."""
+    wrong = Wrong(spring=at(2, 1 / 2500.0))
+    result = found(puma, arm, tmp_path, wrong, "soft spring")
+    (cause,) = result.causes
+    assert (cause.effect, cause.joint) == ("joint_compliance", 2)
+    stiffness = next(p for p in cause.parameters if p.name == "stiffness")
+    assert abs(stiffness.value - 2500.0) < 2.5 * stiffness.std < 5.0
+    assert result.unexplained == [] and result.rms["held_out"][1] < 1.35 * NOISE
+
+
 def test_the_size_of_wrong_points_is_that_from_where_they_were(puma: Puma, arm: Arm, tmp_path: Path) -> None:
     """Each draws the median of its neighbours: all were called 0.02 mm too small, which is four std."""
 

@@ -18,6 +18,7 @@ import numpy as np
 from arm_io.types import Array
 from armscope.cli import run
 from daq.recording import Recording, open_recording
+from tests.blind.second.rigid_body import torques
 
 TARGET = np.array([0.05, 0.0, 0.10])
 NOISE = 6e-5
@@ -33,6 +34,7 @@ class Wrong:
 
     dh: Array = field(default_factory=lambda: np.zeros((6, 5)))
     sag: Array = field(default_factory=lambda: np.zeros(6))
+    spring: Array = field(default_factory=lambda: np.zeros(6))  # rad/(N m) between motors and links
     zero: Array = field(default_factory=lambda: np.zeros(6))
     ripple: tuple[int, float, int, float] | None = None  # joint, amplitude, order, phase
     delay: float = 0.0
@@ -53,6 +55,7 @@ class Puma:
         self.rows = np.array([[0.0, j["d"], j["a"], j["alpha"], 0.0] for j in joints])
         self.mass = np.array([j["mass"] for j in joints])
         self.com = np.array([j["com"] for j in joints])
+        self.inertia = np.array([j["inertia"] for j in joints])
         self.limits = np.array([j["limits"] for j in joints])
         self.gear = np.abs([j["gear"] for j in joints])
         self.gravity = np.array(table["gravity"])
@@ -89,6 +92,16 @@ class Puma:
             move[j] = step
             torque[:, j] = (self.height(q + move) - self.height(q - move)) / (2 * step)
         return torque
+
+    def links(self, motors: Array, t: Array, spring: Array) -> Array:
+        """(N, 6) rad: where the links of motors at t (N,) s are: what their springs carry there, as fast as motors."""
+        dh, bodies, none = self.rows[:, :4], np.column_stack([self.mass, self.com]), np.zeros((6, 10))
+        v = np.gradient(motors, t, axis=0, edge_order=2)
+        rates, q = [*zip(v, np.gradient(v, t, axis=0, edge_order=2))], motors
+        for _ in range(4):
+            load = [torques(dh, bodies, self.inertia, none, self.gravity, at, *of) for at, of in zip(q, rates)]
+            q = motors - spring * np.array(load)
+        return q
 
     def seen(self, q: Array, wrong: Wrong) -> Array:
         """(N, 3) m in the frame that the rig takes for the base's."""
@@ -132,7 +145,10 @@ def record(
         return puma.motion(0 * at if rest else at, np.random.default_rng(seed), wrist)
 
     q = link(t)
-    xyz = puma.seen(link(t - wrong.delay), wrong) + generator.normal(size=(len(t), 3)) * NOISE
+    seen = link(t - wrong.delay)
+    if np.any(wrong.spring):
+        seen = puma.links(seen, t, wrong.spring)
+    xyz = puma.seen(seen, wrong) + generator.normal(size=(len(t), 3)) * NOISE
     strays = generator.uniform(size=len(t)) < wrong.stray
     xyz[strays] += generator.uniform(-1, 1, (int(strays.sum()), 3)) * 0.03
     if wrong.wanders is not None:

@@ -137,6 +137,11 @@ def is_of_encoder(candidate: TrackedCandidate) -> bool:
     return not candidate.names and candidate.definition.wave and candidate.definition.angle is not None
 
 
+def yields(candidate: TrackedCandidate) -> bool:
+    """Whether a candidate lets the links behind a motor give way to what they carry."""
+    return not candidate.names and candidate.definition.deflection is not None and not candidate.definition.wave
+
+
 def is_physical(candidate: TrackedCandidate, coefficients: Array) -> bool:
     """Whether a compliance or a gap is positive, and a gap not wider than gears have."""
     if candidate.names or candidate.shape or candidate.definition is JOINT_ZERO_OFFSET:

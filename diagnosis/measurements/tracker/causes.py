@@ -97,8 +97,9 @@ def tracked_causes(
     strays = _strays(outliers, [[r.path.name for r, _ in part] for part in parts])
     moves = sizes(model.every, model.start(), points)
     before = sides.map(lambda side: side.xyz - position(start, side.q))
-    after = sides.map(lambda side: point_residual(state, side))
-    without_zeros = sides.map(lambda side: residual_without_zeros(state, side, steps, level))
+    # at motors and links as the causes move them
+    after = model.points.map(lambda side: point_residual(state, side))
+    without_zeros = model.points.map(lambda side: residual_without_zeros(state, side, steps, level))
     errors = {"fit": (before.fit, after.fit), "held_out": (before.held_out, after.held_out)}
     return Tracked(
         causes=causes + ([strays] if strays else []),
@@ -106,7 +107,7 @@ def tracked_causes(
         shown=visible(moves, level),
         noise=noise,
         rms={side: (_rms(b), _rms(a)) for side, (b, a) in errors.items()},
-        unexplained=unexplained_by_tracker(points, list(after), list(without_zeros), level),
+        unexplained=unexplained_by_tracker(list(model.points), list(after), list(without_zeros), level),
         distances={side: (np.linalg.norm(b, axis=1), np.linalg.norm(a, axis=1)) for side, (b, a) in errors.items()},
     )
 

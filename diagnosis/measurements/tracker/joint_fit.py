@@ -11,7 +11,7 @@ from scipy import stats
 from arm_io.types import Array
 from arm_model import Arm
 from arm_model.effects import Signals, Values, described
-from diagnosis.measurements.tracker.candidates import TrackedCandidate, is_of_encoder, turns
+from diagnosis.measurements.tracker.candidates import TrackedCandidate, is_of_encoder, turns, yields
 from diagnosis.measurements.tracker.points import Side
 from identification.kinematics.data import Points, correlation_time
 from identification.kinematics.estimation import Fit, fit, residuals
@@ -56,6 +56,16 @@ def at_motors(state: State, arm: Arm, side: Side) -> Side:
         for _ in range(ROUNDS):
             motor[:, j] = side.motor[:, j] - arm.joints[j].ratio * wave(values, Signals(motor=motor[:, j]))
     return replace(side, motor=motor)
+
+
+def at_links(state: State, side: Side) -> Side:
+    """A side with the torques of links where the chosen springs and gaps let them be: their weight depends on that.
+
+    By a spring of stiffness k that carries a weight whose torque changes by w per rad, a load at the angles that are
+    read is wrong by w / k of itself.
+    """
+    bent = [c for c in state.chosen if yields(c)]
+    return side.turned(sum((turns(c, side) @ state.coefficients(c)[0] for c in bent), np.zeros_like(side.q)))
 
 
 @dataclass(frozen=True)

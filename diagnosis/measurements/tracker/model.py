@@ -17,15 +17,22 @@ import numpy as np
 from arm_io.types import Array
 from arm_model import Arm
 from arm_model.effects.tracking import LINK_GEOMETRY
-from diagnosis.measurements.tracker.candidates import GEOMETRY, TrackedCandidate, candidates, is_of_encoder, is_physical
-from diagnosis.measurements.tracker.joint_fit import State, Survey, at_motors, fitted
+from diagnosis.measurements.tracker.candidates import (
+    GEOMETRY,
+    TrackedCandidate,
+    candidates,
+    is_of_encoder,
+    is_physical,
+    yields,
+)
+from diagnosis.measurements.tracker.joint_fit import State, Survey, at_links, at_motors, fitted
 from diagnosis.measurements.tracker.points import Side
 from diagnosis.measurements.tracker.regression import by_block, columns_of, energy, linear, point_residual, squares
 from identification.kinematics.estimation import stacked
 from identification.selection import Limits, MeasurementModel, Score, Split, eliminate, p_value, select
 
-AT_MOTORS = 3
-"""Refits of waves of encoders over the angles that they leave of those read: each leaves a tenth of the error."""
+AS_MOVED = 3
+"""Refits at motors and links as chosen waves and springs move them: each leaves a tenth of the error or less."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,14 +122,16 @@ class TrackedPoints(MeasurementModel[TrackedCandidate, State]):
         start = self.nominal if near is None else near.values
         return fitted(self.arm, chosen, self.points.fit, self.survey, start=start)
 
-    def at_motors(self, state: State) -> tuple[TrackedPoints, State]:
-        """The points at the angles that motors have beside the waves of their encoders, and the state refitted there.
+    def as_moved(self, state: State) -> tuple[TrackedPoints, State]:
+        """The points with motors and links where they are beside what is chosen, and the state refitted there.
 
-        A wave repeats with the angle of the motor. Over that which its encoder reads, it is too small, and bent.
+        A wave repeats with the angle of the motor: over that which its encoder reads, it is too small, and bent. A
+        spring carries the weight of a link where it is, not where the motor is.
         """
         model = self
-        for _ in range(AT_MOTORS if any(is_of_encoder(c) for c in state.chosen) else 0):
-            model = replace(self, points=self.points.map(partial(at_motors, state, self.arm)))
+        for _ in range(AS_MOVED if any(is_of_encoder(c) or yields(c) for c in state.chosen) else 0):
+            moved = self.points.map(partial(at_motors, state, self.arm)).map(partial(at_links, state))
+            model = replace(self, points=moved)
             state = model.refit(state.chosen, state)
         return model, state
 
@@ -236,7 +245,7 @@ def selected(model: TrackedPoints, progress: Callable[[str], None]) -> tuple[Tra
 
     What a large wave is bent by over the angles read is gone at those of the motors, and no other candidate's.
     """
-    model, state = model.at_motors(select(model, progress))
+    model, state = model.as_moved(select(model, progress))
     return model, eliminate(model, state, fdr=model.limits.final_fdr, tests=len(model.every))
 
 

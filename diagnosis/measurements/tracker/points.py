@@ -38,24 +38,35 @@ class Side:
     """Tracked points of some recordings (fit or held out), N of them.
 
     q (N, n) rad (m): angles of the links as read, with what the model's own effects make of them where the tracker
-    looks; xyz (N, 3) m; v (N, n) per second; load (N, n) N m: what the transmissions carry in motion; holding (N, n) N
-    m: the torque to the links at rest; motor (N, n) rad: of the motors themselves; t (N,) s in its recording; block
-    (N,) of a second each; of (N,) index of its recording; coupling (n, n): turn of each link by that of each motor
+    looks; xyz (N, 3) m; v, a (N, n) per second and its square; load (N, n) N m: what the transmissions carry in motion;
+    holding (N, n) N m: the torque to the links at rest; motor (N, n) rad: of the motors themselves; t (N,) s in its
+    recording; block (N,) of a second each; of (N,) index of its recording; rigid: the arm without effects in each
+    recording; coupling (n, n): turn of each link by that of each motor
     """
 
     q: Array
     xyz: Array
     v: Array
+    a: Array
     load: Array
     holding: Array
     motor: Array
     t: Array
     block: NDArray[np.intp]
     of: NDArray[np.intp]
+    rigid: tuple[Arm, ...]
     coupling: Array
 
     def __len__(self) -> int:
         return len(self.q)
+
+    def turned(self, by: Array) -> Side:
+        """The side with the torques of links that are turned ``by`` (N, n) rad more than the angles that are read."""
+        load, holding = np.empty_like(self.load), np.empty_like(self.holding)
+        for k, arm in enumerate(self.rigid):
+            rows = self.of == k
+            load[rows], holding[rows] = _torques(arm, (self.q + by)[rows], self.v[rows], self.a[rows])
+        return replace(self, load=load, holding=holding)
 
     @property
     def moves_alone(self) -> Mask:
@@ -111,9 +122,10 @@ def side_of(
         outliers.append(rows.outliers)
         noises.append(rows.noise)
         parts.append(_part(loaded(arm, setup_of(recording).payload), rows, index, limit, parts))
-    names = ("q", "xyz", "v", "load", "holding", "motor", "t", "block", "of")
+    names = ("q", "xyz", "v", "a", "load", "holding", "motor", "t", "block", "of")
     side = Side(
         **{name: np.concatenate([getattr(part, name) for part in parts]) for name in names},
+        rigid=tuple(arm for part in parts for arm in part.rigid),
         coupling=arm.coupling_matrix,
     )
     return side, outliers, float(np.median(noises))
@@ -126,21 +138,28 @@ def _part(arm: Arm, rows: _Rows, index: int, limit: int, before: Sequence[Side])
     bare = replace(described(arm), effects=())
     late = q - latency(arm) * v
     first = int(before[-1].block[-1]) + 1 if before and len(before[-1].block) else 0
-    load = rigid_torque(bare, q, v, a) @ arm.coupling_matrix
+    load, holding = _torques(bare, q, v, a)
     # the deflection of springs that the model has is expected
     links = late - lost_motion(arm, arm.reported_angles(late), load) @ arm.coupling_matrix.T
     return Side(
         q=links + bends(arm, links),
         xyz=rows.xyz[usable],
         v=v,
+        a=a,
         load=load,
-        holding=rigid_torque(bare, q, 0 * q, 0 * q),
+        holding=holding,
         motor=arm.reported_angles(q) * np.array([joint.ratio for joint in arm.joints]),
         t=rows.t[usable],
         block=first + (rows.t[usable] // BLOCK_SECONDS).astype(np.intp),
         of=np.full(len(usable), index),
+        rigid=(bare,),
         coupling=arm.coupling_matrix,
     )
+
+
+def _torques(rigid: Arm, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
+    """(N, n) N m: what transmissions carry in motion, and what holds the links at rest, without effects."""
+    return rigid_torque(rigid, q, v, a) @ rigid.coupling_matrix, rigid_torque(rigid, q, 0 * q, 0 * q)
 
 
 def _rows(t: Array, q: Array, xyz: Array, off: Array) -> _Rows:
