@@ -4,7 +4,8 @@ Where the causes that serve all recordings leave structure, or their values by s
 the cause that is contradicted most, or a ``settable`` effect, gets a value per recording. Everything else is searched
 beside whatever such values explain (``diagnosis.residual.run.with_free``): neither can take what belongs to the other.
 The next cause that is contradicted, or would explain most of what is left, then gets such values as well. They are
-named if nothing is left but noise, no other cause is contradicted, and each of them is.
+named if nothing is left but noise, no other cause is contradicted, and each of them is; and if they leave no more than
+what serves all recordings does, by as much as matters: a value of each recording's own is no loss.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from diagnosis.measurements.currents.columns import columns
 from diagnosis.measurements.currents.possible import exists
 from diagnosis.measurements.currents.search import Selection
 from diagnosis.measurements.currents.state import State
-from diagnosis.per_recording.candidates import contradicted, noise_alone, promising
+from diagnosis.per_recording.candidates import MATTERS, contradicted, noise_alone, promising
 from diagnosis.per_recording.values import ValuesPerRecording, values_per_recording
 from diagnosis.residual.other_effects import with_own
 from diagnosis.residual.run import Run, with_free
@@ -61,9 +62,16 @@ def per_recording(currents: S, runs: Sequence[Run], search: Search[S]) -> tuple[
     given = promising(state, others=state.terms) if state.terms else []
     starts = [*([worst] if worst is not None else []), *given, *promising(state)]
     for first in list(dict.fromkeys(starts))[:STARTS]:
-        if (grown := _grown(first, state, runs, search)) and (found := _in_exact_model(*grown, state, runs, search)):
+        grown = _grown(first, state, runs, search)
+        found = None if grown is None else _in_exact_model(*grown, state, runs, search)
+        if found is not None and _leaves_no_more(found[0].selection.state, state):
             return found
     return None
+
+
+def _leaves_no_more(trial: State, state: State) -> bool:
+    """Whether values per recording leave no more of all rows than one value for all does, by what matters."""
+    return sum(trial.energy) - sum(state.energy) <= MATTERS * sum(part.rows for part in state.data)
 
 
 def _grown(

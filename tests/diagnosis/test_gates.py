@@ -2,21 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence, Set
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from arm_model import Arm
+from arm_model import Arm, EffectTerm
+from diagnosis.cause import EffectKey
 from diagnosis.measurements.currents.causes import of_candidate
 from diagnosis.measurements.currents.design_matrix import Library, dataset_of
 from diagnosis.measurements.currents.estimates import covariance_of, estimates_of
 from diagnosis.measurements.currents.limits import LIMITS, matters
 from diagnosis.measurements.currents.model import Currents
-from diagnosis.measurements.currents.search import refitted_without, search
+from diagnosis.measurements.currents.search import Selection, refitted_without, search
 from diagnosis.measurements.currents.state import State
+from diagnosis.measurements.currents.structure.unexplained import Unexplained
 from diagnosis.per_recording.candidates import contradicted, noise_alone
+from diagnosis.per_recording.search import per_recording
+from diagnosis.per_recording.values import ValuesPerRecording
+from diagnosis.residual.other_effects import with_own
+from diagnosis.residual.run import Run
 from diagnosis.residual.setpoint_ripple import unseen_directions
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.contradiction import CHANCE
@@ -165,6 +173,30 @@ def test_contradictions_are_counted_over_all_chosen_causes(arm: Arm, monkeypatch
     both = Candidate("viscous_friction", 1), Candidate("viscous_friction", 2)
     assert contradicted(_chosen(arm, both[:1], Day(), Day())) is both[0]
     assert contradicted(_chosen(arm, both, Day(), Day())) is None
+
+
+@pytest.mark.parametrize("rubs", [0.0, 0.01])
+def test_values_per_recording_leave_no_more_than_one_value_does(
+    arm: Arm, monkeypatch: pytest.MonkeyPatch, rubs: float
+) -> None:
+    """Friction of joint 2 that the search beside them does not find, within what is taken for noise, refutes them."""
+    viscous, coulomb = Candidate("viscous_friction", 1), Candidate("coulomb_friction", 2)
+    state = _chosen(arm, (viscous, coulomb), *[Day(viscous=(4.0, 0.0), coulomb=(0.0, rubs))] * 2)
+    runs, nothing = state.all_runs, Unexplained([], [], {})
+
+    def without_friction(runs: Sequence[Run], taken: Set[EffectKey]) -> SimpleNamespace:
+        fit, held_out = (dataset_of([run]) for run in runs)
+        data = Split(fit, held_out)
+        return SimpleNamespace(selection=Selection(Currents(arm, data, Library((), data), []).start(), nothing))
+
+    beside = without_friction(
+        [with_own(run, [EffectTerm("viscous_friction", 1, {"viscous": 4.0})]) for run in runs], set()
+    )
+    assert noise_alone(beside.selection.state)
+    monkeypatch.setattr("diagnosis.per_recording.search.contradicted", lambda of: viscous if of is state else None)
+    monkeypatch.setattr(ValuesPerRecording, "contradict", True)
+    found = per_recording(SimpleNamespace(selection=Selection(state, nothing)), runs, without_friction)
+    assert (found is None) == (rubs > 0.0)
 
 
 def test_a_joint_above_the_noise_in_held_out_recordings_alone_is_not_all_noise(arm: Arm) -> None:
