@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from arm_io.types import Array, Progress
 from arm_model import Arm, EffectTerm
-from arm_model.effects import CATALOGUE, coupled
+from arm_model.effects import CATALOGUE, Instrument, coupled
 from diagnosis.cause import Cause, extend
 from diagnosis.current_diagnosis import Recordings
 from diagnosis.measurements.demands.wrist_coupling import wrist_coupling
@@ -49,9 +49,12 @@ def measure(arm: Arm, recordings: Recordings, cleaned: Screened, progress: Progr
     # counts that a motor's encoder missed are no difference between motor and link
     without_jumps = [replace(r, q=q) for r, q in zip((*recordings.fit, *recordings.held_out), angles)]
     link = link_side(arm, recordings.cut(without_jumps))
-    by_links = [cause for cause in (link.causes if link else ()) if CATALOGUE[cause.effect].coupling]
+    of_links = link.causes if link else []
+    by_links = [cause for cause in of_links if CATALOGUE[cause.effect].coupling]
     by_demands = [] if by_links else wrist_coupling(*recordings)
-    seen = _as_turned(arm, [*by_links, *by_demands])
+    seen = _as_turned(
+        extend(arm, [cause for cause in of_links if _hidden_from_tracker(cause)]), [*by_links, *by_demands]
+    )
     tracked = tracked_causes(seen, *recordings, angles=angles, progress=progress)
     return OtherInstruments(tracked=tracked, link=link, events=by_demands, judged=has_dynamics(arm))
 
@@ -64,14 +67,15 @@ def tracked_beside(
     angles: Sequence[Array],
     progress: Progress,
 ) -> OtherInstruments:
-    """The same, with the tracker's links where springs, gaps and gears that the currents show let them be.
+    """The same, with the tracker's links where springs, gaps and gears that currents or link encoders show let them be.
 
     If nothing is unexplained then, and nothing else is named: the currents' model has the geometry. angles: (rows, n)
     rad of every recording as of ``measure``.
     """
     tracked = instruments.tracked
     known = {cause.key for cause in tracked.causes}
-    behind = [one for one in of_currents if CATALOGUE[one.effect].deflection is not None and one.key not in known]
+    shown = {one.key: one for one in (*of_currents, *instruments.of_links)}
+    behind = [one for one in shown.values() if CATALOGUE[one.effect].deflection is not None and one.key not in known]
     if not (tracked.unexplained and behind):
         return instruments
     by_links = [cause for cause in instruments.of_links if CATALOGUE[cause.effect].coupling]
@@ -80,6 +84,15 @@ def tracked_beside(
     of_links, as_before = ({cause.key for cause in one.geometry} for one in (again, tracked))
     same = of_links == as_before and known.issuperset(cause.key for cause in again.causes)
     return replace(instruments, tracked=again) if same and not again.unexplained else instruments
+
+
+def _hidden_from_tracker(cause: Cause) -> bool:
+    """Whether a cause of the link encoders moves the links that a tracker sees, which has no name for any like it.
+
+    A wave of a gear of any order: what its points show of that would be taken for another geometry.
+    """
+    moves = CATALOGUE[cause.effect].deflection is not None
+    return moves and not any(Instrument.TRACKER in CATALOGUE[name].observed_by for name, _ in cause.group)
 
 
 def _as_turned(arm: Arm, by: Sequence[Cause | Event]) -> Arm:

@@ -20,16 +20,13 @@ from arm_model.effects import check_terms
 from arm_model.model_file import read_model
 from arm_model.rigid_body.kinematics import roll_pitch_yaw
 from daq.recording import Recording
-from diagnosis.cause import Cause, Estimate
 from diagnosis.cause.structure import NO_VARIABLE
 from diagnosis.measurements.tracker.candidates import candidates
 from diagnosis.measurements.tracker.causes import Tracked, tracked_causes
 from diagnosis.measurements.tracker.joint_fit import Survey
 from diagnosis.measurements.tracker.start import start_of
 from diagnosis.measurements.tracker.unexplained import _against
-from diagnosis.other_instruments import OtherInstruments, tracked_beside
 from identification.kinematics.models import chain_of, position
-from identification.selection import Split
 from tests.diagnosis.tracked_arm import NOISE, TARGET, Puma, Wrong, record, recordings
 
 
@@ -70,35 +67,6 @@ def test_a_spring_that_the_model_has_is_no_news(puma: Puma, arm: Arm, tmp_path: 
     known = arm.with_effect("joint_compliance", 2, stiffness=1 / 2e-5, damping=1.0)
     assert tracked_causes(known, fit, held_out).causes == []
     assert {cause.joint for cause in tracked_causes(arm, fit, held_out).causes} == {2}
-
-
-def test_a_wave_of_the_gear_that_the_currents_show_is_known_to_the_tracker(
-    puma: Puma, arm: Arm, tmp_path: Path
-) -> None:
-    """It is no candidate of the tracker, whose links were unexplained against the angle of its joint."""
-    fit, held_out = recordings(puma, tmp_path, Wrong(ripple=(3, 5e-4, 1.285, 0.7)), 31)
-    tracked, angles = tracked_causes(arm, fit, held_out), [r.q for r in (*fit, *held_out)]
-    assert tracked.unexplained
-    alone = OtherInstruments(tracked=tracked, link=None, events=[], judged=True)
-    for phase, unexplained in ((np.pi - 0.7, False), (0.7, True)):
-        of_currents = _ripple(amplitude=5e-4, order=1.285, phase=phase)
-        beside = tracked_beside([of_currents], arm, alone, Split(fit, held_out), angles, lambda _: None)
-        assert bool(beside.tracked.unexplained) == unexplained
-
-
-def _ripple(**values: float) -> Cause:
-    return Cause(
-        effect="gear_ripple",
-        joint=3,
-        parameters=[Estimate(name, value, 0.0, "") for name, value in values.items()],
-        confidence=0.97,
-        before=0.02,
-        after=0.01,
-        group=(("gear_ripple", 3),),
-        evidence="",
-        felt_at=3,
-        unit="A",
-    )
 
 
 @pytest.mark.parametrize("rings", [(True, True), (True, False), (False, True)])
