@@ -17,6 +17,7 @@ from arm_io.types import Array, Progress
 from arm_model import Arm, EffectTerm
 from arm_model.effects import CATALOGUE, Signals, Values, solved, units
 from diagnosis.cause import Cause, Estimate, Signal, extend
+from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.measurements.link_encoders.rows import Rows
 from diagnosis.other_instruments import OtherInstruments
 from diagnosis.residual.other_effects import block_numbers, weighted_with
@@ -85,9 +86,9 @@ def _estimated_by_both(cause: Cause, runs: Sequence[Run]) -> Cause:
 
     Amplitude a and phase p are the coefficients c = a (cos p, sin p); estimates of both instruments are weighted by
     their covariance. Encoders see the wave itself; currents see its acceleration times an inertia, beside all that is
-    not named in them yet. By what the two differ more than they may, the currents are in doubt: of a variance t in
-    either coefficient, that of the difference d is V + t 1, so that t = (d^2 - trace V) / 2 (DerSimonian & Laird,
-    Control. Clin. Trials 7, 1986).
+    not named in them yet, and are known to the share that all columns of currents are (``LIMITS.systematic``). By what
+    the two differ more than they may, the currents are in doubt: of a variance t in either coefficient, that of the
+    difference d is V + t 1, so that t = (d^2 - trace V) / 2 (DerSimonian & Laird, Control. Clin. Trials 7, 1986).
     """
     effect = CATALOGUE[cause.effect]
     held = {p.name: p.value for p in cause.parameters if effect[p.name].whole}
@@ -102,6 +103,7 @@ def _estimated_by_both(cause: Cause, runs: Sequence[Run]) -> Cause:
     columns = np.stack([(residual(by_links + step * unit) - at_estimate) / step for unit in np.eye(2)], axis=1)
     change = -np.linalg.lstsq(columns, at_estimate, rcond=None)[0]
     of_currents = cluster_covariance(columns, [at_estimate + columns @ change], block_numbers(runs))
+    of_currents = of_currents + (LIMITS.systematic * amplitude.value) ** 2 * np.eye(2)
     between = (change @ change - np.trace(of_currents + of_links)) / 2
     of_currents = of_currents + max(float(between), 0.0) * np.eye(2)
     of_both = np.linalg.inv(np.linalg.inv(of_currents) + np.linalg.inv(of_links))
