@@ -27,6 +27,8 @@ from diagnosis.selection.design import Columns
 from diagnosis.selection.unseen_inertia import explained
 from diagnosis.verification.encoder_noise import gain_from_encoder_noise
 
+OPPOSED = 0.1
+"""Share of what an effect of the whole arm gains at a joint that it may lose at all others, as no law is exact."""
 SMOOTHED = 0.1
 """Share of a gain that is of the noise of encoders, from which on what is left with an effect is no measure of it."""
 
@@ -50,7 +52,8 @@ class FinalModel:
 
     Each must gain twice, over all held-out rows: by its columns and by its exact law. Where it acts, what is left
     without it must be above the noise, which is no larger than what is left with it unless that was smoothed: below a
-    noise that is overestimated, any law of many rows gains something.
+    noise that is overestimated, any law of many rows gains something. An effect of the whole arm acts at all joints
+    alike: what gains at one and loses at the others is another error of that one.
     """
 
     state: State
@@ -106,7 +109,8 @@ def _gains(state: State, causes: Sequence[Cause]) -> Iterator[FinalGain]:
         without = model.without(c, state)
         alone = model.conditional(c, without, state)
         others = [term for term in terms if term not in cause.terms]
-        gain, of_noise = float((_energy(runs, [(*of_run, *others) for of_run in arms]) - full).sum()), 0.0
+        by_joint = _energy(runs, [(*of_run, *others) for of_run in arms]) - full
+        gain, of_noise = float(by_joint.sum()), 0.0
         if gain < state.data.held_out.y.size:  # more than all noise is no gain of noise
             lacking, complete = ([(*of_run, *more) for of_run in arms] for more in (others, terms))
             of_noise = gain_from_encoder_noise(runs, lacking, complete)
@@ -116,7 +120,14 @@ def _gains(state: State, causes: Sequence[Cause]) -> Iterator[FinalGain]:
         )
         noise = min(with_it, 1.0) if of_noise < SMOOTHED * gain else 1.0
         needed = model.needed(alone, state) and without_it > LIMITS.noise * noise
+        needed = needed and not (c.joint is None and _opposed(by_joint, state.data.held_out.rows))
         yield FinalGain(needed, alone.gain, gain - of_unseen - of_noise)
+
+
+def _opposed(by_joint: Array, rows: int) -> bool:
+    """Whether gains (n,) at all joints but the one with the most are a loss that matters; rows: of a joint."""
+    most = float(by_joint.max())
+    return most - float(by_joint.sum()) > max(LIMITS.min_gain * rows, OPPOSED * most)
 
 
 def left_where_it_acts(columns: Columns, coefficients: Array, state: State) -> float:

@@ -26,6 +26,7 @@ from diagnosis.measurements.currents.state import State
 from diagnosis.measurements.currents.structure.noise_ratio import noise_ratio
 from diagnosis.residual.comparable_rows import comparable_rows
 from diagnosis.residual.generation import residual_run
+from diagnosis.residual.run import Run
 from diagnosis.selection.candidate import Candidate
 from diagnosis.verification import final_gain
 from diagnosis.verification.final_gain import FinalModel, left_where_it_acts
@@ -88,6 +89,23 @@ def test_what_an_effect_leaves_that_smooths_the_noise_is_no_measure_of_it(
     model = FinalModel(state, _causes(state))
     assert model.gains[0].exact > 0.1 * state.data.held_out.rows
     assert model.negligible == refused
+
+
+@pytest.mark.parametrize(("late", "refused"), [((True, True), None), ((True, False), 0)])
+def test_an_effect_of_the_whole_arm_that_other_joints_deny_is_none(
+    arm: Arm, late: tuple[bool, bool], refused: int | None
+) -> None:
+    """Magnets of one joint were a time skew, beside which all other joints left up to five times the noise."""
+
+    def delayed(seed: int) -> Run:
+        run = residual_of(arm, seed, Day())
+        own = [np.interp(run.t - 0.004 * of, run.t, i) for of, i in zip(late, run.current.T)]
+        return replace(run, current=np.column_stack(own))
+
+    skew, (fit, held_out) = Candidate("time_skew", None), (dataset_of([delayed(seed)]) for seed in (1, 2))
+    data = Split(fit, held_out)
+    state = Currents(arm, data, Library((skew,), data), []).refitted([skew], {skew.key: []})
+    assert FinalModel(state, _causes(state)).negligible == refused
 
 
 def test_a_cause_of_which_no_arm_is_left_is_refused_before_its_gain_is_judged(arm: Arm) -> None:
