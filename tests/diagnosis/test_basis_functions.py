@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -11,6 +13,7 @@ from scipy import signal
 from arm_io.types import Array
 from diagnosis.measurements.currents.design_matrix import dataset_of
 from diagnosis.measurements.currents.structure.basis_functions import _plane_wave, _play
+from diagnosis.measurements.currents.structure.noise_ratio import noise_at_rest
 from diagnosis.measurements.currents.structure.shared_bases import harmonics_of, variables
 from diagnosis.residual.generation import residual_run
 from diagnosis.residual.noise.channels import QUIET_ROWS, _about_lines, is_stationary
@@ -91,3 +94,25 @@ def test_a_function_of_the_current_does_not_follow_the_noise_of_its_transducer(r
     for name in ("current", "current of joint 2"):
         assert np.ptp(clean[name]) > 1.0
         np.testing.assert_array_equal(noisy[name], clean[name])
+
+
+@pytest.mark.parametrize("size", [1.0, 3.0])
+def test_a_joint_that_rests_shows_its_slow_noise(size: float) -> None:
+    """Of a wrist that moved for one second of 30, slow noise was three times what the initial standstill shows.
+
+    The quietest seconds, about straight lines, have less of it than all: three quarters.
+    """
+    rng, t = np.random.default_rng(4), np.arange(3000) / 100.0
+    slow = signal.lfilter([np.sqrt(1 - 0.9**2)], [1.0, -0.9], rng.normal(size=3000)) * size
+    slow[1500:1800] += 50.0 * np.sin(t[1500:1800])  # while it moves
+    moving = (t >= 15.0) & (t < 18.0)
+    run = SimpleNamespace(
+        t=t,
+        residual=slow[:, None] + 7.0,
+        brisk_v=np.where(moving, 0.3, 0.0)[:, None],
+        noise=np.ones(1),
+    )
+    side = cast(Any, SimpleNamespace(runs=(run,)))
+    assert 0.6 * size < noise_at_rest(side, 1) < size
+    run.brisk_v = np.full((3000, 1), 0.3)
+    assert noise_at_rest(side, 1) == 0.0

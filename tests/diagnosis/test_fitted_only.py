@@ -33,6 +33,8 @@ def _side() -> Dataset:
         deviation=np.ones((ROWS, 6)),
         instruments=np.ones((ROWS, 6)),
         noise=np.ones(6),
+        residual=np.zeros((ROWS, 6)),
+        brisk_v=np.ones((ROWS, 6)),
         t=np.arange(ROWS) / 100.0,
     )
     block = np.tile((one.t // 1.0).astype(np.intp), 6)

@@ -154,7 +154,8 @@ def test_slow_noise_exceeds_its_limit_in_a_second_as_seldom_as_in_five(monkeypat
     for seconds in (1.1, 5.0, 15.0):
         rows = round(seconds * rate)
         rms = np.sqrt(np.mean(noise[: len(noise) // rows * rows].reshape(-1, rows) ** 2, axis=1))
-        run = SimpleNamespace(rows=np.ones((rows, 1), bool), per_second=rate)
+        at, moves = np.arange(rows) / rate, np.ones((rows, 1))
+        run = SimpleNamespace(rows=moves > 0.0, per_second=rate, t=at, residual=moves, brisk_v=moves, noise=np.ones(1))
         limits.append(largest_of_noise(cast(Any, SimpleNamespace(runs=[run])), 1))
         exceeded.append(rms)
     assert limits[0] > 1.2 * limits[1] == pytest.approx(1.2 * LIMITS.above_noise) == pytest.approx(1.2 * limits[2])

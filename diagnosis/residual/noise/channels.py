@@ -248,6 +248,14 @@ def is_stationary(residual: Array, block: NDArray[np.intp], rows: NDArray[np.int
     return about_lines <= VARIES * float(np.quantile(stds, 0.2)) and in_all <= IN_LINES * about_lines
 
 
+def quiet_stds(values: Array, t: Array, rows: NDArray[np.bool_]) -> Array:
+    """(k,) std of values (m,) about straight lines, in each second of t (m,) s of which all ``rows`` count."""
+    second = (t - t[0]).astype(np.intp)
+    whole = np.bincount(second, rows) >= np.bincount(second)
+    of_whole = rows & whole[second]
+    return _about_lines(np.flatnonzero(of_whole), values[of_whole], second[of_whole]) if of_whole.any() else np.zeros(0)
+
+
 def _of_enough_rows(block: NDArray[np.intp]) -> NDArray[np.intp]:
     """Numbers of blocks (k,), in which those of fewer than ``QUIET_ROWS`` rows are one with the following.
 

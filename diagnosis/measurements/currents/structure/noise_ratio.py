@@ -9,7 +9,7 @@ from arm_io.types import Array
 from arm_model import Arm
 from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.residual.comparable_rows import comparable_rows
-from diagnosis.residual.noise.channels import QUIET_BLOCKS, is_stationary
+from diagnosis.residual.noise.channels import QUIET_BLOCKS, is_stationary, quiet_stds
 from diagnosis.selection.design import Dataset
 
 SLOW = 0.25
@@ -30,13 +30,26 @@ def joints_above_noise(residual: Array, side: Dataset, arm: Arm) -> list[int]:
 def largest_of_noise(side: Dataset, joint: int) -> float:
     """Ratio up to which a residual of a joint is noise: LIMITS.above_noise, or more where the joint moves briefly.
 
+    More also where the joint is noisier while it rests than the instruments are known to be.
+
     The rms of slow noise scatters: with a correlation that falls to 1/e in T s, a time t counts as t / T values. From
     so many seconds on as its steadiness is judged in, the limit stands; in a shorter time, noise exceeds the larger
     limit by the same chance.
     """
     rows = sum(np.count_nonzero(comparable_rows(run)[:, joint - 1]) / run.per_second for run in side.runs)
     few, usual = (_highest(max(seconds, SLOW) / SLOW) for seconds in (rows, float(QUIET_BLOCKS)))
-    return LIMITS.above_noise * max(few / usual, 1.0)
+    return LIMITS.above_noise * max(few / usual, 1.0) * max(noise_at_rest(side, joint), 1.0)
+
+
+def noise_at_rest(side: Dataset, joint: int) -> float:
+    """Noise of a current in the seconds in which its joint rests, over that of the instruments; 0 where there are few.
+
+    Slow noise shows there that the initial standstill is too short for. Of the seconds the quietest fifth counts,
+    about straight lines: in others the servo holds against what moves.
+    """
+    stds = [quiet_stds(run.residual[:, joint - 1], run.t, run.brisk_v[:, joint - 1] == 0.0) for run in side.runs]
+    over = np.concatenate([std / run.noise[joint - 1] for std, run in zip(stds, side.runs)])
+    return float(np.quantile(over, 0.2)) if len(over) >= QUIET_BLOCKS else 0.0
 
 
 def _highest(count: float) -> float:
