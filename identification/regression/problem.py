@@ -110,6 +110,11 @@ class Problem:
         return replace(moved, excited=excited, warnings=others + unexcited(self.base, excited))
 
 
+def _has_springs(arm: Arm) -> bool:
+    """Whether the model states a soft gear: what servos repeat above their demands moves it against its link."""
+    return any(CATALOGUE[term.name].spring is not None for term in arm.effects)
+
+
 def motion_of(recording: Recording, arm: Arm) -> tuple[Motion, RunReadiness]:
     """The smooth motion of a recording, and how fit it is.
 
@@ -125,7 +130,7 @@ def motion_of(recording: Recording, arm: Arm) -> tuple[Motion, RunReadiness]:
     setpoints = _setpoints_of(recording, arm, motion, torque)
     motion = replace(
         motion,
-        band=motion.band.below(0.5 / setpoints.period) if setpoints.period else motion.band,
+        band=motion.band.below(0.5 / setpoints.period) if setpoints.period and _has_springs(arm) else motion.band,
         setpoints=setpoints,
         folded=folded_torque(motion, Driven(recording.t, torque, setpoints)),
         temperatures=recorded_temperatures(recording.t, recording.temp),
