@@ -17,6 +17,8 @@ from arm_model.model_file import read_model
 from diagnosis.residual.generation import residual_run
 from diagnosis.residual.run import Run
 from diagnosis.screening.lost_rows.lag_by_rows import PRICE, RowStep, _monotone, steps_by_rows
+from diagnosis.screening.lost_rows.lag_change import part_of
+from diagnosis.screening.lost_rows.lag_path import PIECE
 from diagnosis.screening.lost_rows.losses import DroppedTriggers, unmeasured
 from diagnosis.screening.lost_rows.lost_triggers import _by_rows, dropped_triggers
 from tests.blind.laboratory import Laboratory
@@ -71,6 +73,12 @@ def test_what_one_joint_shows_alone_is_no_loss(
     root: Path, healthy: Truth, losses: tuple[tuple[int, int], ...], joints: slice
 ) -> None:
     assert steps_by_rows(_run(root, _lost(healthy, losses, joints)), PERIOD) == []
+
+
+def test_a_run_of_few_rows_shows_no_loss(root: Path, healthy: Truth) -> None:
+    """Fewer than a piece of the path of lags has: no mean of a piece can be formed."""
+    run = part_of(_run(root, _lost(healthy, LOSSES)), 5.0, 5.3)
+    assert 2 < len(run.t) < PIECE and dropped_triggers([run], [PERIOD]) == []
 
 
 def test_rows_that_are_no_whole_number_are_no_loss() -> None:

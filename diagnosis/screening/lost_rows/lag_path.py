@@ -63,7 +63,7 @@ def lag_steps(run: Run) -> list[list[Step]]:
     By all rows alike, and by rows as certain as they are (``Run.deviation``): friction that turns abruptly shows a lag
     best where the model has it right, and worst where it has not.
     """
-    if len(run.t) < 4 * PIECE or not worth_looking(run):
+    if not worth_looking(run):
         return []
     shares = np.ones_like(run.deviation), (run.instruments / run.deviation) ** 2
     found = [steps for share in shares if (steps := _steps_by(run, share)) and in_order(steps)]
@@ -155,7 +155,9 @@ def _moving(run: Run, pieces: Index) -> NDArray[np.bool_]:
 
 
 def worth_looking(run: Run) -> bool:
-    """Whether the worst piece of a run is so far off that a change of lag may be looked for."""
+    """Whether a run is long enough, and its worst piece so far off, that a change of lag may be looked for."""
+    if len(run.t) < 4 * PIECE:
+        return False
     pieces = np.arange(0, len(run.t) - PIECE + 1, PIECE)
     return bool(np.sqrt(_of_pieces(run.whitened**2, pieces).max() / PIECE) > SMALLEST_RESIDUAL)
 
